@@ -1,0 +1,1 @@
+"""Agents: planners and policies that act in the environments."""

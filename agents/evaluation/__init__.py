@@ -1,0 +1,1 @@
+"""Agents scored under one protocol, with honest statistics."""

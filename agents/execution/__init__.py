@@ -1,0 +1,1 @@
+"""From a grasp configuration to actions."""

@@ -1,0 +1,1 @@
+"""Signed distance of points to meshes, with gradients."""

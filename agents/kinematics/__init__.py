@@ -1,0 +1,1 @@
+"""Kinematics of the hand and the arm, with Jacobians and clearances."""

@@ -1,0 +1,1 @@
+"""The grasp dataset and the generative model."""

@@ -1,0 +1,1 @@
+"""Grasp physics: friction cones, wrenches, closure, margins, forces."""

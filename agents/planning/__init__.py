@@ -1,0 +1,1 @@
+"""From a cloud or a mesh to a certified grasp."""

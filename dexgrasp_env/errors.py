@@ -1,0 +1,19 @@
+"""Errors that are the user's to mend."""
+
+
+class InputError(ValueError):
+    """Bad input: the message is one line that says what is wrong and what is valid.
+
+    The command line prints it without a traceback and exits with 2.
+    """
+
+
+def unknown_name(kind: str, name: object, valid: object) -> InputError:
+    """Return the error for a name that is not among the valid ones.
+
+    Args:
+        kind: what was named, e.g. `"control_mode"`.
+        name: what was given.
+        valid: an iterable of the valid names.
+    """
+    return InputError(f"unknown {kind} {name!r}: valid are {', '.join(map(str, valid))}")  # type: ignore[call-overload]

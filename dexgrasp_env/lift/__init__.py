@@ -1,0 +1,1 @@
+"""Lift-v0: pick the object up and hold it."""

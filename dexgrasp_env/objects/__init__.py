@@ -1,0 +1,1 @@
+"""Objects: the catalogue, shape builders, users own meshes, rest poses."""

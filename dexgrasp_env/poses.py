@@ -1,0 +1,77 @@
+"""Quaternions (wxyz) and rotations on arrays with leading batch axes.
+
+No BLAS: a batch of one and a batch of many give the same bits.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+def quat_multiply(a: Array, b: Array) -> Array:
+    """Hamilton product of unit quaternions, (..., 4) wxyz."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def quat_conjugate(q: Array) -> Array:
+    """Inverse of unit quaternions, (..., 4) wxyz."""
+    return q * np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def quat_to_matrix(q: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) wxyz."""
+    w, x, y, z = np.moveaxis(q, -1, 0)
+    rows = [
+        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
+        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
+        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
+    ]
+    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+
+
+def matrix_to_quat(R: Array) -> Array:
+    """Unit quaternions (..., 4) wxyz, w >= 0, of rotation matrices (..., 3, 3)."""
+    from scipy.spatial.transform import Rotation
+
+    R = np.asarray(R, dtype=float)
+    flat = Rotation.from_matrix(R.reshape(-1, 3, 3)).as_quat(canonical=True, scalar_first=True)
+    return flat.reshape(*R.shape[:-2], 4)
+
+
+def rotate(q: Array, v: Array) -> Array:
+    """Rotate vectors (..., 3) by unit quaternions (..., 4) wxyz."""
+    u = q[..., 1:]
+    t = 2.0 * np.cross(u, v)
+    return v + q[..., :1] * t + np.cross(u, t)
+
+
+def rotation_angle(q: Array) -> Array:
+    """Angle in [0, pi] of the rotation of unit quaternions (..., 4) wxyz."""
+    return 2.0 * np.arctan2(np.sqrt((q[..., 1:] ** 2).sum(-1)), np.abs(q[..., 0]))
+
+
+def yaw_quat(yaw: Array | float) -> Array:
+    """Quaternions (..., 4) wxyz of turns about z by `yaw` radians."""
+    half = np.asarray(yaw, dtype=float) / 2.0
+    zero = np.zeros_like(half)
+    return np.stack([np.cos(half), zero, zero, np.sin(half)], axis=-1)
+
+
+def pose_matrix(position: Array, quat_wxyz: Array) -> Array:
+    """Homogeneous transforms (..., 4, 4) of positions (..., 3) and unit quaternions (..., 4)."""
+    T = np.zeros((*np.broadcast_shapes(position.shape[:-1], quat_wxyz.shape[:-1]), 4, 4))
+    T[..., :3, :3] = quat_to_matrix(quat_wxyz)
+    T[..., :3, 3] = position
+    T[..., 3, 3] = 1.0
+    return T

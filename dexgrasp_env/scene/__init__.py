@@ -1,0 +1,1 @@
+"""The scene: table, lights, robot and object put together into one model."""
