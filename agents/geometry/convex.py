@@ -1,0 +1,149 @@
+"""Convex polyhedra from points or meshes, simplified on request, and their signed distance.
+
+The compiled functions of `convex_kernel` can be had from here; they take a polyhedron's `triangles` and
+`planes`.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from agents.geometry.convex_kernel import (
+    closest_feature,
+    convex_distance,
+    convex_distance_hessian,
+    convex_distances,
+)
+from dexgrasp_env.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = [
+    "ConvexDistance",
+    "closest_feature",
+    "convex_distance",
+    "convex_distance_hessian",
+    "convex_distances",
+]
+
+FLAT = 1e-6
+"""A hull thinner than this [m] is refused: its inside has no meaning at the scale of a hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexDistance:
+    """Signed distance to a convex polyhedron.
+
+    Attributes:
+        triangles: (F, 3, 3) corners [m], counter-clockwise seen from outside.
+        planes: (F, 4) outward unit normal and offset of each triangle.
+        error: how much this polyhedron lies inside the one asked for [m]: the true distance d of a point
+            outside is within [distance - error, distance]. 0 when nothing was simplified.
+    """
+
+    triangles: NDArray
+    planes: NDArray
+    error: float = 0.0
+
+    @classmethod
+    def from_points(cls, points: ArrayLike, max_faces: int | None = None) -> ConvexDistance:
+        """Build the convex hull of points.
+
+        Args:
+            points: (N, 3) points [m].
+            max_faces: keep at most this many triangles (at least 20), see `_simplify`; None keeps all.
+
+        Raises:
+            InputError: fewer than 4 points, not finite, (nearly) coplanar, or `max_faces` too small.
+        """
+        vertices = _checked_points(points)
+        if max_faces is not None and max_faces < 20:
+            raise InputError(f"max_faces is {max_faces}: valid are integers of at least 20")
+        triangles, planes, corners = _hull(vertices)
+        error = 0.0
+        if max_faces is not None and len(triangles) > max_faces:
+            triangles, planes, error = _simplify(vertices[corners], max_faces)
+        return cls(triangles, planes, error)
+
+    @classmethod
+    def from_mesh(cls, mesh: trimesh.Trimesh, max_faces: int | None = None) -> ConvexDistance:
+        """Build the convex hull of a mesh's vertices; the arguments and errors are those of `from_points`."""
+        return cls.from_points(mesh.vertices, max_faces)
+
+    def distance(self, points: ArrayLike) -> NDArray:
+        """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
+        return self.distance_gradient(points)[0]
+
+    def distance_gradient(self, points: ArrayLike) -> tuple[NDArray, NDArray]:
+        """Return the signed distances (N,) [m] of points (N, 3) and their unit gradients (N, 3)."""
+        queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
+        gradients = np.empty_like(queries)
+        return convex_distances(queries, self.triangles, self.planes, gradients), gradients
+
+    def closest(self, points: ArrayLike) -> NDArray:
+        """Return the closest points (N, 3) [m] of the surface to points (N, 3)."""
+        queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
+        closest, gradient = np.empty_like(queries), np.empty(3)
+        for query, point in zip(queries, closest, strict=True):
+            closest_feature(query, self.triangles, self.planes, gradient, point)
+        return closest
+
+
+def _checked_points(points: ArrayLike) -> NDArray:
+    """Return points as (N, 3) floats, or raise InputError."""
+    array = np.array(points, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 4:
+        raise InputError(f"points have shape {array.shape}: a convex hull needs (N, 3) with N >= 4")
+    if not np.isfinite(array).all():
+        raise InputError("points hold NaN or infinity: a convex hull needs finite points")
+    return array
+
+
+def _hull(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+    """Return triangles, planes and the indices of the corners of a convex hull.
+
+    The planes are Qhull's, one for all triangles of a merged facet: those of thin triangles would be noise.
+    """
+    centre = points.mean(axis=0)
+    try:
+        hull = ConvexHull(points - centre)
+    except (QhullError, ValueError):
+        raise InputError("points lie in a plane: a convex hull needs points with a volume") from None
+    if (-hull.equations[:, 3]).max() < FLAT or 3 * hull.volume < FLAT * hull.area / 2:
+        raise InputError(f"points lie in a plane to {FLAT} m: a convex hull needs points with a volume")
+    triangles, planes = points[hull.simplices], hull.equations.copy()
+    planes[:, 3] -= planes[:, :3] @ centre
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inward = (sides * planes[:, :3]).sum(-1) < 0
+    triangles[inward] = triangles[inward][:, ::-1]
+    return np.ascontiguousarray(triangles), planes, hull.vertices
+
+
+def _simplify(vertices: NDArray, max_faces: int) -> tuple[NDArray, NDArray, float]:
+    """Return triangles, planes and error [m] of a hull of some of the vertices.
+
+    From the extreme points along 13 axes, the vertex farthest outside is added until the faces are used up.
+    The result lies inside the hull of all; the error is the farthest vertex, where the two hulls are
+    farthest apart.
+    """
+    axes = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 3)
+    chosen = list(dict.fromkeys((vertices @ axes.T).argmax(axis=0).tolist()))[: max_faces // 2 + 2]
+    gradients = np.empty_like(vertices)
+    best = _hull(vertices[chosen])[:2]
+    while True:
+        distances = convex_distances(vertices, *best, gradients)
+        farthest = int(distances.argmax())
+        error = max(float(distances[farthest]), 0.0)
+        if error <= 1e-9 or len(chosen) == len(vertices):
+            return *best, error
+        chosen.append(farthest)
+        trial = _hull(vertices[chosen])[:2]
+        if len(trial[0]) > max_faces:
+            return *best, error
+        best = trial

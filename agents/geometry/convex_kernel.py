@@ -1,0 +1,153 @@
+"""Exact signed distance to a convex polyhedron, with gradient, closest point and Hessian.
+
+The functions are compiled and may be called from compiled code. A polyhedron is two arrays, `triangles` (F,
+3, 3) and `planes` (F, 4), the outward unit normal and offset of each triangle: n . x + offset <= 0 inside.
+Source: Eq. (3).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from agents.geometry.triangle import EDGE, FACE, closest_on_triangle, feature_of
+
+INCIDENT = 1e-9
+"""A face within this of a point [m] counts as holding it; far below any feature size, far above rounding."""
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest_plane(px: float, py: float, pz: float, planes: NDArray) -> tuple[float, int]:
+    """Return the largest plane value, a lower bound of the distance, and its face."""
+    best, face = -math.inf, 0
+    for j in range(planes.shape[0]):
+        value = planes[j, 0] * px + planes[j, 1] * py + planes[j, 2] * pz + planes[j, 3]
+        if value > best:
+            best, face = value, j
+    return best, face
+
+
+@njit(cache=True, error_model="numpy")
+def _walk(
+    px: float, py: float, pz: float, triangles: NDArray, planes: NDArray, start: int
+) -> tuple[float, float, float, float, int, int]:
+    """Descend from a face that p sees to the closest point; return squared distance, point, code, face.
+
+    The distance to a convex body has no local minimum on the faces that p sees but the global one, so it is
+    enough to try the seen faces that hold the present point. When a whole round brings no gain, the point
+    is the closest.
+    """
+    face, count = start, planes.shape[0]
+    cx, cy, cz, code = closest_on_triangle(px, py, pz, triangles[start])
+    best = (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2
+    j, idle = start, 0
+    while code != 0 and idle < count:
+        j = j + 1 if j + 1 < count else 0
+        idle += 1
+        nx, ny, nz, offset = planes[j, 0], planes[j, 1], planes[j, 2], planes[j, 3]
+        if nx * cx + ny * cy + nz * cz + offset < -INCIDENT or nx * px + ny * py + nz * pz + offset <= 0.0:
+            continue
+        x, y, z, trial = closest_on_triangle(px, py, pz, triangles[j])
+        squared = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+        if squared < best * (1.0 - 1e-13):
+            best, face, idle = squared, j, 0
+            cx, cy, cz, code = x, y, z, trial
+    return best, cx, cy, cz, code, face
+
+
+@njit(cache=True, error_model="numpy")
+def closest_feature(
+    p: NDArray, triangles: NDArray, planes: NDArray, gradient_out: NDArray, point_out: NDArray
+) -> tuple[float, int, int]:
+    """Return the signed distance, the closest feature's code and a face that holds it.
+
+    Args:
+        p: (3,) point [m].
+        triangles: (F, 3, 3) outward triangles [m].
+        planes: (F, 4) unit normals and offsets.
+        gradient_out: (3,) receives the unit gradient: the face's normal inside, (p - closest) / distance
+            outside.
+        point_out: (3,) receives the closest point of the surface [m].
+
+    Returns:
+        Signed distance [m] (negative inside), feature code (see `triangle.FACE_CODE`), face index.
+    """
+    px, py, pz = p[0], p[1], p[2]
+    bound, face = _farthest_plane(px, py, pz, planes)
+    code, distance = 0, bound
+    gx, gy, gz = planes[face, 0], planes[face, 1], planes[face, 2]
+    cx, cy, cz = px - bound * gx, py - bound * gy, pz - bound * gz
+    if bound > 0.0:
+        squared, x, y, z, walked, holder = _walk(px, py, pz, triangles, planes, face)
+        reached = math.sqrt(squared)
+        # A point over an edge between coplanar triangles is over their face, where the plane itself is exact.
+        if walked != 0 and reached - bound > 1e-12 * reached + 1e-15:
+            code, face, distance = walked, holder, reached
+            cx, cy, cz = x, y, z
+            gx, gy, gz = (px - x) / reached, (py - y) / reached, (pz - z) / reached
+    gradient_out[0], gradient_out[1], gradient_out[2] = gx, gy, gz
+    point_out[0], point_out[1], point_out[2] = cx, cy, cz
+    return distance, code, face
+
+
+@njit(cache=True, error_model="numpy")
+def convex_distance(p: NDArray, triangles: NDArray, planes: NDArray, gradient_out: NDArray) -> float:
+    """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,).
+
+    Outside, the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it is
+    the normal of the nearest face. See `closest_feature` for the arguments.
+    """
+    px, py, pz = p[0], p[1], p[2]
+    bound, face = _farthest_plane(px, py, pz, planes)
+    gradient_out[0], gradient_out[1], gradient_out[2] = planes[face, 0], planes[face, 1], planes[face, 2]
+    if bound <= 0.0:
+        return bound
+    squared, x, y, z, code, _ = _walk(px, py, pz, triangles, planes, face)
+    reached = math.sqrt(squared)
+    if code == 0 or reached - bound <= 1e-12 * reached + 1e-15:
+        return bound
+    gradient_out[0], gradient_out[1], gradient_out[2] = (
+        (px - x) / reached,
+        (py - y) / reached,
+        (pz - z) / reached,
+    )
+    return reached
+
+
+@njit(cache=True, error_model="numpy")
+def convex_distance_hessian(
+    p: NDArray, triangles: NDArray, planes: NDArray, gradient_out: NDArray, hessian_out: NDArray
+) -> float:
+    """Return the signed distance [m] and write its gradient (3,) and exact Hessian (3, 3) [1/m].
+
+    With n the gradient, d the distance and t the direction of the closest edge, the Hessian is 0 over faces
+    and inside, (I - n n' - t t') / d over edges and (I - n n') / d over vertices.
+    """
+    point = np.empty(3)
+    distance, code, face = closest_feature(p, triangles, planes, gradient_out, point)
+    hessian_out[:] = 0.0
+    feature = feature_of(code)
+    if feature == FACE:
+        return distance
+    for i in range(3):
+        for k in range(3):
+            hessian_out[i, k] = ((1.0 if i == k else 0.0) - gradient_out[i] * gradient_out[k]) / distance
+    if feature == EDGE:
+        edge = triangles[face, code % 3] - triangles[face, code - 1]
+        scale = 1.0 / ((edge[0] ** 2 + edge[1] ** 2 + edge[2] ** 2) * distance)
+        for i in range(3):
+            for k in range(3):
+                hessian_out[i, k] -= edge[i] * edge[k] * scale
+    return distance
+
+
+@njit(cache=True, error_model="numpy")
+def convex_distances(points: NDArray, triangles: NDArray, planes: NDArray, gradients_out: NDArray) -> NDArray:
+    """Return the signed distances (N,) [m] of points (N, 3) and write their gradients (N, 3)."""
+    distances = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        distances[i] = convex_distance(points[i], triangles, planes, gradients_out[i])
+    return distances

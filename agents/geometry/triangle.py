@@ -1,0 +1,67 @@
+"""The closest point of a triangle, and which of its features holds it."""
+
+from __future__ import annotations
+
+from numba import njit
+from numpy.typing import NDArray
+
+FACE, EDGE, VERTEX = 0, 1, 2
+"""Kinds of closest feature, as returned by the distance functions of this package."""
+
+FACE_CODE = 0
+"""Code of a triangle's inside; 1, 2, 3 are the edges 01, 12, 20 and 4, 5, 6 the vertices 0, 1, 2."""
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def feature_of(code: int) -> int:
+    """Return FACE, EDGE or VERTEX for a triangle's feature code."""
+    return FACE if code == 0 else (EDGE if code < 4 else VERTEX)
+
+
+@njit(cache=True, error_model="numpy")
+def closest_on_triangle(
+    px: float, py: float, pz: float, triangle: NDArray
+) -> tuple[float, float, float, int]:
+    """Return the point of a triangle closest to p and the code of the feature that holds it.
+
+    Voronoi regions in the order of Ericson, Real-Time Collision Detection (2005), section 5.1.5.
+
+    Args:
+        px, py, pz: the point.
+        triangle: (3, 3) corners.
+
+    Returns:
+        x, y, z of the closest point and its feature code (see `FACE_CODE`).
+    """
+    ax, ay, az = triangle[0, 0], triangle[0, 1], triangle[0, 2]
+    ux, uy, uz = triangle[1, 0] - ax, triangle[1, 1] - ay, triangle[1, 2] - az
+    vx, vy, vz = triangle[2, 0] - ax, triangle[2, 1] - ay, triangle[2, 2] - az
+    wx, wy, wz = px - ax, py - ay, pz - az
+    d1 = ux * wx + uy * wy + uz * wz
+    d2 = vx * wx + vy * wy + vz * wz
+    if d1 <= 0.0 and d2 <= 0.0:
+        return ax, ay, az, 4
+    uu = ux * ux + uy * uy + uz * uz
+    uv = ux * vx + uy * vy + uz * vz
+    vv = vx * vx + vy * vy + vz * vz
+    d3, d4 = d1 - uu, d2 - uv
+    if d3 >= 0.0 and d4 <= d3:
+        return ax + ux, ay + uy, az + uz, 5
+    vc = d1 * d4 - d3 * d2
+    if vc <= 0.0 and d1 >= 0.0 and d3 <= 0.0:
+        t = d1 / (d1 - d3)
+        return ax + t * ux, ay + t * uy, az + t * uz, 1
+    d5, d6 = d1 - uv, d2 - vv
+    if d6 >= 0.0 and d5 <= d6:
+        return ax + vx, ay + vy, az + vz, 6
+    vb = d5 * d2 - d1 * d6
+    if vb <= 0.0 and d2 >= 0.0 and d6 <= 0.0:
+        t = d2 / (d2 - d6)
+        return ax + t * vx, ay + t * vy, az + t * vz, 3
+    va = d3 * d6 - d5 * d4
+    if va <= 0.0 and d4 >= d3 and d5 >= d6:
+        t = (d4 - d3) / ((d4 - d3) + (d5 - d6))
+        return ax + ux + t * (vx - ux), ay + uy + t * (vy - uy), az + uz + t * (vz - uz), 2
+    scale = 1.0 / (va + vb + vc)
+    s, t = vb * scale, vc * scale
+    return ax + s * ux + t * vx, ay + s * uy + t * vy, az + s * uz + t * vz, 0

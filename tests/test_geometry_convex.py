@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+import trimesh
+
+from agents.geometry.convex import ConvexDistance, closest_feature, convex_distance, convex_distance_hessian
+from agents.geometry.triangle import EDGE, FACE, VERTEX, feature_of
+from dexgrasp_env.errors import InputError
+
+SIDES = np.array([0.06, 0.16, 0.21])
+
+
+@pytest.fixture(scope="module")
+def box():
+    return ConvexDistance.from_mesh(trimesh.creation.box(SIDES))
+
+
+@pytest.fixture(scope="module")
+def can():
+    return ConvexDistance.from_mesh(trimesh.creation.cylinder(0.033, 0.1, sections=64))
+
+
+def box_distance(points):
+    q = np.abs(points) - SIDES / 2
+    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+
+def scatter(rng, n, size=0.3):
+    return rng.uniform(-size, size, (n, 3))
+
+
+def test_box_is_exact_inside_and_outside(box):
+    points = scatter(np.random.default_rng(0), 5000)
+    np.testing.assert_allclose(box.distance(points), box_distance(points), atol=1e-15)
+    assert (box.distance(points) < 0).any()
+
+
+def test_far_and_near_points_of_many_faces_agree_with_every_triangle(can):
+    points = scatter(np.random.default_rng(1), 300)
+    mesh = trimesh.Trimesh(can.triangles.reshape(-1, 3), np.arange(3 * len(can.triangles)).reshape(-1, 3))
+    corners = np.repeat(can.triangles[None], len(points), 0).reshape(-1, 3, 3)
+    queries = np.repeat(points, len(can.triangles), 0)
+    nearest = trimesh.triangles.closest_point(corners, queries)
+    expected = np.linalg.norm(nearest - queries, axis=1).reshape(len(points), -1).min(axis=1)
+    assert mesh.is_watertight
+    np.testing.assert_allclose(np.abs(can.distance(points)), expected, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("p", "feature", "distance", "gradient"),
+    [
+        ([0.05, 0.01, 0.02], FACE, 0.02, [1, 0, 0]),
+        ([0.0, 0.0, 0.1], FACE, -0.005, [0, 0, 1]),
+        ([0.06, 0.12, 0.0], EDGE, 0.05, [0.6, 0.8, 0]),
+        ([0.04, 0.1, 0.125], VERTEX, 0.03, [1 / 3, 2 / 3, 2 / 3]),
+    ],
+)
+def test_features_of_the_box(box, p, feature, distance, gradient):
+    g, point = np.empty(3), np.empty(3)
+    d, code, _ = closest_feature(np.array(p), box.triangles, box.planes, g, point)
+    assert feature_of(code) == feature
+    assert d == pytest.approx(distance)
+    np.testing.assert_allclose(g, gradient, atol=1e-12)
+    np.testing.assert_allclose(point, np.array(p) - distance * np.array(gradient), atol=1e-12)
+
+
+@pytest.mark.parametrize("name", ["box", "can"])
+def test_gradient_and_hessian_agree_with_finite_differences(name, request):
+    shape = request.getfixturevalue(name)
+    step = 1e-6 * np.eye(3)
+    agree = []
+    for p in scatter(np.random.default_rng(2), 400):
+        g, H = np.empty(3), np.empty((3, 3))
+        d = convex_distance_hessian(p, shape.triangles, shape.planes, g, H)
+        if d < 1e-3:
+            continue
+        ahead, behind = shape.distance_gradient(p + step), shape.distance_gradient(p - step)
+        np.testing.assert_allclose((ahead[0] - behind[0]) / 2e-6, g, atol=1e-4)
+        agree.append(np.abs((ahead[1] - behind[1]) / 2e-6 - H).max() * d < 1e-6)
+    assert np.mean(agree) > 0.99  # a point within the step of a feature's border has two Hessians
+
+
+def test_gradient_is_continuous_outside(can):
+    points = scatter(np.random.default_rng(3), 2000)
+    points = points[can.distance(points) > 5e-3]
+    near = points + 1e-8 * np.random.default_rng(4).normal(size=points.shape)
+    change = np.abs(can.distance_gradient(points)[1] - can.distance_gradient(near)[1])
+    assert change.max() < 1e-4
+
+
+def test_compiled_function_and_batch_give_the_same_bits(can):
+    points, g = scatter(np.random.default_rng(5), 50), np.empty(3)
+    distances, gradients = can.distance_gradient(points)
+    for p, d, expected in zip(points, distances, gradients, strict=True):
+        assert convex_distance(p, can.triangles, can.planes, g) == d
+        np.testing.assert_array_equal(g, expected)
+
+
+def test_simplified_hull_keeps_its_stated_error():
+    mesh = trimesh.creation.icosphere(4, 0.05)
+    full, small = ConvexDistance.from_mesh(mesh), ConvexDistance.from_mesh(mesh, max_faces=200)
+    points = scatter(np.random.default_rng(6), 2000)
+    points = points[full.distance(points) > 0]
+    gap = small.distance(points) - full.distance(points)
+    assert len(small.triangles) <= 200
+    assert gap.min() > -1e-12
+    assert gap.max() <= small.error + 1e-12
+    assert 1e-4 < small.error < 2.5e-3
+    assert full.error == 0.0
+
+
+@pytest.mark.parametrize(
+    "points",
+    [
+        np.eye(3),
+        np.zeros((10, 3)),
+        np.c_[np.random.default_rng(0).normal(size=(20, 2)), np.zeros(20)],
+        np.c_[np.random.default_rng(0).normal(size=(20, 2)), 1e-9 * np.random.default_rng(1).normal(size=20)],
+        np.full((8, 3), np.nan),
+        np.zeros((8, 2)),
+    ],
+)
+def test_points_without_a_volume_are_refused(points):
+    with pytest.raises(InputError, match="convex hull needs"):
+        ConvexDistance.from_points(points)
+
+
+def test_too_few_faces_are_refused():
+    with pytest.raises(InputError, match="max_faces"):
+        ConvexDistance.from_points(np.random.default_rng(0).normal(size=(50, 3)), max_faces=3)
