@@ -1,0 +1,100 @@
+"""Objects by name or by path."""
+
+from __future__ import annotations
+
+import difflib
+import os
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
+from dexgrasp_env.objects.model import ObjectModel
+
+MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
+
+
+def load_object(
+    target: str | os.PathLike[str], *, scale: float = 1.0, mass: float | None = None
+) -> ObjectModel:
+    """Return an object of the catalogue, or a user's mesh made fit for use.
+
+    Args:
+        target: a name of the catalogue, or the path of an obj, stl, ply or glb file.
+        scale: factor from the file's unit to metres (0.001 for millimetres), or from the catalogue's size.
+        mass: kilograms, in place of the object's own.
+
+    Raises:
+        InputError: for an unknown name, a file that cannot be used, a scale or a mass that is not positive.
+    """
+    target = os.fspath(target)
+    _check_positive("scale", scale)
+    if mass is not None:
+        _check_positive("mass", mass)
+    if target in CATALOGUE:
+        model = _catalogue_object(target).scaled(scale)
+        return model if mass is None else model.with_mass(mass)
+    if not is_mesh_path(target):
+        raise unknown_object(target)
+    path = Path(target).expanduser().resolve()
+    stamp = path.stat().st_mtime_ns if path.is_file() else 0
+    return _mesh_object(path, stamp, scale, mass)
+
+
+def resolve_targets(targets: Sequence[str]) -> list[str]:
+    """Expand the names of sets; names and paths stay as they are, each once, in the order given.
+
+    Raises:
+        InputError: for an unknown name or a missing file, listing what is valid.
+    """
+    names = [name for target in targets for name in OBJECT_SETS.get(target, (target,))]
+    if not names:
+        raise InputError(f"no objects given: name some, or a set: {', '.join(OBJECT_SETS)}")
+    for name in names:
+        if name in CATALOGUE:
+            continue
+        if not is_mesh_path(name):
+            raise unknown_object(name)
+        if not Path(name).expanduser().is_file():
+            raise InputError(f"mesh file {name!r} does not exist")
+    return list(dict.fromkeys(names))
+
+
+def object_name(target: str) -> str:
+    """Return the name an object is shown by: itself, or the stem of a mesh file."""
+    return target if target in CATALOGUE else Path(target).stem
+
+
+def is_mesh_path(target: str) -> bool:
+    """Whether a target is meant as a file rather than as a name."""
+    return Path(target).suffix != "" or os.sep in target or Path(target).expanduser().is_file()
+
+
+def unknown_object(name: str) -> InputError:
+    """Return the error for a name that is neither an object, nor a set, nor a file."""
+    valid = [*CATALOGUE, *OBJECT_SETS]
+    near = difflib.get_close_matches(name.lower(), valid, n=3, cutoff=0.55)
+    hint = f"; did you mean {' or '.join(near)}?" if near else ""
+    return InputError(
+        f"unknown object {name!r}{hint} (objects: {', '.join(CATALOGUE)}; sets: {', '.join(OBJECT_SETS)}; "
+        f"or a mesh file: {', '.join(MESH_SUFFIXES)})"
+    )
+
+
+@lru_cache(maxsize=64)
+def _catalogue_object(name: str) -> ObjectModel:
+    return CATALOGUE[name].build()
+
+
+@lru_cache(maxsize=64)
+def _mesh_object(path: Path, stamp: int, scale: float, mass: float | None) -> ObjectModel:
+    """Load a mesh once for each state of the file (`stamp`)."""
+    from dexgrasp_env.objects.user_mesh import load_mesh
+
+    return load_mesh(path, scale=scale, mass=mass)
+
+
+def _check_positive(what: str, value: float) -> None:
+    if not 0.0 < value < float("inf"):
+        raise InputError(f"{what} is {value}: it must be a positive number")
