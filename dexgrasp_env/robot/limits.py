@@ -66,7 +66,7 @@ REACH = 0.855
 
 HOME_ARM = _table(0.0, -np.pi / 4, 0.0, -3 * np.pi / 4, 0.0, np.pi / 2, np.pi / 4)
 """The arm's ready configuration, (7,) rad."""
-OPEN_HAND = _table(*(0.0, 0.35, 0.35, 0.25) * 3, 1.3, 0.25, 0.1, 0.25)
+OPEN_HAND = _table(*(0.0, 0.8, 0.4, 0.3) * 3, 1.35, 0.4, 0.2, 0.25)
 """An open hand with the thumb opposite the fingers, (16,) rad: the pre-shape of a grasp."""
 HOME = _table(*HOME_ARM, *OPEN_HAND)
 """Home arm and open hand, (23,) rad."""
