@@ -1,0 +1,54 @@
+"""Checks of contacts at the public functions of this package; none of the numba kernels checks anything."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.errors import InputError
+
+Array = NDArray[np.float64]
+
+
+def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
+    """Return `value` as a contiguous float array of `shape` (None: any length).
+
+    Raises:
+        InputError: another shape, not numbers, or NaN or infinity in it.
+    """
+    wanted = "(" + ", ".join("N" if size is None else str(size) for size in shape) + ")"
+    try:
+        array = np.ascontiguousarray(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"{name} must be numbers of shape {wanted}") from None
+    if array.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
+        raise InputError(f"{name} must have shape {wanted}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise InputError(f"{name} must be finite: it holds NaN or infinity")
+    return array
+
+
+def check_positive(name: str, value: float) -> float:
+    """Return `value` as a float above zero, or raise `InputError`."""
+    if not (np.isscalar(value) and np.isreal(value) and np.isfinite(value) and value > 0):
+        raise InputError(f"{name} must be a finite number above 0, got {value!r}")
+    return float(value)
+
+
+def check_contacts(points: object, normals: object, count: int | None = None) -> tuple[Array, Array]:
+    """Return points and unit normals, both (N, 3), after checking shapes, finiteness and unit length."""
+    points = check_array("points", points, (count, 3))
+    normals = check_array("normals", normals, (len(points), 3))
+    check_unit(normals)
+    return points, normals
+
+
+def check_unit(normals: Array) -> None:
+    """Raise `InputError` where a normal's length differs from 1 by more than 1e-6."""
+    length = np.sqrt((normals**2).sum(-1))
+    if length.size and np.abs(length - 1.0).max() > 1e-6:
+        raise InputError(f"normals must have unit length within 1e-6, one has {length.flat[np.abs(length - 1).argmax()]:.6g}")
+
+
+def rms_radius(points: Array) -> float:
+    """Root mean square distance of points (N, 3) from their centroid; 1.0 where they all coincide."""
+    radius = float(np.sqrt(((points - points.mean(0)) ** 2).sum(-1).mean()))
+    return radius if radius > 1e-12 else 1.0

@@ -1,0 +1,449 @@
+"""Which triples of contacts can be in equilibrium: Eq. 4 decided in closed form, millions of triples a second.
+
+A triple is **feasible** when the least value of Eq. 4, |sum f|^2 + |sum (p - c) x f / L|^2 with f_min = 1, pyramid
+cones (Eq. 2) and c the centroid of the three contacts, is below `TOLERANCE`.
+
+Three forces in equilibrium at points not on a line are internal forces, f_i = sum_j x_ij (p_j - p_i) with
+x_ij = x_ji: three numbers (a, b, c) = (x12, x13, x23). The cone of contact 1 restricts (a, b) to a wedge, that of 2
+(a, c), that of 3 (b, c). With a = +-1 the first two are intervals of b and c, and the question is whether a wedge meets
+a box: some 150 operations, no iteration. f_min scales away, as every non-zero force in the cone presses.
+
+The closed form is exact for residual zero. It differs from "below TOLERANCE" only near the edge, so triples feasible
+at a friction `BAND` (2 %) larger but not at `mu` go to the QP; so do flat triples, in a band that widens as 1 / height, and
+those on a line. The QP's answer carries its own proof where it can: feasible forces with a small residual, or a
+wrench that separates.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit, prange
+from numpy.typing import NDArray
+
+from agents.physics.active_set import SOLVED, solve_qp
+from agents.physics.checks import Array, check_array, check_contacts, check_positive, check_unit, rms_radius
+from agents.physics.cones import basis_into
+from dexgrasp_env.errors import InputError
+
+TOLERANCE = 1e-6
+BAND = 1.02
+FLAT = 0.15
+"""Triangles whose height is below this part of their longest side get the wider band."""
+LINE = 4e-3
+"""Below this part they count as lying on a line and always go to the QP."""
+FORCE_BOUND = 1e6
+"""The proof that a triple is infeasible is for contact forces up to this many times f_min."""
+
+Triples = NDArray[np.int32]
+
+
+@njit(cache=True)
+def _ratio(ga: float, gb: float, s: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
+    """Tighten (lo+, hi+, lo-, hi-): bounds of b for a = +1, and of -b for a = -1, by ga a + gb b >= 0."""
+    lp, hp, lm, hm = s
+    if gb > 0.0:
+        r = -ga / gb
+        return max(lp, r), hp, lm, min(hm, r)
+    if gb < 0.0:
+        r = -ga / gb
+        return lp, min(hp, r), max(lm, r), hm
+    if ga < 0.0:
+        return np.inf, -np.inf, lm, hm
+    if ga > 0.0:
+        return lp, hp, np.inf, -np.inf
+    return s
+
+
+@njit(cache=True)
+def _wedge(mu: float, a: Array, b: Array) -> tuple[float, float, float, float]:
+    """The wedge of one contact, of two chords given as (press, u, v) in the contact's frame."""
+    ma, mb = mu * a[0], mu * b[0]
+    s = (-np.inf, np.inf, -np.inf, np.inf)
+    s = _ratio(ma + a[1], mb + b[1], s)
+    s = _ratio(ma - a[1], mb - b[1], s)
+    s = _ratio(ma + a[2], mb + b[2], s)
+    return _ratio(ma - a[2], mb - b[2], s)
+
+
+@njit(cache=True)
+def _meets(bl: float, bu: float, cl: float, cu: float, L: float, H: float) -> bool:
+    """Whether some b > 0 in [bl, bu] has [L b, H b] and [cl, cu] in common."""
+    lo, hi = max(bl, 0.0), bu
+    if not L <= H:
+        return False
+    if L > 0.0:
+        hi = min(hi, cu / L)
+    elif L == 0.0:
+        if cu < 0.0:
+            return False
+    elif L > -np.inf:
+        lo = max(lo, cu / L)
+    if H < 0.0:
+        hi = min(hi, cl / H)
+    elif H == 0.0:
+        if cl > 0.0:
+            return False
+    elif H < np.inf:
+        lo = max(lo, cl / H)
+    return hi > 0.0 and lo <= hi
+
+
+@njit(cache=True)
+def _box_meets(bl: float, bu: float, cl: float, cu: float, w: tuple[float, float, float, float]) -> bool:
+    if bl > bu or cl > cu:
+        return False
+    return _meets(bl, bu, cl, cu, w[0], w[1]) or _meets(-bu, -bl, cl, cu, -w[3], -w[2])
+
+
+@njit(cache=True)
+def closed_form(mu: float, e12: Array, e13: Array, e21: Array, e23: Array, e31: Array, e32: Array) -> bool:
+    """Whether non-zero forces in three Eq. 2 cones balance exactly; e_ij is p_j - p_i as (press, u, v) in frame i."""
+    w1 = _wedge(mu, e12, e13)
+    plus, minus = w1[0] <= w1[1], w1[2] <= w1[3]
+    if not (plus or minus):
+        return False
+    w2 = _wedge(mu, e21, e23)
+    plus, minus = plus and w2[0] <= w2[1], minus and w2[2] <= w2[3]
+    if not (plus or minus):
+        return False
+    w3 = _wedge(mu, e31, e32)
+    if plus and _box_meets(w1[0], w1[1], w2[0], w2[1], w3):
+        return True
+    return minus and _box_meets(-w1[3], -w1[2], -w2[3], -w2[2], w3)
+
+
+@njit(cache=True)
+def _flatness(d12: float, d13: float, d23: float) -> float:
+    """(height / longest side)^2 of a triangle of squared sides (Heron); 0 for coincident points."""
+    longest = max(d12, max(d13, d23))
+    if longest <= 0.0:
+        return 0.0
+    area = 2.0 * (d12 * d13 + d13 * d23 + d23 * d12) - d12 * d12 - d13 * d13 - d23 * d23
+    return max(0.0, 0.25 * area) / (longest * longest)
+
+
+@njit(cache=True)
+def _map_columns(points: Array, frames: Array, scale: float, G: Array) -> None:
+    """Write the grasp map (6, 9) of forces (press, u, v) in contact frames, about the centroid, torques / scale."""
+    center = (points[0] + points[1] + points[2]) / 3.0
+    for i in range(3):
+        r = (points[i] - center) / scale
+        for j in range(3):
+            e = frames[i, j]
+            for k in range(3):
+                G[k, 3 * i + j] = e[k]
+                G[3 + k, 3 * i + j] = r[(k + 1) % 3] * e[(k + 2) % 3] - r[(k + 2) % 3] * e[(k + 1) % 3]
+
+
+@njit(cache=True)
+def _separated(G: Array, w: Array, mu: float) -> float:
+    """Lower bound of |G f| over the cones with f_min = 1 and no force above FORCE_BOUND, from the direction w."""
+    total, size = 0.0, 0.0
+    for k in range(6):
+        size += w[k] * w[k]
+    h = np.zeros(3)
+    for i in range(3):
+        for j in range(3):
+            h[j] = 0.0
+            for k in range(6):
+                h[j] += G[k, 3 * i + j] * w[k]
+        least = h[0] - mu * (abs(h[1]) + abs(h[2]))
+        total += least if least >= 0.0 else least * FORCE_BOUND
+    return total / size**0.5 if size > 0.0 else 0.0
+
+
+@njit(cache=True)
+def _restore(f: Array, mu: float) -> None:
+    """Move the forces (9,) that rounding left outside the cones back onto them."""
+    for i in range(3):
+        need = max(1.0, max(abs(f[3 * i + 1]), abs(f[3 * i + 2])) / mu)
+        f[3 * i] = max(f[3 * i], need)
+
+
+@njit(cache=True)
+def qp_residual(points: Array, frames: Array, mu: float, scale: float, forces: Array) -> tuple[float, float]:
+    """Return upper and lower bounds of Eq. 4's least value (f_min = 1), by proximal steps of a regularised QP.
+
+    Args:
+        points: (3, 3). frames: (3, 3, 3), rows (-n, t1, t2) of each contact.
+        mu: friction coefficient. scale: length that divides torques.
+        forces: (9,), written: the best feasible forces, (press, u, v) of each contact.
+    """
+    G = np.empty((6, 9))
+    _map_columns(points, frames, scale, G)
+    A, b = np.zeros((15, 9)), np.zeros(15)
+    for i in range(3):
+        A[5 * i, 3 * i], b[5 * i] = 1.0, 1.0
+        for j in range(4):
+            A[5 * i + 1 + j, 3 * i] = mu
+            A[5 * i + 1 + j, 3 * i + 1 + j // 2] = 1.0 - 2.0 * (j % 2)
+    H, g, f, w = np.zeros((9, 9)), np.zeros(9), np.zeros(9), np.zeros(6)
+    reg = 1e-10
+    for i in range(9):
+        for j in range(9):
+            for k in range(6):
+                H[i, j] += G[k, i] * G[k, j]
+        H[i, i] += reg
+    multipliers = np.empty(15)
+    upper, lower = np.inf, 0.0
+    for _ in range(8):
+        if solve_qp(H, g, A, b, f, multipliers) != SOLVED:
+            break
+        _restore(f, mu)
+        value = 0.0
+        for k in range(6):
+            w[k] = 0.0
+            for i in range(9):
+                w[k] += G[k, i] * f[i]
+            value += w[k] * w[k]
+        if value < upper:
+            forces[:] = f
+        stuck = value > 0.999 * upper
+        upper = min(upper, value)
+        bound = max(0.0, _separated(G, w, mu))
+        lower = max(lower, bound * bound)
+        if upper < TOLERANCE or lower >= TOLERANCE or stuck:
+            break
+        for i in range(9):
+            g[i] = -reg * f[i]
+    return upper, lower
+
+
+@njit(cache=True)
+def _qp_feasible(points: Array, frames: Array, mu: float, scale: float) -> bool:
+    forces = np.empty(9)
+    return qp_residual(points, frames, mu, scale, forces)[0] < TOLERANCE
+
+
+@njit(cache=True)
+def _frame_into(n: Array, frame: Array) -> None:
+    basis_into(n, frame[1], frame[2])
+    for k in range(3):
+        frame[0, k] = -n[k]
+
+
+@njit(cache=True)
+def _chord(p: Array, q: Array, frame: Array, out: Array) -> None:
+    dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
+    for j in range(3):
+        out[j] = frame[j, 0] * dx + frame[j, 1] * dy + frame[j, 2] * dz
+
+
+@njit(cache=True)
+def _wider(mu: float, flat2: float) -> float:
+    """The friction up to which a triple of this (height / side)^2 may still be feasible within TOLERANCE."""
+    if flat2 >= FLAT * FLAT:
+        return mu * BAND
+    return mu * BAND + 3.0 * TOLERANCE**0.5 / flat2**0.5
+
+
+@njit(cache=True)
+def decide_one(points: Array, normals: Array, mu: float, scale: float) -> int:
+    """Decide one triple: 0 infeasible, 1 feasible; +2 where the QP decided. `points`, `normals` (3, 3)."""
+    frames, e = np.empty((3, 3, 3)), np.empty((3, 3, 3))
+    d = np.zeros(3)
+    for i in range(3):
+        _frame_into(normals[i], frames[i])
+        for k in range(3):
+            d[i] += (points[i, k] - points[(i + 1) % 3, k]) ** 2
+    flat2 = _flatness(d[0], d[1], d[2])
+    if flat2 < LINE * LINE:
+        return 2 + int(_qp_feasible(points, frames, mu, scale))
+    for i in range(3):
+        for j in range(3):
+            _chord(points[i], points[j], frames[i], e[i, j])
+    if not closed_form(_wider(mu, flat2), e[0, 1], e[0, 2], e[1, 0], e[1, 2], e[2, 0], e[2, 1]):
+        return 0
+    if closed_form(mu, e[0, 1], e[0, 2], e[1, 0], e[1, 2], e[2, 0], e[2, 1]):
+        return 1
+    return 2 + int(_qp_feasible(points, frames, mu, scale))
+
+
+@njit(cache=True)
+def _decide(points: Array, normals: Array, mu: float, scale: Array, out: NDArray[np.uint8]) -> None:
+    for k in range(points.shape[0]):
+        out[k] = decide_one(points[k], normals[k], mu, scale[k])
+
+
+@njit(cache=True, parallel=True)
+def _decide_parallel(points: Array, normals: Array, mu: float, scale: Array, out: NDArray[np.uint8]) -> None:
+    for k in prange(points.shape[0]):
+        out[k] = decide_one(points[k], normals[k], mu, scale[k])
+
+
+@njit(cache=True)
+def _tables(points: Array, frames: Array, E: Array, T: Array, D: Array) -> None:
+    """Write E[i, j], the chord p_j - p_i in frame i; T[i, j] = E[j, i]; D, squared distances."""
+    n = points.shape[0]
+    for i in range(n):
+        for j in range(n):
+            _chord(points[i], points[j], frames[i], E[i, j])
+            for k in range(3):
+                T[j, i, k] = E[i, j, k]
+                D[i, j] += (points[j, k] - points[i, k]) ** 2
+
+
+@njit(cache=True)
+def _sweep_row(
+    i: int, points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float, near: float, out: NDArray[np.uint8]
+) -> None:
+    E, T, D = tables
+    n = points.shape[0]
+    corners, axes = np.empty((3, 3)), np.empty((3, 3, 3))
+    corners[0], axes[0] = points[i], frames[i]
+    at = 0
+    usual = mu * BAND
+    for j in range(i + 1, n):
+        if D[i, j] < near:
+            at += n - j - 1
+            continue
+        eij, eji, dij = E[i, j], E[j, i], D[i, j]
+        corners[1], axes[1] = points[j], frames[j]
+        for k in range(j + 1, n):
+            dik, djk = D[i, k], D[j, k]
+            if dik < near or djk < near:
+                at += 1
+                continue
+            flat2 = _flatness(dij, dik, djk)
+            line = flat2 < LINE * LINE
+            if not line:
+                high = usual if flat2 >= FLAT * FLAT else _wider(mu, flat2)
+                if not closed_form(high, eij, E[i, k], eji, E[j, k], T[i, k], T[j, k]):
+                    at += 1
+                    continue
+                if closed_form(mu, eij, E[i, k], eji, E[j, k], T[i, k], T[j, k]):
+                    out[at] = 1
+                    at += 1
+                    continue
+            corners[2], axes[2] = points[k], frames[k]
+            out[at] = 2 + int(_qp_feasible(corners, axes, mu, scale))
+            at += 1
+
+
+@njit(cache=True)
+def _row_start(i: int, n: int) -> int:
+    """How many triples (i', j, k) have i' < i."""
+    m = n - i
+    return n * (n - 1) * (n - 2) // 6 - m * (m - 1) * (m - 2) // 6
+
+
+@njit(cache=True)
+def _sweep(points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float, near: float, out: NDArray[np.uint8]) -> None:
+    n = points.shape[0]
+    for i in range(n - 2):
+        _sweep_row(i, points, frames, tables, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
+
+
+@njit(cache=True, parallel=True)
+def _sweep_parallel(
+    points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float, near: float, out: NDArray[np.uint8]
+) -> None:
+    n = points.shape[0]
+    for i in prange(n - 2):
+        _sweep_row(i, points, frames, tables, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
+
+
+@njit(cache=True)
+def _collect(out: NDArray[np.uint8], n: int, count: int) -> Triples:
+    triples = np.empty((count, 3), np.int32)
+    at = m = 0
+    for i in range(n):
+        for j in range(i + 1, n):
+            for k in range(j + 1, n):
+                if out[at] & 1:
+                    triples[m, 0], triples[m, 1], triples[m, 2] = i, j, k
+                    m += 1
+                at += 1
+    return triples
+
+
+class SweepCount(NamedTuple):
+    """What a sweep met: all triples, feasible ones, and those the QP decided."""
+
+    triples: int
+    feasible: int
+    by_qp: int
+
+
+def _scan(points: object, normals: object, mu: float, min_distance: float, length_scale: float | None, parallel: bool) -> tuple[int, NDArray[np.uint8]]:
+    points, normals = check_contacts(points, normals)
+    if len(points) > 2048:
+        raise InputError(f"a sweep takes at most 2048 points, got {len(points)}")
+    if not (np.isfinite(min_distance) and min_distance >= 0):
+        raise InputError(f"min_distance must be a finite number of metres >= 0, got {min_distance!r}")
+    n = len(points)
+    out = np.zeros(n * (n - 1) * (n - 2) // 6, np.uint8)
+    if n < 3:
+        return n, out
+    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
+    frames = np.empty((n, 3, 3))
+    for i in range(n):
+        _frame_into(normals[i], frames[i])
+    tables = (np.zeros((n, n, 3)), np.zeros((n, n, 3)), np.zeros((n, n)))
+    _tables(points, frames, *tables)
+    sweep = _sweep_parallel if parallel else _sweep
+    sweep(points, frames, tables, check_positive("mu", mu), scale, min_distance**2, out)
+    return n, out
+
+
+def closure_sweep(
+    points: object,
+    normals: object,
+    mu: float,
+    min_distance: float = 0.03,
+    length_scale: float | None = None,
+    parallel: bool = False,
+) -> Triples:
+    """Return every feasible triple of contact points (the module's text says what feasible means).
+
+    Args:
+        points: (n, 3) metres.
+        normals: (n, 3) unit, out of the object.
+        mu: friction coefficient of Eq. 2's pyramid.
+        min_distance: triples with two points nearer than this [m] are left out.
+        length_scale: divides torques [m]; None is the rms radius of all points about their centroid.
+        parallel: use all cores; the answer is the same.
+
+    Returns:
+        (M, 3) int32 indices, i < j < k, in lexicographic order.
+    """
+    n, out = _scan(points, normals, mu, min_distance, length_scale, parallel)
+    return _collect(out, n, int((out & 1).sum()))
+
+
+def closure_count(
+    points: object, normals: object, mu: float, min_distance: float = 0.03, length_scale: float | None = None, parallel: bool = False
+) -> SweepCount:
+    """Count what `closure_sweep` would return, without listing it."""
+    _, out = _scan(points, normals, mu, min_distance, length_scale, parallel)
+    return SweepCount(len(out), int((out & 1).sum()), int((out >> 1).sum()))
+
+
+def closure_decide(
+    points: object, normals: object, mu: float, length_scale: float | Array | None = None, parallel: bool = False
+) -> NDArray[np.bool_]:
+    """Decide K triples.
+
+    Args:
+        points: (K, 3, 3) metres, contact by coordinate.
+        normals: (K, 3, 3) unit, out of the object.
+        mu: friction coefficient of Eq. 2's pyramid.
+        length_scale: divides torques [m], one or (K,); None is each triple's rms radius about its centroid.
+        parallel: use all cores; the answer is the same.
+
+    Returns:
+        (K,) booleans: True where Eq. 4's least value is below TOLERANCE.
+    """
+    points = check_array("points", points, (None, 3, 3))
+    normals = check_array("normals", normals, (len(points), 3, 3))
+    check_unit(normals)
+    if length_scale is None:
+        scale = np.sqrt(((points - points.mean(1, keepdims=True)) ** 2).sum(-1).mean(-1))
+        scale[scale <= 1e-12] = 1.0
+    else:
+        scale = np.broadcast_to(np.asarray(length_scale, dtype=float), len(points)).copy()
+        if not (np.isfinite(scale).all() and (scale > 0).all()):
+            raise InputError("length_scale must be finite and above 0")
+    out = np.zeros(len(points), np.uint8)
+    (_decide_parallel if parallel else _decide)(points, normals, check_positive("mu", mu), scale, out)
+    return (out & 1).astype(bool)
