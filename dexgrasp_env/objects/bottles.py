@@ -13,8 +13,8 @@ from dexgrasp_env.objects.loft import Section
 from dexgrasp_env.objects.shapes import Shape, loft, revolve
 
 _PEAR = (  # radius and height as fractions of the largest radius and of the height
-    (0.34, 0.0), (0.66, 0.03), (0.9, 0.14), (1.0, 0.32), (0.95, 0.47), (0.77, 0.61), (0.585, 0.73), (0.5, 0.83),
-    (0.43, 0.92), (0.26, 0.98), (0.0, 1.0),
+    (0.34, 0.0), (0.66, 0.03), (0.9, 0.14), (1.0, 0.32), (0.95, 0.47), (0.80, 0.60),
+    (0.66, 0.70), (0.57, 0.79), (0.52, 0.86), (0.44, 0.93), (0.28, 0.98), (0.0, 1.0),
 )  # fmt: skip
 
 
@@ -60,8 +60,8 @@ def cone_tower(diameter: float, wall: float, roof_diameter: float, roof: float) 
 def domed_bottle(diameter: float, height: float) -> Shape:
     """A slender spray bottle: a long cylinder, a small shoulder, a cap with a domed end."""
     r, cap = diameter / 2, 0.88 * diameter / 2
-    return revolve([(r, 0.0), (r, 0.72 * height), *_arc((cap, 0.75 * height), (cap, 0.75 * height), 2)[:1],
-                    *_arc((cap, 0.905 * height), (0.0, height), 7)])  # fmt: skip
+    dome = _arc((cap, 0.905 * height), (0.0, height), 7)
+    return revolve([(r, 0.0), (r, 0.72 * height), (cap, 0.75 * height), *dome])
 
 
 def squeeze_bottle(diameter: float, height: float) -> Shape:
@@ -69,8 +69,9 @@ def squeeze_bottle(diameter: float, height: float) -> Shape:
     r = diameter / 2
     shoulder = _arc((r, 0.58 * height), (0.6 * r, 0.68 * height), 4)
     cap, nozzle = 0.7 * r, 0.36 * r
-    return revolve([(0.93 * r, 0.0), (r, 0.02 * height), *shoulder, (cap, 0.68 * height), (cap, 0.74 * height),
-                    (nozzle, 0.75 * height), (0.09 * r, height)])  # fmt: skip
+    bottle = [(0.93 * r, 0.0), (r, 0.02 * height), *shoulder]
+    top = [(cap, 0.68 * height), (cap, 0.74 * height), (nozzle, 0.75 * height), (0.09 * r, height)]
+    return revolve(bottle + top)
 
 
 def pear(diameter: float, height: float) -> Shape:

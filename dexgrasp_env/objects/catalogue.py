@@ -1,8 +1,8 @@
 """The catalogue: six training objects and the twenty objects of Tables 1-3, as data.
 
-Sizes of YCB objects are aligned scan extents, rounded, and their masses the published ones. The paper published
-neither sizes nor masses of its own test objects: entries marked `approximate` are everyday objects of that kind. Mass is
-spread evenly over the volume of the mesh.
+Sizes of YCB objects are aligned scan extents, rounded, and their masses the published ones. The paper
+published neither sizes nor masses of its own test objects: entries marked `approximate` are everyday objects of that
+kind. Mass is spread evenly over the volume of the mesh.
 """
 
 from __future__ import annotations
@@ -84,11 +84,12 @@ _SPECS = (
     ObjectSpec("chips", "tall cylinder", shapes.cylinder, {"diameter": 0.075, "height": 0.230}, 0.205,
                (0.85, 0.15, 0.15, 1.0)),
     ObjectSpec("soda", "cylinder with tapered ends", bottles.tapered_can,
-               {"diameter": 0.066, "height": 0.122, "foot": 0.050, "rim": 0.054}, 0.370, (0.75, 0.1, 0.15, 1.0)),
+               {"diameter": 0.066, "height": 0.122, "foot": 0.050, "rim": 0.054}, 0.370,
+               (0.75, 0.1, 0.15, 1.0)),
     ObjectSpec("glasses_case", "rounded clamshell", bottles.clamshell, {"size": (0.160, 0.065, 0.055)}, 0.120,
                (0.25, 0.2, 0.2, 1.0)),
-    ObjectSpec("ramen", "cup, wide on top", bottles.cup, {"top": 0.096, "foot": 0.068, "height": 0.107}, 0.085,
-               (0.9, 0.45, 0.15, 1.0)),
+    ObjectSpec("ramen", "cup, wide on top", bottles.cup, {"top": 0.096, "foot": 0.068, "height": 0.107},
+               0.085, (0.9, 0.45, 0.15, 1.0)),
     ObjectSpec("pill_bottle", "cylinder with a wider cap", bottles.pill_bottle,
                {"diameter": 0.050, "height": 0.090, "cap_diameter": 0.052, "cap_height": 0.018}, 0.080,
                (0.9, 0.5, 0.2, 1.0)),
@@ -97,10 +98,13 @@ _SPECS = (
     ObjectSpec("sandwich_side", "triangular prism on its side", shapes.prism, _WEDGE, 0.180, _WEDGE_RGBA,
                presented=(_SQUARE_ROOT_HALF, _SQUARE_ROOT_HALF, 0.0, 0.0)),
     ObjectSpec("massage_ball", "ball with rigid spikes", shapes.spiked_ball,
-               {"diameter": 0.075, "spike": 0.007, "radius": 0.004, "count": 32}, 0.120, (0.45, 0.3, 0.7, 1.0)),
+               {"diameter": 0.075, "spike": 0.007, "radius": 0.004, "count": 32}, 0.120,
+               (0.45, 0.3, 0.7, 1.0)),
     ObjectSpec("castle", "tower with a cone roof", bottles.cone_tower,
-               {"diameter": 0.070, "wall": 0.080, "roof_diameter": 0.084, "roof": 0.060}, 0.150, (0.6, 0.6, 0.65, 1.0)),
-    ObjectSpec("tetrahedron", "regular tetrahedron", shapes.tetrahedron, {"edge": 0.100}, 0.090, (0.2, 0.65, 0.4, 1.0)),
+               {"diameter": 0.070, "wall": 0.080, "roof_diameter": 0.084, "roof": 0.060}, 0.150,
+               (0.6, 0.6, 0.65, 1.0)),
+    ObjectSpec("tetrahedron", "regular tetrahedron", shapes.tetrahedron, {"edge": 0.100}, 0.090,
+               (0.2, 0.65, 0.4, 1.0)),
     ObjectSpec("hairspray_bottle", "slender bottle with a domed cap", bottles.domed_bottle,
                {"diameter": 0.052, "height": 0.225}, 0.300, (0.7, 0.7, 0.75, 1.0)),
     ObjectSpec("pear", "body of revolution", bottles.pear, {"diameter": 0.070, "height": 0.100}, 0.150,
@@ -118,8 +122,8 @@ _YCB6 = ("cracker_box", "sugar_box", "tomato_soup_can", "mustard_bottle", "gelat
 _SEEN = ("sugar_box", "tomato_soup_can", "mustard_bottle")
 _FAMILIAR = ("webcam", "mask", "chips", "soda")
 _NOVEL = (
-    "glasses_case", "ramen", "pill_bottle", "sandwich_upright", "sandwich_side", "massage_ball", "castle", "tetrahedron",
-    "hairspray_bottle", "pear", "alcohol_bottle", "condiment_bottle", "lego",
+    "glasses_case", "ramen", "pill_bottle", "sandwich_upright", "sandwich_side", "massage_ball", "castle",
+    "tetrahedron", "hairspray_bottle", "pear", "alcohol_bottle", "condiment_bottle", "lego",
 )  # fmt: skip
 
 CATALOGUE: dict[str, ObjectSpec] = {spec.name: spec for spec in _SPECS}

@@ -31,8 +31,8 @@ class ObjectModel:
         mesh: watertight surface in metres, object frame.
         parts: convex pieces that the simulator collides.
         mass: kilograms.
-        inertia: (3, 3) kg m^2 about the centre of mass, axes of the object frame. The mass is spread evenly over the
-            volume of the mesh.
+        inertia: (3, 3) kg m^2 about the centre of mass, axes of the object frame. The mass is spread evenly
+            over the volume of the mesh.
         friction: sliding coefficient of its surface.
         presented: (4,) wxyz of the one pose it is presented in, or None: then any of `rest_poses`.
         rgba: colour it is drawn in.
@@ -151,8 +151,8 @@ def centred_model(
 def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     """Return a convex hull of `points` (n, 3) with at most `limit` vertices.
 
-    A hull with more is replaced by that of the points furthest along `limit` even directions: inside the true hull,
-    within about 1 % of the size at 200 and 2 % at 64.
+    A hull with more is replaced by that of the points furthest along `limit` even directions: inside the true
+    hull, within about 1 % of the size at 200 and 2 % at 64.
     """
     import trimesh
 

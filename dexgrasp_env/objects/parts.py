@@ -25,8 +25,9 @@ class ContactPart:
 
     Attributes:
         kind: one of `KINDS`.
-        size: (3,) as MuJoCo has it, metres: half extents of a box; radius, half length, 0 of a cylinder or capsule
-            (half length without the round ends); radius of a sphere; semi-axes of an ellipsoid; zeros for a mesh.
+        size: (3,) as MuJoCo has it, metres: half extents of a box; radius, half length, 0 of a cylinder or
+            capsule (half length without the round ends); radius of a sphere; semi-axes of an ellipsoid; zeros for a
+            mesh.
         position: (3,) metres, of the part's frame in the object frame.
         quat_wxyz: (4,) of the part's frame in the object frame.
         vertices: (n, 3) metres in the part's frame, for a mesh; empty otherwise.
@@ -58,7 +59,7 @@ class ContactPart:
         )
 
     def support(self, directions: Array) -> Array:
-        """Largest extent (...,) in metres along unit `directions` (..., 3) of the object frame, from its origin."""
+        """Furthest reach (...,) in metres along unit `directions` (..., 3) of the object frame."""
         local = rotate(quat_conjugate(self.quat_wxyz), np.asarray(directions, dtype=float))
         return (directions * self.position).sum(-1) + self._local_support(local)
 
@@ -78,7 +79,7 @@ class ContactPart:
         return (d @ self.vertices.T).max(-1)
 
     def surface(self) -> trimesh.Trimesh:
-        """Return a triangle mesh of the part in the object frame; round kinds are approximated from inside."""
+        """Return a triangle mesh of the part in the object frame; round kinds from inside."""
         import trimesh
 
         local = trimesh.Trimesh(_points(self), process=False).convex_hull
@@ -111,5 +112,5 @@ def hull_part(points: Array) -> ContactPart:
 
 
 def support_height(parts: Sequence[ContactPart], up: Array) -> float:
-    """Height in metres of the object's origin over a plane it rests on, `up` (3,) being the plane's normal."""
+    """Height in metres of the object's origin over a plane it rests on, with normal `up` (3,)."""
     return float(max(part.support(-np.asarray(up)) for part in parts))

@@ -171,7 +171,7 @@ def _block(side: float, low: float, high: float) -> trimesh.Trimesh:
 
 
 def _spike_directions(count: int) -> Array:
-    """The corners and face centres of an icosahedron for 32, of an icosahedron for 12; else an even spread."""
+    """Corners (12) or corners and face centres (32) of an icosahedron; else an even spread."""
     if count not in (12, 32):
         return fibonacci_directions(count)
     ico = trimesh.creation.icosahedron()

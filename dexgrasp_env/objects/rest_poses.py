@@ -1,0 +1,173 @@
+"""The poses an object comes to rest in on a table, found by dropping it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.cache import cache_dir, write_atomically
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.dropping import drop, stays
+from dexgrasp_env.objects.model import ObjectModel, fibonacci_directions
+from dexgrasp_env.objects.parts import support_height
+from dexgrasp_env.poses import Array
+
+DROPS = 240
+MERGE_ANGLE = np.deg2rad(16.0)
+MOST_POSES = 12
+_SNAP_COSINE = np.cos(np.deg2rad(4.0))
+_ROUND = 0.012
+_SCHEMA = 2
+
+
+@dataclass(frozen=True)
+class RestPose:
+    """One way of lying on the table; any turn about the vertical is the same pose.
+
+    Attributes:
+        quat_wxyz: (4,) orientation in the world.
+        height: metres of the object's origin above the table when its lowest point touches it.
+        probability: share of the drops that ended in it.
+    """
+
+    quat_wxyz: tuple[float, float, float, float]
+    height: float
+    probability: float
+
+    @property
+    def up(self) -> Array:
+        """(3,) the world's vertical in the object frame."""
+        w, x, y, z = self.quat_wxyz
+        return np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+
+
+def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
+    """Return the rest poses, likeliest first: shipped ones, cached ones, or dropped for now and cached."""
+    for path in (_shipped(model.name), _cached(model)):
+        poses = read_poses(path, model.contact_hash) if path else None
+        if poses:
+            return poses
+    poses = find_rest_poses(model)
+    write_poses(_cached(model), model, poses)
+    return poses
+
+
+def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, ...]:
+    """Drop the object from `drops` even orientations and gather where it ends; always the same for the same object.
+
+    Drops are merged when the vertical in the object frame differs by at most 16 degrees, directly or through others in
+    between, so that a continuum of rolling poses counts once. For a body of revolution only the angle to its axis
+    counts. Each group is represented by its calmest drop, turned flat onto the facet it rests on, and kept only if it
+    stays there when simulated again. At most `MOST_POSES` are kept.
+
+    Raises:
+        InputError: if it comes to rest nowhere.
+    """
+    ups, calm = drop(model, fibonacci_directions(drops))
+    normals = _facet_normals(model)
+    poses: list[RestPose] = []
+    for group in sorted(clusters(merge_keys(model, ups)), key=len, reverse=True):
+        up = _flat(normals, ups[group[int(np.argmin(calm[group]))]])
+        if len(poses) < MOST_POSES and stays(model, up, MERGE_ANGLE):
+            poses.append(RestPose(_upright(up), support_height(model.parts, up), len(group) / len(ups)))
+    if not poses:
+        raise InputError(f"{model.name} comes to rest in no pose: check its contact parts and its mass")
+    total = sum(pose.probability for pose in poses)
+    return tuple(RestPose(p.quat_wxyz, round(p.height, 7), round(p.probability / total, 6)) for p in poses)
+
+
+def merge_keys(model: ObjectModel, ups: Array) -> Array:
+    """Return (n, 3) directions to merge by: `ups` (n, 3), turned into one plane for a body of revolution."""
+    axis = symmetry_axis(model)
+    if axis is None:
+        return ups
+    along = (ups * axis).sum(-1)
+    return np.stack([along, np.sqrt(np.maximum(1.0 - along**2, 0.0)), np.zeros_like(along)], axis=-1)
+
+
+def symmetry_axis(model: ObjectModel) -> Array | None:
+    """Return the axis (3,) about which the object's hull is round within about 1 % of its size, or None."""
+    values, vectors = np.linalg.eigh(model.inertia)
+    odd = 2 if values[1] - values[0] < values[2] - values[1] else 0
+    others = np.delete(values, odd)
+    if np.ptp(others) > 0.02 * values[2] or np.ptp(values) < 0.02 * values[2]:
+        return None
+    axis, side = vectors[:, odd], vectors[:, (odd + 1) % 3]
+    turn = np.linspace(0.0, 2 * np.pi, 48, endpoint=False)[:, None]
+    ring = np.cos(turn) * side + np.sin(turn) * np.cross(axis, side)
+    reach = []
+    for tilt in np.linspace(-1.2, 1.2, 7):
+        around = np.cos(tilt) * ring + np.sin(tilt) * axis
+        reach.append(np.ptp((around @ np.asarray(model.hull.vertices).T).max(-1)))
+    return axis if max(reach) < _ROUND * float(model.extents.max()) else None
+
+
+def clusters(directions: Array, angle: float = MERGE_ANGLE) -> list[np.ndarray]:
+    """Group unit vectors (n, 3) that are within `angle` radians of each other, directly or through others."""
+    from scipy.sparse.csgraph import connected_components
+
+    near = directions @ directions.T >= np.cos(angle)
+    count, label = connected_components(near, directed=False)
+    return [np.flatnonzero(label == index) for index in range(count)]
+
+
+def read_poses(path: Path, contact_hash: str) -> tuple[RestPose, ...] | None:
+    """Return the poses of a file, or None if it is missing, damaged, or made for another shape or mass."""
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["schema"] != _SCHEMA or data["contact_hash"] != contact_hash:
+            return None
+        return tuple(RestPose(tuple(p["quat_wxyz"]), p["height"], p["probability"]) for p in data["poses"])
+    except (OSError, ValueError, KeyError, TypeError):
+        return None
+
+
+def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> None:
+    """Write the poses of `model` with the hash they were made for."""
+    data = {
+        "schema": _SCHEMA,
+        "name": model.name,
+        "contact_hash": model.contact_hash,
+        "poses": [*map(asdict, poses)],
+    }
+    write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
+
+
+def _cached(model: ObjectModel) -> Path:
+    return cache_dir() / "rest_poses" / f"{model.contact_hash}.json"
+
+
+def _shipped(name: str) -> Path | None:
+    try:
+        return asset_path("rest_poses", f"{name}.json")
+    except FileNotFoundError:
+        return None
+
+
+def _facet_normals(model: ObjectModel) -> Array:
+    """Outward normals (n, 3) of the facets of the contact parts' convex hull."""
+    import trimesh
+
+    points = np.concatenate([part.surface().vertices for part in model.parts])
+    return np.array(trimesh.Trimesh(points, process=False).convex_hull.face_normals)
+
+
+def _flat(normals: Array, up: Array) -> Array:
+    """Turn the vertical `up` (3,) to stand exactly on the facet, of those with `normals`, that it nearly rests on."""
+    cosine = -(normals * up).sum(-1)
+    best = int(np.argmax(cosine))
+    return -normals[best] / np.linalg.norm(normals[best]) if cosine[best] > _SNAP_COSINE else up
+
+
+def _upright(up: Array) -> tuple[float, float, float, float]:
+    """Quaternion wxyz of the least rotation that turns `up` (3,) of the object to the world's vertical."""
+    if up[2] < -1 + 1e-9:
+        return (0.0, 1.0, 0.0, 0.0)
+    quat = np.array([1.0 + up[2], *np.cross(up, [0.0, 0.0, 1.0])])
+    w, x, y, z = (round(float(value), 9) + 0.0 for value in quat / np.linalg.norm(quat))
+    return (w, x, y, z)
