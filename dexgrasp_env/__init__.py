@@ -1,3 +1,14 @@
-"""Dexterous grasping on a table: Gymnasium environments for a Panda arm with an Allegro hand."""
+"""Dexterous grasping on a table: Gymnasium environments for a Panda arm with an Allegro hand.
 
+Importing the package registers the environments; it brings no torch, no numba and no GL.
+"""
+
+from gymnasium.envs.registration import register
+
+from dexgrasp_env.errors import InputError
+
+__all__ = ["InputError"]
 __version__ = "0.1.0"
+
+# The entry point is a string so that specs serialise. 300 control steps at 20 Hz are 15 s.
+register(id="DexGrasp/Lift-v0", entry_point="dexgrasp_env.lift.env:LiftEnv", max_episode_steps=300)

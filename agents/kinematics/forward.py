@@ -1,0 +1,122 @@
+"""Forward kinematics and Jacobians, compiled."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from agents.kinematics.tree import RobotTree
+
+Array = NDArray[np.float64]
+
+
+@njit(cache=True, error_model="numpy", fastmath=False)
+def forward(q: Array, tree: RobotTree, R: Array, p: Array) -> None:
+    """Write the body frames in the robot base frame for joint positions `q` (23,) rad.
+
+    Args:
+        q: (23,) rad.
+        tree: the robot.
+        R: (nb, 3, 3), filled with rotations.
+        p: (nb, 3), filled with positions, m.
+    """
+    for b in range(tree.parent.shape[0]):
+        a, j = tree.parent[b], tree.joint[b]
+        L = tree.rotation[b]
+        if a < 0:
+            for r in range(3):
+                p[b, r] = tree.offset[b, r]
+                for c in range(3):
+                    R[b, r, c] = L[r, c]
+        else:
+            for r in range(3):
+                p[b, r] = p[a, r] + R[a, r, 0] * tree.offset[b, 0] + R[a, r, 1] * tree.offset[b, 1] + R[a, r, 2] * tree.offset[b, 2]
+                for c in range(3):
+                    R[b, r, c] = R[a, r, 0] * L[0, c] + R[a, r, 1] * L[1, c] + R[a, r, 2] * L[2, c]
+        if j >= 0:
+            _turn(R[b], tree.axis[b], q[j])
+
+
+@njit(cache=True, error_model="numpy")
+def _turn(R: Array, axis: Array, angle: float) -> None:
+    """R <- R Rot(axis, angle), in place (Rodrigues)."""
+    s, c = np.sin(angle), np.cos(angle)
+    x, y, z = axis[0], axis[1], axis[2]
+    t = 1.0 - c
+    a00, a01, a02 = c + t * x * x, t * x * y - s * z, t * x * z + s * y
+    a10, a11, a12 = t * x * y + s * z, c + t * y * y, t * y * z - s * x
+    a20, a21, a22 = t * x * z - s * y, t * y * z + s * x, c + t * z * z
+    for r in range(3):
+        u, v, w = R[r, 0], R[r, 1], R[r, 2]
+        R[r, 0] = u * a00 + v * a10 + w * a20
+        R[r, 1] = u * a01 + v * a11 + w * a21
+        R[r, 2] = u * a02 + v * a12 + w * a22
+
+
+@njit(cache=True, error_model="numpy")
+def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
+    """Write R local + p, (3,)."""
+    for r in range(3):
+        out[r] = p[r] + R[r, 0] * local[0] + R[r, 1] * local[1] + R[r, 2] * local[2]
+
+
+@njit(cache=True, error_model="numpy")
+def add_row(row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, R: Array, p: Array) -> None:
+    """Add sign * direction . (Jacobian of a point of a body) to `row` (23,).
+
+    The point and the direction (3,) are in the robot base frame.
+    """
+    b = body
+    while b >= 0:
+        j = tree.joint[b]
+        if j >= 0:
+            ax = R[b, 0, 0] * tree.axis[b, 0] + R[b, 0, 1] * tree.axis[b, 1] + R[b, 0, 2] * tree.axis[b, 2]
+            ay = R[b, 1, 0] * tree.axis[b, 0] + R[b, 1, 1] * tree.axis[b, 1] + R[b, 1, 2] * tree.axis[b, 2]
+            az = R[b, 2, 0] * tree.axis[b, 0] + R[b, 2, 1] * tree.axis[b, 1] + R[b, 2, 2] * tree.axis[b, 2]
+            dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
+            row[j] += sign * (
+                direction[0] * (ay * dz - az * dy) + direction[1] * (az * dx - ax * dz) + direction[2] * (ax * dy - ay * dx)
+            )
+        b = tree.parent[b]
+
+
+@njit(cache=True, error_model="numpy")
+def add_turn_row(row: Array, body: int, direction: Array, sign: float, tree: RobotTree, R: Array) -> None:
+    """Add sign * direction . (angular Jacobian of a body) to `row` (23,)."""
+    b = body
+    while b >= 0:
+        j = tree.joint[b]
+        if j >= 0:
+            for r in range(3):
+                a = R[b, r, 0] * tree.axis[b, 0] + R[b, r, 1] * tree.axis[b, 1] + R[b, r, 2] * tree.axis[b, 2]
+                row[j] += sign * direction[r] * a
+        b = tree.parent[b]
+
+
+@njit(cache=True, error_model="numpy")
+def tip_positions(tree: RobotTree, R: Array, p: Array) -> Array:
+    """Return the tip sphere centres (3, 3) m of thumb, index, middle, from body frames."""
+    tips = np.empty((3, 3))
+    for i in range(3):
+        b = tree.tip_body[i]
+        to_world(R[b], p[b], tree.tip_offset[i], tips[i])
+    return tips
+
+
+@njit(cache=True, error_model="numpy")
+def tip_jacobian(tree: RobotTree, R: Array, p: Array, tips: Array) -> Array:
+    """Return the linear Jacobians (3, 3, 23) of the tip centres: finger, coordinate, joint."""
+    J = np.zeros((3, 3, 23))
+    direction = np.zeros(3)
+    for i in range(3):
+        for r in range(3):
+            direction[:] = 0.0
+            direction[r] = 1.0
+            add_row(J[i, r], tree.tip_body[i], tips[i], direction, 1.0, tree, R, p)
+    return J
+
+
+def body_frames(q: Array, tree: RobotTree) -> tuple[Array, Array]:
+    """Return rotations (nb, 3, 3) and positions (nb, 3) m of all bodies at `q` (23,) rad, robot base frame."""
+    R, p = np.empty((len(tree.parent), 3, 3)), np.empty((len(tree.parent), 3))
+    forward(np.ascontiguousarray(q, dtype=float), tree, R, p)
+    return R, p

@@ -1,0 +1,90 @@
+"""Inverse kinematics of the arm for a palm pose, compiled (damped least squares within the joint range)."""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from agents.kinematics.forward import add_row, add_turn_row, forward, to_world
+from agents.kinematics.tree import RobotTree
+
+Array = NDArray[np.float64]
+_TURN_SCALE = 0.15  # m a radian: how much a turn of the palm weighs against its shift
+_DAMPING = 1e-3
+_POSTURE = 2e-2  # pull towards the middle of the range, in the null space only
+
+
+@njit(cache=True, error_model="numpy")
+def solve_palm(
+    q: Array, R_goal: Array, p_goal: Array, tree: RobotTree, iterations: int, tolerance: float
+) -> float:
+    """Move the arm's part of `q` (23,), in place, so that the palm frame meets a goal; return what error is left.
+
+    Args:
+        q: (23,) rad, start and result; the hand's part is not touched.
+        R_goal: (3, 3) palm rotation in the robot base frame.
+        p_goal: (3,) m.
+        tree: the robot.
+        iterations: at most so many steps.
+        tolerance: m; a radian counts as 0.15 m.
+
+    Returns:
+        Norm of the remaining error, m.
+    """
+    nb = tree.parent.shape[0]
+    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    e, J, row, unit, point = np.empty(6), np.empty((6, 7)), np.empty(23), np.zeros(3), np.empty(3)
+    error = 1e9
+    for _ in range(iterations):
+        forward(q, tree, R, p)
+        palm = tree.palm
+        to_world(R[palm], p[palm], tree.palm_offset, point)
+        now = R[palm] @ tree.palm_rotation
+        turn = _rotation_error(R_goal, now)
+        for r in range(3):
+            e[r] = p_goal[r] - point[r]
+            e[3 + r] = _TURN_SCALE * turn[r]
+        error = np.sqrt((e * e).sum())
+        if error < tolerance:
+            return error
+        for r in range(3):
+            unit[:] = 0.0
+            unit[r] = 1.0
+            row[:] = 0.0
+            add_row(row, palm, point, unit, 1.0, tree, R, p)
+            J[r] = row[:7]
+            row[:] = 0.0
+            add_turn_row(row, palm, unit, 1.0, tree, R)
+            J[3 + r] = _TURN_SCALE * row[:7]
+        inverse = J.T @ np.linalg.inv(J @ J.T + _DAMPING * min(error, 0.1) * np.eye(6))
+        middle = 0.5 * (tree.lower[:7] + tree.upper[:7]) - q[:7]
+        pull = _POSTURE * middle
+        step = inverse @ e + pull - inverse @ (J @ pull)
+        largest = np.abs(step).max()
+        if largest > 0.5:
+            step *= 0.5 / largest
+        for j in range(7):
+            q[j] = min(max(q[j] + step[j], tree.lower[j] + 1e-3), tree.upper[j] - 1e-3)
+    return error
+
+
+@njit(cache=True, error_model="numpy")
+def _rotation_error(goal: Array, now: Array) -> Array:
+    """Rotation vector (3,) rad that takes `now` to `goal`, in the base frame."""
+    D = goal @ now.T
+    v = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
+    s = 0.5 * np.sqrt((v * v).sum())
+    c = 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
+    angle = np.arctan2(s, c)
+    if s < 1e-9:
+        # Half a turn apart, the axis is lost: any axis gets away from there.
+        return np.array([0.0, 0.0, 0.5 * angle]) if c < 0.0 else 0.5 * v
+    return v * (0.5 * angle / s)
+
+
+def palm_frame(q: Array, tree: RobotTree) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) m of the palm frame at `q` (23,) rad."""
+    nb = len(tree.parent)
+    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    forward(np.ascontiguousarray(q, dtype=float), tree, R, p)
+    palm = tree.palm
+    return R[palm] @ tree.palm_rotation, p[palm] + R[palm] @ tree.palm_offset

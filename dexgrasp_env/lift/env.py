@@ -1,0 +1,220 @@
+"""DexGrasp/Lift-v0."""
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import EzPickle
+from numpy.typing import NDArray
+
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.lift import control
+from dexgrasp_env.lift.observations import object_observation, observation_space, robot_observation
+from dexgrasp_env.lift.randomisation import Variation
+from dexgrasp_env.lift.rewards import dense_reward, reward_terms, sparse_reward
+from dexgrasp_env.lift.settings import LiftSettings
+from dexgrasp_env.lift.simulation import PalmJacobian, Simulation
+from dexgrasp_env.lift.success import Progress, advance, diverged, object_lost
+from dexgrasp_env.lift.views import Views
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.perception.cameras import default_cameras
+from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.scene.build import build_scene
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION
+
+_RESET_OPTIONS = ("object", "object_pose")
+
+
+@lru_cache(maxsize=64)
+def compiled_scene(model: ObjectModel, mount: str) -> mujoco.MjModel:
+    """Compile the scene of an object once; callers copy it before they write to it."""
+    return build_scene(model, mount=mount, cameras=default_cameras())
+
+
+class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
+    """Page: see the table of contents below."""
+
+    metadata = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": round(1 / CONTROL_PERIOD)}
+
+    def __init__(
+        self,
+        objects: str | Sequence[str] = "ycb6",
+        obs_mode: str = "state",
+        control_mode: str = "joint_delta",
+        reward_mode: str = "dense",
+        mount: str = "palm_normal",
+        friction: float = FRICTION,
+        object_pose: Mapping[str, Any] | None = None,
+        randomisation: Mapping[str, Any] | None = None,
+        sensor: Mapping[str, Any] | str = "realistic",
+        observe: str = "step",
+        mesh_scale: float = 1.0,
+        mesh_mass: float | None = None,
+        render_mode: str | None = None,
+        render_size: tuple[int, int] = (480, 640),
+    ) -> None:
+        EzPickle.__init__(
+            self, objects, obs_mode, control_mode, reward_mode, mount, friction, object_pose, randomisation, sensor,
+            observe, mesh_scale, mesh_mass, render_mode, render_size,
+        )  # fmt: skip
+        self.settings = LiftSettings.of(
+            objects, object_pose, randomisation, obs_mode=obs_mode, control_mode=control_mode, reward_mode=reward_mode,
+            mount=mount, friction=friction, observe=observe, mesh_scale=mesh_scale, mesh_mass=mesh_mass,
+            render_mode=render_mode,
+        )  # fmt: skip
+        self.render_mode = render_mode
+        self._simulations = {
+            target: Simulation.of(model, compiled_scene(model, mount))
+            for target, model in self.settings.load_objects().items()
+        }
+        self._views = Views(obs_mode, observe, sensor, render_size)
+        self.action_space = spaces.Box(-1.0, 1.0, (control.ACTION_SIZE[control_mode],), np.float32)
+        self.observation_space = observation_space(obs_mode, self._views.image_shape)
+        self._simulation = next(iter(self._simulations.values()))
+        self._jacobian = PalmJacobian(self._simulation.base)
+        self._progress = Progress.start()
+        self._over = True
+
+    @property
+    def simulation(self) -> Simulation:
+        """The simulation of the episode, for pictures and evaluation; agents see observations only."""
+        return self._simulation
+
+    @property
+    def progress(self) -> Progress:
+        """What the episode has achieved so far."""
+        return self._progress
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Start an episode.
+
+        Args:
+            seed: of every draw of this and the following episodes.
+            options: `object` names one of the environment's objects; `object_pose` is (7,) position m and quaternion
+                wxyz of the object in the robot base frame.
+
+        Raises:
+            InputError: for an unknown option, object or a malformed pose.
+        """
+        super().reset(seed=seed)
+        options = _check_options(options, list(self._simulations))
+        names = list(self._simulations)
+        drawn = names[int(self.np_random.integers(len(names)))]
+        self._simulation = simulation = self._simulations[options.get("object", drawn)]
+        variation = self.settings.randomisation.sample(self.np_random, self.settings.friction)
+        pose = self._sample_pose(simulation.object, variation)
+        simulation.reset(options.get("object_pose", pose), variation)
+        self._progress = Progress.start()
+        self._over = False
+        observation, views_info = self._observe(at_reset=True)
+        if self.render_mode == "human":
+            self.render()
+        return observation, self._info() | views_info
+
+    def _sample_pose(self, model: ObjectModel, variation: Variation) -> NDArray[np.float64]:
+        pose = self.settings.object_pose.sample(model, self.np_random)
+        pose[2] *= variation.size
+        return pose
+
+    def step(
+        self, action: NDArray[np.float32]
+    ) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+        """Advance 50 ms.
+
+        Raises:
+            InputError: if the action has the wrong shape or is not finite, or no episode is running.
+        """
+        if self._over:
+            raise InputError("step() called without a running episode: call reset() first")
+        simulation = self._simulation
+        simulation.step(self._next_targets(self._check_action(action)))
+        state = simulation.state
+        self._progress = advance(self._progress, state, simulation.constants)
+        failure = self._failure()
+        terms = reward_terms(state, self._progress, simulation.constants)
+        dense = self.settings.reward_mode == "dense"
+        reward = float(dense_reward(terms) if dense else sparse_reward(self._progress))
+        self._over = failure is not None
+        if failure == "simulation_diverged":
+            reward, terms = 0.0, dict.fromkeys(terms, 0.0)
+        observation, views_info = self._observe(at_reset=False)
+        if self.render_mode == "human":
+            self.render()
+        info = self._info(failure) | views_info
+        info["reward_terms"] = {name: float(value) for name, value in terms.items()}
+        return observation, reward, self._over, False, info
+
+    def _check_action(self, action: NDArray[np.float32]) -> NDArray[np.float64]:
+        action = np.asarray(action, dtype=float)
+        if action.shape != self.action_space.shape:
+            raise InputError(f"action has shape {action.shape}: valid is {self.action_space.shape}")
+        if not np.isfinite(action).all():
+            raise InputError(f"action has NaN or infinite entries at {np.flatnonzero(~np.isfinite(action)).tolist()}")
+        return np.clip(action, -1.0, 1.0)
+
+    def _next_targets(self, action: NDArray[np.float64]) -> NDArray[np.float64]:
+        targets = self._simulation.targets
+        if self.settings.control_mode == "joint_position":
+            return control.joint_position(action, targets)
+        if self.settings.control_mode == "joint_delta":
+            return control.joint_delta(action, targets)
+        return control.ee_delta(action, targets, self._jacobian, HOME[:7])
+
+    def _failure(self) -> str | None:
+        state = self._simulation.state
+        if bool(diverged(state)) or self._simulation.warnings:
+            return "simulation_diverged"
+        return "object_lost" if bool(object_lost(state)) else None
+
+    def _observe(self, at_reset: bool) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        simulation = self._simulation
+        state = simulation.state
+        observation: dict[str, NDArray[Any]] = dict(robot_observation(state))
+        if self.settings.obs_mode == "state":
+            observation |= object_observation(state, self._progress, simulation.constants)
+        views, info = self._views.observe(simulation.model, simulation.data, self.np_random, at_reset)
+        return observation | views, info
+
+    def _info(self, failure: str | None = None) -> dict[str, Any]:
+        progress, simulation = self._progress, self._simulation
+        return {
+            "is_success": bool(progress.is_success),
+            "is_stable": bool(progress.is_stable),
+            "stage": str(progress.stage),
+            "failure": failure,
+            "object": simulation.object.name,
+            "object_height": float(progress.height),
+            "object_slip": float(progress.slip),
+            "object_tilt": float(progress.tilt),
+            "held_seconds": float(progress.held_steps * CONTROL_PERIOD),
+            "mujoco_warnings": simulation.warnings,
+        }
+
+    def render(self) -> Any:
+        """Return a picture (`rgb_array`: (H, W, 3) uint8; `depth_array`: (H, W) float32 m), or show it (`human`)."""
+        return self._views.render(self.render_mode, self._simulation.model, self._simulation.data)
+
+    def close(self) -> None:
+        """Free what rendering holds."""
+        self._views.close()
+
+
+def _check_options(options: dict[str, Any] | None, objects: list[str]) -> dict[str, Any]:
+    options = dict(options or {})
+    for key in options:
+        if key not in _RESET_OPTIONS:
+            raise unknown_name("reset option", key, _RESET_OPTIONS)
+    if "object" in options and options["object"] not in objects:
+        raise unknown_name("object", options["object"], objects)
+    if "object_pose" in options:
+        pose = np.asarray(options["object_pose"], dtype=float)
+        if pose.shape != (7,) or not np.isfinite(pose).all() or np.linalg.norm(pose[3:]) < 1e-6:
+            raise InputError("object_pose must be 7 finite numbers: position in metres and a quaternion wxyz")
+        options["object_pose"] = np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])
+    return options

@@ -1,0 +1,85 @@
+"""Observations as functions of arrays with leading batch axes, and their spaces."""
+
+from typing import Any
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dexgrasp_env.lift.constants import CLOUD_POINTS, HOLD_STEPS
+from dexgrasp_env.lift.state import LiftState, ObjectConstants
+from dexgrasp_env.lift.success import Progress
+
+OBS_MODES = ("state", "pointcloud", "depth", "rgbd")
+ROBOT_KEYS = {
+    "joint_positions": 23,
+    "joint_velocities": 23,
+    "joint_targets": 23,
+    "fingertip_positions": 12,
+    "palm_pose": 7,
+}
+OBJECT_KEYS = {
+    "object_pose": 7,
+    "object_velocity": 6,
+    "object_size": 3,
+    "object_mass": 1,
+    "fingertip_forces": 12,
+    "progress": 2,
+}
+
+
+def robot_observation(state: LiftState) -> dict[str, NDArray[np.float32]]:
+    """What the robot knows of itself, in every observation mode (float32, (..., n))."""
+    return _float32(
+        joint_positions=state.joint_positions,
+        joint_velocities=state.joint_velocities,
+        joint_targets=state.targets,
+        fingertip_positions=_flat(state.tip_positions),
+        palm_pose=np.concatenate([state.palm_position, state.palm_quat], axis=-1),
+    )
+
+
+def object_observation(
+    state: LiftState, progress: Progress, constants: ObjectConstants
+) -> dict[str, NDArray[np.float32]]:
+    """Privileged knowledge, in `state` mode alone (float32, (..., n))."""
+    shape = state.qpos.shape[:-1]
+    held = np.minimum(progress.held_steps / HOLD_STEPS, 1.0)
+    return _float32(
+        object_pose=state.qpos[..., 23:30],
+        object_velocity=state.object_velocity,
+        object_size=np.broadcast_to(constants.extents, (*shape, 3)),
+        object_mass=np.full((*shape, 1), constants.mass),
+        fingertip_forces=_flat(state.tip_forces),
+        progress=np.stack([np.asarray(progress.height, float), held], axis=-1),
+    )
+
+
+def observation_space(obs_mode: str, image_shape: tuple[int, int, int]) -> spaces.Dict:
+    """Return the space of an observation mode.
+
+    Args:
+        obs_mode: one of `OBS_MODES`.
+        image_shape: cameras, rows, columns.
+    """
+    keys = ROBOT_KEYS | (OBJECT_KEYS if obs_mode == "state" else {})
+    content: dict[str, spaces.Space[Any]] = {
+        key: spaces.Box(-np.inf, np.inf, (size,), np.float32) for key, size in keys.items()
+    }
+    if obs_mode == "pointcloud":
+        content["cloud"] = spaces.Box(-np.inf, np.inf, (CLOUD_POINTS, 3), np.float32)
+        content["cloud_normals"] = spaces.Box(-1.0, 1.0, (CLOUD_POINTS, 3), np.float32)
+        content["cloud_mask"] = spaces.MultiBinary(CLOUD_POINTS)
+    if obs_mode in ("depth", "rgbd"):
+        content["depth"] = spaces.Box(0.0, np.inf, image_shape, np.float32)
+    if obs_mode == "rgbd":
+        content["rgb"] = spaces.Box(0, 255, (*image_shape, 3), np.uint8)
+    return spaces.Dict(content)
+
+
+def _flat(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
+    return vectors.reshape(*vectors.shape[:-2], -1)
+
+
+def _float32(**arrays: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
+    return {key: array.astype(np.float32) for key, array in arrays.items()}

@@ -1,0 +1,96 @@
+"""The state that observations, rewards and success are functions of."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.scene.sensors import SensorIndex
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ObjectConstants:
+    """What does not change during an episode."""
+
+    hull_vertices: Array  # (V, 3) m, object frame
+    extents: Array  # (3,) m, of the mesh's axis-aligned box in the object frame
+    mass: float  # kg
+
+
+@dataclass(frozen=True)
+class LiftState:
+    """One moment of one simulation, or of many along leading axes (...)."""
+
+    qpos: Array  # (..., 30): 23 joints, object position and quaternion wxyz
+    qvel: Array  # (..., 29)
+    sensordata: Array  # (..., n)
+    targets: Array  # (..., 23) rad, set-points of the servos
+    sensors: SensorIndex
+
+    @property
+    def joint_positions(self) -> Array:
+        """(..., 23) rad."""
+        return self.qpos[..., :23]
+
+    @property
+    def joint_velocities(self) -> Array:
+        """(..., 23) rad/s."""
+        return self.qvel[..., :23]
+
+    @property
+    def object_position(self) -> Array:
+        """(..., 3) m, centre of mass, robot base frame."""
+        return self.qpos[..., 23:26]
+
+    @property
+    def object_quat(self) -> Array:
+        """(..., 4) wxyz."""
+        return self.qpos[..., 26:30]
+
+    @property
+    def object_velocity(self) -> Array:
+        """(..., 6): m/s in the base frame, rad/s in the object frame."""
+        return self.qvel[..., 23:29]
+
+    @property
+    def tip_positions(self) -> Array:
+        """(..., 4, 3) m: index, middle, ring, thumb."""
+        flat = self.sensordata[..., self.sensors.tip_positions]
+        return flat.reshape(*flat.shape[:-1], 4, 3)
+
+    @property
+    def tip_forces(self) -> Array:
+        """(..., 4, 3) N: contact force between tip and object, base frame."""
+        flat = self.sensordata[..., self.sensors.tip_forces]
+        return flat.reshape(*flat.shape[:-1], 4, 3)
+
+    @property
+    def palm_position(self) -> Array:
+        """(..., 3) m."""
+        return self.sensordata[..., self.sensors.palm_position]
+
+    @property
+    def palm_quat(self) -> Array:
+        """(..., 4) wxyz."""
+        return self.sensordata[..., self.sensors.palm_quat]
+
+    @property
+    def held_by_hand_alone(self) -> NDArray[np.bool_]:
+        """(...,): the hand touches the object and nothing else does."""
+        hand = self.sensordata[..., self.sensors.touching_hand]
+        return (hand > 0) & (hand == self.sensordata[..., self.sensors.touching_any])
+
+    @property
+    def touched_by_hand(self) -> NDArray[np.bool_]:
+        """(...,)."""
+        return self.sensordata[..., self.sensors.touching_hand] > 0
+
+
+def lowest_point(state: LiftState, constants: ObjectConstants) -> Array:
+    """Height (...,) m of the object's lowest point above the table."""
+    row = quat_to_matrix(state.object_quat)[..., 2, :]
+    heights = (constants.hull_vertices * row[..., None, :]).sum(-1)  # no BLAS: see poses
+    return state.object_position[..., 2] + heights.min(-1)

@@ -1,0 +1,69 @@
+"""Robot, object, table and cameras put together into one model."""
+
+import mujoco
+
+from dexgrasp_env.objects.mjcf import add_to_spec
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.perception.cameras import Camera, add_cameras
+from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.names import TIP_GEOMS
+from dexgrasp_env.scene.arena import add_arena, set_physics
+from dexgrasp_env.scene.constants import (
+    FRICTION,
+    ROLLING_FRICTION,
+    TIP_SOLIMP,
+    TIP_SOLREF,
+    TIP_SOLREFFRICTION,
+    TORSIONAL_FRICTION,
+)
+from dexgrasp_env.scene.sensors import add_sensors
+
+
+def scene_spec(
+    model: ObjectModel, *, mount: str = "palm_normal", friction: float = FRICTION, cameras: tuple[Camera, ...] = ()
+) -> mujoco.MjSpec:
+    """Return the editable scene: robot base at the origin, table top at z = 0, one free object.
+
+    Args:
+        model: the object to pick up.
+        mount: how the hand sits on the flange (see `robot.mounts`).
+        friction: sliding friction coefficient of every contact.
+        cameras: depth cameras to add, in the robot base frame.
+    """
+    spec = robot_spec(mount)
+    spec.modelname = f"dexgrasp {model.name}"
+    set_physics(spec)
+    add_arena(spec)
+    body = spec.worldbody.add_body(name="object", pos=[0.5, 0.0, 0.3])
+    body.add_freejoint(name="object")
+    add_to_spec(spec, body, model)
+    for geom in spec.geoms:
+        if geom.contype or geom.conaffinity:
+            geom.friction = [friction, TORSIONAL_FRICTION, 0.0001]
+    _add_pairs(spec, [part.name for part in body.geoms if part.contype], friction)
+    add_sensors(spec)
+    add_cameras(spec, cameras)
+    return spec
+
+
+def build_scene(
+    model: ObjectModel, *, mount: str = "palm_normal", friction: float = FRICTION, cameras: tuple[Camera, ...] = ()
+) -> mujoco.MjModel:
+    """Compile `scene_spec`."""
+    return scene_spec(model, mount=mount, friction=friction, cameras=cameras).compile()
+
+
+def _add_pairs(spec: mujoco.MjSpec, parts: list[str], friction: float) -> None:
+    sliding = [friction, friction]
+    for part in parts:
+        for tip in TIP_GEOMS:
+            spec.add_pair(
+                name=f"{tip}:{part}", geomname1=tip, geomname2=part, condim=3,
+                friction=[*sliding, TORSIONAL_FRICTION, 0.0001, 0.0001],
+                solref=list(TIP_SOLREF), solimp=list(TIP_SOLIMP), solreffriction=list(TIP_SOLREFFRICTION),
+            )  # fmt: skip
+        # Rolling resistance keeps a can on its side where it was put; it has no part in the grasp.
+        spec.add_pair(
+            name=f"table:{part}", geomname1="table", geomname2=part, condim=6,
+            friction=[*sliding, TORSIONAL_FRICTION, ROLLING_FRICTION, ROLLING_FRICTION],
+        )  # fmt: skip
