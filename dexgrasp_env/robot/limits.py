@@ -40,7 +40,7 @@ ARM_JERK = _table(7500.0, 3750.0, 5000.0, 6250.0, 7500.0, 10000.0, 10000.0)
 ARM_TORQUE = _table(87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
 """Arm torque limits, (7,) Nm."""
 
-# The hand's maker states no joint speed. 7 rad/s is our decision: about the no-load speed of small geared servos.
+# The hand's maker states no joint speed. 7 rad/s is our decision: about what small geared servos reach.
 HAND_VELOCITY = _table(*(7.0,) * 16)
 """Hand velocity limits, (16,) rad/s; a decision of ours."""
 HAND_TORQUE = _table(*(0.7,) * 16)

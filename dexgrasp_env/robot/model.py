@@ -45,8 +45,8 @@ def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, mount: Mount) -> None:
 def _strip_prefix(spec: mujoco.MjSpec) -> None:
     """Give the attached parts their own names back, and mend the references to them.
 
-    NB: attaching with an empty prefix gives the same names, but MuJoCo then warns at every compilation, writes a log
-    file where the user stands and saves an XML that it cannot read.
+    NB: attaching with an empty prefix gives the same names, but MuJoCo then warns at every compilation,
+    writes a log file where the user stands and saves an XML that it cannot read.
     """
     named = (spec.bodies, spec.joints, spec.geoms, spec.sites, spec.materials, spec.meshes, spec.actuators)
     for element in itertools.chain(*named):

@@ -22,12 +22,14 @@ class Mount:
 
 
 MOUNTS: dict[str, Mount] = {
-    # x_hand = z7, y_hand = -y7, z_hand = x7; the palm's centre, 47.5 mm below the finger bases, is on the flange axis.
+    # x_hand = z7, y_hand = -y7, z_hand = x7. The palm's centre, 47.5 mm below the finger bases, is on the
+    # flange axis.
     "palm_normal": Mount((0.0475, 0.0, 0.15), (0.0, _HALF, 0.0, _HALF)),
-    # z_hand = z7, turned -45 deg about it; the palm's bottom, 95 mm below the finger bases, is 0.12 m from link 7.
+    # z_hand = z7, turned -45 deg about it. The palm's bottom, 95 mm below the finger bases, is 0.12 m from
+    # link 7.
     "fingers_along": Mount((0.0, 0.0, 0.215), (_COS_EIGHTH, 0.0, 0.0, -_SIN_EIGHTH)),
 }
-"""The known mounts. `palm_normal` reaches far more of a table from above; the other is there to compare with."""
+"""The known mounts. `palm_normal` reaches more of a table from above; the other is there to compare with."""
 
 
 def find_mount(name: str) -> Mount:

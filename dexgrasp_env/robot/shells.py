@@ -1,7 +1,7 @@
-"""The shapes that are shown: smooth shells made from the robot's figures, written as `assets/robot/shells/*.obj`.
+"""The shapes that are shown: smooth shells around the robot's frames, written as `assets/robot/shells/*.obj`.
 
-Each shell is a signed distance function, a smooth union of rounded primitives in the frame of its body, meshed by
-marching. Collision uses none of them. Run `python -m dexgrasp_env.robot.shells DIRECTORY` to make them anew.
+Each shell is a signed distance function, a smooth union of rounded primitives in the frame of its body.
+Collision uses none of them. Run `python -m dexgrasp_env.robot.shells DIRECTORY` to make them anew.
 """
 
 import math
@@ -16,7 +16,7 @@ Field = Callable[[float, float, float], float]
 
 
 def bar(a: Point, b: Point, radius: float, edge: float = 0.01, end_radius: float | None = None) -> Field:
-    """A cylinder from a to b with rounded edges, conical where `end_radius` is given; metres, negative inside."""
+    """A cylinder from a to b with rounded edges, conical where `end_radius` is given; m, negative inside."""
     length = math.dist(a, b)
     ux, uy, uz = ((q - p) / length for p, q in zip(a, b, strict=True))
     slope = 0.0 if end_radius is None else (end_radius - radius) / length
@@ -72,26 +72,28 @@ ARM: dict[str, Field] = {
         0.04,
     ),
     "panda_link1": blend(
-        [bar((0, 0, -0.19), (0, 0, -0.02), 0.058, 0.006), bar((0, -0.068, 0), (0, -0.002, 0), 0.061, 0.014)], 0.04
+        [bar((0, 0, -0.19), (0, 0, -0.02), 0.058, 0.006), bar((0, -0.073, 0), (0, -0.002, 0), 0.061, 0.012)],
+        0.03,
     ),
     "panda_link2": blend(
-        [bar((0, -0.19, 0), (0, -0.02, 0), 0.058, 0.006), bar((0, 0, 0.002), (0, 0, 0.068), 0.061, 0.014)], 0.04
+        [bar((0, -0.19, 0), (0, -0.02, 0), 0.058, 0.006), bar((0, 0, 0.002), (0, 0, 0.073), 0.061, 0.012)],
+        0.03,
     ),
     "panda_link3": blend(
         [
             bar((0, 0, -0.123), (0, 0, -0.05), 0.058, 0.006),
-            bar((0.0825, 0.002, 0), (0.0825, 0.066, 0), 0.056, 0.014),
-            bar((0.005, 0.02, -0.045), (0.06, 0.035, -0.01), 0.045, 0.02),
+            bar((0.0825, 0.002, 0), (0.0825, 0.072, 0), 0.056, 0.012),
+            bar((0.005, 0.012, -0.045), (0.06, 0.015, -0.01), 0.042, 0.02),
         ],
-        0.05,
+        0.03,
     ),
     "panda_link4": blend(
         [
-            bar((0, 0, 0.002), (0, 0, 0.066), 0.056, 0.014),
+            bar((0, 0, 0.002), (0, 0, 0.072), 0.056, 0.012),
             bar((-0.0825, 0.05, 0), (-0.0825, 0.123, 0), 0.058, 0.006),
-            bar((-0.02, 0.01, 0.035), (-0.0775, 0.05, 0.02), 0.045, 0.02),
+            bar((-0.02, 0.01, 0.015), (-0.0775, 0.05, 0.012), 0.042, 0.02),
         ],
-        0.05,
+        0.03,
     ),
     "panda_link5": blend(
         [
@@ -104,14 +106,17 @@ ARM: dict[str, Field] = {
     ),
     "panda_link6": blend(
         [
-            bar((0, 0, -0.06), (0, 0, 0.05), 0.047, 0.014),
+            bar((0, 0, -0.054), (0, 0, 0.054), 0.047, 0.012),
             bar((0.01, 0, 0.0), (0.07, 0, 0.0), 0.042, 0.015),
-            bar((0.088, 0.055, 0), (0.088, -0.047, 0), 0.046, 0.014),
+            bar((0.088, 0.057, 0), (0.088, -0.047, 0), 0.046, 0.01),
         ],
-        0.035,
+        0.025,
     ),
     "panda_link7": blend(
-        [bar((0, 0, 0.05), (0, 0, 0.098), 0.045, 0.008), bar((0.02, 0.02, 0.066), (0.045, 0.045, 0.066), 0.018, 0.008)],
+        [
+            bar((0, 0, 0.05), (0, 0, 0.098), 0.045, 0.008),
+            bar((0.02, 0.02, 0.072), (0.04, 0.04, 0.072), 0.02, 0.008),
+        ],
         0.02,
     ),
 }

@@ -1,0 +1,266 @@
+"""The robot against its figures: kinematics, masses, limits, contacts, servos."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot import limits, names
+from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.mounts import MOUNTS
+
+DH_A = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
+DH_D = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
+DH_ALPHA = np.deg2rad((0, -90, 90, 90, -90, 90, 90))
+HAND_ZERO = np.array([0.0] * 12 + [0.263, 0.0, 0.0, 0.0])
+
+
+@pytest.fixture(scope="module")
+def model():
+    return robot_spec().compile()
+
+
+@pytest.fixture(scope="module")
+def hand():
+    return mujoco.MjModel.from_xml_path(str(asset_path("robot", "allegro.xml")))
+
+
+def dh_frames(q):
+    """Frames of links 1..7 by the modified Denavit-Hartenberg rule, independently of the model."""
+    T, frames = np.eye(4), []
+    for a, d, alpha, angle in zip(DH_A, DH_D, DH_ALPHA, q, strict=True):
+        ca, sa, c, s = np.cos(alpha), np.sin(alpha), np.cos(angle), np.sin(angle)
+        rows = [[c, -s, 0, a], [s * ca, c * ca, -sa, -d * sa], [s * sa, c * sa, ca, d * ca], [0, 0, 0, 1]]
+        T = T @ np.array(rows)
+        frames.append(T)
+    return frames
+
+
+def placed(model, q):
+    data = mujoco.MjData(model)
+    data.qpos[:] = data.ctrl[:] = q
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def touching(model, data):
+    """Unordered pairs of bodies in contact."""
+    bodies = (sorted(model.body(model.geom_bodyid[g]).name for g in c.geom) for c in data.contact)
+    return {tuple(pair) for pair in bodies}
+
+
+def pairs_at(model, data, q):
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_collision(model, data)
+    return touching(model, data)
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_names_and_orders(mount):
+    model = robot_spec(mount).compile()
+    assert [model.joint(i).name for i in range(model.njnt)] == list(names.JOINTS)
+    assert [model.actuator(i).name for i in range(model.nu)] == list(names.JOINTS)
+    assert [model.body(i).name for i in range(1, model.nbody)] == list(names.BODIES)
+    assert (model.actuator_trnid[:, 0] == np.arange(23)).all()
+    for site in (names.FLANGE_SITE, names.PALM_SITE, *names.TIP_SITES):
+        model.site(site)
+    for geom in names.TIP_GEOMS:
+        assert model.geom(geom).size[0] == 0.014
+
+
+def test_the_specification_saves_and_loads_without_warnings(model, recwarn):
+    spec = robot_spec()
+    spec.compile()
+    shells = {file.name: file.read_bytes() for file in asset_path("robot", "shells").iterdir()}
+    loaded = mujoco.MjModel.from_xml_string(spec.to_xml(), shells)
+    assert [loaded.geom(i).name for i in range(loaded.ngeom)] == [
+        model.geom(i).name for i in range(model.ngeom)
+    ]
+    assert not recwarn.list
+
+
+def test_unknown_mount():
+    with pytest.raises(InputError, match=r"mount 'sideways'.*palm_normal, fingers_along"):
+        robot_spec("sideways")
+
+
+def test_arm_kinematics_follow_the_dh_table(model):
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        q = rng.uniform(limits.LOWER, limits.UPPER)
+        data = placed(model, q)
+        frames = dh_frames(q[:7])
+        for i, T in enumerate(frames, start=1):
+            body = data.body(f"panda_link{i}")
+            np.testing.assert_allclose(body.xpos, T[:3, 3], atol=1e-9)
+            np.testing.assert_allclose(body.xmat.reshape(3, 3), T[:3, :3], atol=1e-9)
+        flange = frames[-1] @ (0, 0, 0.107, 1)
+        np.testing.assert_allclose(data.site("flange").xpos, flange[:3], atol=1e-9)
+
+
+def test_tips_lie_where_the_figures_say(hand):
+    data = placed(hand, HAND_ZERO)
+    mm = {finger: 1e3 * data.site(f"{finger}_tip").xpos for finger in names.FINGERS}
+    np.testing.assert_allclose(mm["index"], (0, 55.3, 133.4), atol=0.1)
+    np.testing.assert_allclose(mm["middle"], (0, 0, 136.2), atol=0.1)
+    np.testing.assert_allclose(mm["ring"], (0, -55.3, 133.4), atol=0.1)
+    np.testing.assert_allclose(mm["thumb"], (26, 161, -86), atol=1.0)
+    data.qpos[12] = 1.396
+    mujoco.mj_forward(hand, data)
+    np.testing.assert_allclose(1e3 * data.site("thumb_tip").xpos, (132, 38, -75), atol=1.0)
+
+
+def test_tip_capsules_end_at_the_tip_sites(model):
+    data = placed(model, limits.HOME)
+    for finger in names.FINGERS:
+        geom = model.geom(f"{finger}_tip")
+        axis = data.geom(f"{finger}_tip").xmat.reshape(3, 3)[:, 2] * geom.size[1]
+        ends = data.geom(f"{finger}_tip").xpos + np.array([axis, -axis])
+        offsets = np.linalg.norm(ends - data.site(f"{finger}_tip").xpos, axis=1)
+        assert offsets.min() < 1e-9
+
+
+def test_fingers_bend_towards_the_palms_face(hand):
+    for i in range(12):
+        if i % 4:
+            q = HAND_ZERO.copy()
+            q[i] = 0.5
+            tip = placed(hand, q).site(f"{names.FINGERS[i // 4]}_tip").xpos
+            assert tip[0] > 0.01
+
+
+def test_masses(model):
+    arm = (0.629769, 4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522)
+    np.testing.assert_allclose([model.body(b).mass[0] for b in names.ARM_BODIES], arm)
+    finger = (0.0119, 0.065, 0.0355, 0.0096 + 0.0168)
+    thumb = (0.0176, 0.0119, 0.038, 0.0388 + 0.0168)
+    masses = [model.body(b).mass[0] for b in names.HAND_BODIES]
+    np.testing.assert_allclose(masses, (0.4154, *finger * 3, *thumb))
+
+
+def test_arm_inertia_is_the_identified_one(model):
+    body = model.body("panda_link2")
+    R = np.zeros(9)
+    mujoco.mju_quat2Mat(R, body.iquat)
+    R = R.reshape(3, 3)
+    inertia = R @ np.diag(body.inertia) @ R.T
+    expected = [
+        [0.007962, -0.003925, 0.010254],
+        [-0.003925, 0.02811, 0.000704],
+        [0.010254, 0.000704, 0.025995],
+    ]
+    np.testing.assert_allclose(inertia, expected, atol=1e-6)
+
+
+def test_limits_agree_with_the_model(model):
+    np.testing.assert_array_equal(model.jnt_range, np.stack([limits.LOWER, limits.UPPER], 1))
+    np.testing.assert_allclose(model.actuator_ctrlrange, model.jnt_range, atol=1e-12)
+    both = np.stack([-limits.TORQUE, limits.TORQUE], 1)
+    np.testing.assert_array_equal(model.actuator_forcerange, both)
+    np.testing.assert_array_equal(model.jnt_actfrcrange, both)
+    assert (limits.HOME > limits.LOWER).all()
+    assert (limits.HOME < limits.UPPER).all()
+    assert limits.VELOCITY.shape == (23,)
+    assert not limits.HOME.flags.writeable
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_mount_geometry(mount):
+    data = placed(robot_spec(mount).compile(), limits.HOME)
+    T = dh_frames(limits.HOME_ARM)[-1]
+    palm, R = data.site("palm").xpos, T[:3, :3].T @ data.site("palm").xmat.reshape(3, 3)
+    origin = T[:3, :3].T @ (palm - T[:3, 3])
+    if mount == "palm_normal":
+        np.testing.assert_allclose(R[:, 0], (0, 0, 1), atol=1e-9)
+        np.testing.assert_allclose(R[:, 2], (1, 0, 0), atol=1e-9)
+        np.testing.assert_allclose(origin - 0.0475 * R[:, 2], (0, 0, 0.15), atol=1e-9)
+    else:
+        np.testing.assert_allclose(R[:, 2], (0, 0, 1), atol=1e-9)
+        np.testing.assert_allclose(origin, (0, 0, 0.215), atol=1e-9)
+        np.testing.assert_allclose(R[:, 0], (np.sqrt(0.5), -np.sqrt(0.5), 0), atol=1e-9)
+
+
+def test_only_named_geoms_of_group_3_collide(model):
+    for i in range(model.ngeom):
+        geom = model.geom(i)
+        collides = bool(geom.contype[0] or geom.conaffinity[0])
+        assert collides == (geom.group[0] == 3)
+        if collides:
+            assert geom.name
+            assert geom.condim[0] == 3
+            assert geom.friction[0] == 0.7
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_no_contact_at_home_and_few_in_random_arm_poses(mount):
+    model = robot_spec(mount).compile()
+    data = mujoco.MjData(model)
+    assert not pairs_at(model, data, limits.HOME)
+    rng = np.random.default_rng(1)
+    found = []
+    for _ in range(300):
+        q = np.concatenate([rng.uniform(limits.ARM_LOWER, limits.ARM_UPPER), limits.OPEN_HAND])
+        found.append(pairs_at(model, data, q))
+    assert np.mean([bool(pairs) for pairs in found]) < 0.15
+    links = {pair for pairs in found for pair in pairs if all(body in names.ARM_BODIES for body in pair)}
+    # The wrist reaches the base and the upper arm, and nothing nearer to itself along the chain.
+    assert all(int(b[-1]) - int(a[-1]) >= 3 for a, b in links)
+    near = {("palm", f"panda_link{i}") for i in (6, 7)}
+    assert not near & set().union(*found)
+
+
+def test_no_contact_within_a_swept_finger(model):
+    data = mujoco.MjData(model)
+    for i, joint in enumerate(names.HAND_JOINTS):
+        own = [f"{joint[:-2]}_{link}" for link in names.FINGER_LINKS]
+        for value in np.linspace(limits.HAND_LOWER[i], limits.HAND_UPPER[i], 12):
+            q = limits.HOME.copy()
+            q[7 + i] = value
+            assert not [p for p in pairs_at(model, data, q) if p[0] in own and p[1] in (*own, "palm")]
+
+
+@pytest.mark.parametrize("sign", [-1.0, 1.0])
+def test_torques_saturate_at_the_limits(model, sign):
+    data = placed(model, limits.HOME)
+    data.ctrl[:] = limits.UPPER if sign > 0 else limits.LOWER
+    peak = np.zeros(23)
+    for _ in range(100):
+        mujoco.mj_step(model, data)
+        assert (np.abs(data.actuator_force) <= limits.TORQUE).all()
+        assert (np.abs(data.qfrc_actuator) <= limits.TORQUE + 1e-12).all()
+        peak = np.maximum(peak, np.abs(data.actuator_force))
+    assert (peak[7:] == 0.7).any()
+    assert (peak[:7] == limits.ARM_TORQUE).any()
+
+
+def test_servo_tracks_a_set_point(model):
+    data = placed(model, limits.HOME)
+    offset = np.concatenate([np.full(7, 0.1), np.full(16, -0.05)])
+    goal = np.clip(limits.HOME + offset, limits.LOWER, limits.UPPER)
+    for k in range(1000):
+        data.ctrl[:] = limits.HOME + min(k / 300, 1.0) * (goal - limits.HOME)
+        mujoco.mj_step(model, data)
+    np.testing.assert_allclose(data.qpos, goal, atol=2e-3)
+    assert np.abs(data.qvel).max() < 1e-2
+    assert not any(w.number for w in data.warning)
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_gravity_is_compensated_through_the_actuators(mount):
+    model = robot_spec(mount).compile()
+    data = placed(model, limits.HOME)
+    start = np.array([data.site(tip).xpos for tip in names.TIP_SITES])
+    mujoco.mj_step(model, data, 500)
+    end = np.array([data.site(tip).xpos for tip in names.TIP_SITES])
+    assert np.linalg.norm(end - start, axis=1).max() < 1e-3
+    np.testing.assert_allclose(data.qfrc_actuator, data.qfrc_bias, atol=0.05)
+    assert np.abs(data.qfrc_actuator).max() > 10.0
+    assert model.jnt_actgravcomp.all()
+
+
+@pytest.mark.parametrize("name", ["panda", "allegro"])
+def test_the_files_compile_on_their_own(name):
+    model = mujoco.MjModel.from_xml_path(str(asset_path("robot", f"{name}.xml")))
+    assert model.nu == {"panda": 7, "allegro": 16}[name]
