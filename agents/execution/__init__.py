@@ -1,1 +1,1 @@
-"""From a grasp configuration to actions."""
+"""From a grasp configuration to actions: approach, close, squeeze, lift, hold."""
