@@ -1,0 +1,101 @@
+"""`dexgrasp evaluate`: rollouts of several agents under one protocol."""
+
+import argparse
+from pathlib import Path
+
+from agents.cli.options import add_json, add_mesh, add_scene, natural_int, positive_int
+
+_EPILOG = """examples:
+  dexgrasp evaluate --agents random hardcoded --objects seen familiar --trials 3 --seed 0
+  dexgrasp evaluate --agents bilevel --objects all20 --trials 6 --workers 8 --out runs/tables
+  dexgrasp evaluate --agents my_package.policies:MyPolicy --objects sugar_box --video 1
+  dexgrasp evaluate --agents bilevel --objects scan.stl --mesh-scale 0.001 --mesh-mass 0.3
+
+Every agent meets the same scenes: trial k of an object depends on --seed, the object and k alone. A run that was
+interrupted goes on when the same command is given again. The folder of --out then holds trials.jsonl (a line a trial),
+summary.json (as --json prints it), run.json (the settings) and videos/."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "evaluate", help="rollouts of agents under one protocol; resumable", epilog=_EPILOG,
+        description="Score agents on objects: success rates with intervals, failure reasons, planning times.",
+    )  # fmt: skip
+    parser.add_argument(
+        "--agents",
+        nargs="+",
+        required=True,
+        metavar="AGENT",
+        help="names (dexgrasp list agents), checkpoints, or package.module:Class",
+    )
+    parser.add_argument(
+        "--objects",
+        nargs="+",
+        required=True,
+        metavar="OBJECT",
+        help="objects, sets (dexgrasp list objects), or mesh files",
+    )
+    parser.add_argument(
+        "--trials", type=positive_int, default=3, metavar="N", help="of each agent on each object (default 3)"
+    )
+    parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of all scenes (default 0)")
+    parser.add_argument("--protocol", default="lift-v0", metavar="P", help="how to score (default lift-v0)")
+    parser.add_argument(
+        "--workers",
+        type=positive_int,
+        default=1,
+        metavar="W",
+        help="processes; the outcome does not depend on it",
+    )
+    parser.add_argument(
+        "--out", type=Path, metavar="DIR", help="folder for the results (default runs/<from the settings>)"
+    )
+    parser.add_argument(
+        "--video",
+        type=natural_int,
+        default=0,
+        metavar="K",
+        help="record the first K trials of every agent and object",
+    )
+    add_scene(parser)
+    add_mesh(parser)
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Evaluate, print tables or JSON; 3 if a worker died, with what was finished kept."""
+    from agents.cli.output import note
+    from agents.evaluation.runner import evaluate
+    from agents.evaluation.settings import EvaluationSettings
+    from agents.evaluation.workers import WorkerDiedError
+
+    settings = EvaluationSettings.of(
+        args.agents, args.objects, trials=args.trials, seed=args.seed, protocol=args.protocol, mount=args.mount,
+        friction=args.friction, mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
+    )  # fmt: skip
+    folder = args.out or settings.default_folder()
+    note(f"results go to {folder}")
+    try:
+        evaluate(settings, folder, workers=args.workers, videos=args.video)
+    except (KeyboardInterrupt, WorkerDiedError) as stop:
+        what = str(stop) or "interrupted"
+        note(f"dexgrasp evaluate: {what}; finished trials are kept in {folder}: the same command goes on from there")
+        return _print(args, folder, code=3)
+    return _print(args, folder, code=0)
+
+
+def _print(args: argparse.Namespace, folder: Path, code: int) -> int:
+    import json
+
+    from agents.cli.output import print_json
+    from agents.evaluation.tables import render_summary
+
+    path = folder / "summary.json"
+    if path.is_file():
+        summary = json.loads(path.read_text())
+        if args.json:
+            print_json(summary)
+        else:
+            print(render_summary(summary))
+    return code

@@ -1,0 +1,67 @@
+"""Options that several commands share."""
+
+import argparse
+import math
+
+
+def positive_int(text: str) -> int:
+    """Parse a whole number above zero."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = 0
+    if value < 1:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return value
+
+
+def natural_int(text: str) -> int:
+    """Parse a whole number from zero on."""
+    try:
+        value = int(text)
+    except ValueError:
+        value = -1
+    if value < 0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 on")
+    return value
+
+
+def positive_float(text: str) -> float:
+    """Parse a finite number above zero."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = math.nan
+    if not 0.0 < value < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
+    return value
+
+
+def add_json(parser: argparse.ArgumentParser) -> None:
+    """Add `--json`."""
+    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+
+
+def add_mesh(parser: argparse.ArgumentParser) -> None:
+    """Add `--mesh-scale` and `--mesh-mass`, which apply to mesh files alone."""
+    parser.add_argument(
+        "--mesh-scale", type=positive_float, default=1.0, metavar="F",
+        help="factor from the mesh file's unit to metres: 0.001 for millimetres (default 1)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--mesh-mass",
+        type=positive_float,
+        default=None,
+        metavar="KG",
+        help="mass of the mesh (default: by its volume)",
+    )
+
+
+def add_scene(parser: argparse.ArgumentParser) -> None:
+    """Add `--mount` and `--friction`."""
+    from dexgrasp_env.robot.mounts import MOUNTS
+
+    parser.add_argument("--mount", choices=tuple(MOUNTS), help="how the hand sits on the arm's flange")
+    parser.add_argument(
+        "--friction", type=positive_float, metavar="MU", help="sliding friction coefficient (default 0.7)"
+    )

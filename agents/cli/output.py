@@ -1,0 +1,55 @@
+"""What commands write: one JSON object on standard output, everything else on standard error."""
+
+import json
+import os
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from typing import Any, TextIO
+
+_json_stream: TextIO | None = None
+
+
+@contextmanager
+def json_output(active: bool) -> Iterator[None]:
+    """Keep standard output for `print_json` alone, when active: prints and native libraries go to standard error."""
+    global _json_stream
+    if not active:
+        yield
+        return
+    before, real = sys.stdout, _duplicate(sys.stdout)
+    _json_stream = real or before
+    descriptor = before.fileno() if real else None
+    if descriptor is not None:
+        before.flush()
+        os.dup2(sys.stderr.fileno(), descriptor)
+    sys.stdout = sys.stderr
+    try:
+        yield
+    finally:
+        sys.stdout, _json_stream = before, None
+        if real is not None and descriptor is not None:
+            real.flush()
+            os.dup2(real.fileno(), descriptor)
+            real.close()
+
+
+def _duplicate(stream: TextIO) -> TextIO | None:
+    """A second handle on the real standard output; None where it is replaced, as in tests."""
+    try:
+        sys.stderr.fileno()
+        return os.fdopen(os.dup(stream.fileno()), "w", encoding="utf-8")
+    except (OSError, ValueError, AttributeError):
+        return None
+
+
+def print_json(content: Mapping[str, Any]) -> None:
+    """Print one JSON object on standard output; NaN and infinities are refused, as JSON has none."""
+    stream = _json_stream or sys.stdout
+    stream.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
+    stream.flush()
+
+
+def note(message: str) -> None:
+    """Print a line for people on standard error."""
+    print(message, file=sys.stderr, flush=True)

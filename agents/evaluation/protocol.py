@@ -1,0 +1,95 @@
+"""Protocols: what every agent is scored on, and the seeds that give all of them the same scenes."""
+
+import hashlib
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp_env.errors import InputError, unknown_name
+
+AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode")
+"""The settings that an agent may choose; everything else belongs to the protocol."""
+
+
+@dataclass(frozen=True)
+class Protocol:
+    """One way of scoring.
+
+    Attributes:
+        name: what summaries call it.
+        env_id: the registered environment; its time limit and success criterion apply.
+        scene: settings of `gym.make` that make the scenes.
+        description: one line for people.
+    """
+
+    name: str
+    env_id: str
+    scene: Mapping[str, Any] = field(default_factory=dict)
+    description: str = ""
+
+
+PROTOCOLS: dict[str, Protocol] = {
+    protocol.name: protocol
+    for protocol in (
+        Protocol(
+            "lift-v0",
+            "DexGrasp/Lift-v0",
+            description="the environment as registered: 15 s, lift 10 cm, hold 3 s",
+        ),
+    )
+}
+"""Every protocol by name; a published number names the one it was made with."""
+
+
+def get_protocol(name: str) -> Protocol:
+    """Return a protocol by name.
+
+    Raises:
+        InputError: naming the valid ones.
+    """
+    if name not in PROTOCOLS:
+        raise unknown_name("protocol", name, PROTOCOLS)
+    return PROTOCOLS[name]
+
+
+@dataclass(frozen=True)
+class TrialSeeds:
+    """Seeds of one trial, below 2^32: of the scene and of the agent's own randomness."""
+
+    scene: int
+    agent: int
+
+
+def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
+    """Return the seeds of trial `trial` on an object.
+
+    They depend on nothing else: not on the agent, the other objects, the order or the number of workers.
+
+    Args:
+        seed: of the evaluation.
+        target: name of the catalogue, or path of a mesh, of which the file's name counts.
+        trial: number from 0 on.
+    """
+    digest = hashlib.sha256(Path(target).name.encode()).digest()
+    words = np.frombuffer(digest[:16], dtype="<u4").tolist()
+    scene, agent = np.random.SeedSequence([seed, trial, *words]).generate_state(2)
+    return TrialSeeds(int(scene), int(agent))
+
+
+def agent_settings(name: str, agent: object) -> dict[str, Any]:
+    """Return the environment settings that an agent asks for.
+
+    Raises:
+        InputError: if it asks for something that is the protocol's to choose.
+    """
+    settings = dict(getattr(agent, "env_settings", {}))
+    for key in settings:
+        if key not in AGENT_KEYS:
+            raise InputError(
+                f"agent {name!r} asks for env_settings {key!r}, which the protocol decides: "
+                f"valid are {', '.join(AGENT_KEYS)}"
+            )
+    return settings

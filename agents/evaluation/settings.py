@@ -1,0 +1,124 @@
+"""What an evaluation is of: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
+
+import hashlib
+import importlib.util
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import Any
+
+from agents.evaluation.protocol import get_protocol
+from dexgrasp_env.errors import InputError
+
+_PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
+
+
+@dataclass(frozen=True)
+class EvaluationSettings:
+    """Everything that the outcome depends on.
+
+    Attributes:
+        agents: names, checkpoints or `package.module:Class`.
+        objects: names of the catalogue and paths of meshes, sets expanded.
+        trials: of each agent on each object.
+        seed: of the scenes and of the agents.
+        protocol: name of a protocol.
+        mount: how the hand sits on the flange; None for the protocol's.
+        friction: sliding friction coefficient; None for the protocol's.
+        mesh_scale: factor to metres, of meshes alone.
+        mesh_mass: kg, of meshes alone; None for their own.
+    """
+
+    agents: tuple[str, ...]
+    objects: tuple[str, ...]
+    trials: int = 1
+    seed: int = 0
+    protocol: str = "lift-v0"
+    mount: str | None = None
+    friction: float | None = None
+    mesh_scale: float = 1.0
+    mesh_mass: float | None = None
+
+    @classmethod
+    def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
+        """Expand sets and check what can be checked without building anything.
+
+        Raises:
+            InputError: for no agent, an unknown object or protocol, numbers out of range.
+        """
+        from dexgrasp_env.objects.load import resolve_targets
+
+        settings = cls(tuple(dict.fromkeys(agents)), tuple(resolve_targets(list(objects))), **rest)
+        if not settings.agents:
+            raise InputError("no agents given: see `dexgrasp list agents`")
+        if settings.trials < 1 or settings.seed < 0:
+            raise InputError(f"trials = {settings.trials}, seed = {settings.seed}: valid are trials >= 1 and seed >= 0")
+        get_protocol(settings.protocol)
+        return settings
+
+    def scene(self) -> dict[str, Any]:
+        """Settings of `gym.make` that make the scenes."""
+        given = {"mount": self.mount, "friction": self.friction}
+        chosen = {key: value for key, value in given.items() if value is not None}
+        return {
+            **get_protocol(self.protocol).scene,
+            **chosen,
+            "mesh_scale": self.mesh_scale,
+            "mesh_mass": self.mesh_mass,
+        }
+
+    def identity(self) -> dict[str, Any]:
+        """Return the settings with the versions and contents they rest on, as JSON can hold them."""
+        files = {
+            Path(name).name: _file_hash(Path(name)) for name in (*self.agents, *self.objects) if Path(name).is_file()
+        }
+        settings = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
+        return settings | {"files": files, "code": code_hash(self.agents), "versions": versions()}
+
+    def default_folder(self) -> Path:
+        """Return runs/<protocol>-<agents>-seed<seed>-<hash>: the same command finds its own results again."""
+        digest = hashlib.sha256(repr(sorted(self.identity().items())).encode()).hexdigest()[:8]
+        agents = "+".join(Path(agent).stem.replace(":", ".") for agent in self.agents)[:60]
+        return Path("runs") / f"{self.protocol}-{agents}-seed{self.seed}-{digest}"
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of the packages that outcomes depend on."""
+    found = {}
+    for package in _PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            found[package] = "not installed"
+    return found
+
+
+def code_hash(agents: Sequence[str] = ()) -> str:
+    """Return a hash of the sources of both packages and of users' agents: results of other code do not mix in."""
+    roots = [_package_folder(name) for name in ("agents", "dexgrasp_env")]
+    files = sorted(path for root in roots for path in root.rglob("*.py"))
+    digest = hashlib.sha256()
+    for path in [*files, *_agent_sources(agents)]:
+        digest.update(path.name.encode() + path.read_bytes())
+    return digest.hexdigest()[:16]
+
+
+def _agent_sources(agents: Sequence[str]) -> list[Path]:
+    modules = [name.partition(":")[0] for name in agents if ":" in name]
+    try:
+        specs = [importlib.util.find_spec(module) for module in modules]
+    except (ImportError, ValueError):  # make_agent says what is wrong with the name
+        return []
+    return [Path(spec.origin) for spec in specs if spec and spec.origin and Path(spec.origin).is_file()]
+
+
+def _package_folder(name: str) -> Path:
+    spec = importlib.util.find_spec(name)
+    if spec is None or spec.origin is None:
+        raise InputError(f"package {name} is not installed")
+    return Path(spec.origin).parent
+
+
+def _file_hash(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]

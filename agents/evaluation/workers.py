@@ -1,0 +1,99 @@
+"""Trials in several processes; what comes out does not depend on how many."""
+
+import multiprocessing
+import os
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import connection
+from typing import Any
+
+from agents.evaluation.bench import Bench, Cell, thread_limits
+from agents.evaluation.settings import EvaluationSettings
+
+_bench: Bench | None = None
+
+
+class WorkerDiedError(RuntimeError):
+    """A worker process was killed or crashed."""
+
+
+def run_cells(
+    settings: EvaluationSettings, cells: Sequence[Cell], workers: int, bench: Bench
+) -> Iterator[dict[str, Any]]:
+    """Yield the rows of the cells as they are finished.
+
+    Args:
+        settings: of the evaluation.
+        cells: the trials.
+        workers: processes; with 1 everything runs in this one.
+        bench: used with one worker.
+
+    Raises:
+        WorkerDiedError: if a process went away.
+    """
+    workers = min(workers, len(cells))
+    if workers <= 1:
+        yield from map(bench.run, cells)
+        return
+    context = multiprocessing.get_context("spawn")
+    with _environment(thread_limits(workers)):
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_start, initargs=(settings,))
+        try:
+            yield from _as_finished(pool, cells, ahead=2 * workers)
+        except BrokenProcessPool:
+            raise WorkerDiedError("a worker process died (killed, out of memory, or a crash in native code)") from None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
+
+
+def _as_finished(pool: ProcessPoolExecutor, cells: Sequence[Cell], ahead: int) -> Iterator[dict[str, Any]]:
+    waiting: set[Future[dict[str, Any]]] = set()
+    for cell in cells:
+        waiting.add(pool.submit(_run, cell))
+        if len(waiting) >= ahead:
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            yield from (future.result() for future in done)
+    while waiting:
+        done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+        yield from (future.result() for future in done)
+
+
+def _start(settings: EvaluationSettings) -> None:
+    """Set a worker up: Ctrl-C is the parent's to handle, and without a parent there is nothing to do."""
+    global _bench
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_exit_with_parent, daemon=True).start()
+    _bench = Bench(settings)
+
+
+def _exit_with_parent() -> None:
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)
+
+
+def _run(cell: Cell) -> dict[str, Any]:
+    assert _bench is not None, "the initializer has run"
+    return _bench.run(cell)
+
+
+@contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    """Set environment variables for the processes that start meanwhile."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value
