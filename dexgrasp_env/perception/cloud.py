@@ -1,0 +1,106 @@
+"""Depth images to points in the robot base frame."""
+
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.perception.cameras import Camera
+from dexgrasp_env.poses import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Cloud:
+    """Points and where each comes from; all arrays have M rows.
+
+    Attributes:
+        points: (M, 3) m, robot base frame.
+        views: (M, 3) unit vectors from the points to the cameras that saw them.
+        depth: (M,) m along the optical axis.
+        camera: (M,) index of the camera.
+        pixel: (M,) index into the flattened (cameras, H, W) images.
+    """
+
+    points: Array
+    views: Array
+    depth: Array
+    camera: NDArray[np.int32]
+    pixel: NDArray[np.int32]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+    def select(self, keep: NDArray) -> "Cloud":
+        """Return the rows of a mask or of indices."""
+        return Cloud(*(getattr(self, f.name)[keep] for f in fields(self)))
+
+    def moved(self, points: Array) -> "Cloud":
+        """Return the cloud with other positions."""
+        return replace(self, points=points)
+
+    @classmethod
+    def join(cls, clouds: list["Cloud"]) -> "Cloud":
+        """Return all rows of several clouds."""
+        return cls(*(np.concatenate([getattr(c, f.name) for c in clouds]) for f in fields(cls)))
+
+
+def is_valid(depth: NDArray) -> NDArray[np.bool_]:
+    """Return where a depth image holds a measurement: finite and positive."""
+    with np.errstate(invalid="ignore"):
+        return np.isfinite(depth) & (depth > 0)
+
+
+def deproject(depth: NDArray, camera: Camera) -> Array:
+    """Return the organised cloud of one depth image.
+
+    Args:
+        depth: (H, W) m along the optical axis; NaN, inf and values <= 0 are no measurement.
+        camera: pose and intrinsics as believed.
+
+    Returns:
+        (H, W, 3) m in the robot base frame, NaN where there is no measurement.
+    """
+    z = np.where(is_valid(depth), depth, np.nan).astype(float)
+    return (camera.intrinsics.directions() * z[..., None]) @ camera.rotation.T + camera.position
+
+
+def gather(depths: NDArray, cameras: tuple[Camera, ...]) -> Cloud:
+    """Return the valid points of all images, (cameras, H, W), as one cloud."""
+    clouds = []
+    for k, (depth, camera) in enumerate(zip(depths, cameras, strict=True)):
+        index = np.flatnonzero(is_valid(depth))
+        points = deproject(depth, camera).reshape(-1, 3)[index]
+        views = camera.position - points
+        views /= np.sqrt((views * views).sum(-1, keepdims=True))
+        tags = np.full(len(index), k, np.int32), (index + k * depth.size).astype(np.int32)
+        clouds.append(Cloud(points, views, depth.ravel()[index].astype(float), *tags))
+    return Cloud.join(clouds)
+
+
+def crop(cloud: Cloud, low: Array, high: Array) -> Cloud:
+    """Return the points inside the axis-aligned box from `low` to `high`, (3,) m each, robot base frame."""
+    p = cloud.points
+    return cloud.select(((p >= np.asarray(low)) & (p <= np.asarray(high))).all(-1))
+
+
+def remove_flying(depths: NDArray, tolerance: float = 0.02, neighbours: int = 3) -> NDArray[np.float32]:
+    """Return depth images without pixels that hang in the air between two surfaces.
+
+    Args:
+        depths: (cameras, H, W) m.
+        tolerance: a neighbour within this depth supports a pixel, metres.
+        neighbours: how many of the eight around it a pixel needs.
+
+    Returns:
+        (cameras, H, W) m, inf where removed or invalid.
+    """
+    z = np.where(is_valid(depths), depths, np.inf).astype(np.float32)
+    padded = np.pad(z, ((0, 0), (1, 1), (1, 1)), constant_values=np.inf)
+    support = np.zeros(z.shape, np.int8)
+    h, w = z.shape[1:]
+    with np.errstate(invalid="ignore"):
+        for dv in range(3):
+            for du in range(3):
+                if (dv, du) != (1, 1):
+                    support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < tolerance
+    return np.where(support >= neighbours, z, np.float32(np.inf))

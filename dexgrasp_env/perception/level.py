@@ -1,0 +1,57 @@
+"""Calibration errors that the table shows, taken out.
+
+All cameras look at one table, so what separates their tables is calibration error: roll, pitch and height of each camera
+follow from it; x, y and yaw cannot.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.perception.cloud import Cloud
+from dexgrasp_env.perception.plane import Plane, refine_plane
+from dexgrasp_env.poses import Array
+
+
+def view_corrections(
+    cloud: Cloud, plane: Plane, views: int, tolerance: float = 0.012, min_inliers: int = 100
+) -> NDArray[np.float64]:
+    """Return the transform that lays each view's own table into the common plane, (views, 4, 4).
+
+    Args:
+        cloud: points of all views, table included.
+        plane: the common table.
+        views: number of cameras.
+        tolerance: points this close to the common plane count as table, metres.
+        min_inliers: a view with fewer of them stays as it is.
+    """
+    corrections = np.tile(np.eye(4), (views, 1, 1))
+    table = np.abs(plane.heights(cloud.points)) < tolerance
+    for k in range(views):
+        own = cloud.points[table & (cloud.camera == k)]
+        if len(own) < min_inliers:
+            continue
+        fit = refine_plane(own, plane.normal, plane.offset, tolerance, min_inliers)
+        if fit is not None:
+            corrections[k] = _onto(fit, plane, own.mean(0))
+    return corrections
+
+
+def level_views(cloud: Cloud, corrections: NDArray[np.float64]) -> Cloud:
+    """Return the cloud with every point moved by the correction of its view."""
+    T = corrections[cloud.camera]
+    return cloud.moved((T[:, :3, :3] * cloud.points[:, None]).sum(-1) + T[:, :3, 3])
+
+
+def _onto(own: Plane, common: Plane, centre: Array) -> Array:
+    pivot = centre - own.heights(centre) * own.normal
+    T = np.eye(4)
+    T[:3, :3] = _smallest_turn(own.normal, common.normal)
+    T[:3, 3] = pivot - common.heights(pivot) * common.normal - T[:3, :3] @ pivot
+    return T
+
+
+def _smallest_turn(a: Array, b: Array) -> Array:
+    """Return the smallest rotation that takes unit vector a to the nearby unit vector b (Rodrigues)."""
+    v = np.cross(a, b)
+    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.eye(3) + K + K @ K / (1.0 + a @ b)

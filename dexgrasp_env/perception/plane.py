@@ -1,0 +1,109 @@
+"""The table plane: found in the cloud and removed from it."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.perception.cloud import Cloud
+from dexgrasp_env.poses import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """The plane normal . x = offset, robot base frame.
+
+    Attributes:
+        normal: (3,) unit, upwards.
+        offset: metres.
+        rms: RMS distance of the points it was fitted to, metres; a measure of the sensor's noise.
+        inliers: their number.
+    """
+
+    normal: Array
+    offset: float
+    rms: float
+    inliers: int
+
+    def heights(self, points: Array) -> Array:
+        """Signed distance of points (..., 3) above the plane, metres."""
+        return (points * self.normal).sum(-1) - self.offset
+
+
+def fit_plane(
+    points: Array,
+    rng: np.random.Generator,
+    *,
+    height: float = 0.0,
+    height_tolerance: float = 0.05,
+    tilt: float = np.radians(8.0),
+    tolerance: float = 0.006,
+    min_inliers: int = 200,
+    hypotheses: int = 64,
+    samples: int = 1500,
+) -> Plane | None:
+    """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
+
+    Args:
+        points: (M, 3) m, robot base frame.
+        rng: draws the subsample and the triples.
+        height: where the table is expected, metres.
+        height_tolerance: farther points have no say, metres.
+        tilt: steeper hypotheses are dropped, radians.
+        tolerance: an inlier lies within this, metres.
+        min_inliers: fewer inliers are no table.
+        hypotheses: triples tried.
+        samples: points on which hypotheses are scored.
+
+    Returns:
+        The plane, or None if there is none.
+    """
+    near = points[np.abs(points[:, 2] - height) < height_tolerance]
+    if len(near) < max(min_inliers, 3):
+        return None
+    pool = near[rng.integers(len(near), size=samples)]
+    triples = pool[rng.integers(samples, size=(hypotheses, 3))]
+    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    length = np.sqrt((normals * normals).sum(-1))
+    fit = np.abs(normals[:, 2]) > np.cos(tilt) * np.maximum(length, 1e-12)
+    if not fit.any():
+        return None
+    normals = normals[fit] / (length * np.sign(normals[:, 2]))[fit, None]
+    offsets = (normals * triples[fit, 0]).sum(-1)
+    score = (np.abs(pool @ normals.T - offsets) < tolerance).sum(0)
+    best = int(score.argmax())
+    return refine_plane(near, normals[best], float(offsets[best]), tolerance, min_inliers)
+
+
+def refine_plane(
+    points: Array, normal: Array, offset: float, tolerance: float = 0.006, min_inliers: int = 200
+) -> Plane | None:
+    """Return the least-squares plane of the points within `tolerance` metres of a first guess, or None if too few."""
+    rms, count = np.inf, 0
+    for _ in range(3):
+        distance = (points * normal).sum(-1) - offset
+        inliers = points[np.abs(distance) < tolerance]
+        count = len(inliers)
+        if count < min_inliers:
+            return None
+        normal, offset, rms = _least_squares(inliers)
+        tolerance = min(tolerance, max(3.0 * rms, 5e-4))
+    return Plane(normal, offset, rms, count)
+
+
+def _least_squares(points: Array) -> tuple[Array, float, float]:
+    centre = points.mean(0)
+    local = points - centre
+    values, vectors = np.linalg.eigh(local.T @ local / len(points))
+    normal = vectors[:, 0] * np.sign(vectors[2, 0])
+    return normal, float(normal @ centre), float(np.sqrt(max(values[0], 0.0)))
+
+
+def remove_plane(cloud: Cloud, plane: Plane, clearance: float) -> Cloud:
+    """Return the points more than `clearance` metres above the plane."""
+    return cloud.select(plane.heights(cloud.points) > clearance)
+
+
+def table_clearance(plane: Plane, sigmas: float = 3.5, least: float = 0.002) -> float:
+    """Return the height below which a point may be table noise, metres."""
+    return max(least, sigmas * plane.rms)
