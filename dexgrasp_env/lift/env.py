@@ -178,7 +178,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         observation: dict[str, NDArray[Any]] = dict(robot_observation(state))
         if self.settings.obs_mode == "state":
             observation |= object_observation(state, self._progress, simulation.constants)
-        views, info = self._views.observe(simulation.model, simulation.data, self.np_random, at_reset)
+        views, info = self._views.observe(simulation, self.np_random, at_reset)
         return observation | views, info
 
     def _info(self, failure: str | None = None) -> dict[str, Any]:

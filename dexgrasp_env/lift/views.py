@@ -1,6 +1,7 @@
 """What cameras add to observations, and pictures for people."""
 
 from collections.abc import Mapping
+from dataclasses import fields
 from typing import Any
 
 import mujoco
@@ -9,7 +10,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.perception.cameras import default_cameras
+from dexgrasp_env.lift.randomisation import Variation
+from dexgrasp_env.lift.simulation import Simulation
+from dexgrasp_env.perception.backends import DepthBackend, make_backend
+from dexgrasp_env.perception.cameras import Camera, default_cameras
+from dexgrasp_env.perception.perceive import Perception
+from dexgrasp_env.perception.sensor import SensorModel
 
 
 class Views:
@@ -18,8 +24,13 @@ class Views:
     def __init__(
         self, obs_mode: str, observe: str, sensor: Mapping[str, Any] | str, render_size: tuple[int, int]
     ) -> None:
-        self._obs_mode, self._observe = obs_mode, observe
+        self._obs_mode, self._at_every_step = obs_mode, observe == "step"
         self._render_size = render_size
+        self._sensor = sensor_model(sensor)
+        self._perceptions: dict[int, tuple[Variation, Perception]] = {}
+        self._colours: dict[int, DepthBackend] = {}
+        self._held: dict[str, NDArray[Any]] = {}
+        self._held_info: dict[str, Any] = {}
         self._renderer: mujoco.Renderer | None = None
         self._viewer: Any = None
         self._shown: mujoco.MjModel | None = None
@@ -27,12 +38,55 @@ class Views:
         self.image_shape = (len(default_cameras()), intrinsics.height, intrinsics.width)
 
     def observe(
-        self, model: mujoco.MjModel, data: mujoco.MjData, rng: Generator, at_reset: bool
+        self, simulation: Simulation, rng: Generator, at_reset: bool
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return the camera part of an observation and of the info."""
+        """Return the camera part of an observation and of the info.
+
+        With `observe="reset"` the views of the reset are repeated for the whole episode.
+        """
         if self._obs_mode == "state":
             return {}, {}
-        raise NotImplementedError
+        if at_reset or self._at_every_step:
+            perception = self._perception(simulation)
+            if at_reset:
+                perception.reset(rng)
+            self._held, self._held_info = self._look(perception, simulation, rng)
+        return {key: value.copy() for key, value in self._held.items()}, self._held_info
+
+    def _look(
+        self, perception: Perception, simulation: Simulation, rng: Generator
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": None}
+        if self._obs_mode == "pointcloud":
+            cloud = perception.observe(simulation.data, rng).cloud
+            info["perception_failure"] = cloud.reason
+            plane = np.zeros(4) if cloud.plane is None else np.append(cloud.plane.normal, cloud.plane.offset)
+            return {
+                "cloud": cloud.points.astype(np.float32),
+                "cloud_normals": cloud.normals.astype(np.float32),
+                "cloud_mask": cloud.mask.astype(np.int8),
+                "table_plane": plane.astype(np.float32),
+            }, info
+        depth = perception.measure(simulation.data, rng)
+        views: dict[str, NDArray[Any]] = {"depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)}
+        if self._obs_mode == "rgbd":
+            views["rgb"] = self._colour(simulation).render_rgb(simulation.data)
+        return views, info
+
+    def _perception(self, simulation: Simulation) -> Perception:
+        """The cell of this simulation; made anew when a variation has changed the object's size."""
+        known = self._perceptions.get(id(simulation))
+        if known is None or known[0].size != simulation.variation.size:
+            known = (simulation.variation, Perception(simulation.model, sensor=self._sensor))
+            self._perceptions[id(simulation)] = known
+        return known[1]
+
+    def _colour(self, simulation: Simulation) -> DepthBackend:
+        if id(simulation) not in self._colours:
+            for backend in self._colours.values():
+                backend.close()  # one GL context at a time
+            self._colours = {id(simulation): make_backend("gl", simulation.model, default_cameras())}
+        return self._colours[id(simulation)]
 
     def render(self, mode: str | None, model: mujoco.MjModel, data: mujoco.MjData) -> Any:
         """Render the scene in a mode of `LiftEnv.metadata`."""
@@ -63,7 +117,38 @@ class Views:
             self._renderer.close()
         if self._viewer is not None:
             self._viewer.close()
+        for backend in self._colours.values():
+            backend.close()
+        self._colours = {}
         self._renderer = self._viewer = self._shown = None
+
+
+def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
+    """Return what an agent needs to use depth images: poses as calibrated and pinhole parameters in pixels."""
+    lenses = [camera.intrinsics for camera in cameras]
+    return {
+        "perception_T_world_camera": np.stack([camera.T_world_camera for camera in cameras]),
+        "perception_intrinsics": np.array([[lens.fx, lens.fy, lens.cx, lens.cy] for lens in lenses]),
+    }
+
+
+def sensor_model(value: Mapping[str, Any] | str) -> SensorModel:
+    """Return the sensor model of a name or of a mapping of `SensorModel`'s settings.
+
+    Raises:
+        InputError: for an unknown name or setting, or a value out of range.
+    """
+    if isinstance(value, SensorModel):
+        return value
+    if isinstance(value, str):
+        if value not in ("realistic", "none"):
+            raise unknown_name("sensor", value, ["realistic", "none", "a mapping of SensorModel's settings"])
+        return SensorModel.realistic() if value == "realistic" else SensorModel.none()
+    names = [field.name for field in fields(SensorModel)]
+    for key in value:
+        if key not in names:
+            raise unknown_name("sensor setting", key, names)
+    return SensorModel(**value)
 
 
 def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:

@@ -1,0 +1,170 @@
+"""Proposals to whole configurations: starting postures for the optimiser.
+
+Two ways. The atlas finds hand postures whose tips make the proposal's triangle and places the palm by rigid alignment.
+The way of section 3.3 starts from a palm above the object in six orientations and moves the tips by IK.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from agents.geometry.convex_kernel import convex_distance
+from agents.kinematics.palm_ik import solve_palm
+from agents.kinematics.tree import RobotTree
+from agents.planning.atlas import HandAtlas, hand_atlas, triangle_sides
+from agents.planning.proposals import Proposals
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from agents.planning.tip_ik import solve_tips
+from dexgrasp_env.robot.limits import HOME
+
+Array = NDArray[np.float64]
+_ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
+_NEIGHBOURS = 24  # postures of the atlas looked at for each assignment
+_SIDE_TOLERANCE = 0.012  # m
+_PALM_CENTRE = np.array([-0.0093, 0.0, -0.0475])  # of the palm's box in the palm frame, m
+_PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness and some
+_PALM_HEIGHT = 0.06  # m of the palm's centre above the table
+_ARM_TOLERANCE = 2e-3  # m
+
+
+@dataclass(frozen=True)
+class Posture:
+    """A start for the optimiser: joints (23,) rad, the proposal it came from, and its score."""
+
+    q: Array
+    proposal: int
+    score: float
+
+
+@njit(cache=True, error_model="numpy")
+def _frame(a: Array, b: Array, c: Array) -> Array:
+    """Return axes (3, 3) as columns of a triangle's own frame."""
+    x = b - a
+    x /= np.sqrt((x * x).sum()) + 1e-12
+    z = np.cross(x, c - a)
+    z /= np.sqrt((z * z).sum()) + 1e-12
+    y = np.cross(z, x)
+    out = np.empty((3, 3))
+    out[:, 0], out[:, 1], out[:, 2] = x, y, z
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _place(
+    centres: Array, inward: Array, tips: Array, axes: Array, pads: Array, triangles: Array, planes: Array
+) -> tuple[float, Array, Array]:
+    """Align a posture with fingertip targets; return its score (-1 if useless), palm rotation and position."""
+    R = _frame(centres[0], centres[1], centres[2]) @ np.ascontiguousarray(_frame(tips[0], tips[1], tips[2]).T)
+    middle, own = np.zeros(3), np.zeros(3)
+    for i in range(3):
+        middle += centres[i] / 3.0
+        own += tips[i] / 3.0
+    p = middle - R @ own
+    palm = p + R @ _PALM_CENTRE
+    if palm[2] < _PALM_HEIGHT:
+        return -1.0, R, p
+    facing = 2.0
+    for i in range(3):
+        on_axis, on_pad = 0.0, 0.0
+        local = R.T @ inward[i]
+        for r in range(3):
+            on_axis += axes[i, r] * local[r]
+            on_pad += pads[i, r] * local[r]
+        if on_axis < 0.05 or on_pad < -0.1:
+            return -1.0, R, p
+        facing = min(facing, 0.5 * on_axis + on_pad)
+    gradient = np.empty(3)
+    room = convex_distance(palm, triangles, planes, gradient)
+    if room < _PALM_ROOM:
+        return -1.0, R, p
+    # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
+    down = -R[2, 0]
+    if down < -0.2:
+        return -1.0, R, p
+    return min(facing, 0.8) + 0.5 * down + 2.0 * min(palm[2], 0.15), R, p
+
+
+@njit(cache=True, error_model="numpy")
+def _best_placements(
+    centres: Array, inward: Array, near: NDArray[np.int64], tips: Array, axes: Array, pads: Array, triangles: Array, planes: Array
+) -> tuple[Array, NDArray[np.int64], Array, Array]:
+    """For each of K assigned triples the best of its neighbours: scores, indices, palm rotations and positions."""
+    K = centres.shape[0]
+    scores, which = np.full(K, -1.0), np.zeros(K, dtype=np.int64)
+    rotations, positions = np.zeros((K, 3, 3)), np.zeros((K, 3))
+    for k in range(K):
+        for n in near[k]:
+            if n >= tips.shape[0]:
+                break
+            score, R, p = _place(centres[k], inward[k], tips[n], axes[n], pads[n], triangles, planes)
+            if score > scores[k]:
+                scores[k], which[k] = score, n
+                rotations[k], positions[k] = R, p
+    return scores, which, rotations, positions
+
+
+def atlas_postures(
+    proposals: Proposals, subject: Subject, tree: RobotTree, settings: PlannerSettings
+) -> Iterator[Posture]:
+    """Yield postures from the atlas, best first, with the arm solved; at most `settings.postures`."""
+    atlas: HandAtlas = hand_atlas()
+    reach = settings.tip_radius + 0.5 * sum(settings.distance)
+    orders = _ASSIGNMENTS[:1] if proposals.assigned else _ASSIGNMENTS
+    centres = (proposals.contacts + reach * proposals.normals)[:, orders].reshape(-1, 3, 3)
+    inward = -proposals.normals[:, orders].reshape(-1, 3, 3)
+    _, near = atlas.search.query(triangle_sides(centres), _NEIGHBOURS, distance_upper_bound=_SIDE_TOLERANCE)
+    distance = subject.distance
+    scores, which, rotations, positions = _best_placements(
+        centres, inward, near, atlas.tips, atlas.axes, atlas.pads, distance.triangles, distance.planes
+    )
+    margins = np.repeat(np.nan_to_num(proposals.margins, nan=0.3), len(orders))
+    total = np.where(scores > 0.0, scores + np.minimum(margins, 0.5), -np.inf)
+    found = 0
+    for k in np.argsort(-total, kind="stable"):
+        if found == settings.postures or not np.isfinite(total[k]):
+            return
+        q = HOME.copy()
+        q[7:] = atlas.joints[which[k]]
+        if reach_palm(q, rotations[k], positions[k], tree):
+            found += 1
+            yield Posture(q, int(k) // len(orders), float(total[k]))
+
+
+_ELBOWS = ((0.0, 0.0), (0.0, 1.3), (0.0, -1.3), (0.5, 0.0), (-0.5, 0.0))
+
+
+def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
+    """Solve the arm's part of `q` for a palm pose, in place, from a few starts; tell whether it is reached."""
+    toward = np.arctan2(p[1], p[0])
+    for swing, twist in _ELBOWS:
+        q[:7] = HOME[:7]
+        q[0] = np.clip(toward + swing, tree.lower[0], tree.upper[0])
+        q[6] = HOME[6] + twist
+        if solve_palm(q, R, p, tree, 40, 1e-4) < _ARM_TOLERANCE:
+            return True
+    return False
+
+
+def oriented_postures(
+    proposal: int, proposals: Proposals, subject: Subject, tree: RobotTree, settings: PlannerSettings
+) -> list[Posture]:
+    """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
+    reach = settings.tip_radius + 0.5 * sum(settings.distance)
+    targets = proposals.contacts[proposal] + reach * proposals.normals[proposal]
+    top = subject.hull.vertices[:, 2].max()
+    postures = []
+    for k in range(settings.initial_orientations):
+        yaw = 2.0 * np.pi * k / settings.initial_orientations
+        c, s = np.cos(yaw), np.sin(yaw)
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+        middle = np.array([*targets.mean(0)[:2], top + 0.09])
+        q = HOME.copy()
+        if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):
+            continue
+        miss = solve_tips(q, targets, tree, 60, 1e-3)
+        postures.append(Posture(q, proposal, -float(miss)))
+    return sorted(postures, key=lambda posture: -posture.score)

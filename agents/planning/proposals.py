@@ -1,0 +1,119 @@
+"""Where three fingertips could go: contact triples of a surface, and the interface that learned sources share."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from agents.geometry.normals import surface_samples
+from agents.physics.closure import closure_sweep
+from agents.physics.margin import min_weight_batch
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+
+Array = NDArray[np.float64]
+_LEAST_DISTANCE = 0.03  # m between contacts: two fingertips are wider than this
+_JUDGED = 4000  # feasible triples whose margin is computed
+_NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
+
+
+@dataclass(frozen=True)
+class Proposals:
+    """K contact triples, best first.
+
+    Attributes:
+        contacts: (K, 3, 3) m, robot base frame.
+        normals: (K, 3, 3) out of the object.
+        margins: (K,) closure margins, NaN where the source does not know.
+        assigned: whether the order is thumb, index, middle; otherwise any finger may take any contact.
+        failure: why there are none.
+    """
+
+    contacts: Array
+    normals: Array
+    margins: Array
+    assigned: bool = False
+    failure: str | None = None
+
+    @classmethod
+    def none(cls, failure: str) -> "Proposals":
+        """Return an empty set with its reason."""
+        empty = np.zeros((0, 3, 3))
+        return cls(empty, empty, np.zeros(0), failure=failure)
+
+
+class ProposalSource(ABC):
+    """A source of contact triples."""
+
+    @abstractmethod
+    def propose(self, subject: Subject, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return proposals for an object, best first."""
+
+
+class SurfaceProposals(ProposalSource):
+    """All triples of sampled surface points, judged for closure, ranked by margin and by nearness to the centre."""
+
+    def propose(self, subject: Subject, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return up to `settings.triples` triples, varied as well as good."""
+        points, normals = graspable_points(subject, settings, rng)
+        if len(points) < 3:
+            return Proposals.none(_NO_SURFACE)
+        triples = closure_sweep(points, normals, settings.friction, _LEAST_DISTANCE)
+        if not len(triples):
+            return Proposals.none(_NO_CLOSURE)
+        if len(triples) > _JUDGED:
+            triples = triples[rng.choice(len(triples), _JUDGED, replace=False)]
+        contacts, at = points[triples], normals[triples]
+        margins = min_weight_batch(contacts, at, settings.friction)
+        score = _score(contacts, margins, subject)
+        chosen = _varied(triples, score, settings.triples)
+        return Proposals(contacts[chosen], at[chosen], margins[chosen])
+
+
+class UniformProposals(ProposalSource):
+    """Triples drawn uniformly, not judged at all: what the other sources must beat."""
+
+    def propose(self, subject: Subject, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return `settings.triples` triples."""
+        points, normals = graspable_points(subject, settings, rng)
+        if len(points) < 3:
+            return Proposals.none(_NO_SURFACE)
+        triples = np.argsort(rng.random((settings.triples, len(points))), axis=1)[:, :3]
+        return Proposals(points[triples], normals[triples], np.full(len(triples), np.nan))
+
+
+def graspable_points(subject: Subject, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
+    """Sample points (N, 3) m and outward normals (N, 3) that a fingertip can reach above the table.
+
+    The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges.
+    """
+    samples = surface_samples(subject.hull, settings.surface_points, rng)
+    reach = settings.tip_radius + 0.5 * sum(settings.distance)
+    centres = samples.points + reach * samples.normals
+    above = (samples.points[:, 2] > settings.table_clearance) & (centres[:, 2] > settings.tip_radius + settings.clearance)
+    distance, gradient = subject.distance.distance_gradient(centres[above])
+    return centres[above] - distance[:, None] * gradient, gradient
+
+
+def _score(contacts: Array, margins: Array, subject: Subject) -> Array:
+    """Margin counts up to what is aimed at; then contacts around the centre of mass, which gravity turns least."""
+    size = float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0)))
+    offset = np.linalg.norm(contacts.mean(1) - subject.centre, axis=1) / size
+    return np.minimum(margins, 0.6) - 1.0 * offset
+
+
+def _varied(triples: NDArray[np.int64], score: Array, count: int) -> NDArray[np.int64]:
+    """Take the best, but no surface point more often than its share."""
+    order = np.argsort(-score, kind="stable")
+    used = np.zeros(int(triples.max()) + 1, dtype=int)
+    limit = max(4, 6 * count // len(used))
+    chosen = []
+    for k in order:
+        if (used[triples[k]] < limit).all():
+            used[triples[k]] += 1
+            chosen.append(k)
+            if len(chosen) == count:
+                break
+    return np.array(chosen)

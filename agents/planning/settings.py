@@ -1,0 +1,45 @@
+"""Settings of the planner, with where each number comes from."""
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class PlannerSettings:
+    """Settings of the planner; lengths in m, angles in rad.
+
+    Attributes:
+        friction: coefficient that the planner counts on; the environment's default is 0.7, so there is a reserve.
+        distance: range of the signed distance of the tip's inner sphere, (3) with d_min, d_max of section 1.2: the sphere
+            centre lies `tip_radius` above it.
+        tip_radius: effective radius of the compliant fingertip.
+        closure_margin: least min-weight margin accepted (1 is the most that an even grasp can have).
+        closure_aim: margin that the optimiser works towards before it settles for the least.
+        clearance: least clearance of hand to object (tips apart), table and itself.
+        pad_cosine: least cosine between a fingertip's axis and the inward normal: the back of a tip cannot press.
+        joint_margin: distance kept from joint limits.
+        surface_points: samples of the surface that triples are made of.
+        table_clearance: contacts are at least this high above the table.
+        triples: triples that are turned into hand postures.
+        postures: postures that are tried by the optimiser before the planner gives up.
+        initial_orientations: starting postures a proposal (six in section 3.3).
+        iterations: of the sequential quadratic programme, for one posture.
+        seconds: time after which no further posture is tried; None for results that do not depend on the machine.
+        squeeze: lowest and highest normal force of the thumb, N.
+    """
+
+    friction: float = 0.5
+    distance: tuple[float, float] = (-0.0068, -0.0032)
+    tip_radius: float = 0.014
+    closure_margin: float = 0.15
+    closure_aim: float = 0.30
+    clearance: float = 0.001
+    pad_cosine: float = 0.10
+    joint_margin: float = 0.01
+    surface_points: int = 128
+    table_clearance: float = 0.015
+    triples: int = 150
+    postures: int = 60
+    initial_orientations: int = 6
+    iterations: int = 40
+    seconds: float | None = None
+    squeeze: tuple[float, float] = (4.0, 12.0)
