@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from agents.physics.active_set import SOLVED, solve_qp
 from agents.physics.checks import Array, check_array, check_contacts, check_positive, check_unit, rms_radius
-from agents.physics.cones import basis_into
+from agents.physics.cones import basis_of
 from dexgrasp_env.errors import InputError
 
 TOLERANCE = 1e-6
@@ -55,14 +55,15 @@ def _ratio(ga: float, gb: float, s: tuple[float, float, float, float]) -> tuple[
 
 
 @njit(cache=True)
-def _wedge(mu: float, a: Array, b: Array) -> tuple[float, float, float, float]:
-    """The wedge of one contact, of two chords given as (press, u, v) in the contact's frame."""
-    ma, mb = mu * a[0], mu * b[0]
+def _wedge(mu: float, T: Array, i: int, j: int, k: int, m: int) -> tuple[float, float, float, float]:
+    """The wedge of one contact, of its chords T[i, j] and T[k, m], each (press, u, v) in the contact's frame."""
+    ma, mb = mu * T[i, j, 0], mu * T[k, m, 0]
+    au, av, bu, bv = T[i, j, 1], T[i, j, 2], T[k, m, 1], T[k, m, 2]
     s = (-np.inf, np.inf, -np.inf, np.inf)
-    s = _ratio(ma + a[1], mb + b[1], s)
-    s = _ratio(ma - a[1], mb - b[1], s)
-    s = _ratio(ma + a[2], mb + b[2], s)
-    return _ratio(ma - a[2], mb - b[2], s)
+    s = _ratio(ma + au, mb + bu, s)
+    s = _ratio(ma - au, mb - bu, s)
+    s = _ratio(ma + av, mb + bv, s)
+    return _ratio(ma - av, mb - bv, s)
 
 
 @njit(cache=True)
@@ -96,17 +97,20 @@ def _box_meets(bl: float, bu: float, cl: float, cu: float, w: tuple[float, float
 
 
 @njit(cache=True)
-def closed_form(mu: float, e12: Array, e13: Array, e21: Array, e23: Array, e31: Array, e32: Array) -> bool:
-    """Whether non-zero forces in three Eq. 2 cones balance exactly; e_ij is p_j - p_i as (press, u, v) in frame i."""
-    w1 = _wedge(mu, e12, e13)
+def closed_form(mu: float, E: Array, T: Array, i: int, j: int, k: int) -> bool:
+    """Whether non-zero forces in the Eq. 2 cones of contacts i, j, k balance exactly.
+
+    `E[i, j]` is p_j - p_i as (press, u, v) in frame i, and `T[i, j]` is `E[j, i]`: k runs fastest in both.
+    """
+    w1 = _wedge(mu, E, i, j, i, k)
     plus, minus = w1[0] <= w1[1], w1[2] <= w1[3]
     if not (plus or minus):
         return False
-    w2 = _wedge(mu, e21, e23)
+    w2 = _wedge(mu, E, j, i, j, k)
     plus, minus = plus and w2[0] <= w2[1], minus and w2[2] <= w2[3]
     if not (plus or minus):
         return False
-    w3 = _wedge(mu, e31, e32)
+    w3 = _wedge(mu, T, i, k, j, k)
     if plus and _box_meets(w1[0], w1[1], w2[0], w2[1], w3):
         return True
     return minus and _box_meets(-w1[3], -w1[2], -w2[3], -w2[2], w3)
@@ -216,17 +220,27 @@ def _qp_feasible(points: Array, frames: Array, mu: float, scale: float) -> bool:
 
 
 @njit(cache=True)
-def _frame_into(n: Array, frame: Array) -> None:
-    basis_into(n, frame[1], frame[2])
-    for k in range(3):
-        frame[0, k] = -n[k]
+def frames_into(normals: Array, frames: Array) -> None:
+    """Write the contact frames (N, 3, 3), rows (-n, t1, t2), of unit normals (N, 3)."""
+    for i in range(normals.shape[0]):
+        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
+        ax, ay, az, bx, by, bz = basis_of(x, y, z)
+        frames[i, 0, 0], frames[i, 0, 1], frames[i, 0, 2] = -x, -y, -z
+        frames[i, 1, 0], frames[i, 1, 1], frames[i, 1, 2] = ax, ay, az
+        frames[i, 2, 0], frames[i, 2, 1], frames[i, 2, 2] = bx, by, bz
 
 
 @njit(cache=True)
-def _chord(p: Array, q: Array, frame: Array, out: Array) -> None:
-    dx, dy, dz = q[0] - p[0], q[1] - p[1], q[2] - p[2]
-    for j in range(3):
-        out[j] = frame[j, 0] * dx + frame[j, 1] * dy + frame[j, 2] * dz
+def _tables(points: Array, frames: Array, E: Array, T: Array, D: Array) -> None:
+    """Write E[i, j], the chord p_j - p_i in frame i; T[i, j] = E[j, i]; D, squared distances."""
+    n = points.shape[0]
+    for i in range(n):
+        for j in range(n):
+            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            for k in range(3):
+                E[i, j, k] = frames[i, k, 0] * dx + frames[i, k, 1] * dy + frames[i, k, 2] * dz
+                T[j, i, k] = E[i, j, k]
+            D[i, j] = dx * dx + dy * dy + dz * dz
 
 
 @njit(cache=True)
@@ -238,49 +252,37 @@ def _wider(mu: float, flat2: float) -> float:
 
 
 @njit(cache=True)
-def decide_one(points: Array, normals: Array, mu: float, scale: float) -> int:
-    """Decide one triple: 0 infeasible, 1 feasible; +2 where the QP decided. `points`, `normals` (3, 3)."""
-    frames, e = np.empty((3, 3, 3)), np.empty((3, 3, 3))
-    d = np.zeros(3)
-    for i in range(3):
-        _frame_into(normals[i], frames[i])
-        for k in range(3):
-            d[i] += (points[i, k] - points[(i + 1) % 3, k]) ** 2
-    flat2 = _flatness(d[0], d[1], d[2])
-    if flat2 < LINE * LINE:
-        return 2 + int(_qp_feasible(points, frames, mu, scale))
-    for i in range(3):
-        for j in range(3):
-            _chord(points[i], points[j], frames[i], e[i, j])
-    if not closed_form(_wider(mu, flat2), e[0, 1], e[0, 2], e[1, 0], e[1, 2], e[2, 0], e[2, 1]):
-        return 0
-    if closed_form(mu, e[0, 1], e[0, 2], e[1, 0], e[1, 2], e[2, 0], e[2, 1]):
-        return 1
+def _decide_one(points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float) -> int:
+    """Decide one triple: 0 infeasible, 1 feasible; +2 where the QP decided. `points` (3, 3), the rest work space."""
+    E, T, D = tables
+    _tables(points, frames, E, T, D)
+    flat2 = _flatness(D[0, 1], D[0, 2], D[1, 2])
+    if flat2 >= LINE * LINE:
+        if not closed_form(_wider(mu, flat2), E, T, 0, 1, 2):
+            return 0
+        if closed_form(mu, E, T, 0, 1, 2):
+            return 1
     return 2 + int(_qp_feasible(points, frames, mu, scale))
 
 
 @njit(cache=True)
-def _decide(points: Array, normals: Array, mu: float, scale: Array, out: NDArray[np.uint8]) -> None:
+def _decide_range(points: Array, normals: Array, mu: float, scale: Array, out: NDArray[np.uint8]) -> None:
+    frames, corners = np.empty((3, 3, 3)), np.empty((3, 3))
+    tables = (np.empty((3, 3, 3)), np.empty((3, 3, 3)), np.empty((3, 3)))
     for k in range(points.shape[0]):
-        out[k] = decide_one(points[k], normals[k], mu, scale[k])
+        frames_into(normals[k], frames)
+        for i in range(3):
+            for j in range(3):
+                corners[i, j] = points[k, i, j]
+        out[k] = _decide_one(corners, frames, tables, mu, scale[k])
 
 
 @njit(cache=True, parallel=True)
 def _decide_parallel(points: Array, normals: Array, mu: float, scale: Array, out: NDArray[np.uint8]) -> None:
-    for k in prange(points.shape[0]):
-        out[k] = decide_one(points[k], normals[k], mu, scale[k])
-
-
-@njit(cache=True)
-def _tables(points: Array, frames: Array, E: Array, T: Array, D: Array) -> None:
-    """Write E[i, j], the chord p_j - p_i in frame i; T[i, j] = E[j, i]; D, squared distances."""
-    n = points.shape[0]
-    for i in range(n):
-        for j in range(n):
-            _chord(points[i], points[j], frames[i], E[i, j])
-            for k in range(3):
-                T[j, i, k] = E[i, j, k]
-                D[i, j] += (points[j, k] - points[i, k]) ** 2
+    chunks = (points.shape[0] + 1023) // 1024
+    for c in prange(chunks):
+        part = slice(1024 * c, 1024 * c + 1024)
+        _decide_range(points[part], normals[part], mu, scale[part], out[part])
 
 
 @njit(cache=True)
@@ -297,7 +299,7 @@ def _sweep_row(
         if D[i, j] < near:
             at += n - j - 1
             continue
-        eij, eji, dij = E[i, j], E[j, i], D[i, j]
+        dij = D[i, j]
         corners[1], axes[1] = points[j], frames[j]
         for k in range(j + 1, n):
             dik, djk = D[i, k], D[j, k]
@@ -308,10 +310,10 @@ def _sweep_row(
             line = flat2 < LINE * LINE
             if not line:
                 high = usual if flat2 >= FLAT * FLAT else _wider(mu, flat2)
-                if not closed_form(high, eij, E[i, k], eji, E[j, k], T[i, k], T[j, k]):
+                if not closed_form(high, E, T, i, j, k):
                     at += 1
                     continue
-                if closed_form(mu, eij, E[i, k], eji, E[j, k], T[i, k], T[j, k]):
+                if closed_form(mu, E, T, i, j, k):
                     out[at] = 1
                     at += 1
                     continue
@@ -377,8 +379,7 @@ def _scan(points: object, normals: object, mu: float, min_distance: float, lengt
         return n, out
     scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
     frames = np.empty((n, 3, 3))
-    for i in range(n):
-        _frame_into(normals[i], frames[i])
+    frames_into(normals, frames)
     tables = (np.zeros((n, n, 3)), np.zeros((n, n, 3)), np.zeros((n, n)))
     _tables(points, frames, *tables)
     sweep = _sweep_parallel if parallel else _sweep
@@ -445,5 +446,5 @@ def closure_decide(
         if not (np.isfinite(scale).all() and (scale > 0).all()):
             raise InputError("length_scale must be finite and above 0")
     out = np.zeros(len(points), np.uint8)
-    (_decide_parallel if parallel else _decide)(points, normals, check_positive("mu", mu), scale, out)
+    (_decide_parallel if parallel else _decide_range)(points, normals, check_positive("mu", mu), scale, out)
     return (out & 1).astype(bool)

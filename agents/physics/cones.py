@@ -24,19 +24,21 @@ POLE = 1e-12
 
 
 @njit(cache=True)
+def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
+    """Return the tangents (t1, t2) of the unit normal (x, y, z), as scalars: no allocation in the hot loops."""
+    D = 1.0 + C[0] * x + C[1] * y + C[2] * z
+    if D < POLE:
+        return C1[0], C1[1], C1[2], -C2[0], -C2[1], -C2[2]
+    a = (C1[0] * x + C1[1] * y + C1[2] * z) / D
+    b = (C2[0] * x + C2[1] * y + C2[2] * z) / D
+    hx, hy, hz = C[0] + x, C[1] + y, C[2] + z
+    return C1[0] - a * hx, C1[1] - a * hy, C1[2] - a * hz, C2[0] - b * hx, C2[1] - b * hy, C2[2] - b * hz
+
+
+@njit(cache=True)
 def basis_into(n: Array, t1: Array, t2: Array) -> None:
     """Write the tangent basis of one unit normal (3,): (t1, t2, n) is right-handed."""
-    D = 1.0 + C[0] * n[0] + C[1] * n[1] + C[2] * n[2]
-    if D < POLE:
-        for k in range(3):
-            t1[k], t2[k] = C1[k], -C2[k]
-        return
-    a1 = (C1[0] * n[0] + C1[1] * n[1] + C1[2] * n[2]) / D
-    a2 = (C2[0] * n[0] + C2[1] * n[1] + C2[2] * n[2]) / D
-    for k in range(3):
-        h = C[k] + n[k]
-        t1[k] = C1[k] - a1 * h
-        t2[k] = C2[k] - a2 * h
+    t1[0], t1[1], t1[2], t2[0], t2[1], t2[2] = basis_of(n[0], n[1], n[2])
 
 
 @njit(cache=True)
