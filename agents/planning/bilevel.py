@@ -76,14 +76,13 @@ class _Solver:
         self._tree, self._subject, self._settings, self._with_margin = tree, subject, settings, with_margin
         self._low = tree.lower[MOVED] + settings.joint_margin
         self._high = tree.upper[MOVED] - settings.joint_margin
-        self._scale = 0.5 * float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0))) / np.sqrt(3.0)
         self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
         self._least = bounds_of(settings, settings.closure_margin)
 
     def evaluate(self, q: Array) -> Evaluation:
         distance = self._subject.distance
         return evaluate(
-            q, self._tree, distance.triangles, distance.planes, self._subject.centre, self._scale, self._goal, self._with_margin
+            q, self._tree, distance.triangles, distance.planes, self._goal, self._with_margin
         )
 
     def run(self, q: Array) -> Solution:
@@ -121,7 +120,7 @@ class _Solver:
         """Judge by the least that is accepted, not by what was aimed at."""
         distance = self._subject.distance
         final = evaluate(
-            q, self._tree, distance.triangles, distance.planes, self._subject.centre, self._scale, self._least, self._with_margin
+            q, self._tree, distance.triangles, distance.planes, self._least, self._with_margin
         )
         worst = int(np.argmin(final.values))
         violation = max(0.0, -float(final.values[worst]))

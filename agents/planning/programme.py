@@ -15,7 +15,7 @@ from agents.geometry.convex_kernel import convex_distance_hessian
 from agents.kinematics.clearance import clearance_rows
 from agents.kinematics.forward import add_turn_row, forward, tip_jacobian, tip_positions
 from agents.kinematics.tree import RobotTree
-from agents.physics.margin import min_weight
+from agents.physics.margin import cone_margin
 
 Array = NDArray[np.float64]
 MAX_ROWS = 96
@@ -52,9 +52,8 @@ class Evaluation(NamedTuple):
 
 @njit(cache=True, error_model="numpy")
 def evaluate(
-    q: Array, tree: RobotTree, triangles: Array, planes: Array, centre: Array, scale: float, bounds: Bounds,
-    with_margin: bool,
-) -> Evaluation:  # fmt: skip
+    q: Array, tree: RobotTree, triangles: Array, planes: Array, bounds: Bounds, with_margin: bool
+) -> Evaluation:
     """Evaluate all constraints and gradients at `q` (23,) rad.
 
     Args:
@@ -62,8 +61,6 @@ def evaluate(
         tree: the robot.
         triangles: (F, 3, 3) and
         planes: (F, 4), the object in the robot base frame.
-        centre: (3,) m, reference point of torques.
-        scale: m, length that torques are divided by.
         bounds: thresholds.
         with_margin: whether the closure margin counts (ablation `cvae_kinematics` leaves it out).
     """
@@ -86,7 +83,7 @@ def evaluate(
         _direction_rows(i, tree, R, J, normals, hessians, bounds, values, rows)
     margin = 1.0
     if with_margin:
-        margin, by_point, by_normal = min_weight(contacts, normals, bounds.friction, centre, scale)
+        margin, by_point, by_normal = cone_margin(contacts, normals, bounds.friction)
         values[CLOSURE] = MARGIN_SCALE * (margin - bounds.margin)
         for i in range(3):
             n, H = normals[i], hessians[i]

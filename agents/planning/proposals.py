@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agents.geometry.normals import surface_samples
 from agents.physics.closure import closure_sweep
-from agents.physics.margin import min_weight_batch
+from agents.physics.margin import margins
 from agents.planning.settings import PlannerSettings
 from agents.planning.subject import Subject
 
@@ -66,10 +66,10 @@ class SurfaceProposals(ProposalSource):
         if len(triples) > _JUDGED:
             triples = triples[rng.choice(len(triples), _JUDGED, replace=False)]
         contacts, at = points[triples], normals[triples]
-        margins = min_weight_batch(contacts, at, settings.friction)
-        score = _score(contacts, margins, subject)
+        worth = margins(contacts, at, settings.friction)[0]
+        score = _score(contacts, worth, subject)
         chosen = _varied(triples, score, settings.triples)
-        return Proposals(contacts[chosen], at[chosen], margins[chosen])
+        return Proposals(contacts[chosen], at[chosen], worth[chosen])
 
 
 class UniformProposals(ProposalSource):

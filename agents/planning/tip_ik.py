@@ -17,7 +17,9 @@ _POSTURE = 0.02  # share of the way back to the start in the null space, per ste
 
 
 @njit(cache=True, error_model="numpy")
-def solve_tips(q: Array, targets: Array, tree: RobotTree, iterations: int, tolerance: float) -> float:
+def solve_tips(
+    q: Array, targets: Array, tree: RobotTree, iterations: int, tolerance: float, fingers_only: bool = False
+) -> float:
     """Move `q` (23,), in place, so that the tip centres meet `targets`; return the largest miss, m.
 
     Args:
@@ -26,6 +28,7 @@ def solve_tips(q: Array, targets: Array, tree: RobotTree, iterations: int, toler
         tree: the robot.
         iterations: at most so many steps.
         tolerance: m, of the largest miss.
+        fingers_only: keep the arm where it is.
     """
     nb = tree.parent.shape[0]
     R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
@@ -48,6 +51,8 @@ def solve_tips(q: Array, targets: Array, tree: RobotTree, iterations: int, toler
         for i in range(3):
             for r in range(3):
                 J[3 * i + r] = blocks[i, r]
+        if fingers_only:
+            J[:, :7] = 0.0
         _freeze_blocked(J, e, q, tree)
         inverse = J.T @ np.linalg.inv(J @ J.T + _DAMPING * np.eye(9))
         pull = _POSTURE * (start - q)

@@ -1,0 +1,136 @@
+"""Agent `bilevel`: observed cloud -> hull -> proposals -> postures -> bilevel programme -> certified grasp -> actions."""
+
+import time
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.base import Agent, Observation, Report
+from agents.execution.script import ActionScript
+from agents.planning.planner import Plan, Planner
+from agents.planning.proposals import ProposalSource, SurfaceProposals
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from dexgrasp_env.errors import InputError, unknown_name
+
+NO_CLOUD, NO_HULL = "empty_cloud", "cloud_has_no_volume"
+SOURCES = ("surface", "uniform", "cvae")
+
+
+class BilevelAgent(Agent):
+    """Plans once from the cloud at reset and carries the grasp out; it is told nothing of the object's pose or mass."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {
+        "obs_mode": "pointcloud",
+        "control_mode": "joint_position",
+        "observe": "reset",
+    }
+
+    def __init__(
+        self, proposals: str = "surface", settings: PlannerSettings | None = None, mount: str = "palm_normal",
+        with_closure: bool = True, starts: str = "atlas",
+    ) -> None:  # fmt: skip
+        """Prepare the planner.
+
+        Args:
+            proposals: `surface` (all triples of surface points), `cvae` (learned; needs torch) or `uniform`.
+            settings: thresholds and budgets of the planner.
+            mount: of the hand.
+            with_closure: see `Planner`.
+            starts: see `Planner`.
+        """
+        self._source, self._settings = make_source(proposals), settings
+        self._with_closure, self._starts = with_closure, starts
+        self._planner = self._make(mount)
+        self._seed, self._step = 0, 0
+        self.plan: Plan | None = None
+        self._script: ActionScript | None = None
+
+    def _make(self, mount: str) -> Planner:
+        return Planner(self._settings, self._source, mount, starts=self._starts, with_closure=self._with_closure)
+
+    def seed(self, seed: int) -> None:
+        """Seed the proposals of the next episode."""
+        self._seed = int(seed)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Plan from the cloud of the first observation."""
+        if info.get("mount", self._planner.mount) != self._planner.mount:
+            self._planner = self._make(str(info["mount"]))
+        self._step, self._script, self.plan = 0, None, None
+        began = time.perf_counter()
+        if info.get("perception_failure"):
+            self.report = Report(failure=str(info["perception_failure"]), planning_seconds=0.0)
+            return
+        subject, failure = subject_from_cloud(observation)
+        if subject is None:
+            self.report = Report(failure=failure, planning_seconds=time.perf_counter() - began)
+            return
+        hull_seconds = time.perf_counter() - began
+        start = np.asarray(observation["joint_targets"], dtype=float)
+        self.plan = self._planner.plan(subject, self._seed, start)
+        self._script = self.plan.script
+        self.report = Report(
+            failure=None if self._script else f"no_grasp:{self.plan.reason}",
+            planning_seconds=time.perf_counter() - began,
+            details=_details(self.plan, hull_seconds),
+        )
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the next set-points."""
+        if self._script is None:
+            raise InputError("this agent has no plan: reset() says why in report.failure")
+        self._step += 1
+        return self._script.action(self._step - 1)
+
+
+def make_source(name: str) -> ProposalSource:
+    """Return a source of proposals by its name.
+
+    Raises:
+        InputError: for an unknown name, or for `cvae` where torch is not installed.
+    """
+    if name == "surface":
+        return SurfaceProposals()
+    if name == "uniform":
+        from agents.planning.proposals import UniformProposals
+
+        return UniformProposals()
+    if name == "cvae":
+        from agents.learning.proposals import CvaeProposals
+
+        return CvaeProposals()
+    raise unknown_name("proposals", name, SOURCES)
+
+
+def subject_from_cloud(observation: Observation) -> tuple[Subject | None, str | None]:
+    """Return the object of a point-cloud observation, or the reason why there is none."""
+    from dexgrasp_env.perception.hull import cloud_hull
+    from dexgrasp_env.perception.plane import Plane
+
+    points = np.asarray(observation["cloud"], dtype=float)[np.asarray(observation["cloud_mask"], dtype=bool)]
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 4:
+        return None, NO_CLOUD
+    table = np.asarray(observation["table_plane"], dtype=float)
+    plane = Plane(table[:3], float(table[3]), 0.0, 0) if np.linalg.norm(table[:3]) > 0.5 else None
+    hull = cloud_hull(points, plane)
+    if hull is None:
+        return None, NO_HULL
+    try:
+        return Subject.of(hull), None
+    except InputError:
+        return None, NO_HULL
+
+
+def _details(plan: Plan, hull_seconds: float) -> dict[str, Any]:
+    details: dict[str, Any] = {
+        "stages": {"hull": hull_seconds} | plan.seconds,
+        "postures_tried": plan.tried,
+        "blocked": {reason: count for reason, (count, _) in plan.blocked.items()},
+    }
+    if plan.grasp is not None:
+        details["certificate"] = plan.grasp.certificate.as_json()
+    return details

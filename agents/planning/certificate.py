@@ -1,0 +1,41 @@
+"""The certificate of a grasp: the residual of every constraint, in physical units."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What a planner claims of a grasp; `verify` computes all of it again by another way.
+
+    Attributes:
+        distances_cm: signed distance of each tip (centre of the compliant sphere less its radius), thumb, index, middle.
+        force_ratio_percent: |sum f| / sum |f| of the forces of Eq. 4.
+        torque_ratio_percent: |sum (p - c) x f| / sum |(p - c) x f|.
+        closure_residual: optimum of Eq. 4 (f_min 1 N, torques over the object's radius).
+        closure_margin: min-weight margin, 0 at the edge of closure, 1 at best.
+        min_clearance_m: least clearance of hand and arm to object (grasping tips apart), table and themselves.
+        joint_limit_margin_rad: least distance to a joint limit.
+        max_joint_torque_fraction: largest joint torque of the holding forces over its limit.
+        holds: whether forces within cones and torque limits balance the assumed mass.
+        hold_residual: what the holding forces leave of gravity, N.
+        mass: kg, assumed or given.
+        friction: coefficient that was planned with.
+    """
+
+    distances_cm: tuple[float, float, float]
+    force_ratio_percent: float
+    torque_ratio_percent: float
+    closure_residual: float
+    closure_margin: float
+    min_clearance_m: float
+    joint_limit_margin_rad: float
+    max_joint_torque_fraction: float
+    holds: bool
+    hold_residual: float
+    mass: float
+    friction: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the certificate as JSON holds it."""
+        return asdict(self) | {"distances_cm": list(self.distances_cm)}

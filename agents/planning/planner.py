@@ -1,0 +1,214 @@
+"""From an object to a certified grasp: proposals, postures, bilevel programme, forces, opening, approach."""
+
+import time
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.execution.motion import GraspMotion, NoPath
+from agents.execution.script import ActionScript, make_script
+from agents.kinematics.clearance import clearance_rows
+from agents.kinematics.forward import body_frames
+from agents.kinematics.tree import RobotTree, robot_tree
+from agents.physics.forces import holding_forces
+from agents.physics.ratios import force_ratio, torque_ratio
+from agents.physics.wrench import solve_wrench_qp
+from agents.planning.bilevel import Solution, solve
+from agents.planning.certificate import Certificate
+from agents.planning.grasp import Grasp, finger_jacobians, grasp_motion, openings
+from agents.planning.postures import Posture, atlas_postures, oriented_postures
+from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from dexgrasp_env.robot.limits import HOME
+
+Array = NDArray[np.float64]
+_TORQUE_LIMIT = 0.7  # Nm
+_OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
+NO_POSTURE, BUDGET = "no_reachable_posture", "time_budget"
+
+
+@dataclass
+class Plan:
+    """The outcome of planning.
+
+    Attributes:
+        grasp: the first certified grasp that can be carried out, or None.
+        script: its actions, where an approach was asked for.
+        reason: why there is none: the constraint that blocked most often.
+        seconds: time by stage.
+        tried: postures tried.
+        blocked: how often each reason blocked, with the smallest violation seen.
+    """
+
+    grasp: Grasp | None = None
+    script: ActionScript | None = None
+    reason: str | None = None
+    seconds: dict[str, float] = field(default_factory=dict)
+    tried: int = 0
+    blocked: dict[str, tuple[int, float]] = field(default_factory=dict)
+
+    @property
+    def total_seconds(self) -> float:
+        """Time of all stages."""
+        return sum(self.seconds.values())
+
+
+class Planner:
+    """A planner of one robot; its proposals come from any source."""
+
+    def __init__(
+        self, settings: PlannerSettings | None = None, source: ProposalSource | None = None,
+        mount: str = "palm_normal", *, starts: str = "atlas", with_closure: bool = True,
+    ) -> None:  # fmt: skip
+        """Prepare.
+
+        Args:
+            settings: thresholds and budgets.
+            source: of contact triples; all triples of the surface by default.
+            mount: of the hand.
+            starts: `atlas` or `oriented` (section 3.3), how a proposal becomes starting postures.
+            with_closure: False leaves wrench closure out (the ablation CVAE + kinematics).
+        """
+        self.settings, self.mount = settings or PlannerSettings(), mount
+        self.tree: RobotTree = robot_tree(mount)
+        self._source, self._starts, self._with_closure = source or SurfaceProposals(), starts, with_closure
+
+    def plan(self, subject: Subject, seed: int = 0, start: Array | None = None) -> Plan:
+        """Return the first grasp that passes everything, with its script if `start` is given.
+
+        Args:
+            subject: the object.
+            seed: of the proposals.
+            start: (23,) rad, set-points the robot approaches from; None plans the grasp alone.
+        """
+        plan, clock = Plan(), _Clock()
+        proposals = self._source.propose(subject, self.settings, np.random.default_rng(seed))
+        clock.lap(plan, "proposals")
+        if proposals.failure:
+            plan.reason = proposals.failure
+            return plan
+        for posture in clock.laps(plan, "postures", self._postures(proposals, subject)):
+            if self.settings.seconds is not None and plan.total_seconds > self.settings.seconds:
+                plan.blocked.setdefault(BUDGET, (1, 0.0))
+                break
+            plan.tried += 1
+            solution = solve(posture.q, self.tree, subject, self.settings, with_margin=self._with_closure)
+            clock.lap(plan, "bilevel")
+            if not solution.feasible:
+                _block(plan, str(solution.blocking), solution.violation)
+                continue
+            grasp = self._certify(solution, subject, plan)
+            clock.lap(plan, "certificate")
+            if grasp is None:
+                continue
+            try:
+                if start is not None:
+                    plan.script = make_script(start, grasp.motion, subject.distance, self.mount)
+                plan.grasp = grasp
+                return plan
+            except NoPath as blocked:
+                _block(plan, blocked.reason, 0.0)
+            finally:
+                clock.lap(plan, "approach")
+        plan.reason = _commonest(plan)
+        return plan
+
+    def _postures(self, proposals: Proposals, subject: Subject) -> Iterator[Posture]:
+        if self._starts == "atlas":
+            yield from atlas_postures(proposals, subject, self.tree, self.settings)
+            return
+        for k in range(len(proposals.contacts)):
+            yield from oriented_postures(k, proposals, subject, self.tree, self.settings)
+
+    def _certify(self, solution: Solution, subject: Subject, plan: Plan) -> Grasp | None:
+        settings, at = self.settings, solution.evaluation
+        J = finger_jacobians(solution.q, self.tree)
+        hold = holding_forces(
+            at.contacts, at.normals, settings.friction, subject.mass, subject.centre,
+            jacobians=J, torque_limits=np.full(16, _TORQUE_LIMIT), f_min=settings.squeeze[0],
+        )  # fmt: skip
+        if not hold.holds and self._with_closure:
+            _block(plan, f"forces:{hold.reason}", hold.residual)
+            return None
+        motion = self._open(solution.q, at.normals, hold.forces, subject)
+        if motion is None:
+            _block(plan, "pregrasp_clearance", 0.0)
+            return None
+        internal = solve_wrench_qp(at.contacts, at.normals, settings.friction, length_scale=0.05)
+        certificate = Certificate(
+            distances_cm=tuple(float(d) for d in 100.0 * (at.distances - settings.tip_radius)),  # type: ignore[arg-type]
+            force_ratio_percent=100.0 * force_ratio(internal.forces),
+            torque_ratio_percent=100.0 * torque_ratio(at.contacts, internal.forces, subject.centre),
+            closure_residual=float(internal.residual),
+            closure_margin=float(at.margin),
+            min_clearance_m=self._least_clearance(solution.q, subject),
+            joint_limit_margin_rad=float(np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()),
+            max_joint_torque_fraction=float(hold.max_torque_fraction),
+            holds=bool(hold.holds),
+            hold_residual=float(hold.residual),
+            mass=subject.mass,
+            friction=settings.friction,
+        )
+        return Grasp(solution.q, at.contacts, at.normals, hold.forces, certificate, motion, self.mount)
+
+    def _open(self, q: Array, normals: Array, forces: Array, subject: Subject) -> GraspMotion | None:
+        for opening in openings():
+            motion = grasp_motion(q, normals, forces, subject, self.tree, self.settings, opening)
+            clear = self._clearance(motion.pregrasp, subject, tips_touch=False)
+            if clear > min(_OPEN_CLEARANCE, 0.5 * opening):
+                return motion
+        return None
+
+    def _least_clearance(self, q: Array, subject: Subject) -> float:
+        return self._clearance(q, subject, tips_touch=True)
+
+    def _clearance(self, q: Array, subject: Subject, tips_touch: bool) -> float:
+        R, p = body_frames(q, self.tree)
+        values, rows, labels = np.empty(160), np.empty((160, 23)), np.empty((160, 3), np.int64)
+        distance = subject.distance
+        n = clearance_rows(
+            self.tree, R, p, distance.triangles, distance.planes, 0.02, True, tips_touch, values, rows, labels
+        )
+        return float(values[:n].min()) if n else 0.02
+
+
+class _Clock:
+    """Adds the time since the last lap to a stage of a plan."""
+
+    def __init__(self) -> None:
+        self._last = time.perf_counter()
+
+    def lap(self, plan: Plan, stage: str) -> None:
+        now = time.perf_counter()
+        plan.seconds[stage] = plan.seconds.get(stage, 0.0) + now - self._last
+        self._last = now
+
+    def laps(self, plan: Plan, stage: str, items: Iterator[Posture]) -> Iterator[Posture]:
+        for item in items:
+            self.lap(plan, stage)
+            yield item
+        self.lap(plan, stage)
+
+
+def _block(plan: Plan, reason: str, violation: float) -> None:
+    count, least = plan.blocked.get(reason, (0, np.inf))
+    plan.blocked[reason] = (count + 1, min(least, violation))
+
+
+def _commonest(plan: Plan) -> str:
+    """The blocking constraint, without the fingers' and bodies' names, that stopped most postures."""
+    if not plan.blocked:
+        return NO_POSTURE
+    totals: Counter[str] = Counter()
+    for reason, (count, _) in plan.blocked.items():
+        totals[reason.split(":")[0]] += count
+    return totals.most_common(1)[0][0]
+
+
+def home() -> Array:
+    """Return the set-points that every episode starts from, (23,) rad."""
+    return np.array(HOME)
