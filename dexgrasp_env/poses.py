@@ -7,37 +7,51 @@ import numpy as np
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
+_CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
+
+
+def components(a: Array) -> Array:
+    """Return the last axis first, as a view: of one vector the components are plain numbers, which are quick."""
+    a = np.asarray(a)
+    return a.T if a.ndim <= 2 else np.moveaxis(a, -1, 0)
+
+
+def join(*parts: Array) -> Array:
+    """Return the components of vectors, all of one shape, along a new last axis."""
+    if np.ndim(parts[0]) == 0:
+        return np.array(parts)
+    joined = np.empty((*parts[0].shape, len(parts)))
+    for i, part in enumerate(parts):
+        joined[..., i] = part
+    return joined
 
 
 def quat_multiply(a: Array, b: Array) -> Array:
     """Hamilton product of unit quaternions, (..., 4) wxyz."""
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
+    aw, ax, ay, az = components(a)
+    bw, bx, by, bz = components(b)
+    return join(
+        aw * bw - ax * bx - ay * by - az * bz,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
     )
 
 
 def quat_conjugate(q: Array) -> Array:
     """Inverse of unit quaternions, (..., 4) wxyz."""
-    return q * np.array([1.0, -1.0, -1.0, -1.0])
+    return q * _CONJUGATE
 
 
 def quat_to_matrix(q: Array) -> Array:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) wxyz."""
-    w, x, y, z = np.moveaxis(q, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)
+    w, x, y, z = components(q)
+    flat = join(
+        1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
+        2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
+        2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
+    )  # fmt: skip
+    return flat.reshape(*flat.shape[:-1], 3, 3)
 
 
 def matrix_to_quat(R: Array) -> Array:
@@ -51,9 +65,14 @@ def matrix_to_quat(R: Array) -> Array:
 
 def rotate(q: Array, v: Array) -> Array:
     """Rotate vectors (..., 3) by unit quaternions (..., 4) wxyz."""
-    u = q[..., 1:]
-    t = 2.0 * np.cross(u, v)
-    return v + q[..., :1] * t + np.cross(u, t)
+    w, x, y, z = components(q)
+    a, b, c = components(v)
+    tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
+    return join(
+        a + w * tx + (y * tz - z * ty),
+        b + w * ty + (z * tx - x * tz),
+        c + w * tz + (x * ty - y * tx),
+    )
 
 
 def rotation_angle(q: Array) -> Array:

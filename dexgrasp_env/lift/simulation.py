@@ -18,6 +18,8 @@ from dexgrasp_env.scene.sensors import SensorIndex
 Array = NDArray[np.float64]
 _WARNINGS = [mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC]
 
+_FRACTIONS = np.arange(1, CONTROL_STEPS + 1)[:, None] / CONTROL_STEPS
+
 
 @dataclass
 class Simulation:
@@ -69,9 +71,8 @@ class Simulation:
 
     def step(self, targets: Array) -> None:
         """Advance one control step while the set-points move evenly from the last ones to `targets` (23,) rad."""
-        ramp = np.linspace(self.targets, targets, CONTROL_STEPS + 1)[1:]
         model, data, ctrl, step = self.model, self.data, self.data.ctrl, mujoco.mj_step
-        for row in ramp:
+        for row in ramp(self.targets, targets):
             ctrl[:] = row
             step(model, data)
         self.targets = targets
@@ -85,6 +86,13 @@ class Simulation:
     def warnings(self) -> list[str]:
         """Names of the numerical warnings that MuJoCo has raised since reset."""
         return [warning.name for warning in _WARNINGS if self.data.warning[warning].number]
+
+
+def ramp(start: Array, end: Array) -> Array:
+    """Return the set-points (25, 23) of the physics steps in a control step, evenly from `start` to exactly `end`."""
+    rows = start + _FRACTIONS * (end - start)
+    rows[-1] = end
+    return rows
 
 
 class PalmJacobian:

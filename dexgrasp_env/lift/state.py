@@ -1,11 +1,12 @@
 """The state that observations, rewards and success are functions of."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import components
 from dexgrasp_env.scene.sensors import SensorIndex
 
 Array = NDArray[np.float64]
@@ -18,6 +19,11 @@ class ObjectConstants:
     hull_vertices: Array  # (V, 3) m, object frame
     extents: Array  # (3,) m, of the mesh's axis-aligned box in the object frame
     mass: float  # kg
+
+    @cached_property
+    def hull_columns(self) -> Array:
+        """(3, V): the vertices coordinate by coordinate, as `lowest_point` reads them."""
+        return np.ascontiguousarray(np.moveaxis(self.hull_vertices, -1, 0))
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,8 @@ class LiftState:
 
 def lowest_point(state: LiftState, constants: ObjectConstants) -> Array:
     """Height (...,) m of the object's lowest point above the table."""
-    row = quat_to_matrix(state.object_quat)[..., 2, :]
-    heights = (constants.hull_vertices * row[..., None, :]).sum(-1)  # no BLAS: see poses
+    w, x, y, z = components(state.object_quat)[..., None]
+    across, along, up = constants.hull_columns
+    # The last row of the rotation matrix; no BLAS, see poses.
+    heights = across * (2 * (x * z - w * y)) + along * (2 * (y * z + w * x)) + up * (1 - 2 * (x * x + y * y))
     return state.object_position[..., 2] + heights.min(-1)
