@@ -33,8 +33,8 @@ def denormalise(action: Array) -> Array:
 
 def limit(desired: Array, targets: Array) -> Array:
     """Keep the next set-points within the velocity limits of the current ones and within the joint range."""
-    step = np.clip(desired - targets, -MAX_STEP, MAX_STEP)
-    return np.clip(targets + step, LOWER, UPPER)
+    step = np.minimum(np.maximum(desired - targets, -MAX_STEP), MAX_STEP)
+    return np.minimum(np.maximum(targets + step, LOWER), UPPER)
 
 
 def joint_position(action: Array, targets: Array) -> Array:

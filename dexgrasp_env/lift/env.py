@@ -18,6 +18,7 @@ from dexgrasp_env.lift.randomisation import Variation
 from dexgrasp_env.lift.rewards import dense_reward, reward_terms, sparse_reward
 from dexgrasp_env.lift.settings import LiftSettings
 from dexgrasp_env.lift.simulation import PalmJacobian, Simulation
+from dexgrasp_env.lift.state import LiftState
 from dexgrasp_env.lift.success import Progress, advance, diverged, object_lost
 from dexgrasp_env.lift.views import Views
 from dexgrasp_env.objects.model import ObjectModel
@@ -112,7 +113,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         simulation.reset(options.get("object_pose", pose), variation)
         self._progress = Progress.start()
         self._over = False
-        observation, views_info = self._observe(at_reset=True)
+        observation, views_info = self._observe(simulation.state, at_reset=True)
         if self.render_mode == "human":
             self.render()
         return observation, self._info() | views_info
@@ -136,14 +137,14 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         simulation.step(self._next_targets(self._check_action(action)))
         state = simulation.state
         self._progress = advance(self._progress, state, simulation.constants)
-        failure = self._failure()
+        failure = self._failure(state)
         terms = reward_terms(state, self._progress, simulation.constants)
         dense = self.settings.reward_mode == "dense"
         reward = float(dense_reward(terms) if dense else sparse_reward(self._progress))
         self._over = failure is not None
         if failure == "simulation_diverged":
             reward, terms = 0.0, dict.fromkeys(terms, 0.0)
-        observation, views_info = self._observe(at_reset=False)
+        observation, views_info = self._observe(state, at_reset=False)
         if self.render_mode == "human":
             self.render()
         info = self._info(failure) | views_info
@@ -156,7 +157,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
             raise InputError(f"action has shape {action.shape}: valid is {self.action_space.shape}")
         if not np.isfinite(action).all():
             raise InputError(f"action has NaN or infinite entries at {np.flatnonzero(~np.isfinite(action)).tolist()}")
-        return np.clip(action, -1.0, 1.0)
+        return np.minimum(np.maximum(action, -1.0), 1.0)
 
     def _next_targets(self, action: NDArray[np.float64]) -> NDArray[np.float64]:
         targets = self._simulation.targets
@@ -166,15 +167,13 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
             return control.joint_delta(action, targets)
         return control.ee_delta(action, targets, self._jacobian, HOME[:7])
 
-    def _failure(self) -> str | None:
-        state = self._simulation.state
-        if bool(diverged(state)) or self._simulation.warnings:
+    def _failure(self, state: LiftState) -> str | None:
+        if bool(diverged(state)) or self._simulation.diverged:
             return "simulation_diverged"
         return "object_lost" if bool(object_lost(state)) else None
 
-    def _observe(self, at_reset: bool) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    def _observe(self, state: LiftState, at_reset: bool) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         simulation = self._simulation
-        state = simulation.state
         observation: dict[str, NDArray[Any]] = dict(robot_observation(state))
         if self.settings.obs_mode == "state":
             observation |= object_observation(state, self._progress, simulation.constants)

@@ -49,7 +49,7 @@ def object_observation(
         object_pose=state.qpos[..., 23:30],
         object_velocity=state.object_velocity,
         object_size=np.broadcast_to(constants.extents, (*shape, 3)),
-        object_mass=np.full((*shape, 1), constants.mass),
+        object_mass=np.broadcast_to(np.asarray(constants.mass)[..., None], (*shape, 1)),
         fingertip_forces=_flat(state.tip_forces),
         progress=np.stack([np.asarray(progress.height, float), held], axis=-1),
     )

@@ -1,12 +1,13 @@
 """Reward terms, each in [0, 1], as functions of arrays with leading batch axes."""
 
 import numpy as np
+from dm_control.utils.rewards import tolerance
 from numpy.typing import NDArray
 
 from dexgrasp_env.lift.constants import HOLD_STEPS, LIFT_HEIGHT
 from dexgrasp_env.lift.state import Array, LiftState, ObjectConstants
 from dexgrasp_env.lift.success import Progress
-from dexgrasp_env.poses import quat_conjugate, rotate
+from dexgrasp_env.poses import components, quat_conjugate, rotate
 
 REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {"reach": 0.2, "contact": 0.2, "lift": 0.3, "hold": 0.3}
@@ -16,17 +17,14 @@ _FIRM = 1.0  # N: a fingertip force that counts as contact
 
 def reward_terms(state: LiftState, progress: Progress, constants: ObjectConstants) -> dict[str, Array]:
     """Return the terms of `WEIGHTS`, each (...,) in [0, 1]."""
-    from dm_control.utils.rewards import tolerance
-
     distance = _tip_distances(state, constants)
-    force = np.sqrt((state.tip_forces[..., _GRASP_FINGERS, :] ** 2).sum(-1))
-    firm = np.clip(force / _FIRM, 0.0, 1.0)
-    # The thumb must oppose: two fingers on one side do not hold.
-    contact = np.minimum(firm[..., 0], np.maximum(firm[..., 1], firm[..., 2]))
+    forces = np.sqrt((state.tip_forces**2).sum(-1))
+    index, middle, _, thumb = components(np.minimum(forces / _FIRM, 1.0))
     return {
         "reach": tolerance(distance, bounds=(0.0, 0.02), margin=0.3, sigmoid="long_tail").mean(-1),
-        "contact": contact,
-        "lift": np.where(state.touched_by_hand, np.clip(progress.height / LIFT_HEIGHT, 0.0, 1.0), 0.0),
+        # The thumb must oppose: two fingers on one side do not hold.
+        "contact": np.minimum(thumb, np.maximum(index, middle)),
+        "lift": np.minimum(np.maximum(progress.height / LIFT_HEIGHT, 0.0), 1.0) * state.touched_by_hand,
         "hold": np.minimum(progress.held_steps / HOLD_STEPS, 1.0),
     }
 
@@ -45,5 +43,5 @@ def _tip_distances(state: LiftState, constants: ObjectConstants) -> Array:
     """Distance (..., 3) m of thumb, index and middle tip centres to the object's box."""
     offset = state.tip_positions[..., _GRASP_FINGERS, :] - state.object_position[..., None, :]
     local = rotate(quat_conjugate(state.object_quat)[..., None, :], offset)
-    outside = np.maximum(np.abs(local) - 0.5 * constants.extents, 0.0)
+    outside = np.maximum(np.abs(local) - 0.5 * constants.extents[..., None, :], 0.0)
     return np.sqrt((outside**2).sum(-1))

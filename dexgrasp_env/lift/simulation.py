@@ -16,7 +16,8 @@ from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.scene.sensors import SensorIndex
 
 Array = NDArray[np.float64]
-_WARNINGS = [mujoco.mjtWarning.mjWARN_BADQPOS, mujoco.mjtWarning.mjWARN_BADQVEL, mujoco.mjtWarning.mjWARN_BADQACC]
+_WARNINGS = [mujoco.mjtWarning(i).name for i in range(int(mujoco.mjtWarning.mjNWARNING))]
+_BAD_NUMBERS = [_WARNINGS.index(f"mjWARN_BAD{name}") for name in ("QPOS", "QVEL", "QACC")]
 
 _FRACTIONS = np.arange(1, CONTROL_STEPS + 1)[:, None] / CONTROL_STEPS
 
@@ -84,8 +85,14 @@ class Simulation:
 
     @property
     def warnings(self) -> list[str]:
-        """Names of the numerical warnings that MuJoCo has raised since reset."""
-        return [warning.name for warning in _WARNINGS if self.data.warning[warning].number]
+        """Names of the warnings that MuJoCo has raised since reset."""
+        numbers = self.data.warning.number
+        return [_WARNINGS[i] for i in np.flatnonzero(numbers)] if numbers.any() else []
+
+    @property
+    def diverged(self) -> bool:
+        """Whether MuJoCo has met numbers that are not finite or far too large since reset."""
+        return bool(self.data.warning.number[_BAD_NUMBERS].any())
 
 
 def ramp(start: Array, end: Array) -> Array:

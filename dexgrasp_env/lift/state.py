@@ -97,8 +97,9 @@ class LiftState:
 
 def lowest_point(state: LiftState, constants: ObjectConstants) -> Array:
     """Height (...,) m of the object's lowest point above the table."""
-    w, x, y, z = components(state.object_quat)[..., None]
-    across, along, up = constants.hull_columns
+    w, x, y, z = components(state.object_quat)
     # The last row of the rotation matrix; no BLAS, see poses.
-    heights = across * (2 * (x * z - w * y)) + along * (2 * (y * z + w * x)) + up * (1 - 2 * (x * x + y * y))
+    row = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
+    across, along, up = constants.hull_columns
+    heights = across * row[0][..., None] + along * row[1][..., None] + up * row[2][..., None]
     return state.object_position[..., 2] + heights.min(-1)

@@ -1,6 +1,6 @@
 """Success, stability and failure, as functions of arrays with leading batch axes."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,9 @@ from dexgrasp_env.lift.constants import (
 from dexgrasp_env.lift.state import Array, LiftState, ObjectConstants, lowest_point
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, rotation_angle
 
+_LOW, _HIGH = np.array(WORKSPACE_LOW), np.array(WORKSPACE_HIGH)
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
+_STAGES = np.array(STAGES)
 
 
 @dataclass(frozen=True)
@@ -57,8 +59,9 @@ class Progress:
     def stage(self) -> NDArray[np.str_]:
         """How far the episode has come, one of `STAGES`."""
         at_height = self.held_steps > 0
-        cases = [self.is_success, at_height, self.lifted & ~at_height, self.touched]
-        return np.select(cases, ["held", "lifted", "dropped", "touched"], "untouched")
+        dropped = self.lifted & ~at_height
+        rung = np.maximum(np.maximum(1 * self.touched, 3 * dropped), np.maximum(2 * at_height, 4 * self.is_success))
+        return _STAGES[rung]
 
 
 def advance(progress: Progress, state: LiftState, constants: ObjectConstants) -> Progress:
@@ -67,24 +70,36 @@ def advance(progress: Progress, state: LiftState, constants: ObjectConstants) ->
     alone = state.held_by_hand_alone
     at_height = (height >= LIFT_HEIGHT) & alone
     airborne = (height > OFF_TABLE) & alone
-    position, quat = _object_in_palm(state)
-    took_off = airborne & ~progress.airborne
-    grip_position = np.where(took_off[..., None], position, progress.grip_position)
-    grip_quat = np.where(took_off[..., None], quat, progress.grip_quat)
-    slip = np.sqrt(((position - grip_position) ** 2).sum(-1))
-    tilt = rotation_angle(quat_multiply(quat_conjugate(grip_quat), quat))
-    return replace(
-        progress,
-        held_steps=np.where(at_height, progress.held_steps + 1, 0),
+    return Progress(
+        held_steps=(progress.held_steps + 1) * at_height,
         touched=progress.touched | state.touched_by_hand,
         lifted=progress.lifted | at_height,
         airborne=airborne,
-        grip_position=grip_position,
-        grip_quat=grip_quat,
-        slip=np.where(airborne, np.maximum(np.where(took_off, 0.0, progress.slip), slip), 0.0),
-        tilt=np.where(airborne, np.maximum(np.where(took_off, 0.0, progress.tilt), tilt), 0.0),
         height=height,
+        **_motion_in_hand(progress, state, airborne),
     )
+
+
+def _motion_in_hand(progress: Progress, state: LiftState, airborne: NDArray[np.bool_]) -> dict[str, Array]:
+    """Where the object was in the hand when it left the table, and the largest motion since."""
+    grip_position, grip_quat = progress.grip_position, progress.grip_quat
+    if not airborne.any():
+        zero = np.zeros_like(progress.slip)
+        return {"grip_position": grip_position, "grip_quat": grip_quat, "slip": zero, "tilt": zero}
+    position, quat = _object_in_palm(state)
+    took_off = airborne & ~progress.airborne
+    if took_off.any():
+        grip_position = np.where(took_off[..., None], position, grip_position)
+        grip_quat = np.where(took_off[..., None], quat, grip_quat)
+    # Where the object has just left the table both are 0: the grip is where it is.
+    slip = np.sqrt(((position - grip_position) ** 2).sum(-1))
+    tilt = rotation_angle(quat_multiply(quat_conjugate(grip_quat), quat))
+    return {
+        "grip_position": grip_position,
+        "grip_quat": grip_quat,
+        "slip": np.where(airborne, np.maximum(progress.slip, slip), 0.0),
+        "tilt": np.where(airborne, np.maximum(progress.tilt, tilt), 0.0),
+    }
 
 
 def _object_in_palm(state: LiftState) -> tuple[Array, Array]:
@@ -95,7 +110,7 @@ def _object_in_palm(state: LiftState) -> tuple[Array, Array]:
 def object_lost(state: LiftState) -> NDArray[np.bool_]:
     """(...,): the object's centre has left the workspace."""
     position = state.object_position
-    return ((position < np.array(WORKSPACE_LOW)) | (position > np.array(WORKSPACE_HIGH))).any(-1)
+    return ((position < _LOW) | (position > _HIGH)).any(-1)
 
 
 def diverged(state: LiftState) -> NDArray[np.bool_]:
