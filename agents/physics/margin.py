@@ -1,0 +1,451 @@
+"""How far a grasp is from losing closure: the min-weight metric, with gradients.
+
+**Min-weight** (Shaw Cortez; FRoGGeR, 2023). With contact i's cone replaced by its edges e_ij (pressing force 1 each)
+and their wrenches w_ij, let l be the largest number such that weights alpha_ij >= l with sum alpha = 1 and
+sum alpha_ij w_ij = 0 exist. The value is (number of edges) x l: at most 1, positive inside closure, negative outside,
+so it has a slope on both sides of the edge. It depends neither on the length scale of torques nor on their
+reference point (both are invertible maps of the wrenches); the arguments are there for conditioning or for symmetry.
+
+For three contacts and four inscribed edges (+-mu t1, +-mu t2) the LP shrinks to three variables. The largest least
+weight of a force with pressing part N and tangential parts u, v is (N - (|u| + |v|) / mu) / 4, and forces in
+equilibrium are the internal forces of the triangle (see `closure`), so
+
+    value = 3 max over internal forces, with sum N_i = 1, of min_i [N_i - (|u_i| + |v_i|) / mu].
+
+With |f_t| instead of |u| + |v| this is the same margin for the **exact cone**, `cone_margin`: it needs no tangent basis,
+and is what a planner should use. min_weight <= cone_margin; the median ratio of random closed grasps is 0.67.
+
+Both have a plateau: where two contacts alone can hold each other and the third only breaks the balance, the best is
+to press with the third not at all, and the value is 0 with a zero gradient (3 to 5 % of random grasps). Eq. 4's
+residual (`wrench.residual_gradient`) has a slope there.
+
+Gradients come from the envelope theorem: the partial derivative of the Lagrangian at the optimum. The inscribed
+pyramid turns with the tangent basis of `cones`, which is a smooth function of the normal, and its derivative is
+part of the gradient. Gradients by normals are tangent to the sphere (the normal stays a unit vector).
+"""
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from agents.physics.checks import Array, check_array, check_contacts, check_positive, check_unit, rms_radius
+from agents.physics.cones import basis_of, basis_pullback, cone_edges
+from dexgrasp_env.errors import InputError
+
+UNDEFINED = -1e3
+"""Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
+_MAX_ROWS = 160
+
+
+@njit(cache=True)
+def _basis_weights(s: Array, B: NDArray[np.int64], w: Array, b0: float, b1: float, b2: float) -> bool:
+    """Solve sum_k w_k (s0, s1, 1)_Bk = (b0, b1, b2); False where the three rows are dependent."""
+    a0, a1 = s[B[0], 0], s[B[0], 1]
+    x1, y1, x2, y2 = s[B[1], 0] - a0, s[B[1], 1] - a1, s[B[2], 0] - a0, s[B[2], 1] - a1
+    D = x1 * y2 - x2 * y1
+    if abs(D) < 1e-300:
+        return False
+    rx, ry = b0 - b2 * a0, b1 - b2 * a1
+    w[1] = (rx * y2 - x2 * ry) / D
+    w[2] = (x1 * ry - rx * y1) / D
+    w[0] = b2 - w[1] - w[2]
+    return True
+
+
+@njit(cache=True)
+def _plane_max(s: Array, d: Array, B: NDArray[np.int64], y: Array) -> bool:
+    """Write y, t with d_k + s_k . y = t for the three rows of the basis."""
+    x1, y1 = s[B[1], 0] - s[B[0], 0], s[B[1], 1] - s[B[0], 1]
+    x2, y2 = s[B[2], 0] - s[B[0], 0], s[B[2], 1] - s[B[0], 1]
+    D = x1 * y2 - x2 * y1
+    if abs(D) < 1e-300:
+        return False
+    r1, r2 = d[B[0]] - d[B[1]], d[B[0]] - d[B[2]]
+    y[0] = (r1 * y2 - y1 * r2) / D
+    y[1] = (x1 * r2 - x2 * r1) / D
+    y[2] = d[B[0]] + s[B[0], 0] * y[0] + s[B[0], 1] * y[1]
+    return True
+
+
+@njit(cache=True)
+def _max_min(s: Array, d: Array, m: int, B: NDArray[np.int64], y: Array, lam: Array) -> bool:
+    """Maximise over y in the plane the least of d_k + s_k . y, k < m, by the simplex method on its dual.
+
+    `B` (3,) is a basis to start from (its weights must be >= 0), and the optimal one on return; `y` (3,) is
+    written with the maximiser and the value, `lam` (3,) with the dual weights of `B`.
+    """
+    w = np.empty(3)
+    for step in range(400):
+        if not _plane_max(s, d, B, y) or not _basis_weights(s, B, lam, 0.0, 0.0, 1.0):
+            return False
+        worst, enter = -1e-12 * (1.0 + abs(y[2])), -1
+        for k in range(m):
+            slack = d[k] + s[k, 0] * y[0] + s[k, 1] * y[1] - y[2]
+            if slack < worst - 1e-13 * abs(d[k]):
+                enter = k
+                if step > 60:  # Bland's rule ends cycles
+                    break
+                worst = slack
+        if enter < 0 or enter == B[0] or enter == B[1] or enter == B[2]:
+            return True
+        _basis_weights(s, B, w, s[enter, 0], s[enter, 1], 1.0)
+        least, leave = np.inf, -1
+        for k in range(3):
+            if w[k] > 1e-14 and max(lam[k], 0.0) / w[k] < least:
+                least, leave = max(lam[k], 0.0) / w[k], k
+        if leave < 0:
+            return True
+        B[leave] = enter
+    return True
+
+
+@njit(cache=True)
+def _chords(points: Array, X: Array) -> bool:
+    """Write X[i, j], the force at contact i for a unit j-th internal force (j = 12, 13, 23); False on a line."""
+    lengths = np.empty(3)
+    for j in range(3):
+        a, b = (0, 1) if j == 0 else ((0, 2) if j == 1 else (1, 2))
+        lengths[j] = 0.0
+        for k in range(3):
+            lengths[j] += (points[b, k] - points[a, k]) ** 2
+        lengths[j] = lengths[j] ** 0.5
+        if lengths[j] < 1e-9:
+            return False
+        for k in range(3):
+            e = (points[b, k] - points[a, k]) / lengths[j]
+            X[a, j, k], X[b, j, k] = e, -e
+    dot = 0.0
+    for k in range(3):
+        dot += X[0, 0, k] * X[0, 1, k]
+    return dot * dot < 1.0 - 1e-12
+
+
+@njit(cache=True)
+def _complete(N: Array, Q: Array) -> bool:
+    """Write two unit vectors orthogonal to N (3,) and to each other into Q (2, 3); False where N vanishes."""
+    size = (N[0] ** 2 + N[1] ** 2 + N[2] ** 2) ** 0.5
+    if size < 1e-7:
+        return False
+    t = basis_of(N[0] / size, N[1] / size, N[2] / size)
+    for k in range(3):
+        Q[0, k], Q[1, k] = t[k], t[3 + k]
+    return True
+
+
+@njit(cache=True)
+def _row(X: Array, i: int, q: Array, x0: Array, Q: Array, s: Array, d: Array, at: int) -> None:
+    """Append the row q . f_i, as an affine function d + s . y of the plane y of internal forces x0 + Q^T y."""
+    d[at] = s[at, 0] = s[at, 1] = 0.0
+    for j in range(3):
+        r = 0.0
+        for k in range(3):
+            r += q[k] * X[i, j, k]
+        d[at] += r * x0[j]
+        s[at, 0] += r * Q[0, j]
+        s[at, 1] += r * Q[1, j]
+
+
+@njit(cache=True)
+def _start(s: Array, d: Array, m: int, B: NDArray[np.int64]) -> None:
+    """Append three artificial rows around the origin, so high that only an unbounded start would keep them."""
+    size = 0.0
+    for k in range(m):
+        size = max(size, abs(s[k, 0]) + abs(s[k, 1]) + abs(d[k]))
+    high = 1e7 * (1.0 + size)
+    for k in range(3):
+        d[m + k] = high
+        B[k] = m + k
+    s[m, 0], s[m, 1] = 1.0, 0.0
+    s[m + 1, 0], s[m + 1, 1] = -0.5, 0.8660254037844386
+    s[m + 2, 0], s[m + 2, 1] = -0.5, -0.8660254037844386
+
+
+@njit(cache=True)
+def _margin(points: Array, normals: Array, mu: float, exact: bool, dp: Array, dn: Array, forces: Array) -> float:
+    """The value of `min_weight` or `cone_margin`; writes gradients and the optimal forces, all (3, 3)."""
+    dp[:] = 0.0
+    dn[:] = 0.0
+    forces[:] = 0.0
+    X = np.zeros((3, 3, 3))
+    N, Q, x0 = np.zeros(3), np.empty((2, 3)), np.empty(3)
+    if not _chords(points, X):
+        return UNDEFINED
+    for j in range(3):
+        for i in range(3):
+            for k in range(3):
+                N[j] -= normals[i, k] * X[i, j, k]
+    if not _complete(N, Q):
+        return UNDEFINED
+    size = N[0] ** 2 + N[1] ** 2 + N[2] ** 2
+    for j in range(3):
+        x0[j] = N[j] / size
+    T = np.empty((3, 2, 3))
+    for i in range(3):
+        T[i, 0, 0], T[i, 0, 1], T[i, 0, 2], T[i, 1, 0], T[i, 1, 1], T[i, 1, 2] = basis_of(
+            normals[i, 0], normals[i, 1], normals[i, 2]
+        )
+    s, d = np.empty((_MAX_ROWS, 2)), np.empty(_MAX_ROWS)
+    owner, cu, cv = np.full(_MAX_ROWS, -1), np.zeros(_MAX_ROWS), np.zeros(_MAX_ROWS)
+    q, y, lam, B = np.empty(3), np.empty(3), np.empty(3), np.empty(3, np.int64)
+    m = 0
+    for i in range(3):
+        for face in range(4):
+            # unit directions for the exact cone, the diagonals of length sqrt 2 for the inscribed pyramid
+            cu[m] = 1.0 - 2.0 * (face % 2)
+            cv[m] = 1.0 - 2.0 * (face // 2)
+            if exact:
+                cu[m], cv[m] = cu[m] * 0.5**0.5, cv[m] * 0.5**0.5
+            owner[m] = i
+            for k in range(3):
+                q[k] = -normals[i, k] - (cu[m] * T[i, 0, k] + cv[m] * T[i, 1, k]) / mu
+            _row(X, i, q, x0, Q, s, d, m)
+            m += 1
+    _start(s, d, m, B)
+    m += 3
+    if not _max_min(s, d, m, B, y, lam):
+        return UNDEFINED
+    for _ in range(45):
+        _forces(X, x0, Q, y, forces)
+        if not exact:
+            break
+        cut = False
+        for i in range(3):
+            press, u, v = 0.0, 0.0, 0.0
+            for k in range(3):
+                press -= normals[i, k] * forces[i, k]
+                u += T[i, 0, k] * forces[i, k]
+                v += T[i, 1, k] * forces[i, k]
+            size = (u * u + v * v) ** 0.5
+            if press - size / mu < y[2] - 1e-12 * (1.0 + abs(y[2])) and size > 0.0 and m < _MAX_ROWS:
+                owner[m], cu[m], cv[m] = i, u / size, v / size
+                for k in range(3):
+                    q[k] = -normals[i, k] - (cu[m] * T[i, 0, k] + cv[m] * T[i, 1, k]) / mu
+                _row(X, i, q, x0, Q, s, d, m)
+                m += 1
+                cut = True
+        if not cut or not _max_min(s, d, m, B, y, lam):
+            break
+    if owner[B[0]] < 0 or owner[B[1]] < 0 or owner[B[2]] < 0 or 3.0 * y[2] <= UNDEFINED:
+        return UNDEFINED
+    _gradients(points, normals, mu, T, forces, y[2], lam, B, owner, cu, cv, exact, dp, dn)
+    return 3.0 * y[2]
+
+
+@njit(cache=True)
+def _forces(X: Array, x0: Array, Q: Array, y: Array, forces: Array) -> None:
+    for i in range(3):
+        for k in range(3):
+            forces[i, k] = 0.0
+    for j in range(3):
+        x = x0[j] + Q[0, j] * y[0] + Q[1, j] * y[1]
+        for i in range(3):
+            for k in range(3):
+                forces[i, k] += x * X[i, j, k]
+
+
+@njit(cache=True)
+def _gradients(
+    points: Array,
+    normals: Array,
+    mu: float,
+    T: Array,
+    forces: Array,
+    value: float,
+    lam: Array,
+    B: NDArray[np.int64],
+    owner: NDArray[np.int64],
+    cu: Array,
+    cv: Array,
+    exact: bool,
+    dp: Array,
+    dn: Array,
+) -> None:
+    """Envelope theorem: d value = sum_i (P_i . df_i + dP_i . f_i), P_i = sum_k lam_k q_k + value n_i.
+
+    The multiplier of sum N_i = 1 is the value itself, as everything is homogeneous in the forces.
+    """
+    P = np.zeros((3, 3))
+    U = np.zeros((3, 2))
+    weight = np.zeros(3)
+    for a in range(3):
+        i, share = owner[B[a]], max(lam[a], 0.0)
+        weight[i] += share
+        U[i, 0] += share * cu[B[a]] / mu
+        U[i, 1] += share * cv[B[a]] / mu
+    for i in range(3):
+        for k in range(3):
+            P[i, k] = (value - weight[i]) * normals[i, k] - U[i, 0] * T[i, 0, k] - U[i, 1] * T[i, 1, k]
+    # internal forces x_ij of the chords: recovered from the forces, f_i = sum_j x_ij (p_j - p_i)
+    x = np.zeros((3, 3))
+    _internal(points, forces, x)
+    for i in range(3):
+        for j in range(3):
+            for k in range(3):
+                dp[i, k] += 3.0 * x[i, j] * (P[j, k] - P[i, k])
+    g1, g2 = np.empty(3), np.empty(3)
+    for i in range(3):
+        for k in range(3):
+            dn[i, k] = 3.0 * (value - weight[i]) * forces[i, k]
+            g1[k] = -3.0 * U[i, 0] * forces[i, k]
+            g2[k] = -3.0 * U[i, 1] * forces[i, k]
+        if exact:
+            # the direction of friction is free: only its turning out of the tangent plane counts
+            a, b = 0.0, 0.0
+            for k in range(3):
+                a += g1[k] * normals[i, k]
+                b += g2[k] * normals[i, k]
+            for k in range(3):
+                dn[i, k] -= a * T[i, 0, k] + b * T[i, 1, k]
+        else:
+            basis_pullback(normals[i], g1, g2, dn[i])
+        radial = 0.0
+        for k in range(3):
+            radial += dn[i, k] * normals[i, k]
+        for k in range(3):
+            dn[i, k] -= radial * normals[i, k]
+
+
+@njit(cache=True)
+def _internal(points: Array, forces: Array, x: Array) -> None:
+    """Solve f_0 = x01 (p1 - p0) + x02 (p2 - p0), f_1 likewise, in the plane of the triangle."""
+    for i in range(2):
+        j, k = 1 - i, 2
+        aa = ab = bb = fa = fb = 0.0
+        for c in range(3):
+            a, b = points[j, c] - points[i, c], points[k, c] - points[i, c]
+            aa += a * a
+            ab += a * b
+            bb += b * b
+            fa += forces[i, c] * a
+            fb += forces[i, c] * b
+        D = aa * bb - ab * ab
+        x[i, j] = (fa * bb - fb * ab) / D
+        x[i, k] = x[k, i] = (aa * fb - ab * fa) / D
+
+
+@njit(cache=True)
+def min_weight(points: Array, normals: Array, mu: float, center: Array, length_scale: float) -> tuple[float, Array, Array]:
+    """Min-weight of a three-contact grasp with inscribed four-edge pyramids, and its gradients; no checks.
+
+    Args:
+        points: (3, 3) metres.
+        normals: (3, 3) unit, out of the object.
+        mu: friction coefficient.
+        center: (3,) and `length_scale`: not used, the value does not depend on them (the module's text says why).
+
+    Returns:
+        value (at most 1; > 0: closure), d value / d points (3, 3) [1/m], d value / d normals (3, 3). Contacts on a
+        line, or unable to press, give `UNDEFINED` and zeros.
+    """
+    dp, dn, forces = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    value = _margin(points, normals, mu, False, dp, dn, forces)
+    return value, dp, dn
+
+
+@njit(cache=True)
+def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array, Array]:
+    """Like `min_weight`, in the exact cone (Eq. 1): free of the tangent basis, to about 1e-9; no checks.
+
+    A value r says: contact forces exist that balance and press 1 N in all, and each contact has
+    |f_t| <= mu (N_i - r / 3): it presses r / 3 more than friction needs.
+    """
+    dp, dn, forces = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    value = _margin(points, normals, mu, True, dp, dn, forces)
+    return value, dp, dn
+
+
+@njit(cache=True)
+def _batch(points: Array, normals: Array, mu: float, exact: bool, values: Array, dp: Array, dn: Array, forces: Array) -> None:
+    for k in range(points.shape[0]):
+        values[k] = _margin(points[k], normals[k], mu, exact, dp[k], dn[k], forces[k])
+
+
+def margins(points: object, normals: object, mu: float, exact: bool = True) -> tuple[Array, Array, Array, Array]:
+    """Margins of K three-contact grasps.
+
+    Args:
+        points: (K, 3, 3) metres. normals: (K, 3, 3) unit, out of the object. mu: friction coefficient.
+        exact: `cone_margin` (True) or `min_weight`.
+
+    Returns:
+        values (K,), d/d points (K, 3, 3), d/d normals (K, 3, 3), the forces at the optimum (K, 3, 3), which balance
+        and press 1 N in all.
+    """
+    points = check_array("points", points, (None, 3, 3))
+    normals = check_array("normals", normals, (len(points), 3, 3))
+    check_unit(normals)
+    values, dp, dn, forces = np.empty(len(points)), *(np.empty_like(points) for _ in range(3))
+    _batch(points, normals, check_positive("mu", mu), exact, values, dp, dn, forces)
+    return values, dp, dn, forces
+
+
+def margin_gradient(points: object, normals: object, mu: float, exact: bool = False) -> tuple[float, Array, Array]:
+    """Value and gradients (3, 3), (3, 3) of one three-contact grasp; `margins` says more."""
+    points, normals = check_contacts(points, normals, 3)
+    values, dp, dn, _ = margins(points[None], normals[None], mu, exact)
+    return float(values[0]), dp[0], dn[0]
+
+
+def edge_wrenches(
+    points: Array, normals: Array, mu: float, edges: int = 4, center: Array | None = None, length_scale: float | None = None
+) -> Array:
+    """Wrenches (N * edges, 6) of the inscribed pyramids' edges, each pressing 1; torques about `center` / scale."""
+    center = points.mean(0) if center is None else center
+    scale = rms_radius(points) if length_scale is None else length_scale
+    force = cone_edges(normals, mu, edges)
+    torque = np.cross((points - center)[:, None], force) / scale
+    return np.concatenate([force, torque], axis=-1).reshape(-1, 6)
+
+
+def min_weight_lp(points: object, normals: object, mu: float, edges: int = 4) -> float:
+    """Min-weight of any number of contacts and edges, by HiGHS: exact, slow (a millisecond or two).
+
+    Returns:
+        The value of the module's text; -inf where no affine combination of the wrenches vanishes.
+    """
+    from scipy.optimize import linprog
+
+    points, normals = check_contacts(points, normals)
+    W = edge_wrenches(points, normals, check_positive("mu", mu), edges)
+    m = len(W)
+    A_eq = np.zeros((7, m + 1))
+    A_eq[:6, :m], A_eq[6, :m] = W.T, 1.0
+    A_ub = np.hstack([-np.eye(m), np.ones((m, 1))])
+    cost = np.r_[np.zeros(m), -1.0]
+    answer = linprog(cost, A_ub, np.zeros(m), A_eq, np.r_[np.zeros(6), 1.0], bounds=(None, None), method="highs")
+    return float(-answer.fun * m) if answer.status == 0 else -np.inf
+
+
+def ferrari_canny(
+    points: object,
+    normals: object,
+    mu: float,
+    center: object = None,
+    torque_scale: float | None = None,
+    edges: int = 8,
+) -> float:
+    """Radius of the largest ball about zero in the convex hull of the edge wrenches (Ferrari and Canny, 1992, L1).
+
+    Args:
+        points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
+        center: (3,) torque reference; None is the centroid of the contacts. Unlike min-weight, epsilon depends on it.
+        torque_scale: length that divides torques [m]; None is the contacts' rms radius.
+        edges: edges of each inscribed pyramid; an edge presses 1 N.
+
+    Returns:
+        The radius [N]; 0 where the hull does not contain zero, or is flat.
+    """
+    from scipy.spatial import ConvexHull, QhullError
+
+    points, normals = check_contacts(points, normals)
+    reference = points.mean(0) if center is None else check_array("center", center, (3,))
+    scale = rms_radius(points) if torque_scale is None else check_positive("torque_scale", torque_scale)
+    if len(points) < 2:
+        raise InputError(f"epsilon needs at least 2 contacts, got {len(points)}")
+    W = edge_wrenches(points, normals, check_positive("mu", mu), edges, reference, scale)
+    if np.linalg.matrix_rank(W - W[0], tol=1e-9) < 6:
+        return 0.0
+    try:
+        return max(0.0, float(-ConvexHull(W).equations[:, -1].max()))
+    except QhullError:
+        return 0.0

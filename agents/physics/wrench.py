@@ -1,0 +1,198 @@
+"""Eq. 4: the wrench that contact forces cannot balance, as a quadratic programme, for any number of contacts.
+
+    minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu f_i.n_i
+
+The paper adds N^2 and (Nm)^2; here torques are divided by a length L, stated by the caller or the contacts' rms
+radius, and taken about c, the contacts' centroid unless given. A zero residual depends on neither.
+"""
+
+import warnings
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from agents.physics.active_set import SOLVED, solve_qp
+from agents.physics.checks import Array, check_array, check_contacts, check_positive, rms_radius
+from agents.physics.cones import basis_into, basis_pullback, tangent_basis
+from dexgrasp_env.errors import InputError, unknown_name
+
+REGULARISER = 1e-9
+"""Added to the Hessian for the QP solvers, which want one; the residual returned is computed without it."""
+_OPTIONS = {"osqp": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 40000}}
+
+
+class WrenchSolution(NamedTuple):
+    """Solution of Eq. 4."""
+
+    residual: float
+    """The least |F|^2 + |tau / L|^2 [N^2]; of `forces`, which satisfy the constraints exactly."""
+    forces: Array
+    """(N, 3) contact forces on the object [N]."""
+    status: str
+    """"solved", or what the solver reported instead."""
+
+
+def grasp_map(points: Array, center: Array, length_scale: float) -> Array:
+    """Return the matrix (6, 3 N) from stacked contact forces to their wrench about `center`, torques / scale."""
+    G = np.zeros((6, 3 * len(points)))
+    for i, (x, y, z) in enumerate((points - center) / length_scale):
+        G[:3, 3 * i : 3 * i + 3] = np.eye(3)
+        G[3:, 3 * i : 3 * i + 3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
+    return G
+
+
+def pyramid_rows(normals: Array, mu: float, f_min: float) -> tuple[Array, Array]:
+    """Return A (5 N, 3 N) and b (5 N,) of Eq. 2 and f_min as A f >= b; per contact: press, +t1, -t1, +t2, -t2."""
+    t1, t2 = tangent_basis(normals)
+    A, b = np.zeros((5 * len(normals), 3 * len(normals))), np.zeros(5 * len(normals))
+    for i, n in enumerate(normals):
+        A[5 * i : 5 * i + 5, 3 * i : 3 * i + 3] = [-n, t1[i] - mu * n, -t1[i] - mu * n, t2[i] - mu * n, -t2[i] - mu * n]
+        b[5 * i] = f_min
+    return A, b
+
+
+def restore_feasible(forces: Array, normals: Array, mu: float, f_min: float) -> Array:
+    """Return forces (N, 3) pressed harder by what rounding left them outside Eq. 2 and f_min."""
+    t1, t2 = tangent_basis(normals)
+    press = -(forces * normals).sum(-1)
+    friction = np.maximum(np.abs((forces * t1).sum(-1)), np.abs((forces * t2).sum(-1)))
+    need = np.maximum(f_min, friction / mu * (1 + 1e-15))
+    return forces - np.maximum(0.0, need - press)[:, None] * normals
+
+
+def _setting(points: object, normals: object, mu: float, f_min: float, center: object, length_scale: float | None) -> tuple:
+    points, normals = check_contacts(points, normals)
+    if len(points) == 0:
+        raise InputError("points must hold at least one contact, got none")
+    about = points.mean(0) if center is None else check_array("center", center, (3,))
+    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
+    return points, normals, check_positive("mu", mu), check_positive("f_min", f_min), about, scale
+
+
+def solve_wrench_qp(
+    points: object,
+    normals: object,
+    mu: float,
+    f_min: float = 1.0,
+    length_scale: float | None = None,
+    solver: str = "daqp",
+    center: object = None,
+) -> WrenchSolution:
+    """Solve Eq. 4 through qpsolvers.
+
+    Args:
+        points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
+        f_min: least pressing force [N] of each contact.
+        length_scale: divides torques [m]; None is the contacts' rms radius.
+        solver: any solver that qpsolvers finds installed.
+        center: (3,) torque reference; None is the contacts' centroid.
+
+    Raises:
+        InputError: bad contacts or an unknown solver.
+    """
+    import qpsolvers
+    from scipy.sparse import csc_matrix
+
+    if solver not in qpsolvers.available_solvers:
+        raise unknown_name("QP solver", solver, sorted(qpsolvers.available_solvers))
+    points, normals, mu, f_min, about, scale = _setting(points, normals, mu, f_min, center, length_scale)
+    G = grasp_map(points, about, scale)
+    A, b = pyramid_rows(normals, mu, f_min)
+    H = G.T @ G + REGULARISER * np.eye(G.shape[1])
+    form = np.asarray if solver in qpsolvers.dense_solvers else csc_matrix
+    problem = qpsolvers.Problem(form(H), np.zeros(len(H)), form(-A), -b)
+    with warnings.catch_warnings():  # the status returned says the same
+        warnings.simplefilter("ignore")
+        answer = qpsolvers.solve_problem(problem, solver, **_OPTIONS.get(solver, {}))
+    start = -f_min * normals if answer.x is None else answer.x.reshape(-1, 3)
+    forces = restore_feasible(start, normals, mu, f_min)
+    wrench = G @ forces.ravel()
+    return WrenchSolution(float(wrench @ wrench), forces, "solved" if answer.found else f"{solver} found no solution")
+
+
+@njit(cache=True)
+def wrench_residual(
+    points: Array, normals: Array, mu: float, f_min: float, center: Array, length_scale: float, regulariser: float
+) -> tuple[float, Array, Array, Array]:
+    """Eq. 4's least value plus `regulariser` |f|^2, and its gradients by the envelope theorem; no checks.
+
+    Args:
+        points: (N, 3). normals: (N, 3). mu: friction. f_min: least pressing force [N].
+        center: (3,) torque reference, held fixed. length_scale: held fixed.
+        regulariser: at least 1e-10; the forces are unique, and the gradient smooth, for any positive value.
+
+    Returns:
+        value, d/d points (N, 3), d/d normals (N, 3; tangent to the sphere), forces (N, 3). NaN where the solver failed.
+    """
+    n = points.shape[0]
+    G, A, b = np.zeros((6, 3 * n)), np.zeros((5 * n, 3 * n)), np.zeros(5 * n)
+    T = np.zeros((n, 2, 3))
+    for i in range(n):
+        basis_into(normals[i], T[i, 0], T[i, 1])
+        b[5 * i] = f_min
+        for k in range(3):
+            c = 3 * i + k
+            G[k, c] = 1.0
+            after, before = (k + 1) % 3, (k + 2) % 3
+            G[3 + after, c] = (points[i, before] - center[before]) / length_scale
+            G[3 + before, c] = -(points[i, after] - center[after]) / length_scale
+            A[5 * i, c] = -normals[i, k]
+            for j in range(2):
+                A[5 * i + 1 + 2 * j, c] = T[i, j, k] - mu * normals[i, k]
+                A[5 * i + 2 + 2 * j, c] = -T[i, j, k] - mu * normals[i, k]
+    H = np.zeros((3 * n, 3 * n))
+    for r in range(3 * n):
+        for c in range(3 * n):
+            for k in range(6):
+                H[r, c] += 2.0 * G[k, r] * G[k, c]
+        H[r, r] += 2.0 * regulariser
+    f, multipliers = np.empty(3 * n), np.empty(5 * n)
+    dp, dn = np.zeros((n, 3)), np.zeros((n, 3))
+    if solve_qp(H, np.zeros(3 * n), A, b, f, multipliers) != SOLVED:
+        return np.nan, dp, dn, dp
+    w = np.zeros(6)
+    value = 0.0
+    for c in range(3 * n):
+        value += regulariser * f[c] * f[c]
+        for k in range(6):
+            w[k] += G[k, c] * f[c]
+    for k in range(6):
+        value += w[k] * w[k]
+    forces = f.reshape(n, 3)
+    g1, g2 = np.empty(3), np.empty(3)
+    for i in range(n):
+        m = multipliers[5 * i : 5 * i + 5]
+        press = m[0] + mu * (m[1] + m[2] + m[3] + m[4])
+        for k in range(3):
+            after, before = (k + 1) % 3, (k + 2) % 3
+            dp[i, k] = 2.0 / length_scale * (forces[i, after] * w[3 + before] - forces[i, before] * w[3 + after])
+            dn[i, k] = press * forces[i, k]
+            g1[k] = (m[2] - m[1]) * forces[i, k]
+            g2[k] = (m[4] - m[3]) * forces[i, k]
+        basis_pullback(normals[i], g1, g2, dn[i])
+        radial = 0.0
+        for k in range(3):
+            radial += dn[i, k] * normals[i, k]
+        for k in range(3):
+            dn[i, k] -= radial * normals[i, k]
+    return value, dp, dn, forces
+
+
+def residual_gradient(
+    points: object,
+    normals: object,
+    mu: float,
+    f_min: float = 1.0,
+    length_scale: float | None = None,
+    center: object = None,
+    regulariser: float = 1e-8,
+) -> tuple[float, Array, Array]:
+    """Return Eq. 4's value and its gradients by points (N, 3) and normals (N, 3).
+
+    The torque reference and the length scale count as constants, also where they default to the contacts' own. The
+    value includes `regulariser` |f|^2. Raises InputError as `solve_wrench_qp`.
+    """
+    points, normals, mu, f_min, about, scale = _setting(points, normals, mu, f_min, center, length_scale)
+    value, dp, dn, _ = wrench_residual(points, normals, mu, f_min, about, scale, check_positive("regulariser", regulariser))
+    return float(value), dp, dn
