@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
-from agents.execution.script import ActionScript
+from agents.execution.guarded import GuardedExecution
 from agents.planning.planner import Plan, Planner
 from agents.planning.proposals import ProposalSource, SurfaceProposals
 from agents.planning.settings import PlannerSettings
@@ -44,9 +44,9 @@ class BilevelAgent(Agent):
         self._source, self._settings = make_source(proposals), settings
         self._with_closure, self._starts = with_closure, starts
         self._planner = self._make(mount)
-        self._seed, self._step = 0, 0
+        self._seed = 0
         self.plan: Plan | None = None
-        self._script: ActionScript | None = None
+        self._execution: GuardedExecution | None = None
 
     def _make(self, mount: str) -> Planner:
         return Planner(self._settings, self._source, mount, starts=self._starts, with_closure=self._with_closure)
@@ -59,7 +59,7 @@ class BilevelAgent(Agent):
         """Plan from the cloud of the first observation."""
         if info.get("mount", self._planner.mount) != self._planner.mount:
             self._planner = self._make(str(info["mount"]))
-        self._step, self._script, self.plan = 0, None, None
+        self._execution, self.plan = None, None
         began = time.perf_counter()
         if info.get("perception_failure"):
             self.report = Report(failure=str(info["perception_failure"]), planning_seconds=0.0)
@@ -71,19 +71,20 @@ class BilevelAgent(Agent):
         hull_seconds = time.perf_counter() - began
         start = np.asarray(observation["joint_targets"], dtype=float)
         self.plan = self._planner.plan(subject, self._seed, start)
-        self._script = self.plan.script
+        grasp, script = self.plan.grasp, self.plan.script
+        if grasp is not None and script is not None:
+            self._execution = GuardedExecution(script, grasp.normals, grasp.forces, self._planner.tree)
         self.report = Report(
-            failure=None if self._script else f"no_grasp:{self.plan.reason}",
+            failure=None if self._execution else f"no_grasp:{self.plan.reason}",
             planning_seconds=time.perf_counter() - began,
             details=_details(self.plan, hull_seconds),
         )
 
     def act(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next set-points."""
-        if self._script is None:
+        if self._execution is None:
             raise InputError("this agent has no plan: reset() says why in report.failure")
-        self._step += 1
-        return self._script.action(self._step - 1)
+        return self._execution.action(observation["joint_positions"])
 
 
 def make_source(name: str) -> ProposalSource:

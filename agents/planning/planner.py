@@ -14,7 +14,7 @@ from agents.kinematics.clearance import clearance_rows
 from agents.kinematics.forward import body_frames
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.physics.forces import holding_forces
-from agents.physics.ratios import force_ratio, torque_ratio
+from agents.physics.ratios import wrench_ratios
 from agents.physics.wrench import solve_wrench_qp
 from agents.planning.bilevel import Solution, solve
 from agents.planning.certificate import Certificate
@@ -138,11 +138,12 @@ class Planner:
         if motion is None:
             _block(plan, "pregrasp_clearance", 0.0)
             return None
-        internal = solve_wrench_qp(at.contacts, at.normals, settings.friction, length_scale=0.05)
+        internal = solve_wrench_qp(at.contacts, at.normals, settings.friction)
+        ratios = wrench_ratios(at.contacts, internal.forces, subject.centre)
         certificate = Certificate(
             distances_cm=tuple(float(d) for d in 100.0 * (at.distances - settings.tip_radius)),  # type: ignore[arg-type]
-            force_ratio_percent=100.0 * force_ratio(internal.forces),
-            torque_ratio_percent=100.0 * torque_ratio(at.contacts, internal.forces, subject.centre),
+            force_ratio_percent=ratios.force,
+            torque_ratio_percent=ratios.torque,
             closure_residual=float(internal.residual),
             closure_margin=float(at.margin),
             min_clearance_m=self._least_clearance(solution.q, subject),

@@ -42,4 +42,4 @@ class PlannerSettings:
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
-    squeeze: tuple[float, float] = (4.0, 12.0)
+    squeeze: tuple[float, float] = (6.0, 12.0)

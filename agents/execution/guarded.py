@@ -1,0 +1,115 @@
+"""Closing until contact, then pressing with the planned forces: execution that feels through the joints.
+
+What perception sees is a few millimetres off, and position servos turn millimetres into newtons. So each finger closes
+until it lags behind its set-point, and the squeeze starts from where the joints stand then: set-point = measured
+position + J^T f / kp presses with f wherever the surface really is. Only joint positions are used, which every
+observation mode has.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.execution.script import ActionScript
+from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from agents.kinematics.tree import RobotTree
+from dexgrasp_env.lift.control import normalise
+
+Array = NDArray[np.float64]
+HAND_STIFFNESS = 10.0  # Nm/rad
+_FINGER_COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
+_TOUCH_LAG = 0.0025  # m that a tip stays behind its set-point when it has touched: about 2 N
+_CLOSE_SPEED = 0.045  # m/s of the tips
+_OVERTRAVEL = 0.016  # m past where the surface is believed to be
+_CLOSE_STEPS, _SETTLE_STEPS, _SQUEEZE_STEPS = 40, 3, 8  # control steps at most, after contact, for the ramp
+_PERIOD = 0.05  # s
+
+
+class GuardedExecution:
+    """Carries out one grasp with feedback from the joint positions."""
+
+    def __init__(self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree) -> None:
+        """Prepare.
+
+        Args:
+            script: approach, close, squeeze, lift, hold; the fingers' part from the close on is replaced by feedback.
+            normals: (3, 3) out of the object, thumb, index, middle.
+            forces: (3, 3) N on the object, to press with.
+            tree: the robot.
+        """
+        self._script, self._tree, self._forces = script, tree, forces
+        first = dict(script.phases)
+        self._approach_end, self._lift_start = first["close"], first["lift"]
+        self._base = script.targets[self._approach_end - 1] if self._approach_end else script.targets[0]
+        self._grasp = script.targets[first["squeeze"] - 1]
+        self._travel = self._tip_travel()
+        self._normals = normals
+        self._progress, self._touched = np.zeros(3), np.zeros(3, bool)
+        self._phase, self._count, self._step = "approach", 0, 0
+        self._targets = self._base.copy()
+        self._pressed = self._base.copy()
+
+    def _tip_travel(self) -> Array:
+        """Way (3,) m of the tips from open to closed, at least 1 mm."""
+        open_, closed = self._tips(self._base), self._tips(self._grasp)
+        return np.maximum(np.linalg.norm(closed - open_, axis=1), 1e-3)
+
+    def _tips(self, q: Array) -> Array:
+        R, p = body_frames(q, self._tree)
+        return tip_positions(self._tree, R, p)
+
+    def action(self, joint_positions: Array) -> NDArray[np.float32]:
+        """Return the next `joint_position` action for measured joint positions (23,) rad."""
+        return normalise(self._next(np.asarray(joint_positions, dtype=float))).astype(np.float32)
+
+    def _next(self, q: Array) -> Array:
+        if self._phase == "approach":
+            if self._step < self._approach_end:
+                self._step += 1
+                return self._script.targets[self._step - 1]
+            self._phase = "close"
+        if self._phase == "close":
+            return self._close(q)
+        if self._phase == "squeeze":
+            return self._squeeze()
+        return self._carry()
+
+    def _close(self, q: Array) -> Array:
+        self._count += 1
+        lag = -((self._tips(self._targets) - self._tips(q)) * self._normals).sum(1)
+        self._touched |= (lag > _TOUCH_LAG) & (self._progress > 0.3)
+        limit = 1.0 + _OVERTRAVEL / self._travel
+        moving = ~self._touched & (self._progress < limit)
+        self._progress[moving] += _CLOSE_SPEED * _PERIOD / self._travel[moving]
+        self._progress = np.minimum(self._progress, limit)
+        for finger, columns in enumerate(_FINGER_COLUMNS):
+            way = self._grasp[columns] - self._base[columns]
+            self._targets[columns] = self._base[columns] + self._progress[finger] * way
+        if not moving.any() or self._count >= _CLOSE_STEPS:
+            self._settled = getattr(self, "_settled", 0) + 1
+            if self._settled > _SETTLE_STEPS:
+                self._start_squeeze(q)
+        return self._targets
+
+    def _start_squeeze(self, q: Array) -> None:
+        R, p = body_frames(q, self._tree)
+        J = tip_jacobian(self._tree, R, p, tip_positions(self._tree, R, p))[:, :, 7:]
+        self._pressed = self._targets.copy()
+        torque = np.einsum("frj,fr->j", J, self._forces)
+        for columns in _FINGER_COLUMNS:
+            self._pressed[columns] = q[columns] + torque[columns - 7] / HAND_STIFFNESS
+        self._pressed = np.clip(self._pressed, self._tree.lower, self._tree.upper)
+        self._from, self._count, self._phase = self._targets.copy(), 0, "squeeze"
+
+    def _squeeze(self) -> Array:
+        self._count += 1
+        share = min(1.0, self._count / _SQUEEZE_STEPS)
+        self._targets = self._from + share * (self._pressed - self._from)
+        if self._count >= _SQUEEZE_STEPS:
+            self._phase, self._step = "carry", self._lift_start
+        return self._targets
+
+    def _carry(self) -> Array:
+        """Lift and hold: the arm by the script, the fingers pressing as they do."""
+        arm = self._script.targets[min(self._step, len(self._script.targets) - 1)][:7]
+        self._step += 1
+        return np.concatenate([arm, self._pressed[7:]])

@@ -1,0 +1,133 @@
+"""A grasp as a JSON file: everything `verify` needs, nothing that has to be trusted to load."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.planning.grasp import Grasp
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from dexgrasp_env.cache import write_atomically
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.mounts import MOUNTS
+
+Array = NDArray[np.float64]
+SCHEMA = 1
+_SHAPES = {
+    "q": (23,), "pregrasp": (23,), "grasp": (23,), "squeeze": (23,), "contacts": (3, 3), "normals": (3, 3),
+    "forces": (3, 3), "centre": (3,),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class GraspRecord:
+    """A grasp as read from a file; robot base frame, m, rad, N.
+
+    Attributes:
+        object: name of what was planned on.
+        mount: of the hand.
+        arrays: `q`, `pregrasp`, `grasp`, `squeeze` (23,), `contacts`, `normals`, `forces` (3, 3), `centre` (3,).
+        hull: vertices (V, 3) of the convex hull that was planned on.
+        mass: kg.
+        settings: the planner's thresholds.
+        certificate: what the planner claims.
+        T_world_object: (4, 4) of the true object, where the file knows it.
+    """
+
+    object: str
+    mount: str
+    arrays: dict[str, Array]
+    hull: Array
+    mass: float
+    settings: PlannerSettings
+    certificate: dict[str, Any]
+    T_world_object: Array | None
+
+
+def grasp_json(
+    name: str, grasp: Grasp, subject: Subject, settings: PlannerSettings, T_world_object: Array | None = None
+) -> dict[str, Any]:
+    """Return the JSON object of a grasp (lengths m, angles rad, forces N, robot base frame)."""
+    return {
+        "schema": SCHEMA,
+        "frame": "robot_base",
+        "object": name,
+        "mount": grasp.mount,
+        "q": grasp.q.tolist(),
+        "pregrasp": grasp.motion.pregrasp.tolist(),
+        "grasp": grasp.motion.grasp.tolist(),
+        "squeeze": grasp.motion.squeeze.tolist(),
+        "contacts": grasp.contacts.tolist(),
+        "normals": grasp.normals.tolist(),
+        "forces": grasp.forces.tolist(),
+        "centre": subject.centre.tolist(),
+        "mass": subject.mass,
+        "hull_vertices": np.asarray(subject.hull.vertices).tolist(),
+        "T_world_object": None if T_world_object is None else np.asarray(T_world_object).tolist(),
+        "thresholds": {
+            "friction": settings.friction,
+            "distance": list(settings.distance),
+            "tip_radius": settings.tip_radius,
+            "closure_margin": settings.closure_margin,
+            "clearance": settings.clearance,
+        },
+        "certificate": grasp.certificate.as_json(),
+    }
+
+
+def write_grasp(path: Path, content: dict[str, Any]) -> None:
+    """Write a grasp file, whole or not at all."""
+    write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
+
+
+def read_grasp(path: Path) -> GraspRecord:
+    """Read a grasp file.
+
+    Raises:
+        InputError: if it is missing, not JSON, of another schema, or a field is missing or malformed.
+    """
+    try:
+        content = json.loads(path.read_text())
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from error
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise InputError(f"{path} is not a grasp file: it holds no JSON (was it cut off?)") from None
+    if isinstance(content, dict) and isinstance(content.get("grasp"), dict):
+        content = content["grasp"]  # the output of `plan --json`
+    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
+        raise InputError(f"{path} is not a grasp file of schema {SCHEMA}, as `dexgrasp plan --out` writes it")
+    try:
+        return _parse(content)
+    except (KeyError, TypeError, ValueError) as error:
+        raise InputError(f"{path} is not a usable grasp file: {type(error).__name__} {error}") from None
+
+
+def _parse(content: dict[str, Any]) -> GraspRecord:
+    arrays = {name: _array(name, content[name], shape) for name, shape in _SHAPES.items()}
+    hull = np.asarray(content["hull_vertices"], dtype=float)
+    if hull.ndim != 2 or hull.shape[1] != 3 or len(hull) < 4 or not np.isfinite(hull).all():
+        raise ValueError("hull_vertices must be (V, 3) finite numbers with V >= 4")
+    if content["mount"] not in MOUNTS:
+        raise ValueError(f"mount must be one of {', '.join(MOUNTS)}")
+    limits = content["thresholds"]
+    settings = PlannerSettings(
+        friction=float(limits["friction"]), distance=tuple(float(v) for v in limits["distance"]),  # type: ignore[arg-type]
+        tip_radius=float(limits["tip_radius"]), closure_margin=float(limits["closure_margin"]),
+        clearance=float(limits["clearance"]),
+    )  # fmt: skip
+    pose = content.get("T_world_object")
+    return GraspRecord(
+        str(content["object"]), content["mount"], arrays, hull, float(content["mass"]), settings,
+        dict(content["certificate"]), None if pose is None else _array("T_world_object", pose, (4, 4)),
+    )  # fmt: skip
+
+
+def _array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
+    array = np.asarray(value, dtype=float)
+    if array.shape != shape or not np.isfinite(array).all():
+        raise ValueError(f"{name} must be finite numbers of shape {shape}")
+    return array
