@@ -22,8 +22,8 @@ def shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]:
         shifts: (n, 3) m, palm positions relative to the one at `q`, about a centimetre from one to the next.
 
     Returns:
-        Configurations (n, 23) rad, within the joint range, and the largest error of the palm, m (a radian counts
-        as 0.15 m).
+        Configurations (n, 23) rad, within the joint range, and the largest error of the palm, m (a radian
+        counts as 0.15 m).
     """
     return _shift_palm(np.ascontiguousarray(q, dtype=float), tree, np.ascontiguousarray(shifts, dtype=float))
 

@@ -92,13 +92,13 @@ class CollisionChecker:
 
         Args:
             path: its corners.
-            slack: how much nearer than the margin is let pass, m: for paths that follow a checked one closely.
+            slack: how much nearer than the margin may pass, m: for paths that follow a checked one.
         """
         dense = densify(path, _CHECK_STEP)
         label = np.empty(3, np.int64)
         index, value = _first_contact(
-            dense, self.tree, self._triangles, self._planes, self._needed - slack, self.margin, self._with_object,
-            label,
+            dense, self.tree, self._triangles, self._planes, self._needed - slack, self.margin,
+            self._with_object, label,
         )  # fmt: skip
         if index < 0:
             return None
@@ -107,7 +107,7 @@ class CollisionChecker:
 
 
 def densify(path: Array, step: float) -> Array:
-    """Return points (m, 23) on a polyline (n, 23), corners included, at most `step` rad of any joint apart."""
+    """Return points (m, 23) on a polyline (n, 23), corners included, no joint moving over `step` rad."""
     path = np.atleast_2d(np.asarray(path, dtype=float))
     pieces = [path[:1]]
     for a, b in pairwise(path):

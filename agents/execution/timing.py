@@ -1,4 +1,4 @@
-"""When to be where: time-optimal within velocity and acceleration limits, by reachability analysis (TOPP-RA)."""
+"""When to be where: time-optimal within the limits, by reachability analysis (TOPP-RA)."""
 
 import logging
 from typing import Any
@@ -6,16 +6,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.execution.collision import CollisionChecker, densify
+from agents.execution.collision import CollisionChecker
 from dexgrasp_env.robot.limits import ARM_ACCELERATION, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 Array = NDArray[np.float64]
 _HAND_ACCELERATION = 60.0  # rad/s^2; ours, the maker states none
 ACCELERATION = np.concatenate([ARM_ACCELERATION, np.full(16, _HAND_ACCELERATION)])
-_BLENDS = (0.15, 0.06, 0.02)  # rad: how far before a corner the turn begins, widest first
-_SPACING = 0.03  # rad between the points of the path that is timed
-_GRID = 120
+_BLENDS = (0.3, 0.15, 0.06)  # rad along the path: how far before a corner the turn begins, widest first
+_SPACING = 0.015  # rad along the path between the points that are timed
+_EXCESS = 1.1  # acceleration of the sampled set-points over what was asked for
+_ROOM = 0.99  # of the limits: the solver keeps them to rounding
 _CUT = 0.001  # m
 
 
@@ -33,27 +34,40 @@ def time_path(path: Array, checker: CollisionChecker | None = None, speed: float
     if len(path) < 2:
         return path[:0]
     for blend in _BLENDS if len(path) > 2 else ():
-        rounded = round_corners(path, blend)
+        rounded, at = round_corners(path, blend)
         if checker is not None and checker.first_contact(rounded) is not None:
             continue
-        timed = _time_smooth(rounded, speed)
+        timed = _time_smooth(rounded, at, speed)
         # Set-points go straight between control steps, so they cut the roundings a little.
         if checker is None or checker.first_contact(np.concatenate([path[:1], timed]), _CUT) is None:
             return timed
-    return np.concatenate([_time_smooth(densify(leg, _SPACING), speed) for leg in _legs(path)])
+    legs = [path[i : i + 2] for i in range(len(path) - 1)]
+    return np.concatenate([_time_smooth(*round_corners(leg, 0.0), speed) for leg in legs])
 
 
-def round_corners(path: Array, blend: float) -> Array:
-    """Return the dense points of a polyline (n, 23) with parabolas from `blend` rad before its corners on."""
-    points = [path[:1]]
-    t = np.linspace(0.0, 1.0, 9)[:, None]
-    for before, corner, after in zip(path[:-2], path[1:-1], path[2:], strict=True):
-        into, out = corner - before, after - corner
-        reach = [min(blend / np.linalg.norm(leg), 0.5) for leg in (into, out)]
-        a, b = corner - reach[0] * into, corner + reach[1] * out
-        points.append((1 - t) ** 2 * a + 2 * t * (1 - t) * corner + t**2 * b)
-    points.append(path[-1:])
-    return _without_repeats(densify(np.concatenate(points), _SPACING))
+def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
+    """Round the corners of a polyline by parabolas that begin and end `blend` rad from them, or half way.
+
+    Args:
+        path: (n, 23) rad, no two successive points alike.
+        blend: rad along the path.
+
+    Returns:
+        Points (m, 23) of the rounded path, and where they are, (m,) rad along the polyline. In that measure,
+        unlike in the length of the rounded path, the second derivative is bounded even where the path turns back.
+    """
+    legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    corners = np.concatenate([[0.0], np.cumsum(legs)])
+    tangents = np.diff(path, axis=0) / legs[:, None]
+    at = np.linspace(0.0, corners[-1], max(20, int(np.ceil(corners[-1] / _SPACING)) + 1))
+    points = np.stack([np.interp(at, corners, column) for column in path.T], axis=1)
+    for i in range(1, len(path) - 1):
+        reach = min(blend, 0.5 * legs[i - 1], 0.5 * legs[i])
+        near = np.abs(at - corners[i]) < reach
+        along = (at[near] - corners[i] + reach)[:, None]
+        turn = (tangents[i] - tangents[i - 1]) * along**2 / (4.0 * reach)
+        points[near] = path[i] + tangents[i - 1] * (along - reach) + turn
+    return points, at
 
 
 def _without_repeats(path: Array) -> Array:
@@ -62,25 +76,17 @@ def _without_repeats(path: Array) -> Array:
     return path[keep]
 
 
-def _time_smooth(points: Array, speed: float) -> Array:
-    """Time a dense smooth path by TOPP-RA; by a slow smooth law where that fails."""
-    if len(points) < 4:
-        points = np.concatenate([densify(leg, np.abs(leg[1] - leg[0]).max() / 3) for leg in _legs(points)])
-        points = _without_repeats(points)
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
-    trajectory = _toppra(points, length, speed)
+def _time_smooth(points: Array, at: Array, speed: float) -> Array:
+    """Time a smooth path by TOPP-RA; by a slow smooth law where that fails."""
+    trajectory = _toppra(points, at, speed)
     if trajectory is not None:
         count = max(1, int(np.ceil(trajectory.duration / CONTROL_PERIOD - 1e-9)))
         times = np.minimum(np.arange(1, count + 1) * CONTROL_PERIOD, trajectory.duration)
         samples = np.asarray(trajectory(times))
         samples[-1] = points[-1]
-        if np.isfinite(samples).all() and within_limits(points[0], samples):
+        if np.isfinite(samples).all() and _gentle(points[0], samples, speed):
             return samples
-    return _slow(points, length, speed)
-
-
-def _legs(points: Array) -> list[Array]:
-    return [points[i : i + 2] for i in range(len(points) - 1)]
+    return _slow(points, at, speed)
 
 
 def within_limits(start: Array, samples: Array) -> bool:
@@ -89,14 +95,21 @@ def within_limits(start: Array, samples: Array) -> bool:
     return bool((steps <= VELOCITY * CONTROL_PERIOD + 1e-9).all())
 
 
-def _toppra(points: Array, length: Array, speed: float) -> Any:
+def _gentle(start: Array, samples: Array, speed: float) -> bool:
+    """Whether set-points, from rest to rest, keep the limits of velocity and acceleration."""
+    rest = np.concatenate([start[None], start[None], samples, samples[-1:]])
+    change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
+    return within_limits(start, samples) and bool((change <= _EXCESS * speed * ACCELERATION).all())
+
+
+def _toppra(points: Array, at: Array, speed: float) -> Any:
     """Return a trajectory of toppra, or None where it finds none."""
     import toppra
     from toppra import algorithm, constraint
 
     logging.getLogger("toppra").setLevel(logging.ERROR)
-    curve = toppra.SplineInterpolator(length, points, bc_type="natural")
-    velocity, acceleration = speed * VELOCITY, speed * ACCELERATION
+    curve = toppra.SplineInterpolator(at, points, bc_type="natural")
+    velocity, acceleration = _ROOM * speed * VELOCITY, _ROOM * speed * ACCELERATION
     limits = [
         constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
         constraint.JointAccelerationConstraint(
@@ -104,26 +117,21 @@ def _toppra(points: Array, length: Array, speed: float) -> Any:
             discretization_scheme=constraint.DiscretizationType.Interpolation,
         ),
     ]
-    solver = algorithm.TOPPRA(
-        limits,
-        curve,
-        gridpoints=np.linspace(0.0, length[-1], _GRID + 1),
-        parametrizer="ParametrizeConstAccel",
-    )
+    solver = algorithm.TOPPRA(limits, curve, gridpoints=at, parametrizer="ParametrizeConstAccel")
     return solver.compute_trajectory()
 
 
-def _slow(points: Array, length: Array, speed: float) -> Array:
+def _slow(points: Array, at: Array, speed: float) -> Array:
     """Quintic time law along the path, stretched until every set-point keeps the limits."""
     span = np.abs(np.diff(points, axis=0)).sum(axis=0)
     duration = max(float((2.0 * span / (speed * VELOCITY)).max()), 4 * CONTROL_PERIOD)
     while True:
         count = int(np.ceil(duration / CONTROL_PERIOD))
-        at = smooth_step(np.arange(1, count + 1) / count) * length[-1]
-        samples = np.stack([np.interp(at, length, points[:, j]) for j in range(points.shape[1])], axis=1)
-        if within_limits(points[0], samples):
+        when = smooth_step(np.arange(1, count + 1) / count) * at[-1]
+        samples = np.stack([np.interp(when, at, column) for column in points.T], axis=1)
+        if _gentle(points[0], samples, speed):
             return samples
-        duration *= 1.3
+        duration *= 1.2
 
 
 def smooth_step(t: Array) -> Array:

@@ -1,0 +1,129 @@
+"""Policies trained with Stable-Baselines3, as agents.
+
+NB: a checkpoint is a zip with pickled parts: opening one runs whatever its author put in. One is opened only
+because the user names its path; open those of people you trust.
+"""
+
+import json
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from agents.base import Agent, Observation, Report
+from dexgrasp_env.errors import InputError, unknown_name
+
+ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
+
+
+class CheckpointAgent(Agent):
+    """Acts by a Stable-Baselines3 policy, without exploration noise.
+
+    Its `env_settings` are those it was trained with, where a file of the checkpoint's name ending in `.json` says
+    so (`{"obs_mode": ..., "control_mode": ...}`); else the environment's defaults.
+    """
+
+    env_settings: Mapping[str, Any] = {}  # type: ignore[misc]  # of the instance here
+    _defaults: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+
+    def __init__(self, spec: str) -> None:
+        """Open a checkpoint.
+
+        Args:
+            spec: `path.zip`, or `algorithm:path.zip` where the path does not tell the algorithm.
+
+        Raises:
+            InputError: if there is no such file, it is no checkpoint, or Stable-Baselines3 is not installed.
+        """
+        algorithm, path = _split(spec)
+        if not path.is_file():
+            raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
+        self._policy = _open(path, algorithm or _guess(path))
+        self.env_settings = dict(self._defaults) | _sidecar(path)
+
+    def seed(self, seed: int) -> None:
+        """Seed the policy's own draws."""
+        self._policy.set_random_seed(seed)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Forget the last episode."""
+        self.report = Report()
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the policy's mean action."""
+        action, _ = self._policy.predict(dict(observation), deterministic=True)
+        return np.asarray(action, dtype=np.float32)
+
+
+def _split(spec: str) -> tuple[str | None, Path]:
+    head, separator, tail = spec.partition(":")
+    if not separator or Path(spec).is_file() or len(head) == 1:  # a single letter is a Windows drive
+        return None, Path(spec)
+    if head not in ALGORITHMS:
+        raise unknown_name("algorithm of a checkpoint", head, ALGORITHMS)
+    return head, Path(tail)
+
+
+def _guess(path: Path) -> str:
+    """Find the algorithm in the names of the policy class and of the file; nothing is unpickled for it."""
+    data = _read_data(path)
+    policy = str(data.get("policy_class", {}).get("__module__", ""))
+    candidates = [name for name in ALGORITHMS if f".{name}." in policy or name in path.stem.lower()]
+    if candidates:
+        return candidates[0]
+    # PPO and A2C share their policies; PPO alone has a clip range.
+    if "common" in policy:
+        return "ppo" if "clip_range" in data else "a2c"
+    valid = ", ".join(ALGORITHMS)
+    raise InputError(
+        f"cannot tell the algorithm of {path}: write it before, e.g. ppo:{path}; valid are {valid}"
+    )
+
+
+def _read_data(path: Path) -> dict[str, Any]:
+    """Return the settings that a checkpoint holds as JSON."""
+    try:
+        with zipfile.ZipFile(path) as archive:
+            return dict(json.loads(archive.read("data")))
+    except (zipfile.BadZipFile, KeyError, ValueError, TypeError):
+        raise InputError(
+            f"{path} is not a checkpoint of Stable-Baselines3: no zip with an entry 'data'"
+        ) from None
+
+
+def _open(path: Path, algorithm: str) -> Any:
+    _read_data(path)
+    try:
+        import stable_baselines3
+    except ImportError as error:
+        raise InputError(
+            f"checkpoint {path} needs Stable-Baselines3 and torch: pip install 'dexgrasp[learn]'"
+        ) from error
+    try:
+        policy = getattr(stable_baselines3, algorithm.upper()).load(path, device="cpu")
+    except Exception as error:
+        raise InputError(f"{path} cannot be opened as a {algorithm} checkpoint: {error}") from error
+    if not isinstance(policy.observation_space, spaces.Dict):
+        raise InputError(
+            f"{path} was not trained on this environment's dict observations: use MultiInputPolicy"
+        )
+    return policy
+
+
+def _sidecar(path: Path) -> dict[str, Any]:
+    settings = path.with_suffix(".json")
+    if not settings.is_file():
+        return {}
+    try:
+        loaded = json.loads(settings.read_text())
+    except ValueError as error:
+        raise InputError(f"{settings} is not JSON: {error}") from error
+    if not isinstance(loaded, dict):
+        raise InputError(
+            f'{settings} must hold an object of environment settings, e.g. {{"obs_mode": "state"}}'
+        )
+    return loaded

@@ -1,0 +1,86 @@
+"""Agents by name."""
+
+import importlib
+import os
+import sys
+from typing import Any
+
+from agents.base import Agent, Report
+from dexgrasp_env.errors import InputError, unknown_name
+
+AGENTS: dict[str, str] = {
+    "random": "agents.random_policy:RandomAgent",
+    "hardcoded": "agents.hardcoded:HardcodedAgent",
+    "cvae": "agents.cvae_agents:CvaeAgent",
+    "cvae_kinematics": "agents.cvae_agents:CvaeKinematicsAgent",
+    "bilevel": "agents.bilevel:BilevelAgent",
+}
+"""Name -> module and class; imported when asked for, some need torch."""
+
+_OTHER_FORMS = ("package.module:Class", "a checkpoint's path ending in .zip")
+_MEMBERS = ("reset", "act")
+
+
+def make_agent(name: str, **kwargs: Any) -> Agent:
+    """Make an agent.
+
+    Args:
+        name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory too;
+            or a Stable-Baselines3 checkpoint, `path.zip` or `algorithm:path.zip` (see `agents.checkpoint`: only
+            from people you trust).
+        kwargs: of the class.
+
+    Raises:
+        InputError: for an unknown name, or a class that cannot be had or is no agent.
+    """
+    if name in AGENTS:
+        return _load(AGENTS[name])(**kwargs)
+    if name.endswith(".zip"):
+        from agents.checkpoint import CheckpointAgent
+
+        return CheckpointAgent(name, **kwargs)
+    if ":" not in name:
+        raise unknown_name("agent", name, [*AGENTS, *_OTHER_FORMS])
+    return _complete(name, _load(name)(**kwargs))
+
+
+def _load(spec: str) -> Any:
+    module_name, _, attribute = spec.partition(":")
+    try:
+        module = _import(module_name)
+    except ImportError as error:
+        raise InputError(f"agent {spec!r}: module {module_name!r} cannot be imported ({error})") from error
+    if not callable(getattr(module, attribute, None)):
+        raise InputError(f"agent {spec!r}: module {module_name!r} has no class {attribute!r}")
+    return getattr(module, attribute)
+
+
+def _import(module_name: str) -> Any:
+    """Import a module; one in the current directory is found as with `python -m`."""
+    here = os.getcwd()
+    if here not in sys.path and "" not in sys.path:
+        sys.path.append(here)
+    try:
+        return importlib.import_module(module_name)
+    except ValueError as error:  # an empty or relative name
+        raise ImportError(str(error)) from error
+
+
+def _complete(name: str, agent: Any) -> Any:
+    """Check a user's object for what every agent needs, and give it what it may leave out.
+
+    Returned as it is where it has all, so that duck-typed agents need not import anything of ours.
+    """
+    for member in _MEMBERS:
+        if not callable(getattr(agent, member, None)):
+            raise InputError(f"agent {name!r} has no method {member}(): valid agents have reset() and act()")
+    if isinstance(agent, Agent):
+        return agent
+    for member, default in {"env_settings": {}, "seed": _no_seed, "report": Report()}.items():
+        if not hasattr(agent, member):
+            setattr(agent, member, default)
+    return agent
+
+
+def _no_seed(seed: int) -> None:
+    """Stand in for `Agent.seed` of agents without randomness."""

@@ -1,0 +1,167 @@
+"""The agents that need no planning, and how agents are made."""
+
+import subprocess
+import sys
+import textwrap
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import trimesh
+
+import dexgrasp_env  # noqa: F401
+from agents import Agent, make_agent
+from agents.hardcoded import HardcodedAgent, short_axis
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.lift.control import normalise
+from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.robot.limits import HOME
+
+
+def surface_cloud(env, observation, seed=0):
+    """Points of the true surface, behind the keys that perception fills."""
+    simulation = env.unwrapped.simulation
+    points, _ = trimesh.sample.sample_surface(simulation.object.mesh, 1024, seed=seed)
+    pose = simulation.data.qpos[23:30]
+    points = points @ quat_to_matrix(pose[3:]).T + pose[:3]
+    return observation | {"cloud": points.astype(np.float32), "cloud_mask": np.ones(1024, np.int8)}
+
+
+def play(agent, name, seed):
+    env = gym.make("DexGrasp/Lift-v0", objects=name, control_mode="joint_position")
+    observation, info = env.reset(seed=seed)
+    agent.reset(surface_cloud(env, observation, seed), {})
+    for _ in range(160):
+        observation, _, terminated, _, info = env.step(agent.act(observation))
+        if terminated or info["is_success"]:
+            break
+    env.close()
+    return info
+
+
+@pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "chips"])
+def test_hardcoded_lifts_boxes_and_cans(name):
+    agent = make_agent("hardcoded")
+    outcomes = [play(agent, name, seed)["is_success"] for seed in range(2)]
+    assert all(outcomes)
+    assert agent.report.failure is None
+    assert agent.report.planning_seconds < 10
+
+
+def cloud_of_box(size, yaw=0.0, at=(0.5, 0.0)):
+    points = np.random.default_rng(0).uniform(-0.5, 0.5, (400, 3)) * size
+    points = points @ trimesh.transformations.rotation_matrix(yaw, [0, 0, 1])[:3, :3].T
+    points += [*at, size[2] / 2]
+    return {
+        "cloud": points.astype(np.float32),
+        "cloud_mask": np.ones(400, np.int8),
+        "joint_targets": HOME.astype(np.float32),
+    }
+
+
+@pytest.mark.parametrize("yaw", [-1.2, 0.0, 0.4, 1.5])
+def test_short_axis_follows_the_yaw(yaw):
+    axis = short_axis(cloud_of_box(np.array([0.2, 0.05, 0.1]), yaw)["cloud"].astype(float))
+    assert abs(axis @ [-np.sin(yaw), np.cos(yaw), 0]) > 0.99
+
+
+def test_hardcoded_says_why_it_stands_still():
+    agent = HardcodedAgent()
+    observation = cloud_of_box(np.array([0.3, 0.3, 0.3]))
+    agent.reset(observation, {})
+    assert agent.report.failure == "approach_blocked"
+    np.testing.assert_array_equal(
+        agent.act(observation), normalise(HOME.astype(np.float32)).astype(np.float32)
+    )
+    agent.reset(cloud_of_box(np.array([0.04, 0.08, 0.1]), at=(1.1, 0.0)), {})
+    assert agent.report.failure == "out_of_reach"
+    agent.reset(observation | {"cloud_mask": np.zeros(400, np.int8)}, {})
+    assert agent.report.failure == "no_cloud"
+    agent.reset(cloud_of_box(np.array([0.04, 0.08, 0.1])), {})
+    assert agent.report.failure is None
+
+
+def test_hardcoded_without_cloud_is_a_users_mistake():
+    with pytest.raises(InputError, match="pointcloud"):
+        HardcodedAgent().reset({"joint_targets": HOME}, {})
+
+
+def test_random_is_seeded_and_fills_the_space():
+    agent = make_agent("random")
+    space = gym.spaces.Box(-1.0, 1.0, (22,), np.float32)
+    agent.reset({}, {"action_space": space})
+    draws = []
+    for _ in range(2):
+        agent.seed(3)
+        draws.append([agent.act({}) for _ in range(50)])
+    np.testing.assert_array_equal(*draws)
+    assert all(space.contains(action) for action in draws[0])
+    assert np.ptp(draws[0]) > 1.9
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("nobody", "valid are random, hardcoded"),
+        ("no.such.module:Thing", "no.such.module"),
+        ("agents.base:Nothing", "no class 'Nothing'"),
+        (":Thing", "cannot be imported"),
+        ("fractions:Fraction", r"no method reset\(\)"),
+        ("nothing.zip", "does not exist"),
+        ("dqn:nothing.zip", "valid are ppo"),
+    ],
+)
+def test_unknown_agents_name_what_is_valid(name, message):
+    with pytest.raises(InputError, match=message) as caught:
+        make_agent(name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_users_class_in_the_current_directory(tmp_path, monkeypatch):
+    (tmp_path / "users_own_agent.py").write_text(
+        textwrap.dedent("""
+        class Still:
+            def reset(self, observation, info):
+                pass
+            def act(self, observation):
+                return observation["zero"]
+        """)
+    )
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    agent = make_agent("users_own_agent:Still")
+    agent.seed(0)
+    assert not isinstance(agent, Agent)
+    assert dict(agent.env_settings) == {}
+    assert agent.report.failure is None
+    assert agent.act({"zero": 0}) == 0
+
+
+def test_not_a_checkpoint(tmp_path):
+    path = tmp_path / "policy.zip"
+    path.write_text("no zip")
+    with pytest.raises(InputError, match="not a checkpoint"):
+        make_agent(str(path))
+
+
+def test_checkpoint_acts(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3 import PPO
+
+    env = gym.make("DexGrasp/Lift-v0", objects="lego")
+    path = tmp_path / "policy.zip"
+    PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(path)
+    for spec in (str(path), f"ppo:{path}"):
+        agent = make_agent(spec)
+        observation, _ = env.reset(seed=0)
+        agent.seed(0)
+        agent.reset(observation, {})
+        assert env.action_space.contains(np.clip(agent.act(observation), -1, 1))
+    (tmp_path / "policy.json").write_text('{"control_mode": "ee_delta"}')
+    assert make_agent(str(path)).env_settings["control_mode"] == "ee_delta"
+    env.close()
+
+
+def test_the_package_imports_neither_torch_nor_numba():
+    code = "import agents, sys; agents.make_agent; assert not {'torch', 'numba'} & set(sys.modules)"
+    subprocess.run([sys.executable, "-c", code], check=True)

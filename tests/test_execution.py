@@ -1,0 +1,189 @@
+"""Execution: paths that are free, timing within the limits, scripts that fit the episode."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from agents.execution.cartesian import shift_palm
+from agents.execution.collision import CollisionChecker, densify
+from agents.execution.motion import GraspMotion, NoPath
+from agents.execution.sampling import plan_arm
+from agents.execution.script import make_script
+from agents.execution.timing import ACCELERATION, round_corners, time_path, within_limits
+from agents.geometry.convex import ConvexDistance
+from agents.kinematics.palm_ik import palm_frame, solve_palm
+from agents.kinematics.tree import robot_tree
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.lift.control import denormalise
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER, VELOCITY
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+TREE = robot_tree()
+
+
+def box(x, y, size):
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation([x, y, size[2] / 2])
+    return ConvexDistance.from_mesh(mesh)
+
+
+def palm_down(x, y, z, yaw=0.78):
+    fingers = np.array([np.cos(yaw), np.sin(yaw), 0.0])
+    down = np.array([0.0, 0.0, -1.0])
+    q = HOME.copy()
+    R = np.stack([down, np.cross(fingers, down), fingers], axis=1)
+    assert solve_palm(q, R, np.array([x, y, z]), TREE, 300, 1e-5) < 1e-4
+    return q
+
+
+TOWER = box(0.5, 0.0, (0.04, 0.09, 0.45))
+LEFT, RIGHT = palm_down(0.45, -0.25, 0.2), palm_down(0.45, 0.25, 0.2)
+
+
+def test_home_is_free_and_inside_the_table_is_not():
+    checker = CollisionChecker(TREE, None)
+    assert checker.free(HOME)
+    low = HOME.copy()
+    low[[1, 3]] = 1.4, -1.0
+    contact = checker.first_contact(np.stack([HOME, low]))
+    assert contact is not None
+    assert contact.bodies[1] == "table"
+
+
+def test_what_the_checker_calls_free_the_simulation_does_not_touch():
+    import mujoco
+
+    from dexgrasp_env.robot.model import robot_spec
+
+    spec = robot_spec()
+    size = np.array([0.04, 0.09, 0.45])
+    spec.worldbody.add_geom(
+        name="tower", type=mujoco.mjtGeom.mjGEOM_BOX, size=size / 2, pos=[0.5, 0, size[2] / 2]
+    )
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    tower = model.geom("tower").id
+    checker = CollisionChecker(TREE, TOWER, margin=0.0)
+    free = 0
+    for share in np.linspace(0, 1, 200):
+        q = LEFT + share * (RIGHT - LEFT)
+        data.qpos[:] = q
+        mujoco.mj_forward(model, data)
+        touches = bool((data.contact.geom == tower).any())
+        free += checker.free(q)
+        assert not (touches and checker.free(q))
+    assert free > 60
+
+
+def test_start_within_the_margin_can_be_left_but_deep_contact_cannot():
+    checker = CollisionChecker(TREE, TOWER, margin=0.5)
+    assert not checker.free(LEFT)
+    checker.allow(LEFT)
+    assert checker.free(LEFT)
+    inside = palm_down(0.45, 0.0, 0.2)
+    checker.allow(inside)
+    assert not checker.free(inside)
+
+
+def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
+    checker = CollisionChecker(TREE, TOWER)
+    assert not checker.free_line(LEFT, RIGHT)
+    path = plan_arm(checker, LEFT, RIGHT, seed=1)
+    assert path is not None
+    assert checker.first_contact(path) is None
+    np.testing.assert_array_equal(path, plan_arm(checker, LEFT, RIGHT, seed=1))
+    np.testing.assert_array_equal(path[[0, -1]], [LEFT, RIGHT])
+
+
+def test_script_around_the_tower_is_free_and_reproducible():
+    motion = GraspMotion(RIGHT, RIGHT, RIGHT)
+    script, again = (make_script(LEFT, motion, TOWER) for _ in range(2))
+    np.testing.assert_array_equal(script.targets, again.targets)
+    approach = np.concatenate([LEFT[None], script.targets[: script.phases[1][1]]])
+    assert CollisionChecker(TREE, TOWER, margin=0.002).first_contact(approach) is None
+
+
+def test_pregrasp_inside_the_object_is_reported_with_the_bodies():
+    inside = palm_down(0.45, 0.0, 0.2)
+    with pytest.raises(NoPath, match=r"approach_blocked: .* mm from object") as caught:
+        make_script(LEFT, GraspMotion(inside, inside, inside), TOWER)
+    assert caught.value.reason == "approach_blocked"
+
+
+def test_lift_beyond_reach_is_reported():
+    high = palm_down(0.5, 0.0, 0.6)
+    with pytest.raises(NoPath, match="lift_out_of_reach"):
+        make_script(HOME, GraspMotion(high, high, high, lift_height=0.5), None)
+
+
+@pytest.mark.parametrize("speed", [0.3, 0.65, 1.0])
+def test_timing_keeps_velocity_and_acceleration_limits(speed):
+    goal = HOME + np.linspace(-0.6, 0.8, 23)
+    goal = np.clip(goal, LOWER, UPPER)
+    middle = np.clip(HOME + np.linspace(0.5, -0.5, 23), LOWER, UPPER)
+    samples = time_path(np.stack([HOME, middle, goal]), speed=speed)
+    np.testing.assert_allclose(samples[-1], goal, atol=1e-12)
+    rate = np.diff(np.concatenate([HOME[None], samples]), axis=0) / CONTROL_PERIOD
+    assert (np.abs(rate) <= 1.02 * speed * VELOCITY).all()
+    change = np.diff(np.concatenate([0 * rate[:1], rate, 0 * rate[:1]]), axis=0) / CONTROL_PERIOD
+    assert (np.abs(change) <= 1.1 * speed * ACCELERATION).all()
+
+
+def test_timing_of_degenerate_paths():
+    assert len(time_path(HOME[None])) == 0
+    assert len(time_path(np.stack([HOME, HOME, HOME]))) == 0
+    tiny = HOME + 1e-4
+    samples = time_path(np.stack([HOME, HOME, tiny]))
+    np.testing.assert_allclose(samples[-1], tiny)
+    assert within_limits(HOME, samples)
+
+
+def test_rounded_corners_stay_near_the_polyline():
+    path = np.stack([HOME, HOME + 0.3, HOME + 0.3 * (np.arange(23) % 2)])
+    rounded, at = round_corners(path, 0.1)
+    assert len(rounded) == len(at)
+    dense = densify(path, 0.002)
+    gaps = np.linalg.norm(rounded[:, None] - dense[None], axis=-1).min(axis=1)
+    assert gaps.max() < 0.1
+    np.testing.assert_allclose(rounded[[0, -1]], path[[0, -1]])
+
+
+def test_palm_goes_straight_and_keeps_its_turn():
+    shifts = np.linspace(0.0, 0.15, 16)[:, None] * np.array([0.0, 0.6, 0.8])
+    path, error = shift_palm(LEFT, TREE, shifts)
+    R0, p0 = palm_frame(LEFT, TREE)
+    assert error < 1e-5
+    for q, shift in zip(path, shifts, strict=True):
+        R, p = palm_frame(q, TREE)
+        np.testing.assert_allclose(p, p0 + shift, atol=1e-5)
+        np.testing.assert_allclose(R, R0, atol=1e-4)
+
+
+def test_script_phases_limits_and_actions():
+    q = palm_down(0.5, 0.1, 0.25)
+    grasp, squeeze = q.copy(), q.copy()
+    grasp[[8, 12, 21]] += 0.2
+    squeeze[[8, 12, 21]] += 0.25
+    script = make_script(HOME, GraspMotion(q, grasp, squeeze), box(0.5, 0.1, (0.03, 0.03, 0.1)))
+    assert [name for name, _ in script.phases] == ["approach", "close", "squeeze", "lift", "hold"]
+    assert len(script.targets) * CONTROL_PERIOD < 9.0
+    assert within_limits(HOME, script.targets)
+    firsts = dict(script.phases)
+    assert (len(script.targets) - firsts["hold"]) * CONTROL_PERIOD >= 3.2
+    np.testing.assert_allclose(script.targets[firsts["lift"] - 1], squeeze)
+    rise = palm_frame(script.targets[-1], TREE)[1] - palm_frame(squeeze, TREE)[1]
+    np.testing.assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
+    assert script.phase(0) == "approach"
+    assert script.phase(10_000) == "hold"
+    action = script.action(10_000)
+    assert action.dtype == np.float32
+    np.testing.assert_allclose(denormalise(action), script.targets[-1], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    "bad", [{"grasp": np.zeros(22)}, {"squeeze": np.full(23, np.nan)}, {"lift_height": 0.0}]
+)
+def test_bad_motion_is_refused(bad):
+    good = {"pregrasp": HOME, "grasp": HOME, "squeeze": HOME}
+    with pytest.raises(InputError):
+        GraspMotion(**good | bad)
