@@ -17,7 +17,7 @@ from dexgrasp_env.lift.observations import object_observation, observation_space
 from dexgrasp_env.lift.randomisation import Variation
 from dexgrasp_env.lift.rewards import dense_reward, reward_terms, sparse_reward
 from dexgrasp_env.lift.settings import LiftSettings
-from dexgrasp_env.lift.simulation import PalmJacobian, Simulation
+from dexgrasp_env.lift.simulation import BAD_NUMBERS, PalmJacobian, Simulation
 from dexgrasp_env.lift.state import LiftState
 from dexgrasp_env.lift.success import Progress, advance, diverged, object_lost
 from dexgrasp_env.lift.views import Views
@@ -168,7 +168,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         return control.ee_delta(action, targets, self._jacobian, HOME[:7])
 
     def _failure(self, state: LiftState) -> str | None:
-        if bool(diverged(state)) or self._simulation.diverged:
+        if bool(diverged(state)) or not BAD_NUMBERS.isdisjoint(self._simulation.warnings):
             return "simulation_diverged"
         return "object_lost" if bool(object_lost(state)) else None
 

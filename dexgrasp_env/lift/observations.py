@@ -1,5 +1,7 @@
 """Observations as functions of arrays with leading batch axes, and their spaces."""
 
+from collections.abc import Mapping
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -30,13 +32,15 @@ OBJECT_KEYS = {
 
 def robot_observation(state: LiftState) -> dict[str, NDArray[np.float32]]:
     """What the robot knows of itself, in every observation mode (float32, (..., n))."""
-    return _float32(
-        joint_positions=state.joint_positions,
-        joint_velocities=state.joint_velocities,
-        joint_targets=state.targets,
-        fingertip_positions=_flat(state.tip_positions),
-        palm_pose=np.concatenate([state.palm_position, state.palm_quat], axis=-1),
+    parts = (
+        state.joint_positions,
+        state.joint_velocities,
+        state.targets,
+        _flat(state.tip_positions),
+        state.palm_position,
+        state.palm_quat,
     )
+    return _cut(np.concatenate(parts, axis=-1, dtype=np.float32), ROBOT_KEYS)
 
 
 def object_observation(
@@ -44,15 +48,16 @@ def object_observation(
 ) -> dict[str, NDArray[np.float32]]:
     """Privileged knowledge, in `state` mode alone (float32, (..., n))."""
     shape = state.qpos.shape[:-1]
-    held = np.minimum(progress.held_steps / HOLD_STEPS, 1.0)
-    return _float32(
-        object_pose=state.qpos[..., 23:30],
-        object_velocity=state.object_velocity,
-        object_size=np.broadcast_to(constants.extents, (*shape, 3)),
-        object_mass=np.broadcast_to(np.asarray(constants.mass)[..., None], (*shape, 1)),
-        fingertip_forces=_flat(state.tip_forces),
-        progress=np.stack([np.asarray(progress.height, float), held], axis=-1),
+    parts = (
+        state.qpos[..., 23:30],
+        state.object_velocity,
+        _rows(constants.extents, shape),
+        _column(constants.mass, shape),
+        _flat(state.tip_forces),
+        _column(progress.height, shape),
+        _column(np.minimum(progress.held_steps / HOLD_STEPS, 1.0), shape),
     )
+    return _cut(np.concatenate(parts, axis=-1, dtype=np.float32), OBJECT_KEYS)
 
 
 def observation_space(obs_mode: str, image_shape: tuple[int, int, int]) -> spaces.Dict:
@@ -82,5 +87,16 @@ def _flat(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
     return vectors.reshape(*vectors.shape[:-2], -1)
 
 
-def _float32(**arrays: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
-    return {key: array.astype(np.float32) for key, array in arrays.items()}
+def _column(value: float | NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    return _rows(np.asarray(value)[..., None], shape)
+
+
+def _rows(array: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
+    """Repeat an array (n,) along the batch axes; one that has them already stays as it is."""
+    return array if array.shape[:-1] == shape else np.broadcast_to(array, (*shape, array.shape[-1]))
+
+
+def _cut(flat: NDArray[np.float32], sizes: Mapping[str, int]) -> dict[str, NDArray[np.float32]]:
+    """Cut the last axis into the keys of `sizes`, in their order."""
+    ends = accumulate(sizes.values())
+    return {key: flat[..., end - sizes[key] : end] for key, end in zip(sizes, ends, strict=True)}

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from dexgrasp_env.lift.constants import HOLD_STEPS, LIFT_HEIGHT
 from dexgrasp_env.lift.state import Array, LiftState, ObjectConstants
 from dexgrasp_env.lift.success import Progress
-from dexgrasp_env.poses import components, quat_conjugate, rotate
+from dexgrasp_env.poses import components
 
 REWARD_MODES = ("dense", "sparse")
 WEIGHTS = {"reach": 0.2, "contact": 0.2, "lift": 0.3, "hold": 0.3}
@@ -19,9 +19,10 @@ def reward_terms(state: LiftState, progress: Progress, constants: ObjectConstant
     """Return the terms of `WEIGHTS`, each (...,) in [0, 1]."""
     distance = _tip_distances(state, constants)
     forces = np.sqrt((state.tip_forces**2).sum(-1))
+    near = tolerance(distance, bounds=(0.0, 0.02), margin=0.3, sigmoid="long_tail")
     index, middle, _, thumb = components(np.minimum(forces / _FIRM, 1.0))
     return {
-        "reach": tolerance(distance, bounds=(0.0, 0.02), margin=0.3, sigmoid="long_tail").mean(-1),
+        "reach": near.sum(-1) / len(_GRASP_FINGERS),
         # The thumb must oppose: two fingers on one side do not hold.
         "contact": np.minimum(thumb, np.maximum(index, middle)),
         "lift": np.minimum(np.maximum(progress.height / LIFT_HEIGHT, 0.0), 1.0) * state.touched_by_hand,
@@ -42,6 +43,6 @@ def sparse_reward(progress: Progress) -> NDArray[np.float64]:
 def _tip_distances(state: LiftState, constants: ObjectConstants) -> Array:
     """Distance (..., 3) m of thumb, index and middle tip centres to the object's box."""
     offset = state.tip_positions[..., _GRASP_FINGERS, :] - state.object_position[..., None, :]
-    local = rotate(quat_conjugate(state.object_quat)[..., None, :], offset)
+    local = (offset[..., None] * state.object_rotation[..., None, :, :]).sum(-2)
     outside = np.maximum(np.abs(local) - 0.5 * constants.extents[..., None, :], 0.0)
     return np.sqrt((outside**2).sum(-1))

@@ -17,7 +17,8 @@ from dexgrasp_env.scene.sensors import SensorIndex
 
 Array = NDArray[np.float64]
 _WARNINGS = [mujoco.mjtWarning(i).name for i in range(int(mujoco.mjtWarning.mjNWARNING))]
-_BAD_NUMBERS = [_WARNINGS.index(f"mjWARN_BAD{name}") for name in ("QPOS", "QVEL", "QACC")]
+BAD_NUMBERS = frozenset({"mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC"})
+"""Warnings about numbers that are not finite or far too large: what follows them is no physics."""
 
 _FRACTIONS = np.arange(1, CONTROL_STEPS + 1)[:, None] / CONTROL_STEPS
 
@@ -86,13 +87,8 @@ class Simulation:
     @property
     def warnings(self) -> list[str]:
         """Names of the warnings that MuJoCo has raised since reset."""
-        numbers = self.data.warning.number
-        return [_WARNINGS[i] for i in np.flatnonzero(numbers)] if numbers.any() else []
-
-    @property
-    def diverged(self) -> bool:
-        """Whether MuJoCo has met numbers that are not finite or far too large since reset."""
-        return bool(self.data.warning.number[_BAD_NUMBERS].any())
+        numbers = self.data.warning.number.tolist()
+        return [name for name, number in zip(_WARNINGS, numbers, strict=True) if number] if any(numbers) else []
 
 
 def ramp(start: Array, end: Array) -> Array:

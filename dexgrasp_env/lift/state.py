@@ -6,7 +6,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.poses import components
+from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.scene.sensors import SensorIndex
 
 Array = NDArray[np.float64]
@@ -22,13 +22,13 @@ class ObjectConstants:
 
     @cached_property
     def hull_columns(self) -> Array:
-        """(3, V): the vertices coordinate by coordinate, as `lowest_point` reads them."""
-        return np.ascontiguousarray(np.moveaxis(self.hull_vertices, -1, 0))
+        """(..., 3, V): the vertices as columns, as `lowest_point` reads them."""
+        return np.ascontiguousarray(np.swapaxes(self.hull_vertices, -1, -2))
 
 
 @dataclass(frozen=True)
 class LiftState:
-    """One moment of one simulation, or of many along leading axes (...)."""
+    """One moment of one simulation, or of many along leading axes (...); holds until the simulation's next step."""
 
     qpos: Array  # (..., 30): 23 joints, object position and quaternion wxyz
     qvel: Array  # (..., 29)
@@ -55,6 +55,11 @@ class LiftState:
     def object_quat(self) -> Array:
         """(..., 4) wxyz."""
         return self.qpos[..., 26:30]
+
+    @cached_property
+    def object_rotation(self) -> Array:
+        """(..., 3, 3)."""
+        return quat_to_matrix(self.object_quat)
 
     @property
     def object_velocity(self) -> Array:
@@ -97,9 +102,5 @@ class LiftState:
 
 def lowest_point(state: LiftState, constants: ObjectConstants) -> Array:
     """Height (...,) m of the object's lowest point above the table."""
-    w, x, y, z = components(state.object_quat)
-    # The last row of the rotation matrix; no BLAS, see poses.
-    row = 2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)
-    across, along, up = constants.hull_columns
-    heights = across * row[0][..., None] + along * row[1][..., None] + up * row[2][..., None]
+    heights = (constants.hull_columns * state.object_rotation[..., 2, :, None]).sum(-2)  # no BLAS: see poses
     return state.object_position[..., 2] + heights.min(-1)
