@@ -23,8 +23,8 @@ ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
 class CheckpointAgent(Agent):
     """Acts by a Stable-Baselines3 policy, without exploration noise.
 
-    Its `env_settings` are those it was trained with, where a file of the checkpoint's name ending in `.json` says
-    so (`{"obs_mode": ..., "control_mode": ...}`); else the environment's defaults.
+    Its `env_settings` are those it was trained with, where a file of the checkpoint's name ending in `.json`
+    says so (`{"obs_mode": ..., "control_mode": ...}`); else the environment's defaults.
     """
 
     env_settings: Mapping[str, Any] = {}  # type: ignore[misc]  # of the instance here

@@ -56,10 +56,10 @@ class HardcodedSettings:
 class HardcodedAgent(Agent):
     """Puts the same hand posture over every object and closes it.
 
-    The wrist goes over the mean of the cloud, at a fixed height above its top, turned so that thumb and fingers
-    close along the short principal axis of the cloud seen from above. Nothing else of the shape is used, but that
-    the way there keeps clear of the cloud's convex hull. Index and middle go to fixed positions; the thumb's servo
-    saturates and presses the object against them with about 7 N, whatever its width.
+    The wrist goes over the mean of the cloud, at a fixed height above its top, turned so that thumb and
+    fingers close along the short principal axis of the cloud seen from above. Nothing else of the shape is
+    used, but that the way there keeps clear of the cloud's convex hull. Index and middle go to fixed
+    positions; the thumb's servo saturates and presses the object against them whatever its width.
     """
 
     env_settings: ClassVar[Mapping[str, Any]] = {

@@ -25,9 +25,9 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     """Make an agent.
 
     Args:
-        name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory too;
-            or a Stable-Baselines3 checkpoint, `path.zip` or `algorithm:path.zip` (see `agents.checkpoint`: only
-            from people you trust).
+        name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
+            too; or a Stable-Baselines3 checkpoint, `path.zip` or `algorithm:path.zip`, only from people you
+            trust (see `agents.checkpoint`).
         kwargs: of the class.
 
     Raises:

@@ -54,7 +54,7 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
 
     Returns:
         Points (m, 23) of the rounded path, and where they are, (m,) rad along the polyline. In that measure,
-        unlike in the length of the rounded path, the second derivative is bounded even where the path turns back.
+        unlike in the length of the rounded path, the second derivative is bounded even at reversals.
     """
     legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
     corners = np.concatenate([[0.0], np.cumsum(legs)])
