@@ -448,3 +448,20 @@ def closure_decide(
     out = np.zeros(len(points), np.uint8)
     (_decide_parallel if parallel else _decide_range)(points, normals, check_positive("mu", mu), scale, out)
     return (out & 1).astype(bool)
+
+
+@njit(cache=True)
+def _closed_range(points: Array, normals: Array, mu: float, out: NDArray[np.uint8]) -> None:
+    frames = np.empty((3, 3, 3))
+    E, T, D = np.empty((3, 3, 3)), np.empty((3, 3, 3)), np.empty((3, 3))
+    for k in range(points.shape[0]):
+        frames_into(normals[k], frames)
+        _tables(points[k], frames, E, T, D)
+        out[k] = closed_form(mu, E, T, 0, 1, 2)
+
+
+def in_closed_form(points: Array, normals: Array, mu: float) -> NDArray[np.bool_]:
+    """Say of K triples (K, 3, 3) whether the closed form alone finds them feasible: the band, for benchmarks."""
+    out = np.zeros(len(points), np.uint8)
+    _closed_range(np.ascontiguousarray(points, float), np.ascontiguousarray(normals, float), float(mu), out)
+    return out.astype(bool)
