@@ -13,7 +13,7 @@ from agents.execution.script import ActionScript, make_script
 from agents.kinematics.clearance import clearance_rows
 from agents.kinematics.forward import body_frames
 from agents.kinematics.tree import RobotTree, robot_tree
-from agents.physics.forces import holding_forces
+from agents.physics.forces import HoldingForces, holding_forces
 from agents.physics.ratios import wrench_ratios
 from agents.physics.wrench import solve_wrench_qp
 from agents.planning.bilevel import Solution, solve
@@ -126,13 +126,9 @@ class Planner:
 
     def _certify(self, solution: Solution, subject: Subject, plan: Plan) -> Grasp | None:
         settings, at = self.settings, solution.evaluation
-        J = finger_jacobians(solution.q, self.tree)
-        hold = holding_forces(
-            at.contacts, at.normals, settings.friction, subject.mass, subject.centre,
-            jacobians=J, torque_limits=np.full(16, _TORQUE_LIMIT), f_min=settings.squeeze[0],
-        )  # fmt: skip
+        hold, mass = self._hold(solution, subject)
         if not hold.holds and self._with_closure:
-            _block(plan, f"forces:{hold.reason}", hold.residual)
+            _block(plan, f"holding_forces: {hold.reason}", hold.residual)
             return None
         motion = self._open(solution.q, at.normals, hold.forces, subject)
         if motion is None:
@@ -146,15 +142,30 @@ class Planner:
             torque_ratio_percent=ratios.torque,
             closure_residual=float(internal.residual),
             closure_margin=float(at.margin),
-            min_clearance_m=self._least_clearance(solution.q, subject),
+            min_clearance_m=self._clearance(solution.q, subject, tips_touch=True),
             joint_limit_margin_rad=float(np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()),
-            max_joint_torque_fraction=float(hold.max_torque_fraction),
+            max_joint_torque_fraction=float(settings.torque_share * hold.max_torque_fraction),
             holds=bool(hold.holds),
             hold_residual=float(hold.residual),
-            mass=subject.mass,
+            mass=mass,
             friction=settings.friction,
         )
         return Grasp(solution.q, at.contacts, at.normals, hold.forces, certificate, motion, self.mount)
+
+    def _hold(self, solution: Solution, subject: Subject) -> tuple[HoldingForces, float]:
+        """Return the firmest squeeze of `settings.loads` that the joints can hold, and the mass it is made for."""
+        settings, at = self.settings, solution.evaluation
+        J = finger_jacobians(solution.q, self.tree)
+        for share, disturbance in settings.loads:
+            mass = share * subject.mass
+            hold = holding_forces(
+                at.contacts, at.normals, settings.friction_hold, mass, subject.centre, jacobians=J,
+                torque_limits=settings.torque_share * _TORQUE_LIMIT, f_min=settings.least_press, safety=1.0,
+                disturbance=disturbance,
+            )  # fmt: skip
+            if hold.holds:
+                break
+        return hold, mass
 
     def _open(self, q: Array, normals: Array, forces: Array, subject: Subject) -> GraspMotion | None:
         for opening in openings():
@@ -163,9 +174,6 @@ class Planner:
             if clear > min(_OPEN_CLEARANCE, 0.5 * opening):
                 return motion
         return None
-
-    def _least_clearance(self, q: Array, subject: Subject) -> float:
-        return self._clearance(q, subject, tips_touch=True)
 
     def _clearance(self, q: Array, subject: Subject, tips_touch: bool) -> float:
         R, p = body_frames(q, self.tree)

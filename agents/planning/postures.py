@@ -12,6 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from agents.geometry.convex_kernel import convex_distance
+from agents.kinematics.forward import forward, tip_jacobian, tip_positions
 from agents.kinematics.palm_ik import solve_palm
 from agents.kinematics.tree import RobotTree
 from agents.planning.atlas import HandAtlas, hand_atlas, triangle_sides
@@ -29,6 +30,8 @@ _PALM_CENTRE = np.array([-0.0093, 0.0, -0.0475])  # of the palm's box in the pal
 _PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness and some
 _PALM_HEIGHT = 0.06  # m of the palm's centre above the table
 _ARM_TOLERANCE = 2e-3  # m
+_JOINT_TORQUE = 0.7  # Nm
+_STRONG = 14.0  # N of the thumb, from where more strength is no merit
 
 
 @dataclass(frozen=True)
@@ -121,8 +124,9 @@ def atlas_postures(
     scores, which, rotations, positions = _best_placements(
         centres, inward, near, atlas.tips, atlas.axes, atlas.pads, distance.triangles, distance.planes
     )
+    strength = _strengths(atlas.joints[which], rotations, inward, tree)
     margins = np.repeat(np.nan_to_num(proposals.margins, nan=0.3), len(orders))
-    total = np.where(scores > 0.0, scores + np.minimum(margins, 0.5), -np.inf)
+    total = np.where(scores > 0.0, scores + np.minimum(margins, 0.5) + 1.5 * np.minimum(strength / _STRONG, 1.0), -np.inf)
     found = 0
     for k in np.argsort(-total, kind="stable"):
         if found == settings.postures or not np.isfinite(total[k]):
@@ -132,6 +136,26 @@ def atlas_postures(
         if reach_palm(q, rotations[k], positions[k], tree):
             found += 1
             yield Posture(q, int(k) // len(orders), float(total[k]))
+
+
+@njit(cache=True, error_model="numpy")
+def _strengths(joints: Array, rotations: Array, inward: Array, tree: RobotTree) -> Array:
+    """Force (K,) N that the thumb can press with, the two fingers half of it each, before a joint is at its limit."""
+    K, nb = joints.shape[0], tree.parent.shape[0]
+    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    out, q = np.empty(K), np.zeros(23)
+    for k in range(K):
+        q[7:] = joints[k]
+        forward(q, tree, R, p)
+        palm = R[tree.palm] @ tree.palm_rotation
+        J = tip_jacobian(tree, R, p, tip_positions(tree, R, p))
+        worst = 1e-9
+        for i in range(3):
+            direction = palm @ (rotations[k].T @ inward[k, i])
+            torque = np.abs(direction @ np.ascontiguousarray(J[i, :, 7:])).max()
+            worst = max(worst, torque if i == 0 else 0.5 * torque)
+        out[k] = _JOINT_TORQUE / worst
+    return out
 
 
 _ELBOWS = ((0.0, 0.0), (0.0, 1.3), (0.0, -1.3), (0.5, 0.0), (-0.5, 0.0))

@@ -24,7 +24,11 @@ class PlannerSettings:
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: of the sequential quadratic programme, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
-        squeeze: lowest and highest normal force of the thumb, N.
+        least_press: least pressing force of each contact, N: what the eye's error in place costs the squeeze.
+        friction_hold: coefficient in whose cones the holding forces stay.
+        loads: what the squeeze is made for, firmest first: share of the assumed mass, and acceleration in any direction
+            that must be resisted, in multiples of gravity. The first that the joint torques allow is taken.
+        torque_share: share of the joint torque limits that the squeeze may use.
     """
 
     friction: float = 0.5
@@ -42,4 +46,7 @@ class PlannerSettings:
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
-    squeeze: tuple[float, float] = (6.0, 12.0)
+    least_press: float = 2.0
+    friction_hold: float = 0.6
+    loads: tuple[tuple[float, float], ...] = ((1.0, 0.3), (1.0, 0.0), (0.6, 0.0))
+    torque_share: float = 0.9
