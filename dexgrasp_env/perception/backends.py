@@ -46,8 +46,8 @@ def make_backend(
     """Return a backend.
 
     Args:
-        name: "ray" (ray casting on the CPU, works everywhere), "gl" (needs an OpenGL context), or "auto", which is
-            "ray": it gives the same bits on every machine, with a screen or without.
+        name: "ray" (ray casting on the CPU, works everywhere), "gl" (needs an OpenGL context), or "auto",
+            which is "ray": it gives the same bits on every machine, with a screen or without.
         model: the scene. Later changes to its geoms' sizes are not seen by "ray".
         cameras: all with the same image size.
         groups: the geom groups that are seen.

@@ -1,7 +1,7 @@
 """Calibrated depth cameras as data: intrinsics, mounting, and the four that watch the table.
 
-The camera frame is the optical frame of OpenCV: x right, y down, z forward along the optical axis. Pixel (u, v) has its
-centre at u, v; the image of a point (x, y, z) is u = fx x / z + cx, v = fy y / z + cy.
+The camera frame is the optical frame of OpenCV: x right, y down, z forward along the optical axis. Pixel
+(u, v) has its centre at u, v; the image of a point (x, y, z) is u = fx x / z + cx, v = fy y / z + cy.
 """
 
 from collections.abc import Iterable
@@ -33,7 +33,9 @@ class CameraIntrinsics:
 
     def __post_init__(self) -> None:
         if self.width < 8 or self.height < 8:
-            raise InputError(f"camera image {self.width} x {self.height} is too small: valid are 8 x 8 pixels and more")
+            raise InputError(
+                f"camera image {self.width} x {self.height} is too small: valid are 8 x 8 pixels and more"
+            )
         if not (self.fx > 0 and self.fy > 0):
             raise InputError(f"focal lengths must be positive: got fx = {self.fx}, fy = {self.fy}")
 
@@ -51,8 +53,10 @@ class CameraIntrinsics:
         return float(np.degrees(2.0 * np.arctan(0.5 * self.height / self.fy)))
 
     def directions(self) -> Array:
-        """Ray of every pixel in the optical frame, (H, W, 3), scaled to z = 1: depth times it is the point."""
-        u, v = np.meshgrid((np.arange(self.width) - self.cx) / self.fx, (np.arange(self.height) - self.cy) / self.fy)
+        """Rays of the pixels in the optical frame, (H, W, 3), scaled to z = 1: a point is depth times ray."""
+        u, v = np.meshgrid(
+            (np.arange(self.width) - self.cx) / self.fx, (np.arange(self.height) - self.cy) / self.fy
+        )
         return np.stack([u, v, np.ones_like(u)], axis=-1)
 
 
@@ -73,16 +77,24 @@ class Camera:
     def __post_init__(self) -> None:
         T = np.asarray(self.T_world_camera, dtype=float)
         if T.shape != (4, 4) or not np.isfinite(T).all():
-            raise InputError(f"camera {self.name!r}: T_world_camera must be a finite 4 x 4 matrix, got shape {T.shape}")
+            raise InputError(
+                f"camera {self.name!r}: T_world_camera must be a finite 4 x 4 matrix, got shape {T.shape}"
+            )
         if not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6) or np.linalg.det(T[:3, :3]) < 0:
-            raise InputError(f"camera {self.name!r}: the rotation of T_world_camera must be orthonormal and right-handed")
+            raise InputError(
+                f"camera {self.name!r}: the rotation of T_world_camera must be orthonormal and right-handed"
+            )
         object.__setattr__(self, "T_world_camera", T)
 
     @classmethod
     def look_at(
-        cls, name: str, position: Iterable[float], target: Iterable[float], intrinsics: CameraIntrinsics | None = None
+        cls,
+        name: str,
+        position: Iterable[float],
+        target: Iterable[float],
+        intrinsics: CameraIntrinsics | None = None,
     ) -> "Camera":
-        """Return a camera at `position` that looks at `target`, image rows level (both (3,) m, robot base frame)."""
+        """Return a camera at `position` looking at `target`, rows level; both (3,) m, robot base frame."""
         eye, forward = np.array(list(position), float), np.array(list(target), float)
         forward = forward - eye
         if np.linalg.norm(forward) < 1e-6:
@@ -122,7 +134,7 @@ class Camera:
 def default_cameras(intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
     """Four cameras around the table: two at the front corners, two at the sides behind the objects.
 
-    All of them see the whole region in which objects are put; the two at the back look past the arm from its sides.
+    All of them see the whole region in which objects are put; the two at the back look past the arm.
     """
     mounts = {
         "front_left": (0.98, 0.46, 0.50),
@@ -136,7 +148,8 @@ def default_cameras(intrinsics: CameraIntrinsics | None = None) -> tuple[Camera,
 def add_cameras(spec: "mujoco.MjSpec", cameras: Iterable[Camera]) -> None:
     """Add the cameras to a model under construction, fixed to the world (= the robot base frame).
 
-    MJCF knows a centred principal point only; the depth backends use the full intrinsics whatever is written here.
+    MJCF knows a centred principal point only; the depth backends use the full intrinsics whatever is written
+    here.
     """
     for camera in cameras:
         spec.worldbody.add_camera(

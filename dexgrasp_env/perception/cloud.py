@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from dexgrasp_env.perception.cameras import Camera
 from dexgrasp_env.poses import Array
@@ -30,8 +30,8 @@ class Cloud:
     def __len__(self) -> int:
         return len(self.points)
 
-    def select(self, keep: NDArray) -> "Cloud":
-        """Return the rows of a mask or of indices."""
+    def select(self, keep: NDArray | slice) -> "Cloud":
+        """Return the rows of a mask, of indices or of a slice."""
         return Cloud(*(getattr(self, f.name)[keep] for f in fields(self)))
 
     def moved(self, points: Array) -> "Cloud":
@@ -69,21 +69,26 @@ def gather(depths: NDArray, cameras: tuple[Camera, ...]) -> Cloud:
     clouds = []
     for k, (depth, camera) in enumerate(zip(depths, cameras, strict=True)):
         index = np.flatnonzero(is_valid(depth))
-        points = deproject(depth, camera).reshape(-1, 3)[index]
+        points = deproject(depth, camera).reshape(-1, 3)
+        points = points if len(index) == len(points) else points[index]
         views = camera.position - points
-        views /= np.sqrt((views * views).sum(-1, keepdims=True))
+        views /= np.sqrt(np.einsum("ij,ij->i", views, views))[:, None]
         tags = np.full(len(index), k, np.int32), (index + k * depth.size).astype(np.int32)
         clouds.append(Cloud(points, views, depth.ravel()[index].astype(float), *tags))
     return Cloud.join(clouds)
 
 
-def crop(cloud: Cloud, low: Array, high: Array) -> Cloud:
+def crop(cloud: Cloud, low: ArrayLike, high: ArrayLike) -> Cloud:
     """Return the points inside the axis-aligned box from `low` to `high`, (3,) m each, robot base frame."""
-    p = cloud.points
-    return cloud.select(((p >= np.asarray(low)) & (p <= np.asarray(high))).all(-1))
+    low, high = np.asarray(low), np.asarray(high)
+    keep = np.ones(len(cloud), bool)
+    for axis in range(3):
+        coordinate = cloud.points[:, axis]
+        keep &= (coordinate >= low[axis]) & (coordinate <= high[axis])
+    return cloud.select(np.flatnonzero(keep))
 
 
-def remove_flying(depths: NDArray, tolerance: float = 0.02, neighbours: int = 3) -> NDArray[np.float32]:
+def remove_flying(depths: NDArray, tolerance: float = 0.015, neighbours: int = 3) -> NDArray[np.float32]:
     """Return depth images without pixels that hang in the air between two surfaces.
 
     Args:

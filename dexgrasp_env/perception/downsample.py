@@ -7,8 +7,9 @@ from numpy.typing import NDArray
 from dexgrasp_env.poses import Array
 
 
-def downsample(points: Array, count: int, rng: Generator, pool: int = 4) -> NDArray[np.int64]:
-    """Return the indices of an even subset: farthest point sampling in a random pool of `pool * count` points.
+def downsample(points: Array, count: int, rng: Generator, pool: int = 3) -> NDArray[np.int64]:
+    """Return the indices of an even subset: farthest point sampling in a random pool of `pool * count`
+    points.
 
     Args:
         points: (M, 3) m.
@@ -17,7 +18,8 @@ def downsample(points: Array, count: int, rng: Generator, pool: int = 4) -> NDAr
         pool: how many candidates to a chosen point, at most; bounds the cost.
 
     Returns:
-        (min(M, count),) indices without repetition; all of them, in order, when there are no more than wanted.
+        (min(M, count),) indices without repetition; all of them, in order, when there are no more than
+        wanted.
     """
     if len(points) <= count:
         return np.arange(len(points))

@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.backends import VISUAL_GROUPS, group_mask
 from dexgrasp_env.perception.cameras import Camera
 
@@ -19,9 +18,12 @@ class GLBackend:
     def __init__(
         self, model: "mujoco.MjModel", cameras: tuple[Camera, ...], groups: tuple[int, ...] = VISUAL_GROUPS
     ) -> None:
+        from dexgrasp_env.rendering import make_renderer
+
         self.cameras = tuple(cameras)
         self._model = model
-        self._renderer = _make_renderer(model, cameras[0])
+        i = cameras[0].intrinsics
+        self._renderer = make_renderer(model, i.height, i.width)
         self._option = _scene_option(groups)
 
     def render(self, data: "mujoco.MjData") -> NDArray[np.float32]:
@@ -60,19 +62,6 @@ class GLBackend:
             _aim(self._renderer.scene, camera, *self._clip())
             images.append(self._renderer.render().copy())
         return images
-
-
-def _make_renderer(model: "mujoco.MjModel", camera: Camera) -> "mujoco.Renderer":
-    import mujoco
-
-    i = camera.intrinsics
-    try:
-        return mujoco.Renderer(model, i.height, i.width)
-    except Exception as error:  # the loaders of EGL, OSMesa and GLFW each fail in their own way
-        raise InputError(
-            f"no OpenGL context ({type(error).__name__}: {error}): use the depth backend 'ray', "
-            "or install libosmesa6 or libegl1 with libgl1 and set MUJOCO_GL"
-        ) from error
 
 
 def _scene_option(groups: tuple[int, ...]) -> "mujoco.MjvOption":

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.poses import Array
@@ -10,20 +11,22 @@ from dexgrasp_env.poses import Array
 if TYPE_CHECKING:
     import trimesh
 
-# A hull is made of extremes, and the extremes of noisy points lie outside the surface. The two numbers below were set
-# on boxes, cans, balls, cones and a tetrahedron with the default sensor: without them the hull is 13 % too large.
+# A hull is made of extremes, and the extremes of noisy points lie outside the surface. The two numbers below
+# were set on boxes, cans, balls, cones and a tetrahedron with the default sensor: without them the hull is
+# 13 % too large.
 _TRIMMED = 0.01  # share of the points that count as extremes in a direction, from 1 mm of noise
 _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the last point that is none
 
 
 def cloud_hull(
-    points: Array, plane: Plane | None = None, *, reach: float = 0.020, noise: float | None = None
+    points: NDArray, plane: Plane | None = None, *, reach: float = 0.020, noise: float | None = None
 ) -> "trimesh.Trimesh | None":
     """Return the convex hull of the points as a mesh in the robot base frame.
 
-    No camera sees the underside, and points near the table are removed with it. The object stands on the table,
-    so points within `reach` of the plane are dropped straight onto it before the hull is taken. An object whose lowest
-    visible points are higher than that is left as seen: its hull ends in the air.
+    No camera sees the underside, and points near the table are removed with it. The object stands on the
+    table, so points within `reach` of the plane are dropped straight onto it before the hull is taken, and
+    the point of the table under the middle of the cloud is added: an object whose lowest visible points are
+    higher, a ball say, then ends in a cone.
 
     Args:
         points: (M, 3) m.
@@ -41,16 +44,17 @@ def cloud_hull(
     points = trim_extremes(points, noise)
     if plane is not None:
         heights = plane.heights(points)
-        low = heights < reach
-        points = np.concatenate([points, points[low] - heights[low, None] * plane.normal])
+        dropped = points - heights[:, None] * plane.normal
+        points = np.concatenate([points, dropped[heights < reach], np.median(dropped, axis=0, keepdims=True)])
     return _hull(points)
 
 
 def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
     """Return the points (M, 3) with those that stick out moved inwards.
 
-    In each of many directions, the farthest 1 % of the points are moved back to the next one and 0.3 of the noise
-    farther. Downwards nothing is moved: the table ends the object there. Without noise nothing is moved at all.
+    In each of many directions, the farthest 1 % of the points are moved back to the next one and 0.3 of the
+    noise farther. Downwards nothing is moved: the table ends the object there. Without noise nothing is
+    moved at all.
     """
     count = round(_TRIMMED * min(1.0, noise / 0.001) * len(points))
     if count < 1:
@@ -69,7 +73,7 @@ def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
 
 
 def _directions(count: int) -> Array:
-    """Unit vectors spread evenly over the upper half of the sphere and a little below its equator (Fibonacci)."""
+    """Unit vectors spread evenly over the upper half sphere and a little below its equator (Fibonacci)."""
     index = np.arange(count) + 0.5
     z = 1.0 - 2.0 * index / count
     turn = np.pi * (1.0 + np.sqrt(5.0)) * index

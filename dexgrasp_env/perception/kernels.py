@@ -127,7 +127,9 @@ def farthest_points(points: Array, count: int, first: int) -> Index:
 
 
 @njit(cache=True)
-def local_planes(queries: Array, points: Array, weights: Array, radius: float, least: int) -> tuple[Array, Array, Array]:
+def local_planes(
+    queries: Array, points: Array, weights: Array, radius: float, least: int
+) -> tuple[Array, Array, Array]:
     """Fit a plane to the weighted neighbourhood of each query.
 
     Args:

@@ -1,7 +1,7 @@
 """Calibration errors that the table shows, taken out.
 
-All cameras look at one table, so what separates their tables is calibration error: roll, pitch and height of each camera
-follow from it; x, y and yaw cannot.
+All cameras look at one table, so what separates their tables is calibration error: roll, pitch and height of
+each camera follow from it; x, y and yaw cannot.
 """
 
 import numpy as np
@@ -38,8 +38,11 @@ def view_corrections(
 
 def level_views(cloud: Cloud, corrections: NDArray[np.float64]) -> Cloud:
     """Return the cloud with every point moved by the correction of its view."""
-    T = corrections[cloud.camera]
-    return cloud.moved((T[:, :3, :3] * cloud.points[:, None]).sum(-1) + T[:, :3, 3])
+    points = cloud.points.copy()
+    for k, T in enumerate(corrections):
+        rows = np.flatnonzero(cloud.camera == k)
+        points[rows] = points[rows] @ T[:3, :3].T + T[:3, 3]
+    return cloud.moved(points)
 
 
 def _onto(own: Plane, common: Plane, centre: Array) -> Array:

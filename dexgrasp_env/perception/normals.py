@@ -6,8 +6,10 @@ from dexgrasp_env.perception.cloud import Cloud
 from dexgrasp_env.poses import Array
 
 
-def estimate_normals(cloud: Cloud, queries: Cloud | None = None, radius: float = 0.010, least: int = 8) -> Array:
-    """Return unit normals by principal components of the neighbourhood, towards the camera that saw the point.
+def estimate_normals(
+    cloud: Cloud, queries: Cloud | None = None, radius: float = 0.010, least: int = 8
+) -> Array:
+    """Return unit normals by principal components of the neighbourhood, towards the cameras.
 
     Args:
         cloud: the points that neighbourhoods are made of.
@@ -22,11 +24,14 @@ def estimate_normals(cloud: Cloud, queries: Cloud | None = None, radius: float =
     return _planes(cloud, queries, radius, least)[1]
 
 
-def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010, least: int = 8) -> tuple[Array, Array]:
-    """Project points onto local planes of the fused cloud (one step of moving least squares, Alexa et al. 2003).
+def smooth(
+    cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010, least: int = 8
+) -> tuple[Array, Array]:
+    """Project points onto local planes of the fused cloud, one step of moving least squares.
 
-    Points seen from near weigh more, as 1 / depth^4: noise grows with depth^2. Nothing is moved along the surface, nor
-    by more than three times the noise, so that edges keep their place; without noise nothing moves.
+    Points seen from near weigh more, as 1 / depth^4: noise grows with depth^2. Nothing is moved along the
+    surface, nor by more than three times the noise, so that edges keep their place; without noise nothing
+    moves (Alexa et al. 2003).
 
     Args:
         cloud: the fused points.
@@ -40,7 +45,7 @@ def smooth(cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010, le
     """
     centres, normals, residuals = _planes(cloud, queries, radius, least)
     offset = ((queries.points - centres) * normals).sum(-1)
-    # Where the spread across the plane is more than noise, the surface is bent: trust the point by the excess.
+    # Where the spread across the plane is more than noise, the surface is bent: trust the point more.
     bent = np.maximum(residuals**2 - noise**2, 0.0)
     share = noise**2 / np.maximum(noise**2 + bent, 1e-18)
     shift = np.clip(share * offset, -3.0 * noise, 3.0 * noise)
@@ -52,7 +57,9 @@ def _planes(cloud: Cloud, queries: Cloud, radius: float, least: int) -> tuple[Ar
 
     points = np.ascontiguousarray(cloud.points)
     weights = cloud.depth**-4.0
-    centres, normals, residuals = local_planes(np.ascontiguousarray(queries.points), points, weights, radius, least)
+    centres, normals, residuals = local_planes(
+        np.ascontiguousarray(queries.points), points, weights, radius, least
+    )
     facing = (normals * queries.views).sum(-1, keepdims=True)
     normals = np.where(facing < 0, -normals, normals)
     return centres, np.where((normals**2).sum(-1, keepdims=True) < 0.5, queries.views, normals), residuals

@@ -40,15 +40,19 @@ def cloud_picture(
 
     figure = Figure(figsize=(13.5, 5.0))
     FigureCanvasAgg(figure)
-    true = None if true_mesh is None else _placed(true_mesh, np.eye(4) if T_world_object is None else T_world_object)
+    true = (
+        None
+        if true_mesh is None
+        else _placed(true_mesh, np.eye(4) if T_world_object is None else T_world_object)
+    )
     for k, (name, elevation, azimuth) in enumerate(_VIEWS):
         axes = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
         _draw(axes, np.asarray(points, float), hull, true)
         axes.view_init(elevation, azimuth)
         axes.set_title(name, fontsize=10)
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False)
-    figure.suptitle(title or f"{len(points)} points")
-    figure.subplots_adjust(left=0.01, right=0.97, bottom=0.08, top=0.92, wspace=0.08)
+    figure.suptitle(title or f"{len(points)} points", y=0.985)
+    figure.subplots_adjust(left=0.01, right=0.97, bottom=0.06, top=0.88, wspace=0.08)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
@@ -59,17 +63,23 @@ def _placed(mesh: "trimesh.Trimesh", T: Array) -> tuple[Array, NDArray]:
     return np.asarray(mesh.vertices) @ T[:3, :3].T + T[:3, 3], np.asarray(mesh.faces)
 
 
-def _draw(axes: Any, points: Array, hull: "trimesh.Trimesh | None", true: tuple[Array, NDArray] | None) -> None:
+def _draw(
+    axes: Any, points: Array, hull: "trimesh.Trimesh | None", true: tuple[Array, NDArray] | None
+) -> None:
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
     drawn = [points] if len(points) else []
     if true is not None:
         vertices, faces = true
-        axes.add_collection3d(Poly3DCollection(vertices[faces], facecolor="0.75", alpha=0.35, label="true mesh"))
+        axes.add_collection3d(
+            Poly3DCollection(vertices[faces], facecolor="0.45", alpha=0.35, label="true mesh")
+        )
         drawn.append(vertices)
     if hull is not None:
         edges = np.asarray(hull.vertices)[np.asarray(hull.edges_unique)]
-        axes.add_collection3d(Line3DCollection(edges, colors="tab:blue", linewidths=0.6, label="hull of the cloud"))
+        axes.add_collection3d(
+            Line3DCollection(edges, colors="tab:blue", linewidths=0.4, alpha=0.6, label="hull of the cloud")
+        )
         drawn.append(np.asarray(hull.vertices))
     if len(points):
         axes.scatter(*points.T, s=2.5, c="tab:red", depthshade=False, label="segmented points")
@@ -81,6 +91,6 @@ def _frame(axes: Any, drawn: Array) -> None:
     for name, middle in zip("xyz", centre, strict=True):
         getattr(axes, f"set_{name}lim")(middle - half, middle + half)
         getattr(axes, f"set_{name}label")(f"{name}, m", fontsize=8)
-    axes.set_box_aspect((1, 1, 1), zoom=0.95)
+    axes.set_box_aspect((1, 1, 1), zoom=1.1)
     axes.tick_params(labelsize=6)
     axes.locator_params(nbins=4)

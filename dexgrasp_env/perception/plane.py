@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.perception.cloud import Cloud
 from dexgrasp_env.poses import Array
@@ -27,7 +26,7 @@ class Plane:
 
     def heights(self, points: Array) -> Array:
         """Signed distance of points (..., 3) above the plane, metres."""
-        return (points * self.normal).sum(-1) - self.offset
+        return np.einsum("...i,i->...", points, self.normal) - self.offset
 
 
 def fit_plane(
@@ -78,10 +77,10 @@ def fit_plane(
 def refine_plane(
     points: Array, normal: Array, offset: float, tolerance: float = 0.006, min_inliers: int = 200
 ) -> Plane | None:
-    """Return the least-squares plane of the points within `tolerance` metres of a first guess, or None if too few."""
+    """Return the least-squares plane of the points within `tolerance` m of a first guess, None if too few."""
     rms, count = np.inf, 0
     for _ in range(3):
-        distance = (points * normal).sum(-1) - offset
+        distance = np.einsum("ij,j->i", points, normal) - offset
         inliers = points[np.abs(distance) < tolerance]
         count = len(inliers)
         if count < min_inliers:

@@ -46,7 +46,9 @@ class RayBackend:
 
     def render_rgb(self, data: "mujoco.MjData") -> NDArray[np.uint8]:
         """Rays carry no light."""
-        raise InputError("colour images need OpenGL: use the depth backend 'gl', or obs_mode 'depth' or 'pointcloud'")
+        raise InputError(
+            "colour images need OpenGL: use the depth backend 'gl', or obs_mode 'depth' or 'pointcloud'"
+        )
 
     def close(self) -> None:
         """Nothing is held."""
@@ -65,9 +67,9 @@ class RayBackend:
 def ray_model(model: "mujoco.MjModel") -> "mujoco.MjModel":
     """Return a copy of the model in which `mj_multiRay` misses nothing; fit for rays only.
 
-    MuJoCo 3.17 culls a body by a box that is misplaced when the inertial frame is rotated or off the geoms' centre, and
-    then returns what lies behind. A box about the body's origin that reaches as far as the old one in every direction
-    holds the body however it is turned, so nothing visible is culled.
+    MuJoCo 3.17 culls a body by a box that is misplaced when the inertial frame is rotated or off the geoms'
+    centre, and then returns what lies behind. A box about the body's origin that reaches as far as the old
+    one in every direction holds the body however it is turned, so nothing visible is culled.
     """
     ray_only = copy.copy(model)
     roots = ray_only.body_bvhadr[ray_only.body_bvhadr >= 0]

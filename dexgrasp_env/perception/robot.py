@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 class RobotShape:
     """The collision geoms of a robot as convex solids whose distance is cheap.
 
-    Spheres, capsules, boxes, cylinders and ellipsoids are what they are (ellipsoids a little larger); meshes are their
-    convex hulls.
+    Spheres, capsules, boxes, cylinders and ellipsoids are what they are (ellipsoids a little larger); meshes
+    are their convex hulls.
     """
 
     def __init__(self, model: "mujoco.MjModel", geoms: Iterable[int] | None = None) -> None:
@@ -34,7 +34,7 @@ class RobotShape:
         self._facets = [_mesh_facets(model, g) for g in self.geoms]
 
     def contains(self, points: Array, data: "mujoco.MjData", margin: float) -> NDArray[np.bool_]:
-        """Return which points (M, 3) lie within `margin` metres of the robot at the joint positions of `data`.
+        """Return which points (M, 3) lie within `margin` metres of the robot as `data` has it.
 
         `data` needs current kinematics.
         """
@@ -53,7 +53,7 @@ class RobotShape:
         return inside
 
     def _distance(self, k: int, p: Array) -> Array:
-        """Return a lower bound of the distance of local points (n, 3) to geom k, exact for round ones, metres."""
+        """Return lower bounds of the distances (n,) m of local points (n, 3) to geom k."""
         import mujoco
 
         kind, size = self._types[k], self._sizes[k]
@@ -77,9 +77,11 @@ def robot_geoms(model: "mujoco.MjModel", object_body: str = "object", table: str
     """Return the collision geoms of all bodies but the world, the object and the table."""
     import mujoco
 
-    ignored = {0} | {mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in (object_body, table)}
+    ignored = {0} | {
+        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in (object_body, table)
+    }
     colliding = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    return [g for g in np.flatnonzero(colliding) if int(model.geom_bodyid[g]) not in ignored]
+    return [int(g) for g in np.flatnonzero(colliding) if int(model.geom_bodyid[g]) not in ignored]
 
 
 def remove_robot(cloud: Cloud, robot: RobotShape, data: "mujoco.MjData", margin: float = 0.012) -> Cloud:
@@ -97,4 +99,6 @@ def _mesh_facets(model: "mujoco.MjModel", geom: int) -> Array:
 
     mesh = model.mesh(int(model.geom_dataid[geom]))
     start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
-    return np.unique(ConvexHull(model.mesh_vert[start : start + count].astype(float)).equations.round(9), axis=0)
+    return np.unique(
+        ConvexHull(model.mesh_vert[start : start + count].astype(float)).equations.round(9), axis=0
+    )

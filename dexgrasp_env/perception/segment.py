@@ -54,7 +54,7 @@ class SegmentationSettings:
     outlier_neighbours: int = 4
     link: float = 0.015
     smoothing_radius: float = 0.010
-    stride: int = 3
+    stride: int = 7
 
     def __post_init__(self) -> None:
         if self.count < 1 or self.min_points < 4 or self.stride < 1:
@@ -131,7 +131,11 @@ def segment(
 
 
 def _isolate(
-    cloud: Cloud, plane: Plane, s: SegmentationSettings, robot: RobotShape | None, data: "mujoco.MjData | None"
+    cloud: Cloud,
+    plane: Plane,
+    s: SegmentationSettings,
+    robot: RobotShape | None,
+    data: "mujoco.MjData | None",
 ) -> Cloud:
     cloud = remove_plane(cloud, plane, table_clearance(plane, s.clearance_sigmas))
     if robot is not None and data is not None:

@@ -1,8 +1,9 @@
 """What a stereo depth camera makes of a true depth image, and what its calibration gets wrong.
 
-Noise and quantisation live in disparity d = f B / z, where a stereo matcher works: a constant RMS of `subpixel_rms`
-there is the depth RMS z^2 subpixel / (f B) that Intel publishes for its D400 cameras ("Tuning depth cameras for best
-performance", Grunnet-Jepsen, Sweetser, Woodfill), with f in pixels of the camera's own resolution.
+Noise and quantisation live in disparity d = f B / z, where a stereo matcher works: a constant RMS of
+`subpixel_rms` there is the depth RMS z^2 subpixel / (f B) that Intel publishes for its D400 cameras ("Tuning
+depth cameras for best performance", Grunnet-Jepsen, Sweetser, Woodfill), with f in pixels of the camera's
+own resolution.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ class SensorModel:
         focal_px: focal length of the stereo pair at its own resolution, pixels.
         baseline: between the two imagers, metres.
         subpixel_rms: RMS disparity noise, pixels of the stereo pair.
-        correlated: share of the noise variance that neighbouring pixels share, 0 to 1 (matching windows overlap).
+        correlated: share of the noise variance that neighbouring pixels share, 0 to 1 (matching windows
+            overlap).
         disparity_step: quantum of disparity, pixels of the stereo pair.
         grazing_start: incidence from the surface normal at which pixels begin to drop out, radians.
         grazing_end: incidence from which none is left, radians; zero turns grazing dropouts off.
@@ -53,10 +55,14 @@ class SensorModel:
     def __post_init__(self) -> None:
         for name, value in vars(self).items():
             if not np.isfinite(value) or value < 0:
-                raise InputError(f"sensor setting {name} = {value} is out of range: valid are finite values >= 0")
+                raise InputError(
+                    f"sensor setting {name} = {value} is out of range: valid are finite values >= 0"
+                )
         for name in ("correlated", "edge_dropout", "edge_flying", "dropout"):
             if getattr(self, name) > 1:
-                raise InputError(f"sensor setting {name} = {getattr(self, name)} is out of range: valid are 0 to 1")
+                raise InputError(
+                    f"sensor setting {name} = {getattr(self, name)} is out of range: valid are 0 to 1"
+                )
         if self.focal_px == 0 or self.baseline == 0:
             raise InputError("sensor settings focal_px and baseline must be positive")
 
@@ -69,8 +75,9 @@ class SensorModel:
     def realistic(cls) -> "SensorModel":
         """An Intel RealSense D435 at 848 x 480 on a good target, hand-eye calibrated.
 
-        90 degrees over 848 pixels, 50 mm baseline, subpixel RMS 0.08 and disparity in 1/32 pixel (Intel): 1.4 mm RMS
-        at 0.6 m and 3.8 mm at 1 m. Dropouts, correlation and calibration are our judgement of a common cell.
+        90 degrees over 848 pixels, 50 mm baseline, subpixel RMS 0.08 and disparity in 1/32 pixel (Intel):
+        1.4 mm RMS at 0.6 m and 3.8 mm at 1 m. Dropouts, correlation and calibration are our judgement of a
+        common cell.
         """
         return cls(
             subpixel_rms=0.08,
@@ -119,7 +126,9 @@ class SensorModel:
 
         T = np.eye(4)
         per_axis = 1.0 / np.sqrt(3.0)
-        T[:3, :3] = Rotation.from_rotvec(self.calibration_rotation * per_axis * rng.standard_normal(3)).as_matrix()
+        T[:3, :3] = Rotation.from_rotvec(
+            self.calibration_rotation * per_axis * rng.standard_normal(3)
+        ).as_matrix()
         T[:3, 3] = self.calibration_position * per_axis * rng.standard_normal(3)
         return T
 
@@ -148,7 +157,9 @@ class SensorModel:
         rows = wide[:, :-2] + wide[:, 1:-1] + wide[:, 2:]
         # A mean over 3 x 3 pixels, scaled back to unit variance.
         shared = (rows[:, :, :-2] + rows[:, :, 1:-1] + rows[:, :, 2:]) / np.float32(3.0)
-        return np.float32(np.sqrt(1 - self.correlated)) * noise + np.float32(np.sqrt(self.correlated)) * shared
+        return (
+            np.float32(np.sqrt(1 - self.correlated)) * noise + np.float32(np.sqrt(self.correlated)) * shared
+        )
 
     def _loss(self, true: Depth, cameras: tuple[Camera, ...]) -> Depth:
         loss = np.full(true.shape, self.dropout, np.float32)
@@ -165,8 +176,8 @@ class SensorModel:
 def incidence(depth: Depth, camera: Camera) -> Depth:
     """Return the angle between the ray and the surface normal at each pixel, (H, W) radians.
 
-    1/z is affine in the pixel on a plane, so its differences are the normal; the flatter side of a pixel counts, which
-    leaves edges to the edge model.
+    1/z is affine in the pixel on a plane, so its differences are the normal; the flatter side of a pixel
+    counts, which leaves edges to the edge model.
     """
     i = camera.intrinsics
     inverse = np.where(np.isfinite(depth), 1.0 / depth, 0.0).astype(np.float32)

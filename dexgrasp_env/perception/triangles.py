@@ -26,7 +26,9 @@ def surface_distances(points: Array, triangles: Array) -> Array:
                 d2 += (points[i, a] - centres[f, a]) ** 2
             # The triangle lies in its ball: no need to look closer when the ball is too far.
             if d2 < (best + radii[f]) ** 2:
-                best = min(best, _triangle_distance(points[i], triangles[f, 0], triangles[f, 1], triangles[f, 2]))
+                best = min(
+                    best, _triangle_distance(points[i], triangles[f, 0], triangles[f, 1], triangles[f, 2])
+                )
         distances[i] = best
     return distances
 

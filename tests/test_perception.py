@@ -1,0 +1,196 @@
+"""Depth images to a segmented cloud, end to end."""
+
+import subprocess
+import sys
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.accuracy import measure_accuracy, object_geoms
+from dexgrasp_env.perception.cameras import default_cameras
+from dexgrasp_env.perception.perceive import Perception
+from dexgrasp_env.perception.segment import SegmentationSettings, segment
+from dexgrasp_env.perception.sensor import SensorModel
+
+GEOM = mujoco.mjtGeom
+SHAPES = {"box": [0.03, 0.045, 0.08], "cylinder": [0.033, 0.05, 0], "sphere": [0.038, 0, 0]}
+
+
+def scene(kind="box", hidden=False):
+    spec = mujoco.MjSpec()
+    world = spec.worldbody
+    world.add_body(name="table").add_geom(type=GEOM.mjGEOM_BOX, size=[0.35, 0.6, 0.02], pos=[0.52, 0, -0.02])
+    world.add_geom(type=GEOM.mjGEOM_PLANE, size=[0, 0, 0.1], pos=[0, 0, -0.75])
+    half = {"box": 0.08, "cylinder": 0.05, "sphere": 0.038}[kind]
+    body = world.add_body(name="object", pos=[0.5, 0.1, half], quat=[0.95, 0, 0, 0.312])
+    body.add_freejoint()
+    body.add_geom(type=getattr(GEOM, f"mjGEOM_{kind.upper()}"), size=SHAPES[kind])
+    hand = world.add_body(name="hand", pos=[0.45, 0, 0.42])
+    hand.add_geom(type=GEOM.mjGEOM_BOX, size=[0.06, 0.08, 0.08])
+    finger = world.add_body(name="finger", pos=[0.42, -0.1, 0.25])
+    finger.add_geom(type=GEOM.mjGEOM_CAPSULE, size=[0.014, 0.05, 0])
+    if hidden:
+        world.add_body(name="lid", pos=[0.5, 0.1, 0.1]).add_geom(type=GEOM.mjGEOM_BOX, size=[0.12, 0.12, 0.1])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def true_mesh(kind):
+    size = SHAPES[kind]
+    if kind == "box":
+        return trimesh.creation.box(2 * np.array(size))
+    if kind == "cylinder":
+        return trimesh.creation.cylinder(size[0], 2 * size[1], sections=256)
+    return trimesh.creation.icosphere(5, size[0])
+
+
+def accuracy_of(kind, sensor, seed=0):
+    model, data = scene(kind)
+    perception, rng = Perception(model, sensor=sensor), np.random.default_rng(seed)
+    perception.reset(rng)
+    cloud = perception.observe(data, rng).cloud
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = data.body("object").xmat.reshape(3, 3), data.body("object").xpos
+    backend = perception.backend
+    images = backend.render(data), backend.segment(data)
+    return measure_accuracy(
+        cloud, true_mesh(kind), T, *images, perception.cameras, object_geoms(model)
+    ), cloud
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_without_noise_points_lie_on_the_surface(kind):
+    accuracy, cloud = accuracy_of(kind, SensorModel.none())
+    assert accuracy.worst < 5e-4
+    assert accuracy.false_points == accuracy.table_points == 0
+    assert accuracy.covered > 0.97
+    assert accuracy.hull_volume == pytest.approx(1.0, abs=0.15 if kind == "sphere" else 0.02)
+    assert cloud.points.shape == cloud.normals.shape == (1024, 3)
+    assert cloud.points.dtype == np.float32
+
+
+@pytest.mark.parametrize("kind", SHAPES)
+def test_default_noise_meets_the_aim(kind):
+    accuracy = [accuracy_of(kind, SensorModel.realistic(), seed)[0] for seed in range(3)]
+    assert np.median([a.p95 for a in accuracy]) < 0.004
+    assert sum(a.table_points for a in accuracy) <= 1
+    assert sum(a.false_points for a in accuracy) <= 3
+    assert np.median([abs(a.hull_volume - 1) for a in accuracy]) < 0.10
+    assert min(a.covered for a in accuracy) > 0.9
+
+
+def test_normals_point_out_of_the_object():
+    _, cloud = accuracy_of("sphere", SensorModel.realistic())
+    outward = cloud.valid_points - [0.5, 0.1, 0.038]
+    outward /= np.linalg.norm(outward, axis=-1, keepdims=True)
+    assert np.median((outward * cloud.normals[cloud.mask]).sum(-1)) > 0.95
+
+
+def test_the_same_seed_gives_the_same_observation():
+    model, data = scene()
+    results = []
+    for seed in (3, 3, 4):
+        perception, rng = Perception(model), np.random.default_rng(seed)
+        perception.reset(rng)
+        results.append(perception.observe(data, rng))
+    a, b, c = results
+    assert np.array_equal(a.depths, b.depths)
+    assert np.array_equal(a.cloud.points, b.cloud.points)
+    assert np.array_equal(a.cameras[0].T_world_camera, b.cameras[0].T_world_camera)
+    assert not np.array_equal(a.cloud.points, c.cloud.points)
+
+
+@pytest.mark.parametrize("used", [(0,), (2,), (0, 3), (0, 1, 2)])
+def test_fewer_cameras_see_a_part(used):
+    model, data = scene()
+    perception = Perception(model, cameras=tuple(default_cameras()[k] for k in used))
+    rng = np.random.default_rng(0)
+    perception.reset(rng)
+    cloud = perception.observe(data, rng).cloud
+    assert cloud.reason is None
+    assert cloud.mask.sum() > 300
+    assert np.array_equal(cloud.points[~cloud.mask], np.zeros_like(cloud.points[~cloud.mask]))
+    assert (cloud.pixels[cloud.mask] >= 0).all()
+    assert (cloud.pixels[~cloud.mask] == -1).all()
+
+
+def test_an_object_out_of_view_or_far_away_has_a_reason():
+    model, data = scene()
+    perception = Perception(model)
+    data.qpos[:3] = [0.5, 3.0, -0.5]
+    mujoco.mj_forward(model, data)
+    observation = perception.observe(data, np.random.default_rng(0))
+    assert observation.cloud.reason == "object_out_of_view"
+    assert not observation.cloud.mask.any()
+    assert observation.cloud.plane is not None
+    assert observation.hull() is None
+
+
+def test_a_fully_hidden_object_has_a_reason():
+    model, data = scene(hidden=True)  # the lid is a body of the robot
+    observation = Perception(model).observe(data, np.random.default_rng(0))
+    assert observation.cloud.reason in ("object_out_of_view", "too_few_points")
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        (np.inf, "object_out_of_view"),
+        (np.nan, "object_out_of_view"),
+        (-1.0, "object_out_of_view"),
+        (0.3, "plane_not_found"),
+    ],
+)
+def test_images_of_nothing_have_a_reason(value, reason):
+    depths = np.full((4, 120, 160), value)
+    assert segment(depths, default_cameras(), np.random.default_rng(0)).reason == reason
+
+
+def test_a_few_points_are_too_few_and_nan_does_no_harm():
+    model, data = scene()
+    perception, rng = Perception(model, sensor=SensorModel.none()), np.random.default_rng(0)
+    depths = perception.measure(data, rng)
+    strict = SegmentationSettings(min_points=10**6)
+    assert segment(depths, perception.cameras, rng, strict).reason == "too_few_points"
+    holes = depths.copy()
+    holes[rng.random(holes.shape) < 0.3] = np.nan
+    cloud = segment(holes, perception.cameras, rng, robot=perception.robot, data=data)
+    assert cloud.reason is None
+    assert np.isfinite(cloud.points).all()
+
+
+def test_noise_alone_never_raises():
+    rng = np.random.default_rng(0)
+    for scale in (0.01, 1.0, 100.0):
+        cloud = segment(scale * rng.standard_normal((4, 120, 160)), default_cameras(), rng)
+        assert cloud.reason is None or not cloud.mask.any()
+
+
+def test_bad_settings_are_refused():
+    with pytest.raises(InputError, match="crop box is empty"):
+        SegmentationSettings(crop_low=(1, 0, 0), crop_high=(0, 1, 1))
+    with pytest.raises(InputError, match="2 depth images for 4 cameras"):
+        segment(np.ones((2, 120, 160)), default_cameras(), np.random.default_rng(0))
+
+
+def test_importing_perception_brings_no_numba_torch_or_gl():
+    code = (
+        "import sys, dexgrasp_env.perception.perceive, dexgrasp_env.perception.accuracy;"
+        "import dexgrasp_env.perception.picture;"
+        "print([m for m in ('numba', 'torch', 'OpenGL', 'mujoco', 'matplotlib') if m in sys.modules])"
+    )
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.strip() == "[]"
+
+
+def test_the_benchmark_splits_the_cost_by_step():
+    benchmark = pytest.importorskip("agents.benchmarks.perception")
+    result = benchmark.run(quick=True)
+    assert result["total_ms"] > 0
+    assert {"render", "sensor", "fit_plane", "smooth"} <= set(result["steps_ms"])
+    assert 0.2 < result["ray_rate_ratio"] < 5.0

@@ -1,0 +1,195 @@
+"""Cameras, depth backends and the sensor model."""
+
+import mujoco
+import numpy as np
+import pytest
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.backends import make_backend
+from dexgrasp_env.perception.cameras import Camera, CameraIntrinsics, add_cameras, default_cameras
+from dexgrasp_env.perception.cloud import deproject
+from dexgrasp_env.perception.raycast import RayBackend
+from dexgrasp_env.perception.sensor import SensorModel, incidence
+
+GEOM = mujoco.mjtGeom
+
+
+def small_scene(floor: bool = True) -> tuple[mujoco.MjModel, mujoco.MjData]:
+    spec = mujoco.MjSpec()
+    world = spec.worldbody
+    table = world.add_body(name="table")
+    table.add_geom(type=GEOM.mjGEOM_BOX, size=[0.35, 0.6, 0.02], pos=[0.52, 0, -0.02])
+    if floor:
+        world.add_geom(type=GEOM.mjGEOM_PLANE, size=[0, 0, 0.1], pos=[0, 0, -0.75])
+    body = world.add_body(name="object", pos=[0.5, 0.05, 0.06], quat=[0.9, 0.1, 0.2, 0.3])
+    body.add_freejoint()
+    body.add_geom(type=GEOM.mjGEOM_BOX, size=[0.03, 0.04, 0.05])
+    # An inertial frame off the geoms' centre and turned: what mj_multiRay culls wrongly.
+    body.mass, body.inertia, body.explicitinertial = 1.0, [0.01, 0.011, 0.012], True
+    body.ipos, body.iquat = [0.1, -0.1, 0.05], [0.5, 0.5, -0.5, 0.5]
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def test_pixel_of_a_point_deprojects_to_the_point():
+    camera = default_cameras()[0]
+    depth = np.full((120, 160), np.nan)
+    depth[37, 91] = 0.8
+    point = deproject(depth, camera)[37, 91]
+    uv, z = camera.project(point)
+    assert uv == pytest.approx([91, 37])
+    assert z == pytest.approx(0.8)
+    assert np.isnan(deproject(depth, camera)[0, 0]).all()
+
+
+def test_default_cameras_see_the_whole_region_of_objects():
+    corners = np.array([[x, y, z] for x in (0.40, 0.65) for y in (-0.25, 0.25) for z in (0.0, 0.2)])
+    for camera in default_cameras():
+        uv, depth = camera.project(corners)
+        assert (uv > -0.5).all(), camera.name
+        assert (uv < [159.5, 119.5]).all(), camera.name
+        assert depth.min() > 0.2
+
+
+def test_mjcf_cameras_have_the_pose_and_field_of_view():
+    spec = mujoco.MjSpec()
+    add_cameras(spec, default_cameras())
+    model = spec.compile()
+    for camera in default_cameras():
+        cam = model.camera(camera.name)
+        R = np.zeros(9)
+        mujoco.mju_quat2Mat(R, cam.quat)
+        assert np.allclose(R.reshape(3, 3)[:, 2], -camera.rotation[:, 2])
+        assert np.allclose(cam.pos, camera.position)
+        assert cam.fovy[0] == pytest.approx(camera.intrinsics.fovy)
+
+
+def test_bad_cameras_are_refused_in_one_line():
+    model, _ = small_scene()
+    small = CameraIntrinsics.from_fovy(45.0, 32, 24)
+    with pytest.raises(InputError, match="coincide"):
+        Camera.look_at("a", (0, 0, 1), (0, 0, 1))
+    with pytest.raises(InputError, match="orthonormal"):
+        Camera("a", 2.0 * np.eye(4))
+    with pytest.raises(InputError, match="auto, ray, gl"):
+        make_backend("cuda", model, default_cameras())
+    with pytest.raises(InputError, match="image sizes"):
+        make_backend("ray", model, (default_cameras()[0], Camera("b", np.eye(4), small)))
+    with pytest.raises(InputError, match="one or more"):
+        make_backend("ray", model, ())
+
+
+def test_rays_miss_nothing_that_single_rays_hit():
+    model, data = small_scene()
+    cameras = default_cameras(CameraIntrinsics.from_fovy(38.0, 80, 60))
+    depths = RayBackend(model, cameras).render(data)
+    group, geom = np.array([1, 1, 1, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
+    for depth, camera in zip(depths, cameras, strict=True):
+        rays = camera.intrinsics.directions().reshape(-1, 3) @ camera.rotation.T
+        single = [mujoco.mj_ray(model, data, camera.position, ray, group, 1, -1, geom) for ray in rays]
+        assert np.allclose(depth.ravel(), single, atol=1e-6)
+
+
+def test_nothing_is_infinitely_far_and_rays_have_no_colour():
+    model, data = small_scene(floor=False)
+    up = Camera.look_at("up", (0.5, 0, 0.5), (0.5, 0, 2.0))
+    backend = make_backend("auto", model, (up,))
+    assert np.isinf(backend.render(data)).all()
+    assert (backend.segment(data) == -1).all()
+    with pytest.raises(InputError, match="OpenGL"):
+        backend.render_rgb(data)
+
+
+def test_gl_and_rays_agree_pixel_by_pixel():
+    model, data = small_scene(floor=False)
+    shifted = CameraIntrinsics(fx=180.0, fy=165.0, cx=70.0, cy=66.0)
+    cameras = tuple(Camera(c.name, c.T_world_camera, shifted) for c in default_cameras())
+    try:
+        gl = make_backend("gl", model, cameras)
+    except InputError as error:
+        pytest.skip(str(error))
+    ray = make_backend("ray", model, cameras)
+    try:
+        a, b = ray.render(data), gl.render(data)
+        assert gl.render_rgb(data).shape == (4, 120, 160, 3)
+        assert (ray.segment(data) != gl.segment(data)).mean() < 2e-3
+    finally:
+        gl.close()
+    assert (np.isfinite(a) != np.isfinite(b)).mean() < 2e-3
+    both = np.isfinite(a) & np.isfinite(b)
+    error = np.abs(a[both] - b[both])
+    assert np.median(error) < 1e-5
+    assert (error > 2e-3).mean() < 2e-3
+
+
+def test_perfect_sensor_changes_nothing():
+    depth = np.random.default_rng(0).uniform(0.4, 1.0, (4, 120, 160)).astype(np.float32)
+    assert np.array_equal(
+        SensorModel.none().measure(depth, default_cameras(), np.random.default_rng(0)), depth
+    )
+    for camera, believed in zip(
+        default_cameras(),
+        SensorModel.none().calibrate(default_cameras(), np.random.default_rng(0)),
+        strict=True,
+    ):
+        assert np.allclose(camera.T_world_camera, believed.T_world_camera)
+
+
+@pytest.mark.parametrize("distance", [0.5, 1.0])
+@pytest.mark.parametrize("correlated", [0.0, 0.5])
+def test_noise_grows_with_the_square_of_distance(distance, correlated):
+    sensor = SensorModel(subpixel_rms=0.08, correlated=correlated)
+    depth = np.full((4, 120, 160), distance, np.float32)
+    measured = sensor.measure(depth, default_cameras(), np.random.default_rng(1))
+    expected = distance**2 * 0.08 / (424 * 0.05)
+    assert sensor.depth_rms(distance) == pytest.approx(expected)
+    assert (measured - depth).std() == pytest.approx(expected, rel=0.05)
+
+
+def test_quantisation_is_in_disparity():
+    depth = np.linspace(0.4, 1.0, 4 * 120 * 160, dtype=np.float32).reshape(4, 120, 160)
+    measured = SensorModel(disparity_step=0.25).measure(depth, default_cameras(), np.random.default_rng(0))
+    disparity = 424 * 0.05 / measured / 0.25
+    assert np.allclose(disparity, np.rint(disparity), atol=1e-3)
+
+
+def test_grazing_surfaces_and_edges_drop_out():
+    camera = Camera.look_at("c", (0, 0, 0.1), (1.0, 0, 0))  # the table under a flat angle
+    rays = camera.intrinsics.directions() @ camera.rotation.T
+    depth = np.where(rays[..., 2] < -1e-3, -0.1 / np.minimum(rays[..., 2], -1e-3), np.inf).astype(np.float32)
+    angle = incidence(depth, camera)
+    true = np.arccos(-rays[..., 2] / np.linalg.norm(rays, axis=-1))
+    seen = np.isfinite(depth)
+    seen[:60] = False
+    assert np.allclose(angle[seen], true[seen], atol=0.02)
+    sensor = SensorModel(grazing_start=np.radians(70), grazing_end=np.radians(80))
+    out = sensor.measure(depth[None], (camera,), np.random.default_rng(0))[0]
+    assert np.isinf(out[true > np.radians(82)]).all()
+    step = np.full((1, 120, 160), 0.5, np.float32)
+    step[:, :, 80:] = 0.8
+    edges = SensorModel(edge_dropout=0.5).measure(step, (camera,), np.random.default_rng(0))[0]
+    lost = np.isinf(edges).mean(0)
+    assert lost[[79, 80]] == pytest.approx([0.5, 0.5], abs=0.15)
+    assert lost[:79].max() == 0
+
+
+def test_calibration_error_has_its_size_and_is_seeded():
+    sensor, camera = SensorModel.realistic(), default_cameras()[:1]
+    rng = np.random.default_rng(0)
+    errors = [
+        np.linalg.inv(camera[0].T_world_camera) @ sensor.calibrate(camera, rng)[0].T_world_camera
+        for _ in range(500)
+    ]
+    lengths = [np.linalg.norm(T[:3, 3]) for T in errors]
+    angles = [np.arccos(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1)) for T in errors]
+    assert np.sqrt(np.mean(np.square(lengths))) == pytest.approx(0.001, rel=0.15)
+    assert np.sqrt(np.mean(np.square(angles))) == pytest.approx(np.radians(0.15), rel=0.15)
+
+
+def test_bad_sensor_settings_are_refused():
+    with pytest.raises(InputError, match="dropout = 2"):
+        SensorModel(dropout=2)
+    with pytest.raises(InputError, match="subpixel_rms"):
+        SensorModel(subpixel_rms=-1)

@@ -1,0 +1,207 @@
+"""Each step of the pipeline on inputs with a known answer."""
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from dexgrasp_env.perception.accuracy import covered_share, surface_distance
+from dexgrasp_env.perception.cameras import default_cameras
+from dexgrasp_env.perception.cloud import Cloud, crop, gather, remove_flying
+from dexgrasp_env.perception.downsample import downsample, pad
+from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.level import level_views, view_corrections
+from dexgrasp_env.perception.normals import estimate_normals, smooth
+from dexgrasp_env.perception.outliers import largest_cluster, remove_outliers
+from dexgrasp_env.perception.picture import cloud_picture
+from dexgrasp_env.perception.plane import Plane, fit_plane, remove_plane
+from dexgrasp_env.perception.robot import RobotShape, remove_robot, robot_geoms
+
+GEOM = mujoco.mjtGeom
+
+
+def as_cloud(points, camera=None, views=(0.0, 0.0, 1.0)):
+    points = np.asarray(points, float)
+    n = len(points)
+    camera = np.zeros(n, np.int32) if camera is None else camera
+    views = np.broadcast_to(np.asarray(views, float), (n, 3)).copy()
+    return Cloud(points, views, np.full(n, 0.6), camera, np.arange(n, dtype=np.int32))
+
+
+def table_points(rng, n=5000, noise=0.0, height=0.0):
+    return np.stack(
+        [rng.uniform(0.2, 0.8, n), rng.uniform(-0.4, 0.4, n), height + noise * rng.standard_normal(n)], -1
+    )
+
+
+def test_gather_skips_what_is_no_measurement():
+    depths = np.full((4, 120, 160), np.nan)
+    depths[0, 3, 4], depths[1, 5, 6], depths[2, 0, 0], depths[3, 1, 1] = 0.5, 0.7, np.inf, -1.0
+    cloud = gather(depths, default_cameras())
+    assert cloud.camera.tolist() == [0, 1]
+    assert cloud.pixel.tolist() == [3 * 160 + 4, 120 * 160 + 5 * 160 + 6]
+    camera = default_cameras()[1]
+    assert cloud.points[1] + cloud.views[1] * np.linalg.norm(
+        cloud.points[1] - camera.position
+    ) == pytest.approx(camera.position)
+
+
+def test_crop_keeps_the_box():
+    cloud = as_cloud([[0.5, 0, 0.1], [0.5, 0, 0.5], [0.5, np.nan, 0.1], [2, 0, 0.1]])
+    assert crop(cloud, (0, -1, 0), (1, 1, 0.2)).pixel.tolist() == [0]
+
+
+def test_flying_pixels_go_and_surfaces_stay():
+    depth = np.full((1, 20, 20), 0.8, np.float32)
+    depth[:, 5:15, 5:15] = 0.5
+    clean = depth.copy()
+    depth[0, 5, 8], depth[0, 2, 2] = 0.65, np.nan
+    out = remove_flying(depth)
+    assert np.isinf(out[0, 5, 8])
+    assert np.isinf(out[0, 2, 2])
+    assert np.isfinite(out).sum() == 398
+    assert np.array_equal(remove_flying(clean), clean)
+
+
+def test_plane_is_found_among_outliers_and_repeats_by_seed():
+    rng = np.random.default_rng(0)
+    points = table_points(rng, noise=0.001)
+    points[:, 2] += 0.02 + 0.05 * (points[:, 0] - 0.5)
+    clutter = rng.uniform([0.4, -0.1, -0.05], [0.6, 0.1, 0.06], (2500, 3))
+    both = np.concatenate([points, clutter])
+    plane = fit_plane(both, np.random.default_rng(1))
+    true = np.array([-0.05, 0, 1]) / np.sqrt(1 + 0.05**2)
+    assert np.degrees(np.arccos(plane.normal @ true)) < 0.2
+    assert abs(plane.heights(np.array([0.5, 0, 0.02]))) < 5e-4
+    assert plane.rms == pytest.approx(0.001, rel=0.2)
+    assert np.array_equal(fit_plane(both, np.random.default_rng(1)).normal, plane.normal)
+
+
+def test_no_plane_where_there_is_none():
+    rng = np.random.default_rng(0)
+    assert fit_plane(np.empty((0, 3)), rng) is None
+    assert fit_plane(table_points(rng, height=0.3), rng) is None
+    wall = table_points(rng)[:, [2, 1, 0]] * [1, 1, 0.05]
+    assert fit_plane(wall, rng) is None
+    assert fit_plane(np.full((500, 3), 0.01), rng) is None
+
+
+def test_plane_removal_keeps_what_stands_above():
+    cloud = as_cloud([[0, 0, 0.001], [0, 0, 0.004], [0, 0, -0.1]])
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
+    assert remove_plane(cloud, plane, 0.002).pixel.tolist() == [1]
+
+
+def test_levelling_undoes_tilt_and_height_of_a_view():
+    rng = np.random.default_rng(0)
+    true = np.concatenate([table_points(rng), [[0.5, 0, 0.1]], table_points(rng), [[0.5, 0, 0.1]]])
+    camera = np.repeat([0, 1], 5001).astype(np.int32)
+    wrong = true.copy()
+    tilt = trimesh.transformations.rotation_matrix(np.radians(0.3), [1, 0.5, 0], [1.0, 0.4, 0.5])[:3, :3]
+    wrong[5001:] = (true[5001:] - [1, 0.4, 0.5]) @ tilt.T + [1, 0.4, 0.501]
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
+    cloud = as_cloud(wrong, camera)
+    level = level_views(cloud, view_corrections(cloud, plane, 2)).points
+    assert np.abs(level[:5001] - true[:5001]).max() < 1e-9
+    assert np.abs(level[5001:-1, 2]).max() < 1e-6
+    assert abs(level[-1, 2] - 0.1) < 1e-4
+
+
+@pytest.mark.parametrize("kind", ["sphere", "capsule", "cylinder", "ellipsoid", "box", "mesh"])
+def test_robot_points_go_and_others_stay(kind):
+    spec = mujoco.MjSpec()
+    size = [0.03, 0.04, 0.05]
+    link = spec.worldbody.add_body(name="link", pos=[0.5, 0.1, 0.2], quat=[0.8, 0.2, 0.4, 0.1])
+    if kind == "mesh":
+        box = trimesh.creation.box(2 * np.array(size))
+        spec.add_mesh(name="m", uservert=box.vertices.ravel(), userface=box.faces.ravel())
+        link.add_geom(type=GEOM.mjGEOM_MESH, meshname="m")
+    else:
+        link.add_geom(type=getattr(GEOM, f"mjGEOM_{kind.upper()}"), size=size)
+    link.add_geom(type=GEOM.mjGEOM_SPHERE, size=[0.2, 0, 0], contype=0, conaffinity=0)  # looks only
+    spec.worldbody.add_body(name="object").add_geom(type=GEOM.mjGEOM_SPHERE, size=[0.5, 0, 0])
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert len(robot_geoms(model)) == 1
+    shape = RobotShape(model)
+    R, centre = data.body("link").xmat.reshape(3, 3), data.body("link").xpos
+    reach = {"sphere": 0.03, "capsule": 0.07, "cylinder": 0.04, "ellipsoid": 0.05, "box": 0.05, "mesh": 0.05}[
+        kind
+    ]
+    local = np.array([[0, 0, 0], [0.029, 0, 0], [0, 0, reach + 0.005], [0, 0, reach + 0.02], [0.09, 0, 0]])
+    left = remove_robot(as_cloud(local @ R.T + centre), shape, data, 0.01)
+    assert left.pixel.tolist() == [3, 4]
+    assert len(remove_robot(as_cloud(np.empty((0, 3))), shape, data)) == 0
+
+
+def test_outliers_and_small_clusters_go():
+    rng = np.random.default_rng(0)
+    big, small = rng.uniform(0, 0.05, (400, 3)), rng.uniform(0.1, 0.12, (60, 3))
+    cloud = as_cloud(np.concatenate([big, small, [[0.3, 0.3, 0.3]]]))
+    dense = remove_outliers(cloud)
+    assert 460 not in dense.pixel
+    assert set(largest_cluster(dense).pixel) <= set(range(400))
+    assert len(largest_cluster(dense)) > 390
+    assert len(remove_outliers(as_cloud(np.zeros((2, 3))))) == 0
+    assert len(largest_cluster(as_cloud(np.empty((0, 3))))) == 0
+
+
+def test_downsampling_is_even_exact_in_number_and_seeded():
+    points = np.random.default_rng(0).uniform(0, 0.1, (5000, 3)) * [1, 1, 0]
+    chosen = downsample(points, 256, np.random.default_rng(3))
+    assert len(set(chosen)) == 256
+    assert np.array_equal(chosen, downsample(points, 256, np.random.default_rng(3)))
+    gaps = np.linalg.norm(points[chosen][:, None] - points[chosen], axis=-1) + np.eye(256)
+    assert gaps.min() > 0.004  # 256 even points on 10 cm x 10 cm lie about 6 mm apart
+    assert downsample(points[:9], 256, np.random.default_rng(0)).tolist() == list(range(9))
+    assert pad(np.ones((2, 3)), 4).sum() == 6
+
+
+def test_normals_of_a_sphere_point_out():
+    normal = np.array(trimesh.creation.icosphere(4).vertices)
+    cloud = as_cloud(0.05 * normal, views=normal)
+    found = estimate_normals(cloud)
+    assert (found * normal).sum(-1).min() > 0.99
+    assert estimate_normals(as_cloud([[0, 0, 0.0], [1, 1, 1]])) == pytest.approx(np.array([[0, 0, 1.0]] * 2))
+
+
+def test_smoothing_removes_noise_and_without_noise_moves_nothing():
+    rng = np.random.default_rng(0)
+    points = rng.uniform(0, 0.05, (1500, 3)) * [1, 1, 0]
+    noisy = as_cloud(points + [0, 0, 0.0015] * rng.standard_normal((1500, 3)))
+    smoothed, normals = smooth(noisy, noisy, 0.0015)
+    assert smoothed[:, 2].std() < 0.5 * noisy.points[:, 2].std()
+    assert np.median(normals[:, 2]) > 0.97
+    assert np.array_equal(smooth(noisy, noisy, 0.0)[0], noisy.points)
+
+
+def test_hull_reaches_the_table_and_forgets_noise():
+    plane = Plane(np.array([0, 0, 1.0]), 0.0, 0.0, 100)
+    box = trimesh.creation.box([0.05, 0.05, 0.1])
+    surface = box.sample(4000, seed=0) + np.array([0, 0, 0.05])
+    seen = surface[surface[:, 2] > 0.005]
+    true = cloud_hull(seen, plane).volume / box.volume
+    assert true == pytest.approx(1.0, abs=0.02)
+    noisy = seen + 0.001 * np.random.default_rng(0).standard_normal(seen.shape)
+    raw, trimmed = cloud_hull(noisy, plane).volume, cloud_hull(noisy, plane, noise=0.001).volume
+    assert raw / box.volume > 1.12
+    assert abs(trimmed / box.volume - 1.0) < 0.7 * (raw / box.volume - 1.0)
+    assert cloud_hull(np.zeros((9, 3))) is None
+    assert cloud_hull(np.zeros((2, 3))) is None
+
+
+def test_distance_to_a_mesh_and_coverage():
+    box, T = trimesh.creation.box([0.2, 0.2, 0.2]), np.eye(4)
+    T[:3, 3] = [1, 0, 0]
+    points = np.array([[1, 0, 0.13], [1.14, 0.13, 0.0], [1, 0, 0.02], [1.1, 0.1, 0.1]])
+    assert surface_distance(points, box, T) == pytest.approx([0.03, 0.05, 0.08, 0.0], abs=1e-12)
+    assert covered_share(np.zeros((1, 3)), np.array([[0, 0, 0.005], [0, 0, 0.5]])) == 0.5
+
+
+def test_picture_is_written_even_of_nothing(tmp_path):
+    box = trimesh.creation.box([0.05] * 3)
+    full = cloud_picture(tmp_path / "a.png", box.sample(50), box, box, np.eye(4))
+    empty = cloud_picture(tmp_path / "b.png", np.zeros((0, 3)), None)
+    assert full.stat().st_size > 10_000
+    assert empty.stat().st_size > 1_000
