@@ -1,0 +1,65 @@
+"""`dexgrasp benchmark`: speed as ratios measured side by side in one run."""
+
+import argparse
+from collections.abc import Mapping
+from typing import Any
+
+from agents.cli.options import add_json
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command; its help lists the benchmarks."""
+    from agents.benchmarks.registry import available
+
+    listed = "\n".join(f"  {name:<12} {line}" for name, line in available().items())
+    parser = subparsers.add_parser(
+        "benchmark", help="speed as ratios measured side by side",
+        description="Measure speed as ratios against a reference in the same run: they carry over to other machines.",
+        epilog=f"benchmarks:\n{listed}\n\nexample:\n  dexgrasp benchmark stepping --quick",
+    )  # fmt: skip
+    parser.add_argument("name", metavar="NAME", choices=tuple(available()), help="which one: see below")
+    parser.add_argument("--quick", action="store_true", help="a rough figure in less time")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run a benchmark and print its figures."""
+    from agents.benchmarks.registry import run_benchmark
+    from agents.cli.output import note, print_json
+    from agents.evaluation.trial import jsonable
+
+    note(f"benchmark {args.name}: this takes a while; close what else is busy")
+    figures = run_benchmark(args.name, quick=args.quick)
+    if args.json:
+        print_json({"schema": 1, "benchmark": args.name, "quick": args.quick, "figures": jsonable(figures)})
+    else:
+        print(render(figures))
+    return 0
+
+
+def render(figures: Mapping[str, Any]) -> str:
+    """Return nested figures as tables: cases down, quantities across where cases have the same ones."""
+    from agents.evaluation.text import text_table
+
+    cases = {name: _flat(value) for name, value in figures.items() if isinstance(value, Mapping)}
+    loose = [f"{name}: {_number(value)}" for name, value in figures.items() if not isinstance(value, Mapping)]
+    columns = list(dict.fromkeys(key for case in cases.values() for key in case))
+    rows = [[name, *(_number(case.get(key, "")) for key in columns)] for name, case in cases.items()]
+    tables = [text_table(["case", *columns], rows)] if rows else []
+    return "\n".join([*tables, *loose])
+
+
+def _flat(case: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    flat: dict[str, Any] = {}
+    for key, value in case.items():
+        if isinstance(value, Mapping):
+            flat |= _flat(value, f"{prefix}{key} ")
+        else:
+            flat[f"{prefix}{key}"] = value
+    return flat
+
+
+def _number(value: Any) -> str:
+    if isinstance(value, float):
+        return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.0f}"
+    return "-" if value is None else str(value)

@@ -1,0 +1,113 @@
+"""`dexgrasp list`: objects, environments, agents."""
+
+import argparse
+from typing import Any
+
+from agents.cli.options import add_json
+
+_EPILOG = """examples:
+  dexgrasp list objects            the catalogue with sizes, masses and sets
+  dexgrasp list envs --json        ids and what gym.make accepts
+  dexgrasp list agents"""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "list",
+        help="what objects, environments and agents there are",
+        epilog=_EPILOG,
+        description="List what there is.",
+    )
+    parser.add_argument("what", choices=("objects", "envs", "agents"), help="what to list")
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Print a table, or one JSON object."""
+    from agents.cli.output import print_json
+    from agents.evaluation.text import left_table
+
+    rows = {"objects": list_objects, "envs": list_envs, "agents": list_agents}[args.what]()
+    if args.json:
+        print_json({"schema": 1, args.what: rows} | (_sets() if args.what == "objects" else {}))
+        return 0
+    if args.what == "envs":
+        print("\n\n".join("\n".join(f"{key}: {_words(value)}" for key, value in row.items()) for row in rows))
+        return 0
+    print(left_table(tuple(rows[0]), [[_words(value) for value in row.values()] for row in rows]))
+    if args.what == "objects":
+        print("\nSets: " + "; ".join(f"{name} ({len(members)})" for name, members in _sets()["sets"].items()))
+        print("A mesh file (obj, stl, ply, glb) does wherever an object is named.")
+    return 0
+
+
+def _sets() -> dict[str, Any]:
+    from dexgrasp_env.objects.catalogue import OBJECT_SETS
+
+    return {"sets": {name: list(members) for name, members in OBJECT_SETS.items()}}
+
+
+def list_objects() -> list[dict[str, Any]]:
+    """Return the catalogue: name, sets, shape, size mm, mass g, and whether size and mass are approximate."""
+    from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
+
+    return [
+        {
+            "name": name,
+            "sets": [s for s, members in OBJECT_SETS.items() if name in members],
+            "shape": spec.shape,
+            "size_mm": [round(1000 * float(side)) for side in spec.build().extents],
+            "mass_g": round(1000 * spec.mass),
+            "approximate": spec.approximate,
+        }
+        for name, spec in CATALOGUE.items()
+    ]
+
+
+def list_envs() -> list[dict[str, Any]]:
+    """Return the registered environments with the choices of their arguments."""
+    import gymnasium as gym
+
+    import dexgrasp_env  # noqa: F401  (registers the environments)
+    from dexgrasp_env.lift.control import CONTROL_MODES
+    from dexgrasp_env.lift.observations import OBS_MODES
+    from dexgrasp_env.lift.rewards import REWARD_MODES
+    from dexgrasp_env.robot.mounts import MOUNTS
+
+    choices = {
+        "obs_mode": list(OBS_MODES),
+        "control_mode": list(CONTROL_MODES),
+        "reward_mode": list(REWARD_MODES),
+        "mount": list(MOUNTS),
+    }
+    ids = sorted(id for id in gym.registry if id.startswith("DexGrasp/"))
+    return [{"id": id, "max_episode_steps": gym.registry[id].max_episode_steps, **choices} for id in ids]
+
+
+def list_agents() -> list[dict[str, Any]]:
+    """Return the agents by name: what they observe, their summary, and whether they can be used here."""
+    from agents.registry import AGENTS
+
+    return [{"name": name, **_describe(spec)} for name, spec in AGENTS.items()]
+
+
+def _describe(spec: str) -> dict[str, Any]:
+    import importlib
+
+    module, _, attribute = spec.partition(":")
+    try:
+        agent = getattr(importlib.import_module(module), attribute)
+    except (ImportError, AttributeError) as error:
+        return {"obs_mode": None, "control_mode": None, "summary": f"not available here: {error}"}
+    settings = dict(getattr(agent, "env_settings", {}))
+    summary = (agent.__doc__ or "").strip().partition("\n")[0]
+    return {"obs_mode": settings.get("obs_mode"), "control_mode": settings.get("control_mode"), "summary": summary}
+
+
+def _words(value: Any) -> str:
+    if isinstance(value, list):
+        return (" x " if value and isinstance(value[0], int) else ", ").join(map(str, value))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "-" if value is None else str(value)
