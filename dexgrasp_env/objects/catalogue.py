@@ -1,8 +1,8 @@
 """The catalogue: six training objects and the twenty objects of Tables 1-3, as data.
 
 Sizes of YCB objects are aligned scan extents, rounded, and their masses the published ones. The paper
-published neither sizes nor masses of its own test objects: entries marked `approximate` are everyday objects of that
-kind. Mass is spread evenly over the volume of the mesh.
+published neither sizes nor masses of its own test objects: entries marked `approximate` are everyday objects
+of that kind. Mass is spread evenly over the volume of the mesh.
 """
 
 from __future__ import annotations

@@ -33,8 +33,8 @@ def drop(model: ObjectModel, ups: Array) -> tuple[Array, Array]:
         ups: (n, 3) unit vectors, the world's vertical in the object frame at the start.
 
     Returns:
-        (m, 3) the vertical in the object frame at rest, for the m <= n drops that came to rest, and (m,) the speed
-        that was left, metres a second at the object's rim.
+        (m, 3) the vertical in the object frame at rest, for the m <= n drops that came to rest, and (m,) the
+        speed that was left, metres a second at the object's rim.
     """
     mj_model = drop_model(model)
     ends = [_drop_one(mj_model, model, up, _DROP_HEIGHT, _LONGEST) for up in ups]
@@ -45,7 +45,7 @@ def drop(model: ObjectModel, ups: Array) -> tuple[Array, Array]:
 
 
 def stays(model: ObjectModel, up: Array, angle: float) -> bool:
-    """Whether the object, put down with the vertical `up` (3,), comes to rest within `angle` radians of it."""
+    """Whether the object, put down with the vertical `up` (3,), rests within `angle` radians of it."""
     end = _drop_one(drop_model(model), model, up, 2e-4, _LONGEST)
     return end is not None and float((end[0] * up).sum()) >= np.cos(angle)
 
@@ -73,7 +73,7 @@ def drop_model(model: ObjectModel) -> mujoco.MjModel:
 def _drop_one(
     mj_model: mujoco.MjModel, model: ObjectModel, up: Array, gap: float, longest: float
 ) -> tuple[Array, float] | None:
-    """Return the vertical in the object frame at rest and the speed left, or None if it did not come to rest."""
+    """Return the vertical in the object frame at rest and the speed left, or None if it never rests."""
     import mujoco
 
     data = mujoco.MjData(mj_model)

@@ -48,10 +48,8 @@ class Section:
     def _superellipse(self, count: int) -> tuple[Array, Array]:
         angle = 2 * np.pi * np.arange(count) / count
         power = 2.0 / self.exponent
-        return tuple(
-            half * np.sign(part.round(12)) * np.abs(part.round(12)) ** power
-            for half, part in ((self.a, np.cos(angle)), (self.b, np.sin(angle)))
-        )
+        x, y = (part.round(12) for part in (np.cos(angle), np.sin(angle)))
+        return self.a * np.sign(x) * np.abs(x) ** power, self.b * np.sign(y) * np.abs(y) ** power
 
     def _rounded_rectangle(self, count: int) -> tuple[Array, Array]:
         r = min(self.corner or 0.0, self.a, self.b)

@@ -27,8 +27,8 @@ def add_to_spec(
 ) -> list[str]:
     """Give `body` the shape and the mass of `model`; its frame becomes the object frame.
 
-    Adds the geom `<prefix>_visual` (group 2, collides with nothing), the geoms `<prefix>_0`, `<prefix>_1`, ...
-    (group 3) and the inertia. Joints are the caller's.
+    Adds the geom `<prefix>_visual` (group 2, collides with nothing), the geoms `<prefix>_0`, `<prefix>_1`,
+    ... (group 3) and the inertia. Joints are the caller's.
 
     Args:
         spec: the specification that `body` belongs to; it receives the meshes.

@@ -151,16 +151,24 @@ def centred_model(
 def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     """Return a convex hull of `points` (n, 3) with at most `limit` vertices.
 
-    A hull with more is replaced by that of the points furthest along `limit` even directions: inside the true
-    hull, within about 1 % of the size at 200 and 2 % at 64.
+    A hull with more is replaced by one inside it: the furthest points along a few even directions, then
+    again and again the point that stands out most.
     """
     import trimesh
+    from scipy.spatial import ConvexHull
 
     hull = trimesh.Trimesh(points, process=False).convex_hull
-    if len(hull.vertices) <= limit:
+    corners = np.asarray(hull.vertices)
+    if len(corners) <= limit:
         return hull
-    extreme = np.unique((hull.vertices @ fibonacci_directions(limit).T).argmax(0))
-    return trimesh.Trimesh(hull.vertices[extreme], process=False).convex_hull
+    kept = list(np.unique((corners @ fibonacci_directions(limit // 4).T).argmax(0)))
+    inner = ConvexHull(corners[kept], incremental=True)
+    while len(kept) < limit:
+        planes = np.unique(inner.equations.round(9), axis=0)
+        kept.append((corners @ planes[:, :3].T + planes[:, 3]).max(axis=1).argmax())
+        inner.add_points(corners[kept[-1:]])
+    inner.close()
+    return trimesh.Trimesh(corners[kept], process=False).convex_hull
 
 
 def fibonacci_directions(count: int) -> Array:

@@ -26,8 +26,8 @@ class ContactPart:
     Attributes:
         kind: one of `KINDS`.
         size: (3,) as MuJoCo has it, metres: half extents of a box; radius, half length, 0 of a cylinder or
-            capsule (half length without the round ends); radius of a sphere; semi-axes of an ellipsoid; zeros for a
-            mesh.
+            capsule (half length without the round ends); radius of a sphere; semi-axes of an ellipsoid;
+            zeros for a mesh.
         position: (3,) metres, of the part's frame in the object frame.
         quat_wxyz: (4,) of the part's frame in the object frame.
         vertices: (n, 3) metres in the part's frame, for a mesh; empty otherwise.

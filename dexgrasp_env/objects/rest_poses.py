@@ -58,12 +58,13 @@ def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
 
 
 def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, ...]:
-    """Drop the object from `drops` even orientations and gather where it ends; always the same for the same object.
+    """Drop the object from `drops` even orientations and gather where it ends; always the same for the same
+    object.
 
-    Drops are merged when the vertical in the object frame differs by at most 16 degrees, directly or through others in
-    between, so that a continuum of rolling poses counts once. For a body of revolution only the angle to its axis
-    counts. Each group is represented by its calmest drop, turned flat onto the facet it rests on, and kept only if it
-    stays there when simulated again. At most `MOST_POSES` are kept.
+    Drops are merged when the vertical in the object frame differs by at most 16 degrees, directly or through
+    others in between, so that a continuum of rolling poses counts once. For a body of revolution only the
+    angle to its axis counts. Each group is represented by its calmest drop, turned flat onto the facet it
+    rests on, and kept only if it stays there when simulated again. At most `MOST_POSES` are kept.
 
     Raises:
         InputError: if it comes to rest nowhere.
@@ -158,7 +159,7 @@ def _facet_normals(model: ObjectModel) -> Array:
 
 
 def _flat(normals: Array, up: Array) -> Array:
-    """Turn the vertical `up` (3,) to stand exactly on the facet, of those with `normals`, that it nearly rests on."""
+    """Turn the vertical `up` (3,) onto the one of the facets' `normals` (n, 3) that it nearly rests on."""
     cosine = -(normals * up).sum(-1)
     best = int(np.argmax(cosine))
     return -normals[best] / np.linalg.norm(normals[best]) if cosine[best] > _SNAP_COSINE else up

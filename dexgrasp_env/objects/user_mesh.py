@@ -1,0 +1,203 @@
+"""A user's own mesh file made fit for use.
+
+Axes stay as they are in the file (glTF has y up: a glb keeps that); textures are ignored; the origin moves
+to the centre of mass.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from dexgrasp_env.cache import cache_dir, content_hash, write_atomically
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.decompose import convex_parts
+from dexgrasp_env.objects.model import ObjectModel, centred_model
+from dexgrasp_env.objects.repair import repair
+
+SUFFIXES = (".obj", ".stl", ".ply", ".glb")
+DENSITY = 400.0
+"""kg/m^3 where no mass is given: everyday things, hollow or half full."""
+MASS_RANGE = (0.02, 1.0)
+_LARGEST, _SMALLEST, _HAND = 2.0, 0.005, 0.12
+_VERSION = 1
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing `dexgrasp doctor` says of a mesh.
+
+    Attributes:
+        level: "error" (cannot be used), "warning" (used, but look at it) or "info".
+        problem: what is the matter.
+        remedy: what to do, or what was done.
+    """
+
+    level: str
+    problem: str
+    remedy: str
+
+
+def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float | None = None) -> ObjectModel:
+    """Return the object of a mesh file; the repaired surface is cached by the file's content.
+
+    Args:
+        path: an obj, stl, ply or glb file.
+        scale: factor from the file's unit to metres.
+        mass: kilograms; without it 400 kg/m^3, at least 0.02 and at most 1 kg.
+
+    Raises:
+        InputError: one line, if the file cannot be used.
+    """
+    path = Path(path).expanduser()
+    raw = read_mesh(path)
+    raw.apply_scale(scale)
+    _check_size(raw, path.name)
+    mesh, notes = _repaired(raw, path.name)
+    parts, split_notes = convex_parts(mesh)
+    notes = (*notes, *split_notes, *_size_notes(mesh))
+    if mass is None:
+        mass = float(np.clip(DENSITY * mesh.volume, *MASS_RANGE))
+        notes = (*notes, f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3 (set it with --mesh-mass)")
+    return centred_model(path.stem, mesh, parts, mass, notes=notes)
+
+
+def describe_mesh(path: str | os.PathLike[str], *, scale: float = 1.0) -> list[Finding]:
+    """Return what is the matter with a mesh file and what to do about it; errors come first, never raised."""
+    try:
+        model = load_mesh(path, scale=scale)
+    except InputError as error:
+        problem, _, remedy = str(error).partition(": ")
+        return [Finding("error", problem, remedy)]
+    sides = " x ".join(f"{1000 * side:.0f}" for side in model.extents)
+    faces, parts = len(model.mesh.faces), len(model.parts)
+    findings = [
+        Finding("info", f"fit to use: {sides} mm, {faces} faces, {parts} convex parts", "nothing to do")
+    ]
+    return findings + [_finding(note) for note in model.notes]
+
+
+def read_mesh(path: Path) -> trimesh.Trimesh:
+    """Return the triangles of a file in its own unit, checked to be finite and to span a volume.
+
+    Raises:
+        InputError: if it is missing, of another kind, damaged, empty, flat or not finite.
+    """
+    if not path.is_file():
+        raise InputError(
+            f"mesh file {str(path)!r} does not exist: give the path of an obj, stl, ply or glb file"
+        )
+    if path.suffix.lower() not in SUFFIXES:
+        raise InputError(
+            f"mesh file {path.name!r} has the wrong kind {path.suffix!r}: valid are {', '.join(SUFFIXES)}"
+        )
+    if path.stat().st_size == 0:
+        raise InputError(f"mesh file {path.name!r} is empty: export it again")
+    mesh = _parsed(path)
+    if len(mesh.faces) == 0:
+        raise InputError(
+            f"mesh file {path.name!r} has no faces: export it as triangles, not as points or lines"
+        )
+    if mesh.faces.min() < 0 or mesh.faces.max() >= len(mesh.vertices):
+        raise InputError(
+            f"mesh file {path.name!r} is damaged (faces name vertices it does not have): export it again"
+        )
+    if not np.isfinite(mesh.vertices).all():
+        bad = int((~np.isfinite(mesh.vertices)).any(axis=1).sum())
+        raise InputError(
+            f"mesh file {path.name!r} has {bad} vertices that are not finite numbers: export it again"
+        )
+    return mesh
+
+
+def _parsed(path: Path) -> trimesh.Trimesh:
+    """Read a file with the mesh library, whose many errors become one."""
+    options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
+    try:
+        kind = path.suffix.lower()[1:]
+        loaded = trimesh.load(io.BytesIO(path.read_bytes()), file_type=kind, process=False, **options)
+        geometry = loaded.to_geometry() if isinstance(loaded, trimesh.Scene) else loaded
+    except Exception as error:
+        reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:80]
+        raise InputError(
+            f"mesh file {path.name!r} cannot be read as {kind} ({reason}): export it again"
+        ) from error
+    if not isinstance(geometry, trimesh.Trimesh):
+        return trimesh.Trimesh()
+    return trimesh.Trimesh(np.array(geometry.vertices, dtype=float), np.array(geometry.faces), process=False)
+
+
+def _check_size(mesh: trimesh.Trimesh, name: str) -> None:
+    used = mesh.vertices[np.unique(mesh.faces)]
+    largest = float(np.ptp(used, axis=0).max())
+    if largest > _LARGEST:
+        unit = "millimetres: pass --mesh-scale 0.001" if largest > 40 else (
+            "centimetres or millimetres: pass --mesh-scale 0.01 or 0.001")  # fmt: skip
+        raise InputError(f"mesh {name!r} is {largest:.4g} m large and looks like {unit}")
+    if largest < _SMALLEST:
+        raise InputError(
+            f"mesh {name!r} is only {1000 * largest:.3g} mm large: "
+            "objects need 5 mm at least, pass a larger --mesh-scale"
+        )
+    spread = np.linalg.svd(used - used.mean(axis=0), compute_uv=False)
+    if spread[2] < 1e-4 * spread[0]:
+        raise InputError(f"mesh {name!r} is flat and encloses no volume: give the object a thickness")
+
+
+def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
+    """Return the repaired surface and what was done, from the cache where it is known."""
+    key = content_hash(np.asarray(raw.vertices), np.asarray(raw.faces, dtype=np.int64), _VERSION)
+    path = cache_dir() / "meshes" / f"{key}.npz"
+    try:
+        with np.load(path, allow_pickle=False) as data:
+            return trimesh.Trimesh(data["vertices"], data["faces"], process=False), tuple(
+                map(str, data["notes"])
+            )
+    except Exception:
+        path.unlink(missing_ok=True)
+    mesh, notes = repair(raw)
+    if not mesh.volume > 1e-4 * mesh.convex_hull.volume:
+        raise InputError(f"mesh {name!r} encloses no volume: close its surface or give it a thickness")
+    buffer = io.BytesIO()
+    np.savez(buffer, vertices=mesh.vertices, faces=mesh.faces, notes=np.array(notes, dtype=str))
+    write_atomically(path, buffer.getvalue())
+    return mesh, notes
+
+
+def _size_notes(mesh: trimesh.Trimesh) -> tuple[str, ...]:
+    narrowest = float(np.min(mesh.bounding_box_oriented.primitive.extents))
+    if narrowest > _HAND:
+        return (
+            f"too large for the hand: its narrowest side is {1000 * narrowest:.0f} mm, "
+            "the hand spans about 120 mm",
+        )
+    return ()
+
+
+_REMEDIES = (
+    ("mass", "info", "pass --mesh-mass for the true one"),
+    ("split", "info", "nothing to do"),
+    ("turned", "info", "done; recompute the normals in your modelling program"),
+    ("simplified", "info", "done; decimate it in your modelling program to choose what is kept"),
+    ("dropped", "warning", "done; delete them in your modelling program if that is wrong"),
+    ("rebuilt", "warning", "look at it with dexgrasp view; close the surface in your modelling program"),
+    ("replaced", "warning", "close the surface in your modelling program to keep its hollows"),
+    ("filled", "warning", "done; look at it with dexgrasp view"),
+    ("too large", "warning", "check the unit (--mesh-scale), or expect no grasp"),
+)
+
+
+def _finding(note: str) -> Finding:
+    """Return a note on a loaded object as a finding."""
+    for start, level, remedy in _REMEDIES:
+        if note.startswith(start):
+            return Finding(level, note, remedy)
+    return Finding(
+        "warning", note, "done; look at it with dexgrasp view, or mend it in your modelling program"
+    )
