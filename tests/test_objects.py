@@ -1,0 +1,248 @@
+"""The catalogue: sizes, masses, surfaces, contact parts, names."""
+
+import manifold3d
+import mujoco
+import numpy as np
+import pytest
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects import (
+    CATALOGUE,
+    OBJECT_SETS,
+    ContactPart,
+    load_object,
+    object_name,
+    resolve_targets,
+)
+from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
+from dexgrasp_env.objects.mjcf import add_to_spec
+from dexgrasp_env.objects.model import ObjectModel, fibonacci_directions, reduced_hull
+from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, hull_part
+from dexgrasp_env.objects.shapes import prism, to_manifold
+
+SIZES = {  # millimetres, grams
+    "cracker_box": (60, 160, 210, 411),
+    "sugar_box": (41, 90, 175, 514),
+    "tomato_soup_can": (66, 66, 101, 349),
+    "mustard_bottle": (58, 96, 191, 603),
+    "gelatin_box": (30, 89, 73, 97),
+    "potted_meat_can": (57, 101, 83, 370),
+    "webcam": (120, 80, 60, 250),
+    "mask": (190, 100, 80, 200),
+    "chips": (75, 75, 230, 205),
+    "soda": (66, 66, 122, 370),
+    "glasses_case": (160, 65, 55, 120),
+    "ramen": (96, 96, 107, 85),
+    "pill_bottle": (52, 52, 90, 80),
+    "sandwich_upright": (120, 70, 120, 180),
+    "sandwich_side": (120, 70, 120, 180),
+    "castle": (84, 84, 140, 150),
+    "tetrahedron": (100, 100 * np.sqrt(3) / 2, 100 * np.sqrt(2 / 3), 90),
+    "hairspray_bottle": (52, 52, 225, 300),
+    "pear": (70, 70, 100, 150),
+    "alcohol_bottle": (70, 45, 180, 330),
+    "condiment_bottle": (62, 62, 195, 350),
+    "lego": (32, 32, 115, 70),
+}
+EVERY = sorted(CATALOGUE)
+
+
+def compiled(model: ObjectModel) -> mujoco.MjModel:
+    spec = mujoco.MjSpec()
+    body = spec.worldbody.add_body(name="object")
+    body.add_freejoint()
+    add_to_spec(spec, body, model, condim=3)
+    return spec.compile()
+
+
+@pytest.mark.parametrize("name", sorted(SIZES))
+def test_size_and_mass_are_those_of_the_table(name):
+    model = load_object(name)
+    np.testing.assert_allclose(1000 * model.extents, SIZES[name][:3], atol=0.5)
+    assert model.mass == SIZES[name][3] / 1000
+
+
+def test_massage_ball_is_89_mm_across_opposite_spikes():
+    model = load_object("massage_ball")
+    reach = np.linalg.norm(model.mesh.vertices, axis=1)
+    assert reach.max() == pytest.approx(0.0445, abs=1e-4)
+    assert np.median(reach) == pytest.approx(0.0375, abs=2e-3)
+    assert model.mass == 0.120
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_surface_is_a_clean_solid_about_its_centre_of_mass(name):
+    mesh = load_object(name).mesh
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume > 0
+    assert 1000 <= len(mesh.faces) <= 7000
+    assert mesh.area_faces.min() > 0
+    np.testing.assert_allclose(mesh.center_mass, 0, atol=1e-7)
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_contact_parts_fill_the_surface(name):
+    model = load_object(name)
+    assert all(len(part.vertices) <= MAX_VERTICES for part in model.parts)
+    parts = [to_manifold(part.surface()) for part in model.parts]
+    contact, surface = (
+        manifold3d.Manifold.batch_boolean(parts, manifold3d.OpType.Add),
+        to_manifold(model.mesh),
+    )
+    assert (contact ^ surface).volume() / (contact + surface).volume() > 0.95
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_compiles_with_the_mass_and_inertia_mujoco_finds_in_the_mesh(name):
+    model = load_object(name)
+    mj_model = compiled(model)
+    assert mj_model.body_mass[1] == pytest.approx(model.mass)
+    np.testing.assert_allclose(mj_model.body_ipos[1], 0, atol=1e-9)
+    spec = mujoco.MjSpec()
+    mesh = spec.add_mesh(name="m", uservert=model.mesh.vertices.ravel(), userface=model.mesh.faces.ravel())
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_EXACT
+    body = spec.worldbody.add_body()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="m", mass=model.mass)
+    own = spec.compile()
+    np.testing.assert_allclose(np.sort(mj_model.body_inertia[1]), np.sort(own.body_inertia[1]), rtol=2e-3)
+
+
+def test_geoms_have_the_agreed_names_and_groups():
+    mj_model = compiled(load_object("pill_bottle"))
+    assert [mj_model.geom(i).name for i in range(3)] == ["object_visual", "object_0", "object_1"]
+    assert list(mj_model.geom_group) == [2, 3, 3]
+    assert mj_model.geom_contype[0] == mj_model.geom_conaffinity[0] == 0
+    assert list(mj_model.geom_condim[1:]) == [3, 3]
+    assert mj_model.geom_friction[1, 0] == 0.7
+
+
+@pytest.mark.parametrize("name", ["mustard_bottle", "sandwich_side", "massage_ball"])
+def test_contact_geoms_lie_where_the_parts_are(name):
+    model = load_object(name)
+    mj_model = compiled(model)
+    data = mujoco.MjData(mj_model)
+    mujoco.mj_forward(mj_model, data)
+    for i, part in enumerate(model.parts):
+        geom = mj_model.geom(f"object_{i}").id
+        if part.kind == "mesh":
+            mesh = mj_model.geom_dataid[geom]
+            start, count = mj_model.mesh_vertadr[mesh], mj_model.mesh_vertnum[mesh]
+            local = mj_model.mesh_vert[start : start + count]
+            world = local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+            np.testing.assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
+        else:
+            np.testing.assert_allclose(data.geom_xpos[geom], part.position, atol=1e-9)
+
+
+def test_boxes_cylinders_and_balls_are_primitives():
+    kinds = {name: {part.kind for part in load_object(name).parts} for name in CATALOGUE}
+    assert all(
+        kinds[name] == {"box"} for name in ("cracker_box", "sugar_box", "gelatin_box", "webcam", "mask")
+    )
+    assert all(kinds[name] == {"cylinder"} for name in ("tomato_soup_can", "chips", "pill_bottle"))
+    assert kinds["massage_ball"] == {"sphere", "capsule"}
+
+
+def test_sets_are_those_of_the_tables():
+    assert {name: len(names) for name, names in OBJECT_SETS.items()} == {
+        "ycb6": 6, "seen": 3, "familiar": 4, "novel": 13, "all20": 20,
+    }  # fmt: skip
+    assert resolve_targets(["seen", "sugar_box", "pear"]) == [
+        "sugar_box",
+        "tomato_soup_can",
+        "mustard_bottle",
+        "pear",
+    ]
+    assert set(resolve_targets(list(OBJECT_SETS))) == set(CATALOGUE)
+
+
+def test_presented_poses_of_the_sandwich():
+    from dexgrasp_env.poses import quat_to_matrix
+
+    for name, height in (("sandwich_upright", 0.12), ("sandwich_side", 0.07)):
+        model = load_object(name)
+        tall = np.ptp((model.mesh.vertices @ quat_to_matrix(model.presented).T)[:, 2])
+        assert tall == pytest.approx(height, abs=1e-9)
+    assert load_object("pear").presented is None
+
+
+def test_hash_follows_the_content_and_nothing_else():
+    model = load_object("castle")
+    assert CATALOGUE["castle"].build().content_hash == model.content_hash
+    assert load_object("sandwich_side").content_hash == load_object("sandwich_upright").content_hash
+    hashes = {model.content_hash, model.scaled(1.01).content_hash, model.with_mass(0.2).content_hash}
+    assert len(hashes) == 3
+
+
+def test_scaling_keeps_the_density():
+    model, large = load_object("lego"), load_object("lego", scale=2.0)
+    np.testing.assert_allclose(large.extents, 2 * model.extents)
+    assert large.mass == pytest.approx(8 * model.mass)
+    np.testing.assert_allclose(large.inertia, 32 * model.inertia)
+    np.testing.assert_allclose(large.parts[1].position, 2 * model.parts[1].position)
+    assert load_object("lego", mass=0.5).mass == 0.5
+    np.testing.assert_allclose(load_object("lego", mass=0.14).inertia, 2 * model.inertia)
+
+
+@pytest.mark.parametrize(
+    ("target", "options", "message"),
+    [
+        ("sugarbox", {}, "did you mean sugar_box"),
+        ("nothing like it", {}, "objects: cracker_box"),
+        ("sugar_box", {"scale": 0.0}, "scale is 0.0"),
+        ("sugar_box", {"scale": float("nan")}, "scale is nan"),
+        ("sugar_box", {"mass": -1.0}, "mass is -1.0"),
+        ("missing.obj", {}, "does not exist"),
+    ],
+)
+def test_bad_targets_are_refused_in_one_line(target, options, message):
+    with pytest.raises(InputError, match=message) as caught:
+        load_object(target, **options)
+    assert "\n" not in str(caught.value)
+
+
+def test_bad_lists_of_targets_are_refused():
+    for targets in ([], ["all21"], ["seen", "missing.stl"]):
+        with pytest.raises(InputError):
+            resolve_targets(targets)
+    assert object_name("some/where/mug.obj") == "mug"
+
+
+def test_bad_shapes_are_refused():
+    with pytest.raises(InputError, match="unknown contact part"):
+        ContactPart("torus")
+    with pytest.raises(InputError, match="not convex"):
+        prism([(0, 0), (1, 0), (0.1, 0.1), (0, 1)], 0.1)
+    mesh = load_object("pear").mesh
+    with pytest.raises(InputError, match="contact parts"):
+        ObjectModel("x", mesh, (), 0.1, np.eye(3))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_support_of_a_part_is_that_of_its_surface(kind):
+    quat = np.array([0.8, 0.2, -0.4, 0.4])
+    corners = np.random.default_rng(0).normal(size=(20, 3)) * 0.03
+    part = ContactPart(
+        kind, np.array([0.03, 0.05, 0.02]), np.array([0.1, 0, 0.02]), quat / np.linalg.norm(quat), corners
+    )
+    directions = fibonacci_directions(50)
+    reach = (directions @ part.surface().vertices.T).max(1)
+    np.testing.assert_allclose(part.support(directions), reach, atol=5e-4)
+    np.testing.assert_allclose(part.scaled(2.0).support(directions), 2 * part.support(directions))
+
+
+def test_a_waisted_loft_is_split_at_its_waist():
+    sections = [Section(z, r, r) for z, r in ((0, 0.04), (0.05, 0.02), (0.1, 0.04))]
+    assert loft_mesh(sections).is_watertight
+    parts = loft_parts(sections)
+    assert len(parts) == 2
+    assert parts[0].vertices[:, 2].max() == pytest.approx(0.05)
+
+
+def test_a_reduced_hull_is_small_and_nearly_as_large():
+    ball = 0.05 * fibonacci_directions(2000)
+    hull = reduced_hull(ball, 100)
+    assert len(hull.vertices) <= 100
+    assert hull.volume > 0.93 * 4 / 3 * np.pi * 0.05**3
+    assert len(hull_part(np.concatenate([ball, 0.5 * ball])).vertices) <= 2000
