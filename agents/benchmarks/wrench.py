@@ -1,11 +1,12 @@
-"""Grasp physics: the closure decision against solvers called one at a time, side by side, and its agreement.
+"""Grasp physics: the closure decision against solvers called one at a time, side by side, and its
+agreement.
 
-**Agreement.** The reference is not a solver's word but a proof. DAQP, which shares no code with the decision, gives
-forces for each triple; in plain numpy they are moved into the cones, and either their residual is below the
-tolerance (feasible, proved) or the wrench they leave separates: no forces up to 1e6 f_min have a smaller residual than
-a bound above it (infeasible, proved). What DAQP's answer proves neither way goes to clarabel, then counts as
-`undecided`. The **band** is where the closed form changes its verdict between mu / 1.02 and 1.02 mu, and triples whose
-height is below 0.4 % of their longest side.
+**Agreement.** The reference is not a solver's word but a proof. DAQP, which shares no code with the
+decision, gives forces for each triple; in plain numpy they are moved into the cones, and either their
+residual is below the tolerance (feasible, proved) or the wrench they leave separates: no forces up to 1e6
+f_min have a smaller residual than a bound above it (infeasible, proved). What DAQP's answer proves neither
+way goes to clarabel, then counts as `undecided`. The **band** is where the closed form changes its verdict
+between mu / 1.02 and 1.02 mu, and triples whose height is below 0.4 % of their longest side.
 """
 
 import platform
@@ -17,7 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.physics.checks import Array, rms_radius
-from agents.physics.closure import BAND, FORCE_BOUND, LINE, TOLERANCE, closure_count, closure_decide, in_closed_form
+from agents.physics.closure import (
+    BAND,
+    FORCE_BOUND,
+    LINE,
+    TOLERANCE,
+    closure_count,
+    closure_decide,
+    in_closed_form,
+)
 from agents.physics.margin import margins
 from agents.physics.wrench import grasp_map, pyramid_rows, restore_feasible, solve_wrench_qp
 
@@ -25,7 +34,9 @@ MU = 0.5
 POINTS = 256
 
 
-def sample_box(n: int, rng: np.random.Generator, half: tuple[float, float, float] = (0.03, 0.08, 0.105)) -> tuple[Array, Array]:
+def sample_box(
+    n: int, rng: np.random.Generator, half: tuple[float, float, float] = (0.03, 0.08, 0.105)
+) -> tuple[Array, Array]:
     """Points and normals (n, 3), uniform on a box of half-lengths `half` [m]."""
     size = np.array(half)
     area = size.prod() / size
@@ -35,13 +46,17 @@ def sample_box(n: int, rng: np.random.Generator, half: tuple[float, float, float
     return points, normals
 
 
-def sample_can(n: int, rng: np.random.Generator, radius: float = 0.033, half: float = 0.05) -> tuple[Array, Array]:
+def sample_can(
+    n: int, rng: np.random.Generator, radius: float = 0.033, half: float = 0.05
+) -> tuple[Array, Array]:
     """Points and normals (n, 3), uniform on a cylinder [m]."""
     wall = rng.random(n) < 2 * half / (2 * half + radius)
     angle, end = rng.uniform(0, 2 * np.pi, n), rng.choice([-1.0, 1.0], n)
     ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], 1)
     up = np.array([0.0, 0.0, 1.0])
-    points = np.where(wall[:, None], radius * ring + rng.uniform(-half, half, (n, 1)) * up, radius * np.sqrt(rng.random((n, 1))) * ring + half * end[:, None] * up)
+    on_wall = radius * ring + rng.uniform(-half, half, (n, 1)) * up
+    on_end = radius * np.sqrt(rng.random((n, 1))) * ring + half * end[:, None] * up
+    points = np.where(wall[:, None], on_wall, on_end)
     return points, np.where(wall[:, None], ring, end[:, None] * up)
 
 
@@ -54,7 +69,13 @@ def add_noise(points: Array, normals: Array, rng: np.random.Generator) -> tuple[
 def _shapes(rng: np.random.Generator) -> dict[str, tuple[Array, Array]]:
     box, can = sample_box(POINTS, rng), sample_can(POINTS, rng)
     grid = (np.round(box[0] / 0.01) * 0.01, box[1])
-    return {"box": box, "can": can, "noisy box": add_noise(*box, rng), "noisy can": add_noise(*can, rng), "box on a 1 cm grid": grid}
+    return {
+        "box": box,
+        "can": can,
+        "noisy box": add_noise(*box, rng),
+        "noisy can": add_noise(*can, rng),
+        "box on a 1 cm grid": grid,
+    }
 
 
 def _draw(count: int, rng: np.random.Generator) -> NDArray[np.int64]:
@@ -114,14 +135,18 @@ def _clarabel(G: Array, A: Array, b: Array, normals: Array, mu: float) -> bool |
     return proof(G, normals, np.array(answer.x)[:9].reshape(3, 3), mu)
 
 
-def agreement(name: str, points: Array, normals: Array, count: int, rng: np.random.Generator) -> dict[str, Any]:
+def agreement(
+    name: str, points: Array, normals: Array, count: int, rng: np.random.Generator
+) -> dict[str, Any]:
     """Compare the decision with the reference on `count` random triples of one shape."""
     triples, scale = _draw(count, rng), rms_radius(points)
     P, N = points[triples], normals[triples]
     decided = closure_decide(P, N, MU, scale)
     band = in_closed_form(P, N, MU * BAND) != in_closed_form(P, N, MU / BAND)
     side = [((P[:, i] - P[:, (i + 1) % 3]) ** 2).sum(-1) for i in range(3)]
-    height = np.sqrt((np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]) ** 2).sum(-1)) / np.maximum(np.max(side, 0), 1e-300)
+    height = np.sqrt((np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]) ** 2).sum(-1)) / np.maximum(
+        np.max(side, 0), 1e-300
+    )
     band |= height < LINE
     verdicts = [reference(P[k], N[k], MU, scale) for k in range(len(P))]
     open_ = np.array([v is None for v in verdicts])
@@ -151,8 +176,10 @@ def speed(name: str, points: Array, normals: Array, quick: bool, rng: np.random.
     rate = {"closure sweep": sweep, "closure, random list": random}
     for solver, few in (("daqp", 200 if quick else 2_000), ("osqp", 20 if quick else 200)):
         solve_wrench_qp(P[0], N[0], MU, length_scale=scale, solver=solver)
-        taken = _best(lambda few=few, solver=solver: [solve_wrench_qp(P[k], N[k], MU, length_scale=scale, solver=solver) for k in range(few)], 1)
-        rate[f"qpsolvers {solver}"] = few / taken
+        start = time.perf_counter()
+        for k in range(few):
+            solve_wrench_qp(P[k], N[k], MU, length_scale=scale, solver=solver)
+        rate[f"qpsolvers {solver}"] = few / (time.perf_counter() - start)
     return {
         "shape": name,
         **counts._asdict(),
@@ -181,5 +208,7 @@ def run(quick: bool = False, n: int | None = None, seed: int = 0) -> dict[str, A
         "machine": f"{platform.machine()}, one core, Python {platform.python_version()}",
         "setting": {"mu": MU, "points": POINTS, "tolerance": TOLERANCE, "band": BAND, "seed": seed},
         "speed": [speed(name, *shapes[name], quick, rng) for name in ("box", "can")],
-        "agreement": [agreement(name, *shape, -(-count // len(shapes)), rng) for name, shape in shapes.items()],
+        "agreement": [
+            agreement(name, *shape, -(-count // len(shapes)), rng) for name, shape in shapes.items()
+        ],
     }

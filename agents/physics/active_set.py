@@ -60,7 +60,7 @@ def _add(J: Array, R: Array, d: Array, q: int) -> None:
 
 
 @njit(cache=True)
-def _drop(J: Array, R: Array, active: Array, u: Array, q: int, at: int) -> None:
+def _drop(J: Array, R: Array, active: NDArray[np.int64], u: Array, q: int, at: int) -> None:
     """Take the active constraint `at` out; the entry q (the one being added) moves down with the rest."""
     for j in range(at, q - 1):
         active[j] = active[j + 1]
@@ -96,7 +96,7 @@ def solve_qp(H: Array, g: Array, A: Array, b: Array, x: Array, multipliers: Arra
     multipliers[:] = 0.0
     if not _inverse_transpose_factor(H, J):
         return INFEASIBLE
-    d, z, r, u = np.empty(n), np.empty(n), np.empty(n), np.zeros(n + 1)
+    d, r, u = np.empty(n), np.empty(n), np.zeros(n + 1)
     active = np.empty(n, np.int64)
     is_active = np.zeros(m, np.bool_)
     for i in range(n):
@@ -177,7 +177,9 @@ def solve_qp(H: Array, g: Array, A: Array, b: Array, x: Array, multipliers: Arra
 
 @njit(cache=True)
 def solve_qp_batch(H: Array, g: Array, A: Array, b: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Solve K programmes: H (K, n, n), g (K, n), A (K, m, n), b (K, m) -> x (K, n), multipliers (K, m), status."""
+    """Solve K programmes: H (K, n, n), g (K, n), A (K, m, n), b (K, m) -> x (K, n), multipliers (K, m),
+    status.
+    """
     K, m, n = A.shape
     x, multipliers, status = np.zeros((K, n)), np.zeros((K, m)), np.zeros(K, np.int64)
     for k in range(K):

@@ -1,11 +1,15 @@
 """Checks of contacts at the public functions of this package; none of the numba kernels checks anything."""
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 
 Array = NDArray[np.float64]
+Numbers = Any
+"""Whatever numpy turns into numbers: public functions take it and check it."""
 
 
 def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
@@ -19,16 +23,18 @@ def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> Arra
         array = np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError):
         raise InputError(f"{name} must be numbers of shape {wanted}") from None
-    if array.ndim != len(shape) or any(s is not None and s != n for s, n in zip(shape, array.shape, strict=True)):
+    if array.ndim != len(shape) or any(
+        s is not None and s != n for s, n in zip(shape, array.shape, strict=True)
+    ):
         raise InputError(f"{name} must have shape {wanted}, got {array.shape}")
     if not np.isfinite(array).all():
         raise InputError(f"{name} must be finite: it holds NaN or infinity")
     return array
 
 
-def check_positive(name: str, value: float) -> float:
+def check_positive(name: str, value: Any) -> float:
     """Return `value` as a float above zero, or raise `InputError`."""
-    if not (np.isscalar(value) and np.isreal(value) and np.isfinite(value) and value > 0):
+    if not (isinstance(value, int | float | np.number) and np.isfinite(value) and float(value) > 0):
         raise InputError(f"{name} must be a finite number above 0, got {value!r}")
     return float(value)
 
@@ -45,7 +51,8 @@ def check_unit(normals: Array) -> None:
     """Raise `InputError` where a normal's length differs from 1 by more than 1e-6."""
     length = np.sqrt((normals**2).sum(-1))
     if length.size and np.abs(length - 1.0).max() > 1e-6:
-        raise InputError(f"normals must have unit length within 1e-6, one has {length.flat[np.abs(length - 1).argmax()]:.6g}")
+        worst = length.flat[np.abs(length - 1.0).argmax()]
+        raise InputError(f"normals must have unit length within 1e-6, one has {worst:.6g}")
 
 
 def rms_radius(points: Array) -> float:

@@ -1,17 +1,19 @@
-"""Which triples of contacts can be in equilibrium: Eq. 4 decided in closed form, millions of triples a second.
+"""Which triples of contacts can be in equilibrium: Eq. 4 decided in closed form, millions of triples a
+second.
 
-A triple is **feasible** when the least value of Eq. 4, |sum f|^2 + |sum (p - c) x f / L|^2 with f_min = 1, pyramid
-cones (Eq. 2) and c the centroid of the three contacts, is below `TOLERANCE`.
+A triple is **feasible** when the least value of Eq. 4, |sum f|^2 + |sum (p - c) x f / L|^2 with f_min = 1,
+pyramid cones (Eq. 2) and c the centroid of the three contacts, is below `TOLERANCE`.
 
 Three forces in equilibrium at points not on a line are internal forces, f_i = sum_j x_ij (p_j - p_i) with
-x_ij = x_ji: three numbers (a, b, c) = (x12, x13, x23). The cone of contact 1 restricts (a, b) to a wedge, that of 2
-(a, c), that of 3 (b, c). With a = +-1 the first two are intervals of b and c, and the question is whether a wedge meets
-a box: some 150 operations, no iteration. f_min scales away, as every non-zero force in the cone presses.
+x_ij = x_ji: three numbers (a, b, c) = (x12, x13, x23). The cone of contact 1 restricts (a, b) to a wedge,
+that of 2 (a, c), that of 3 (b, c). With a = +-1 the first two are intervals of b and c, and the question is
+whether a wedge meets a box: some 150 operations, no iteration. f_min scales away, as every non-zero force
+in the cone presses.
 
-The closed form is exact for residual zero. It differs from "below TOLERANCE" only near the edge, so triples feasible
-at a friction `BAND` (2 %) larger but not at `mu` go to the QP; so do flat triples, in a band that widens as 1 / height, and
-those on a line. The QP's answer carries its own proof where it can: feasible forces with a small residual, or a
-wrench that separates.
+The closed form is exact for residual zero. It differs from "below TOLERANCE" only near the edge, so triples
+feasible at a friction `BAND` (2 %) larger but not at `mu` go to the QP; so do flat triples, in a band that
+widens as 1 / height, and those on a line. The QP's answer carries its own proof where it can: feasible
+forces with a small residual, or a wrench that separates.
 """
 
 from typing import NamedTuple
@@ -21,7 +23,15 @@ from numba import njit, prange
 from numpy.typing import NDArray
 
 from agents.physics.active_set import SOLVED, solve_qp
-from agents.physics.checks import Array, check_array, check_contacts, check_positive, check_unit, rms_radius
+from agents.physics.checks import (
+    Array,
+    Numbers,
+    check_array,
+    check_contacts,
+    check_positive,
+    check_unit,
+    rms_radius,
+)
 from agents.physics.cones import basis_of
 from dexgrasp_env.errors import InputError
 
@@ -56,7 +66,9 @@ def _ratio(ga: float, gb: float, s: tuple[float, float, float, float]) -> tuple[
 
 @njit(cache=True)
 def _wedge(mu: float, T: Array, i: int, j: int, k: int, m: int) -> tuple[float, float, float, float]:
-    """The wedge of one contact, of its chords T[i, j] and T[k, m], each (press, u, v) in the contact's frame."""
+    """The wedge of one contact, of its chords T[i, j] and T[k, m], each (press, u, v) in the contact's
+    frame.
+    """
     ma, mb = mu * T[i, j, 0], mu * T[k, m, 0]
     au, av, bu, bv = T[i, j, 1], T[i, j, 2], T[k, m, 1], T[k, m, 2]
     s = (-np.inf, np.inf, -np.inf, np.inf)
@@ -77,14 +89,14 @@ def _meets(bl: float, bu: float, cl: float, cu: float, L: float, H: float) -> bo
     elif L == 0.0:
         if cu < 0.0:
             return False
-    elif L > -np.inf:
+    elif -np.inf < L:
         lo = max(lo, cu / L)
     if H < 0.0:
         hi = min(hi, cl / H)
     elif H == 0.0:
         if cl > 0.0:
             return False
-    elif H < np.inf:
+    elif np.inf > H:
         lo = max(lo, cl / H)
     return hi > 0.0 and lo <= hi
 
@@ -128,7 +140,9 @@ def _flatness(d12: float, d13: float, d23: float) -> float:
 
 @njit(cache=True)
 def _map_columns(points: Array, frames: Array, scale: float, G: Array) -> None:
-    """Write the grasp map (6, 9) of forces (press, u, v) in contact frames, about the centroid, torques / scale."""
+    """Write the grasp map (6, 9) of forces (press, u, v) in contact frames, about the centroid, torques /
+    scale.
+    """
     center = (points[0] + points[1] + points[2]) / 3.0
     for i in range(3):
         r = (points[i] - center) / scale
@@ -141,7 +155,9 @@ def _map_columns(points: Array, frames: Array, scale: float, G: Array) -> None:
 
 @njit(cache=True)
 def _separated(G: Array, w: Array, mu: float) -> float:
-    """Lower bound of |G f| over the cones with f_min = 1 and no force above FORCE_BOUND, from the direction w."""
+    """Lower bound of |G f| over the cones with f_min = 1 and no force above FORCE_BOUND, from the
+    direction w.
+    """
     total, size = 0.0, 0.0
     for k in range(6):
         size += w[k] * w[k]
@@ -166,7 +182,8 @@ def _restore(f: Array, mu: float) -> None:
 
 @njit(cache=True)
 def qp_residual(points: Array, frames: Array, mu: float, scale: float, forces: Array) -> tuple[float, float]:
-    """Return upper and lower bounds of Eq. 4's least value (f_min = 1), by proximal steps of a regularised QP.
+    """Return upper and lower bounds of Eq. 4's least value (f_min = 1), by proximal steps of a regularised
+    QP.
 
     Args:
         points: (3, 3). frames: (3, 3, 3), rows (-n, t1, t2) of each contact.
@@ -252,8 +269,12 @@ def _wider(mu: float, flat2: float) -> float:
 
 
 @njit(cache=True)
-def _decide_one(points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float) -> int:
-    """Decide one triple: 0 infeasible, 1 feasible; +2 where the QP decided. `points` (3, 3), the rest work space."""
+def _decide_one(
+    points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float
+) -> int:
+    """Decide one triple: 0 infeasible, 1 feasible; +2 where the QP decided. `points` (3, 3), the rest work
+    space.
+    """
     E, T, D = tables
     _tables(points, frames, E, T, D)
     flat2 = _flatness(D[0, 1], D[0, 2], D[1, 2])
@@ -287,7 +308,14 @@ def _decide_parallel(points: Array, normals: Array, mu: float, scale: Array, out
 
 @njit(cache=True)
 def _sweep_row(
-    i: int, points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float, near: float, out: NDArray[np.uint8]
+    i: int,
+    points: Array,
+    frames: Array,
+    tables: tuple[Array, Array, Array],
+    mu: float,
+    scale: float,
+    near: float,
+    out: NDArray[np.uint8],
 ) -> None:
     E, T, D = tables
     n = points.shape[0]
@@ -330,7 +358,15 @@ def _row_start(i: int, n: int) -> int:
 
 
 @njit(cache=True)
-def _sweep(points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float, near: float, out: NDArray[np.uint8]) -> None:
+def _sweep(
+    points: Array,
+    frames: Array,
+    tables: tuple[Array, Array, Array],
+    mu: float,
+    scale: float,
+    near: float,
+    out: NDArray[np.uint8],
+) -> None:
     n = points.shape[0]
     for i in range(n - 2):
         _sweep_row(i, points, frames, tables, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
@@ -338,7 +374,13 @@ def _sweep(points: Array, frames: Array, tables: tuple[Array, Array, Array], mu:
 
 @njit(cache=True, parallel=True)
 def _sweep_parallel(
-    points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float, near: float, out: NDArray[np.uint8]
+    points: Array,
+    frames: Array,
+    tables: tuple[Array, Array, Array],
+    mu: float,
+    scale: float,
+    near: float,
+    out: NDArray[np.uint8],
 ) -> None:
     n = points.shape[0]
     for i in prange(n - 2):
@@ -367,7 +409,14 @@ class SweepCount(NamedTuple):
     by_qp: int
 
 
-def _scan(points: object, normals: object, mu: float, min_distance: float, length_scale: float | None, parallel: bool) -> tuple[int, NDArray[np.uint8]]:
+def _scan(
+    points: Numbers,
+    normals: Numbers,
+    mu: float,
+    min_distance: float,
+    length_scale: float | None,
+    parallel: bool,
+) -> tuple[int, NDArray[np.uint8]]:
     points, normals = check_contacts(points, normals)
     if len(points) > 2048:
         raise InputError(f"a sweep takes at most 2048 points, got {len(points)}")
@@ -388,8 +437,8 @@ def _scan(points: object, normals: object, mu: float, min_distance: float, lengt
 
 
 def closure_sweep(
-    points: object,
-    normals: object,
+    points: Numbers,
+    normals: Numbers,
     mu: float,
     min_distance: float = 0.03,
     length_scale: float | None = None,
@@ -413,7 +462,12 @@ def closure_sweep(
 
 
 def closure_count(
-    points: object, normals: object, mu: float, min_distance: float = 0.03, length_scale: float | None = None, parallel: bool = False
+    points: Numbers,
+    normals: Numbers,
+    mu: float,
+    min_distance: float = 0.03,
+    length_scale: float | None = None,
+    parallel: bool = False,
 ) -> SweepCount:
     """Count what `closure_sweep` would return, without listing it."""
     _, out = _scan(points, normals, mu, min_distance, length_scale, parallel)
@@ -421,7 +475,11 @@ def closure_count(
 
 
 def closure_decide(
-    points: object, normals: object, mu: float, length_scale: float | Array | None = None, parallel: bool = False
+    points: Numbers,
+    normals: Numbers,
+    mu: float,
+    length_scale: float | Array | None = None,
+    parallel: bool = False,
 ) -> NDArray[np.bool_]:
     """Decide K triples.
 
@@ -461,7 +519,9 @@ def _closed_range(points: Array, normals: Array, mu: float, out: NDArray[np.uint
 
 
 def in_closed_form(points: Array, normals: Array, mu: float) -> NDArray[np.bool_]:
-    """Say of K triples (K, 3, 3) whether the closed form alone finds them feasible: the band, for benchmarks."""
+    """Say of K triples (K, 3, 3) whether the closed form alone finds them feasible: the band, for
+    benchmarks.
+    """
     out = np.zeros(len(points), np.uint8)
     _closed_range(np.ascontiguousarray(points, float), np.ascontiguousarray(normals, float), float(mu), out)
     return out.astype(bool)

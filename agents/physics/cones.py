@@ -1,18 +1,19 @@
-"""Friction cones: the exact one (Eq. 1), the one with four faces (Eq. 2), and the tangent basis both are written in.
+"""Friction cones: the exact one (Eq. 1), the one with four faces (Eq. 2), and the tangent basis both are
+written in.
 
 Normals `n` point out of the object, forces `f` act on it, so `-f.n` is the pressing force.
 
-The tangent basis is the frame `(C1, C2, C)` turned by the smallest rotation that takes `C` to `n`. It is smooth in
-`n` everywhere but at `n = -C`, where a fixed basis is returned. Duff et al. (2017) jump across `n_z = 0`, and
-(-n_y, n_x, 0) is singular at +-z: both are the normals that boxes and cans have. `C` is therefore (1, 2, 3) / |.|,
-away from all of them.
+The tangent basis is the frame `(C1, C2, C)` turned by the smallest rotation that takes `C` to `n`. It is
+smooth in `n` everywhere but at `n = -C`, where a fixed basis is returned. Duff et al. (2017) jump across
+`n_z = 0`, and (-n_y, n_x, 0) is singular at +-z: both are the normals that boxes and cans have. `C` is
+therefore (1, 2, 3) / |.|, away from all of them.
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.physics.checks import Array, check_array, check_positive, check_unit
+from agents.physics.checks import Array, Numbers, check_array, check_positive, check_unit
 from dexgrasp_env.errors import InputError
 
 _S14, _S10, _S140 = 14.0**0.5, 10.0**0.5, 140.0**0.5
@@ -25,7 +26,9 @@ POLE = 1e-12
 
 @njit(cache=True)
 def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
-    """Return the tangents (t1, t2) of the unit normal (x, y, z), as scalars: no allocation in the hot loops."""
+    """Return the tangents (t1, t2) of the unit normal (x, y, z), as scalars: no allocation in the hot
+    loops.
+    """
     D = 1.0 + C[0] * x + C[1] * y + C[2] * z
     if D < POLE:
         return C1[0], C1[1], C1[2], -C2[0], -C2[1], -C2[2]
@@ -45,7 +48,8 @@ def basis_into(n: Array, t1: Array, t2: Array) -> None:
 def basis_pullback(n: Array, g1: Array, g2: Array, out: Array) -> None:
     """Add (dt1/dn)^T g1 + (dt2/dn)^T g2 to `out` (3,): the derivative of the basis as the normal turns.
 
-    The formulas of `basis_into` are differentiated as they stand, so only the part of `out` tangent to the sphere
+    The formulas of `basis_into` are differentiated as they stand, so only the part of `out` tangent to the
+    sphere
     is meaningful. At the pole the derivative does not exist and nothing is added.
     """
     D = 1.0 + C[0] * n[0] + C[1] * n[1] + C[2] * n[2]
@@ -68,7 +72,7 @@ def _bases(normals: Array, t1: Array, t2: Array) -> None:
         basis_into(normals[i], t1[i], t2[i])
 
 
-def tangent_basis(normals: object) -> tuple[Array, Array]:
+def tangent_basis(normals: Numbers) -> tuple[Array, Array]:
     """Return the tangents t1, t2 (N, 3) of unit normals (N, 3); see the module's text for the choice."""
     normals = check_array("normals", normals, (None, 3))
     check_unit(normals)
@@ -83,7 +87,7 @@ def contact_components(forces: Array, normals: Array) -> tuple[Array, Array, Arr
     return -(forces * normals).sum(-1), (forces * t1).sum(-1), (forces * t2).sum(-1)
 
 
-def project_to_cone(forces: object, normals: object, mu: float) -> Array:
+def project_to_cone(forces: Numbers, normals: Numbers, mu: float) -> Array:
     """Return the nearest forces (N, 3) in the exact cones (Eq. 1)."""
     forces = check_array("forces", forces, (None, 3))
     normals = check_array("normals", normals, (len(forces), 3))
@@ -97,25 +101,25 @@ def project_to_cone(forces: object, normals: object, mu: float) -> Array:
     return np.where(size <= mu * press, forces, np.where(mu * size <= -press, 0.0, onto))
 
 
-def cone_distance(forces: object, normals: object, mu: float) -> Array:
+def cone_distance(forces: Numbers, normals: Numbers, mu: float) -> Array:
     """Return the distances [N] (N,) of forces (N, 3) from the exact cones: 0 inside."""
     nearest = project_to_cone(forces, normals, mu)
     return np.sqrt(((np.asarray(forces, dtype=float) - nearest) ** 2).sum(-1))
 
 
-def in_cone(forces: object, normals: object, mu: float, tolerance: float = 1e-9) -> NDArray[np.bool_]:
+def in_cone(forces: Numbers, normals: Numbers, mu: float, tolerance: float = 1e-9) -> NDArray[np.bool_]:
     """Say which forces (N, 3) lie in their exact cone (Eq. 1), within `tolerance` [N]."""
     return cone_distance(forces, normals, mu) <= tolerance
 
 
-def pyramid_violation(forces: object, normals: object, mu: float) -> Array:
+def pyramid_violation(forces: Numbers, normals: Numbers, mu: float) -> Array:
     """Return by how much [N] forces (N, 3) break Eq. 2: max(-press, |f.t_j| - mu press); <= 0 inside."""
     forces = check_array("forces", forces, (None, 3))
     press, u, v = contact_components(forces, check_array("normals", normals, (len(forces), 3)))
     return np.maximum(-press, np.maximum(np.abs(u), np.abs(v)) - check_positive("mu", mu) * press)
 
 
-def cone_edges(normals: object, mu: float, edges: int = 4, eq2: bool = False) -> Array:
+def cone_edges(normals: Numbers, mu: float, edges: int = 4, eq2: bool = False) -> Array:
     """Return the edges (N, edges, 3) of pyramids, each with a pressing force of 1.
 
     Args:

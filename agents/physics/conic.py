@@ -1,9 +1,9 @@
 """The exact cone (Eq. 1) to high accuracy, for verification: answers with proof.
 
-clarabel solves the second-order cone programmes; in a few percent of cases it stops short of "Solved", so no answer
-rests on its word. The residual is always bracketed: above by forces moved into the cones, below by a separating
-wrench. Where the bracket stays open, a second method closes it: cutting planes on an outer pyramid, solved by the
-active-set QP of this package.
+clarabel solves the second-order cone programmes; in a few percent of cases it stops short of "Solved", so
+no answer rests on its word. The residual is always bracketed: above by forces moved into the cones, below
+by a separating wrench. Where the bracket stays open, a second method closes it: cutting planes on an outer
+pyramid, solved by the active-set QP of this package.
 """
 
 from typing import NamedTuple
@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.physics.active_set import SOLVED, solve_qp
-from agents.physics.checks import Array, check_array, check_contacts, check_positive, rms_radius
+from agents.physics.checks import Array, Numbers, check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import tangent_basis
 from agents.physics.wrench import grasp_map
 from dexgrasp_env.errors import InputError
@@ -124,12 +124,12 @@ def _cutting_planes(G: Array, normals: Array, mu: float, f_min: float) -> Array:
 
 
 def conic_residual(
-    points: object,
-    normals: object,
+    points: Numbers,
+    normals: Numbers,
     mu: float,
     f_min: float = 1.0,
     length_scale: float | None = None,
-    center: object = None,
+    center: Numbers = None,
     tolerance: float = 1e-6,
 ) -> ConicResidual:
     """Bracket the least value of Eq. 4 with the exact cone.
@@ -169,8 +169,9 @@ class ConicMargin(NamedTuple):
     """"clarabel", or "cutting planes" where that did not reach "Solved"."""
 
 
-def conic_margin(points: object, normals: object, mu: float) -> ConicMargin:
-    """Return the closure margin in the exact cone: N x max min_i (press_i - |f_t,i| / mu), balanced, presses' sum 1.
+def conic_margin(points: Numbers, normals: Numbers, mu: float) -> ConicMargin:
+    """Return the closure margin in the exact cone: N x max min_i (press_i - |f_t,i| / mu), balanced,
+    presses' sum 1.
 
     Raises:
         InputError: bad contacts, or none of their balanced forces press at all (e.g. all on one face).
@@ -188,7 +189,9 @@ def conic_margin(points: object, normals: object, mu: float) -> ConicMargin:
     forces = x[:-1].reshape(N, 3)
     total = -(forces * normals).sum()
     if not np.isfinite(x).all() or total < 1e-9:
-        raise InputError("no balanced forces at these contacts press on the object: they may all lie on one face")
+        raise InputError(
+            "no balanced forces at these contacts press on the object: they may all lie on one face"
+        )
     forces = forces / total
     values = (cone @ forces.ravel()).reshape(N, 3)
     wrench = G @ forces.ravel()
@@ -209,16 +212,25 @@ def _margin_socp(G: Array, normals: Array, cone: Array) -> tuple[Array, bool]:
 
 
 def _margin_cuts(G: Array, normals: Array, cone: Array) -> Array:
-    """The same programme by linear ones (HiGHS) on outer pyramids, faces added where the solution leaves them."""
+    """The same programme by linear ones (HiGHS) on outer pyramids, faces added where the solution leaves
+    them.
+    """
     from scipy.optimize import linprog
 
     n, N = G.shape[1], len(normals)
-    rows = [np.r_[s * cone[3 * i + j] - cone[3 * i], 1.0] for i in range(N) for j in (1, 2) for s in (1.0, -1.0)]
+    rows = [
+        np.r_[s * cone[3 * i + j] - cone[3 * i], 1.0] for i in range(N) for j in (1, 2) for s in (1.0, -1.0)
+    ]
     equal = np.vstack([np.c_[G, np.zeros(6)], np.r_[-normals.ravel(), 0.0]])
     x = np.full(n + 1, np.nan)
     for _ in range(80):
         answer = linprog(
-            np.r_[np.zeros(n), -1.0], np.array(rows), np.zeros(len(rows)), equal, np.r_[np.zeros(6), 1.0], bounds=(None, None)
+            np.r_[np.zeros(n), -1.0],
+            np.array(rows),
+            np.zeros(len(rows)),
+            equal,
+            np.r_[np.zeros(6), 1.0],
+            bounds=(None, None),
         )
         if answer.status != 0:
             break
@@ -228,5 +240,7 @@ def _margin_cuts(G: Array, normals: Array, cone: Array) -> Array:
         cut = np.flatnonzero(values[:, 0] - friction < x[-1] - 1e-9)
         if not len(cut):
             break
-        rows += [np.r_[(values[i, 1:] / friction[i]) @ cone[3 * i + 1 : 3 * i + 3] - cone[3 * i], 1.0] for i in cut]
+        rows += [
+            np.r_[(values[i, 1:] / friction[i]) @ cone[3 * i + 1 : 3 * i + 3] - cone[3 * i], 1.0] for i in cut
+        ]
     return x

@@ -1,12 +1,14 @@
-"""Forces that hold: contact forces that balance gravity, with room in every cone for a disturbance, within torques.
+"""Forces that hold: contact forces that balance gravity, with room in every cone for a disturbance, within
+torques.
 
-**Formulation.** A disturbance is any force on the object, through its centre of mass, up to D = disturbance x m |g|
-(an acceleration in any direction). The contacts answer it with the smallest forces that do, df = G^+ w, a linear
-answer: contact i moves by at most D s_i, s_i the largest singular value of its 3 x 3 block of G^+. One set of forces
-f0 balances gravity exactly, and each f0_i keeps a distance of at least D s_i from every face of its cone; then
-f0 + df lies in the cones for every such disturbance. Among those, f0 has the least |f|^2: the gentlest squeeze that
-is provably firm enough. The cones are octagonal pyramids inside the exact cones of mu / safety. Joint torques
-|J_i^T f_i| are kept within limits, by f0 as it is. All constraints are linear: one small QP.
+**Formulation.** A disturbance is any force on the object, through its centre of mass, up to D = disturbance
+x m |g| (an acceleration in any direction). The contacts answer it with the smallest forces that do, df =
+G^+ w, a linear answer: contact i moves by at most D s_i, s_i the largest singular value of its 3 x 3 block
+of G^+. One set of forces f0 balances gravity exactly, and each f0_i keeps a distance of at least D s_i from
+every face of its cone; then f0 + df lies in the cones for every such disturbance. Among those, f0 has the
+least |f|^2: the gentlest squeeze that is provably firm enough. The cones are octagonal pyramids inside the
+exact cones of mu / safety. Joint torques |J_i^T f_i| are kept within limits, by f0 as it is. All
+constraints are linear: one small QP.
 
 It is sufficient, not necessary: an answer other than the least one might resist more.
 """
@@ -16,7 +18,7 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.physics.active_set import SOLVED, solve_qp
-from agents.physics.checks import Array, check_array, check_contacts, check_positive, rms_radius
+from agents.physics.checks import Array, Numbers, check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import tangent_basis
 from agents.physics.wrench import grasp_map
 from dexgrasp_env.errors import InputError
@@ -34,7 +36,9 @@ class HoldingForces(NamedTuple):
     forces: Array
     """(N, 3) contact forces on the object [N], world axes; where nothing holds, those that come nearest."""
     residual: float
-    """|gravity + contact wrench| / (m |g|), torques over the contacts' rms radius; 0 where gravity is balanced."""
+    """|gravity + contact wrench| / (m |g|), torques over the contacts' rms radius; 0 where gravity is
+    balanced.
+    """
     holds: bool
     """Gravity balanced, the room for the disturbance there, torques within their limits."""
     max_torque_fraction: float
@@ -62,17 +66,18 @@ def _per_contact(rows: Array) -> Array:
     return out
 
 
-def _torque_rows(jacobians: object, limits: object, N: int) -> tuple[Array, Array]:
+def _torque_rows(jacobians: Numbers, limits: Numbers, N: int) -> tuple[Array, Array]:
     """Rows and bounds of +-J^T f >= -limit, and the (N, joints) limits."""
     J = check_array("jacobians", jacobians, (N, 3, None))
     try:
         tau = np.broadcast_to(np.asarray(limits, dtype=float), (N, J.shape[2]))
     except ValueError:
-        raise InputError(f"torque_limits must be one number, ({J.shape[2]},) or ({N}, {J.shape[2]})") from None
+        raise InputError(
+            f"torque_limits must be one number, ({J.shape[2]},) or ({N}, {J.shape[2]})"
+        ) from None
     if not (np.isfinite(tau).all() and (tau > 0).all()):
         raise InputError("torque_limits must be finite and above 0")
-    moving = (np.abs(J) > 1e-12).any(1)
-    JT = J.transpose(0, 2, 1) * moving[..., None] / tau[..., None]
+    JT = J.transpose(0, 2, 1) / tau[..., None]
     rows = np.concatenate([_per_contact(JT), -_per_contact(JT)])
     return rows, -np.ones(len(rows))
 
@@ -93,14 +98,12 @@ def _solve(problem: _Problem, disturbed: bool, limited: bool) -> tuple[Array, bo
     """The least forces (3 N,) in the cones that balance gravity, and whether they do."""
     p = problem
     n = p.G.shape[1]
-    A = [p.cone, p.press]
-    b = [p.room if disturbed else np.zeros_like(p.room), np.full(len(p.press), p.f_min)]
-    if limited and len(p.torque):
-        keep = (np.abs(p.torque) > 0).any(1)
-        A, b = [*A, p.torque[keep]], [*b, p.torque_bound[keep]]
-    A, b = np.concatenate(A), np.concatenate(b)
+    keep = (np.abs(p.torque) > 1e-12).any(1) & limited
+    A = np.concatenate([p.cone, p.press, p.torque[keep]])
+    room = p.room if disturbed else np.zeros_like(p.room)
+    b = np.concatenate([room, np.full(len(p.press), p.f_min), p.torque_bound[keep]])
     x, multipliers, shift = np.zeros(n), np.zeros(len(b)), np.zeros(6)
-    # the imbalance is weighed, then taken out by the method of multipliers: an answer exists even where none holds
+    # the imbalance is weighed, then taken out by multipliers: there is an answer even where nothing holds
     H = np.eye(n) + _STIFF * p.G.T @ p.G
     for _ in range(20):
         if solve_qp(H, _STIFF * p.G.T @ (p.gravity + shift), A, b, x, multipliers) != SOLVED:
@@ -126,14 +129,14 @@ def _reason(problem: _Problem, resists: bool) -> str:
 
 
 def holding_forces(
-    points: object,
-    normals: object,
+    points: Numbers,
+    normals: Numbers,
     mu: float,
     mass: float,
-    com: object,
-    gravity: object = (0.0, 0.0, -9.81),
-    jacobians: object = None,
-    torque_limits: object = None,
+    com: Numbers,
+    gravity: Numbers = (0.0, 0.0, -9.81),
+    jacobians: Numbers = None,
+    torque_limits: Numbers = None,
     safety: float = 1.5,
     f_min: float = 0.1,
     disturbance: float = 0.5,
@@ -144,11 +147,13 @@ def holding_forces(
         points: (N, 3) metres, world axes. normals: (N, 3) unit, out of the object.
         mu: friction coefficient; the forces use mu / safety.
         mass: kilograms. com: (3,) centre of mass [m]. gravity: (3,) [m/s^2].
-        jacobians: (N, 3, joints) of each contact point by its finger's joints, world axes, or None for no limits.
+        jacobians: (N, 3, joints) of each contact point by its finger's joints, world axes, or None for no
+            limits.
         torque_limits: [Nm], one number, (joints,) or (N, joints); needed with `jacobians`.
         safety: at least 1, divides mu.
         f_min: least pressing force of each contact [N].
-        disturbance: the acceleration to resist in every direction, in multiples of gravity; 0 for gravity alone.
+        disturbance: the acceleration to resist in every direction, in multiples of gravity; 0 for gravity
+            alone.
 
     Raises:
         InputError: shapes, NaN, ranges, or one of `jacobians` and `torque_limits` without the other.
@@ -171,7 +176,15 @@ def holding_forces(
     if jacobians is not None:
         torque, bound = _torque_rows(jacobians, torque_limits, N)
     problem = _Problem(
-        G, np.r_[mass * g, 0, 0, 0], weight, _per_contact(_faces(normals, mu / safety)), room, -_per_contact(normals[:, None]), f_min, torque, bound
+        G,
+        np.r_[mass * g, 0, 0, 0],
+        weight,
+        _per_contact(_faces(normals, mu / safety)),
+        room,
+        -_per_contact(normals[:, None]),
+        f_min,
+        torque,
+        bound,
     )
     forces, found = _solve(problem, True, True)
     holds = found and resists
@@ -180,4 +193,6 @@ def holding_forces(
     wrench = G @ forces + problem.gravity
     fraction = float(np.abs(torque @ forces).max()) if len(torque) else 0.0
     reason = "" if holds else _reason(problem, resists)
-    return HoldingForces(forces.reshape(N, 3), float(np.sqrt(wrench @ wrench)) / weight, holds, fraction, reason)
+    return HoldingForces(
+        forces.reshape(N, 3), float(np.sqrt(wrench @ wrench)) / weight, holds, fraction, reason
+    )

@@ -1,12 +1,14 @@
 """Eq. 4 as a differentiable layer (Amos and Kolter, 2017: OptNet), batched, in double precision on the CPU.
 
-The forces of Eq. 4 are not unique: `regulariser` |f|^2 makes them so, and is what the gradients are of. The forward
-pass is the active-set QP of this package; the backward pass differentiates the KKT system at the solution, with
-inactive constraints left out. Where a constraint is active with a zero multiplier the derivative does not exist and
-one side's is returned. Derivatives of derivatives are refused.
+The forces of Eq. 4 are not unique: `regulariser` |f|^2 makes them so, and is what the gradients are of. The
+forward pass is the active-set QP of this package; the backward pass differentiates the KKT system at the
+solution, with inactive constraints left out. Where a constraint is active with a zero multiplier the
+derivative does not exist and one side's is returned. Derivatives of derivatives are refused.
 
 The only module of this package that imports torch.
 """
+
+from typing import Any
 
 import numpy as np
 import torch
@@ -22,9 +24,11 @@ class _QpForces(torch.autograd.Function):
     """argmin 0.5 f^T H f subject to A f >= b, for batches H (B, n, n), A (B, m, n), b (B, m)."""
 
     @staticmethod
-    def forward(ctx, H: Tensor, A: Tensor, b: Tensor) -> Tensor:  # type: ignore[override]  # noqa: ANN001
+    def forward(ctx: Any, H: Tensor, A: Tensor, b: Tensor) -> Tensor:  # type: ignore[override]
         arrays = [np.ascontiguousarray(t.detach().numpy()) for t in (H, A, b)]
-        x, multipliers, status = solve_qp_batch(arrays[0], np.zeros(arrays[0].shape[:2]), arrays[1], arrays[2])
+        x, multipliers, status = solve_qp_batch(
+            arrays[0], np.zeros(arrays[0].shape[:2]), arrays[1], arrays[2]
+        )
         if (status != SOLVED).any():
             raise RuntimeError(f"the QP of batch entry {int((status != SOLVED).argmax())} was not solved")
         f, lam = torch.from_numpy(x), torch.from_numpy(multipliers)
@@ -33,7 +37,7 @@ class _QpForces(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx, grad: Tensor) -> tuple[Tensor, Tensor, Tensor]:  # type: ignore[override]  # noqa: ANN001
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, Tensor, Tensor]:  # type: ignore[override]
         H, A, f, lam = ctx.saved_tensors
         n, m = A.shape[2], A.shape[1]
         active = (lam > 0).to(A.dtype)
@@ -68,7 +72,9 @@ def grasp_matrix(points: Tensor, center: Tensor, length_scale: float) -> Tensor:
 
 
 def pyramid_matrix(normals: Tensor, mu: Tensor) -> Tensor:
-    """Rows (B, 5 N, 3 N) of f_min and Eq. 2: per contact press, +t1, -t1, +t2, -t2; normals (B, N, 3), mu (B,)."""
+    """Rows (B, 5 N, 3 N) of f_min and Eq. 2: per contact press, +t1, -t1, +t2, -t2; normals (B, N, 3), mu
+    (B,).
+    """
     B, N, _ = normals.shape
     t1, t2 = tangent_basis(normals)
     friction = -mu[:, None, None] * normals
@@ -92,7 +98,8 @@ def wrench_layer(
         points: (B, N, 3) metres. normals: (B, N, 3) unit, out of the object. mu: (B,) or one number.
         f_min: least pressing force [N].
         length_scale: divides torques [m].
-        center: (B, 3) or (3,) torque reference; None is the contacts' centroid, which is then differentiated too.
+        center: (B, 3) or (3,) torque reference; None is the contacts' centroid, which is then
+            differentiated too.
         regulariser: above 0; smaller is nearer to Eq. 4 and steeper.
 
     Returns:
@@ -102,7 +109,9 @@ def wrench_layer(
         InputError: shapes, NaN, or numbers out of range. A second derivative raises RuntimeError.
     """
     if points.ndim != 3 or points.shape[-1] != 3 or normals.shape != points.shape:
-        raise InputError(f"points and normals must have shape (B, N, 3), got {tuple(points.shape)}, {tuple(normals.shape)}")
+        raise InputError(
+            f"points and normals must have shape (B, N, 3), got {tuple(points.shape)}, {tuple(normals.shape)}"
+        )
     points, normals = points.double(), normals.double()
     mu = torch.as_tensor(mu, dtype=torch.float64).expand(len(points))
     if not (torch.isfinite(points).all() and torch.isfinite(normals).all() and (mu > 0).all()):

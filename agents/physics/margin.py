@@ -1,34 +1,45 @@
 """How far a grasp is from losing closure: the min-weight metric, with gradients.
 
-**Min-weight** (Shaw Cortez; FRoGGeR, 2023). With contact i's cone replaced by its edges e_ij (pressing force 1 each)
-and their wrenches w_ij, let l be the largest number such that weights alpha_ij >= l with sum alpha = 1 and
-sum alpha_ij w_ij = 0 exist. The value is (number of edges) x l: at most 1, positive inside closure, negative outside,
-so it has a slope on both sides of the edge. It depends neither on the length scale of torques nor on their
-reference point (both are invertible maps of the wrenches); the arguments are there for conditioning or for symmetry.
+**Min-weight** (Shaw Cortez; FRoGGeR, 2023). With contact i's cone replaced by its edges e_ij (pressing
+force 1 each) and their wrenches w_ij, let l be the largest number such that weights alpha_ij >= l with sum
+alpha = 1 and sum alpha_ij w_ij = 0 exist. The value is (number of edges) x l: at most 1, positive inside
+closure, negative outside, so it has a slope on both sides of the edge. It depends neither on the length
+scale of torques nor on their reference point (both are invertible maps of the wrenches); the arguments are
+there for conditioning or for symmetry.
 
-For three contacts and four inscribed edges (+-mu t1, +-mu t2) the LP shrinks to three variables. The largest least
-weight of a force with pressing part N and tangential parts u, v is (N - (|u| + |v|) / mu) / 4, and forces in
-equilibrium are the internal forces of the triangle (see `closure`), so
+For three contacts and four inscribed edges (+-mu t1, +-mu t2) the LP shrinks to three variables. The
+largest least weight of a force with pressing part N and tangential parts u, v is (N - (|u| + |v|) / mu) /
+4, and forces in equilibrium are the internal forces of the triangle (see `closure`), so
 
     value = 3 max over internal forces, with sum N_i = 1, of min_i [N_i - (|u_i| + |v_i|) / mu].
 
-With |f_t| instead of |u| + |v| this is the same margin for the **exact cone**, `cone_margin`: it needs no tangent basis,
-and is what a planner should use. min_weight <= cone_margin; the median ratio of random closed grasps is 0.67.
+With |f_t| instead of |u| + |v| this is the same margin for the **exact cone**, `cone_margin`: it needs no
+tangent basis, and is what a planner should use. min_weight <= cone_margin; the median ratio of random
+closed grasps is 0.67.
 
-Both have a plateau: where two contacts alone can hold each other and the third only breaks the balance, the best is
-to press with the third not at all, and the value is 0 with a zero gradient (3 to 5 % of random grasps). Eq. 4's
-residual (`wrench.residual_gradient`) has a slope there.
+Both have a plateau: where two contacts alone can hold each other and the third only breaks the balance, the
+best is to press with the third not at all, and the value is 0 with a zero gradient (3 to 5 % of random
+grasps). Eq. 4's residual (`wrench.residual_gradient`) has a slope there.
 
-Gradients come from the envelope theorem: the partial derivative of the Lagrangian at the optimum. The inscribed
-pyramid turns with the tangent basis of `cones`, which is a smooth function of the normal, and its derivative is
-part of the gradient. Gradients by normals are tangent to the sphere (the normal stays a unit vector).
+Gradients come from the envelope theorem: the partial derivative of the Lagrangian at the optimum. The
+inscribed pyramid turns with the tangent basis of `cones`, which is a smooth function of the normal, and its
+derivative is part of the gradient. Gradients by normals are tangent to the sphere (the normal stays a unit
+vector).
 """
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.physics.checks import Array, check_array, check_contacts, check_positive, check_unit, rms_radius
+from agents.physics.checks import (
+    Array,
+    Numbers,
+    check_array,
+    check_contacts,
+    check_positive,
+    check_unit,
+    rms_radius,
+)
 from agents.physics.cones import basis_of, basis_pullback, cone_edges
 from dexgrasp_env.errors import InputError
 
@@ -101,7 +112,9 @@ def _max_min(s: Array, d: Array, m: int, B: NDArray[np.int64], y: Array, lam: Ar
 
 @njit(cache=True)
 def _chords(points: Array, X: Array) -> bool:
-    """Write X[i, j], the force at contact i for a unit j-th internal force (j = 12, 13, 23); False on a line."""
+    """Write X[i, j], the force at contact i for a unit j-th internal force (j = 12, 13, 23); False on a
+    line.
+    """
     lengths = np.empty(3)
     for j in range(3):
         a, b = (0, 1) if j == 0 else ((0, 2) if j == 1 else (1, 2))
@@ -134,7 +147,9 @@ def _complete(N: Array, Q: Array) -> bool:
 
 @njit(cache=True)
 def _row(X: Array, i: int, q: Array, x0: Array, Q: Array, s: Array, d: Array, at: int) -> None:
-    """Append the row q . f_i, as an affine function d + s . y of the plane y of internal forces x0 + Q^T y."""
+    """Append the row q . f_i, as an affine function d + s . y of the plane y of internal forces x0 + Q^T
+    y.
+    """
     d[at] = s[at, 0] = s[at, 1] = 0.0
     for j in range(3):
         r = 0.0
@@ -147,7 +162,9 @@ def _row(X: Array, i: int, q: Array, x0: Array, Q: Array, s: Array, d: Array, at
 
 @njit(cache=True)
 def _start(s: Array, d: Array, m: int, B: NDArray[np.int64]) -> None:
-    """Append three artificial rows around the origin, so high that only an unbounded start would keep them."""
+    """Append three artificial rows around the origin, so high that only an unbounded start would keep
+    them.
+    """
     size = 0.0
     for k in range(m):
         size = max(size, abs(s[k, 0]) + abs(s[k, 1]) + abs(d[k]))
@@ -161,7 +178,9 @@ def _start(s: Array, d: Array, m: int, B: NDArray[np.int64]) -> None:
 
 
 @njit(cache=True)
-def _margin(points: Array, normals: Array, mu: float, exact: bool, dp: Array, dn: Array, forces: Array) -> float:
+def _margin(
+    points: Array, normals: Array, mu: float, exact: bool, dp: Array, dn: Array, forces: Array
+) -> float:
     """The value of `min_weight` or `cone_margin`; writes gradients and the optimal forces, all (3, 3)."""
     dp[:] = 0.0
     dn[:] = 0.0
@@ -268,7 +287,7 @@ def _gradients(
     U = np.zeros((3, 2))
     weight = np.zeros(3)
     for a in range(3):
-        i, share = owner[B[a]], max(lam[a], 0.0)
+        i, share = int(owner[B[a]]), max(lam[a], 0.0)
         weight[i] += share
         U[i, 0] += share * cu[B[a]] / mu
         U[i, 1] += share * cv[B[a]] / mu
@@ -290,7 +309,7 @@ def _gradients(
             g2[k] = -3.0 * U[i, 1] * forces[i, k]
         if exact:
             # the direction of friction is free: only its turning out of the tangent plane counts
-            a, b = 0.0, 0.0
+            a = b = 0.0
             for k in range(3):
                 a += g1[k] * normals[i, k]
                 b += g2[k] * normals[i, k]
@@ -324,17 +343,21 @@ def _internal(points: Array, forces: Array, x: Array) -> None:
 
 
 @njit(cache=True)
-def min_weight(points: Array, normals: Array, mu: float, center: Array, length_scale: float) -> tuple[float, Array, Array]:
+def min_weight(
+    points: Array, normals: Array, mu: float, center: Array, length_scale: float
+) -> tuple[float, Array, Array]:
     """Min-weight of a three-contact grasp with inscribed four-edge pyramids, and its gradients; no checks.
 
     Args:
         points: (3, 3) metres.
         normals: (3, 3) unit, out of the object.
         mu: friction coefficient.
-        center: (3,) and `length_scale`: not used, the value does not depend on them (the module's text says why).
+        center: (3,) and `length_scale`: not used, the value does not depend on them (the module's text
+            says why).
 
     Returns:
-        value (at most 1; > 0: closure), d value / d points (3, 3) [1/m], d value / d normals (3, 3). Contacts on a
+        value (at most 1; > 0: closure), d value / d points (3, 3) [1/m], d value / d normals (3, 3).
+        Contacts on a
         line, or unable to press, give `UNDEFINED` and zeros.
     """
     dp, dn, forces = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
@@ -355,12 +378,16 @@ def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array,
 
 
 @njit(cache=True)
-def _batch(points: Array, normals: Array, mu: float, exact: bool, values: Array, dp: Array, dn: Array, forces: Array) -> None:
+def _batch(
+    points: Array, normals: Array, mu: float, exact: bool, values: Array, dp: Array, dn: Array, forces: Array
+) -> None:
     for k in range(points.shape[0]):
         values[k] = _margin(points[k], normals[k], mu, exact, dp[k], dn[k], forces[k])
 
 
-def margins(points: object, normals: object, mu: float, exact: bool = True) -> tuple[Array, Array, Array, Array]:
+def margins(
+    points: Numbers, normals: Numbers, mu: float, exact: bool = True
+) -> tuple[Array, Array, Array, Array]:
     """Margins of K three-contact grasps.
 
     Args:
@@ -368,7 +395,8 @@ def margins(points: object, normals: object, mu: float, exact: bool = True) -> t
         exact: `cone_margin` (True) or `min_weight`.
 
     Returns:
-        values (K,), d/d points (K, 3, 3), d/d normals (K, 3, 3), the forces at the optimum (K, 3, 3), which balance
+        values (K,), d/d points (K, 3, 3), d/d normals (K, 3, 3), the forces at the optimum (K, 3, 3),
+        which balance
         and press 1 N in all.
     """
     points = check_array("points", points, (None, 3, 3))
@@ -379,7 +407,9 @@ def margins(points: object, normals: object, mu: float, exact: bool = True) -> t
     return values, dp, dn, forces
 
 
-def margin_gradient(points: object, normals: object, mu: float, exact: bool = False) -> tuple[float, Array, Array]:
+def margin_gradient(
+    points: Numbers, normals: Numbers, mu: float, exact: bool = False
+) -> tuple[float, Array, Array]:
     """Value and gradients (3, 3), (3, 3) of one three-contact grasp; `margins` says more."""
     points, normals = check_contacts(points, normals, 3)
     values, dp, dn, _ = margins(points[None], normals[None], mu, exact)
@@ -387,9 +417,16 @@ def margin_gradient(points: object, normals: object, mu: float, exact: bool = Fa
 
 
 def edge_wrenches(
-    points: Array, normals: Array, mu: float, edges: int = 4, center: Array | None = None, length_scale: float | None = None
+    points: Array,
+    normals: Array,
+    mu: float,
+    edges: int = 4,
+    center: Array | None = None,
+    length_scale: float | None = None,
 ) -> Array:
-    """Wrenches (N * edges, 6) of the inscribed pyramids' edges, each pressing 1; torques about `center` / scale."""
+    """Wrenches (N * edges, 6) of the inscribed pyramids' edges, each pressing 1; torques about `center` /
+    scale.
+    """
     center = points.mean(0) if center is None else center
     scale = rms_radius(points) if length_scale is None else length_scale
     force = cone_edges(normals, mu, edges)
@@ -397,7 +434,7 @@ def edge_wrenches(
     return np.concatenate([force, torque], axis=-1).reshape(-1, 6)
 
 
-def min_weight_lp(points: object, normals: object, mu: float, edges: int = 4) -> float:
+def min_weight_lp(points: Numbers, normals: Numbers, mu: float, edges: int = 4) -> float:
     """Min-weight of any number of contacts and edges, by HiGHS: exact, slow (a millisecond or two).
 
     Returns:
@@ -412,23 +449,27 @@ def min_weight_lp(points: object, normals: object, mu: float, edges: int = 4) ->
     A_eq[:6, :m], A_eq[6, :m] = W.T, 1.0
     A_ub = np.hstack([-np.eye(m), np.ones((m, 1))])
     cost = np.r_[np.zeros(m), -1.0]
-    answer = linprog(cost, A_ub, np.zeros(m), A_eq, np.r_[np.zeros(6), 1.0], bounds=(None, None), method="highs")
+    answer = linprog(
+        cost, A_ub, np.zeros(m), A_eq, np.r_[np.zeros(6), 1.0], bounds=(None, None), method="highs"
+    )
     return float(-answer.fun * m) if answer.status == 0 else -np.inf
 
 
 def ferrari_canny(
-    points: object,
-    normals: object,
+    points: Numbers,
+    normals: Numbers,
     mu: float,
-    center: object = None,
+    center: Numbers = None,
     torque_scale: float | None = None,
     edges: int = 8,
 ) -> float:
-    """Radius of the largest ball about zero in the convex hull of the edge wrenches (Ferrari and Canny, 1992, L1).
+    """Radius of the largest ball about zero in the convex hull of the edge wrenches (Ferrari and Canny,
+    1992, L1).
 
     Args:
         points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
-        center: (3,) torque reference; None is the centroid of the contacts. Unlike min-weight, epsilon depends on it.
+        center: (3,) torque reference; None is the centroid of the contacts. Unlike min-weight, epsilon
+            depends on it.
         torque_scale: length that divides torques [m]; None is the contacts' rms radius.
         edges: edges of each inscribed pyramid; an edge presses 1 N.
 

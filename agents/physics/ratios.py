@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.physics.checks import Array, check_array
+from agents.physics.checks import Array, Numbers, check_array
 
 
 class Ratios(NamedTuple):
@@ -23,8 +23,10 @@ def _ratio(vectors: Array) -> float:
     return float(100.0 * np.sqrt((vectors.sum(0) ** 2).sum()) / total) if total > 0 else 0.0
 
 
-def wrench_ratios(points: object, forces: object, centroid: object) -> Ratios:
-    """Return force and torque ratio [%] of forces (N, 3) [N] at points (N, 3) [m]; `centroid` (3,) of the object."""
+def wrench_ratios(points: Numbers, forces: Numbers, centroid: Numbers) -> Ratios:
+    """Return force and torque ratio [%] of forces (N, 3) [N] at points (N, 3) [m]; `centroid` (3,) of the
+    object.
+    """
     points = check_array("points", points, (None, 3))
     forces = check_array("forces", forces, (len(points), 3))
     torques = np.cross(points - check_array("centroid", centroid, (3,)), forces)

@@ -1,25 +1,27 @@
-"""Eq. 4: the wrench that contact forces cannot balance, as a quadratic programme, for any number of contacts.
+"""Eq. 4: the wrench that contact forces cannot balance, as a quadratic programme, for any number of
+contacts.
 
-    minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu f_i.n_i
+    minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu
+    f_i.n_i
 
-The paper adds N^2 and (Nm)^2; here torques are divided by a length L, stated by the caller or the contacts' rms
-radius, and taken about c, the contacts' centroid unless given. A zero residual depends on neither.
+The paper adds N^2 and (Nm)^2; here torques are divided by a length L, stated by the caller or the contacts'
+rms radius, and taken about c, the contacts' centroid unless given. A zero residual depends on neither.
 """
 
 import warnings
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from agents.physics.active_set import SOLVED, solve_qp
-from agents.physics.checks import Array, check_array, check_contacts, check_positive, rms_radius
+from agents.physics.checks import Array, Numbers, check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import basis_into, basis_pullback, tangent_basis
 from dexgrasp_env.errors import InputError, unknown_name
 
 REGULARISER = 1e-9
 """Added to the Hessian for the QP solvers, which want one; the residual returned is computed without it."""
-_OPTIONS = {"osqp": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 40000}}
+_OPTIONS: dict[str, dict[str, Any]] = {"osqp": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 40000}}
 
 
 class WrenchSolution(NamedTuple):
@@ -34,7 +36,9 @@ class WrenchSolution(NamedTuple):
 
 
 def grasp_map(points: Array, center: Array, length_scale: float) -> Array:
-    """Return the matrix (6, 3 N) from stacked contact forces to their wrench about `center`, torques / scale."""
+    """Return the matrix (6, 3 N) from stacked contact forces to their wrench about `center`, torques /
+    scale.
+    """
     G = np.zeros((6, 3 * len(points)))
     for i, (x, y, z) in enumerate((points - center) / length_scale):
         G[:3, 3 * i : 3 * i + 3] = np.eye(3)
@@ -43,11 +47,19 @@ def grasp_map(points: Array, center: Array, length_scale: float) -> Array:
 
 
 def pyramid_rows(normals: Array, mu: float, f_min: float) -> tuple[Array, Array]:
-    """Return A (5 N, 3 N) and b (5 N,) of Eq. 2 and f_min as A f >= b; per contact: press, +t1, -t1, +t2, -t2."""
+    """Return A (5 N, 3 N) and b (5 N,) of Eq. 2 and f_min as A f >= b; per contact: press, +t1, -t1, +t2,
+    -t2.
+    """
     t1, t2 = tangent_basis(normals)
     A, b = np.zeros((5 * len(normals), 3 * len(normals))), np.zeros(5 * len(normals))
     for i, n in enumerate(normals):
-        A[5 * i : 5 * i + 5, 3 * i : 3 * i + 3] = [-n, t1[i] - mu * n, -t1[i] - mu * n, t2[i] - mu * n, -t2[i] - mu * n]
+        A[5 * i : 5 * i + 5, 3 * i : 3 * i + 3] = [
+            -n,
+            t1[i] - mu * n,
+            -t1[i] - mu * n,
+            t2[i] - mu * n,
+            -t2[i] - mu * n,
+        ]
         b[5 * i] = f_min
     return A, b
 
@@ -61,7 +73,9 @@ def restore_feasible(forces: Array, normals: Array, mu: float, f_min: float) -> 
     return forces - np.maximum(0.0, need - press)[:, None] * normals
 
 
-def _setting(points: object, normals: object, mu: float, f_min: float, center: object, length_scale: float | None) -> tuple:
+def _setting(
+    points: Numbers, normals: Numbers, mu: float, f_min: float, center: Numbers, length_scale: float | None
+) -> tuple:
     points, normals = check_contacts(points, normals)
     if len(points) == 0:
         raise InputError("points must hold at least one contact, got none")
@@ -71,13 +85,13 @@ def _setting(points: object, normals: object, mu: float, f_min: float, center: o
 
 
 def solve_wrench_qp(
-    points: object,
-    normals: object,
+    points: Numbers,
+    normals: Numbers,
     mu: float,
     f_min: float = 1.0,
     length_scale: float | None = None,
     solver: str = "daqp",
-    center: object = None,
+    center: Numbers = None,
 ) -> WrenchSolution:
     """Solve Eq. 4 through qpsolvers.
 
@@ -108,12 +122,20 @@ def solve_wrench_qp(
     start = -f_min * normals if answer.x is None else answer.x.reshape(-1, 3)
     forces = restore_feasible(start, normals, mu, f_min)
     wrench = G @ forces.ravel()
-    return WrenchSolution(float(wrench @ wrench), forces, "solved" if answer.found else f"{solver} found no solution")
+    return WrenchSolution(
+        float(wrench @ wrench), forces, "solved" if answer.found else f"{solver} found no solution"
+    )
 
 
 @njit(cache=True)
 def wrench_residual(
-    points: Array, normals: Array, mu: float, f_min: float, center: Array, length_scale: float, regulariser: float
+    points: Array,
+    normals: Array,
+    mu: float,
+    f_min: float,
+    center: Array,
+    length_scale: float,
+    regulariser: float,
 ) -> tuple[float, Array, Array, Array]:
     """Eq. 4's least value plus `regulariser` |f|^2, and its gradients by the envelope theorem; no checks.
 
@@ -123,7 +145,8 @@ def wrench_residual(
         regulariser: at least 1e-10; the forces are unique, and the gradient smooth, for any positive value.
 
     Returns:
-        value, d/d points (N, 3), d/d normals (N, 3; tangent to the sphere), forces (N, 3). NaN where the solver failed.
+        value, d/d points (N, 3), d/d normals (N, 3; tangent to the sphere), forces (N, 3). NaN where the
+        solver failed.
     """
     n = points.shape[0]
     G, A, b = np.zeros((6, 3 * n)), np.zeros((5 * n, 3 * n)), np.zeros(5 * n)
@@ -166,7 +189,9 @@ def wrench_residual(
         press = m[0] + mu * (m[1] + m[2] + m[3] + m[4])
         for k in range(3):
             after, before = (k + 1) % 3, (k + 2) % 3
-            dp[i, k] = 2.0 / length_scale * (forces[i, after] * w[3 + before] - forces[i, before] * w[3 + after])
+            dp[i, k] = (
+                2.0 / length_scale * (forces[i, after] * w[3 + before] - forces[i, before] * w[3 + after])
+            )
             dn[i, k] = press * forces[i, k]
             g1[k] = (m[2] - m[1]) * forces[i, k]
             g2[k] = (m[4] - m[3]) * forces[i, k]
@@ -180,19 +205,22 @@ def wrench_residual(
 
 
 def residual_gradient(
-    points: object,
-    normals: object,
+    points: Numbers,
+    normals: Numbers,
     mu: float,
     f_min: float = 1.0,
     length_scale: float | None = None,
-    center: object = None,
+    center: Numbers = None,
     regulariser: float = 1e-8,
 ) -> tuple[float, Array, Array]:
     """Return Eq. 4's value and its gradients by points (N, 3) and normals (N, 3).
 
-    The torque reference and the length scale count as constants, also where they default to the contacts' own. The
+    The torque reference and the length scale count as constants, also where they default to the contacts'
+    own. The
     value includes `regulariser` |f|^2. Raises InputError as `solve_wrench_qp`.
     """
     points, normals, mu, f_min, about, scale = _setting(points, normals, mu, f_min, center, length_scale)
-    value, dp, dn, _ = wrench_residual(points, normals, mu, f_min, about, scale, check_positive("regulariser", regulariser))
+    value, dp, dn, _ = wrench_residual(
+        points, normals, mu, f_min, about, scale, check_positive("regulariser", regulariser)
+    )
     return float(value), dp, dn

@@ -1,0 +1,92 @@
+import itertools
+
+import numpy as np
+import pytest
+
+from agents.benchmarks.wrench import add_noise, agreement, sample_box, sample_can
+from agents.physics.closure import closure_count, closure_decide, closure_sweep
+from agents.physics.conic import conic_residual
+from agents.physics.wrench import solve_wrench_qp
+from dexgrasp_env.errors import InputError
+
+
+@pytest.mark.parametrize("shape", ["box", "noisy box", "can", "grid"])
+def test_decision_agrees_with_a_proved_reference(shape):
+    rng = np.random.default_rng(4)
+    points, normals = sample_can(256, rng) if shape == "can" else sample_box(256, rng)
+    if shape == "noisy box":
+        points, normals = add_noise(points, normals, rng)
+    if shape == "grid":
+        points = np.round(points / 0.02) * 0.02  # points coincide and lie on lines
+    result = agreement(shape, points, normals, 2000, rng)
+    assert result["disagree_in_band"] == result["disagree_outside"] == 0
+    assert result["undecided"] <= 2
+    assert 100 < result["feasible"] < 800
+
+
+def test_sweep_is_the_decision_of_every_triple():
+    points, normals = sample_box(40, np.random.default_rng(5))
+    points = np.round(points, 2)
+    triples = np.array(list(itertools.combinations(range(40), 3)))
+    apart = np.linalg.norm(points[triples] - points[triples][:, [1, 2, 0]], axis=-1).min(1) >= 0.03
+    scale = 0.08
+    decided = closure_decide(points[triples], normals[triples], 0.5, scale)
+    swept = closure_sweep(points, normals, 0.5, length_scale=scale)
+    assert swept.dtype == np.int32
+    np.testing.assert_array_equal(swept, triples[decided & apart])
+    np.testing.assert_array_equal(
+        swept, closure_sweep(points, normals, 0.5, length_scale=scale, parallel=True)
+    )
+    count = closure_count(points, normals, 0.5, length_scale=scale)
+    assert count.feasible == len(swept)
+    assert count.triples == len(triples)
+    np.testing.assert_array_equal(
+        decided, closure_decide(points[triples], normals[triples], 0.5, scale, parallel=True)
+    )
+
+
+def test_order_and_frame_do_not_matter_away_from_the_edge():
+    points, normals = sample_can(60, np.random.default_rng(6))
+    triples = np.random.default_rng(7).integers(0, 60, (2000, 3))
+    P, N = points[triples], normals[triples]
+    moved = closure_decide(P[:, [2, 0, 1]] + [1.0, -2.0, 0.5], N[:, [2, 0, 1]], 0.5)
+    assert (moved != closure_decide(P, N, 0.5)).mean() < 1e-3
+
+
+def test_plain_cases():
+    around = np.array([[np.cos(a), np.sin(a), 0.0] for a in (0, 2.1, 4.2)])
+    face = np.array([[0, 0, 0], [0.05, 0, 0], [0, 0.05, 0]])
+    up = np.tile([0.0, 0, 1], (3, 1))
+    line = np.array([[0, 0, 0], [0.05, 0, 0], [0.1, 0, 0]])
+    lever = np.array([[0, 0, 1.0], [0, 0, -1], [0, 0, 1]])  # pressed down at the ends, up in the middle
+    same = np.zeros((3, 3))
+    P = np.array([0.04 * around, face, line, line, same, same])
+    N = np.array([around, up, lever, up, around, up])
+    np.testing.assert_array_equal(closure_decide(P, N, 0.5), [True, False, True, False, True, False])
+    np.testing.assert_array_equal(
+        [solve_wrench_qp(p, n, 0.5).residual < 1e-6 for p, n in zip(P, N, strict=True)],
+        closure_decide(P, N, 0.5),
+    )
+
+
+def test_small_clouds_and_bad_input():
+    assert closure_sweep(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 1]], 0.5).shape == (0, 3)
+    with pytest.raises(InputError, match="points"):
+        closure_decide(np.zeros((4, 3)), np.zeros((4, 3)), 0.5)
+    with pytest.raises(InputError, match="NaN"):
+        closure_sweep(np.full((3, 3), np.nan), np.eye(3), 0.5)
+    with pytest.raises(InputError, match="min_distance"):
+        closure_sweep(np.eye(3), np.eye(3), 0.5, min_distance=-1)
+    with pytest.raises(InputError, match="length_scale"):
+        closure_decide(np.zeros((1, 3, 3)), np.eye(3)[None], 0.5, length_scale=0.0)
+
+
+def test_pyramids_bracket_the_exact_cone():
+    points, normals = sample_can(60, np.random.default_rng(8))
+    triples = np.random.default_rng(9).integers(0, 60, (150, 3))
+    P, N = points[triples], normals[triples]
+    inner, outer = closure_decide(P, N, 0.5 / 2**0.5), closure_decide(P, N, 0.5)
+    exact = np.array([conic_residual(p, n, 0.5).closed() for p, n in zip(P, N, strict=True)])
+    assert None not in exact
+    assert not (exact.astype(bool) & ~outer).any()
+    assert not (inner & ~exact.astype(bool)).any()

@@ -1,0 +1,91 @@
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from agents.physics.cones import (
+    C,
+    cone_distance,
+    cone_edges,
+    in_cone,
+    project_to_cone,
+    pyramid_violation,
+    tangent_basis,
+)
+from agents.physics.ratios import wrench_ratios
+from dexgrasp_env.errors import InputError
+
+
+def unit(rng, *shape):
+    v = rng.normal(size=(*shape, 3))
+    return v / np.linalg.norm(v, axis=-1, keepdims=True)
+
+
+def test_basis_is_right_handed_for_every_normal():
+    n = np.concatenate([unit(np.random.default_rng(0), 1000), np.eye(3), -np.eye(3), [C], [-np.array(C)]])
+    t1, t2 = tangent_basis(n)
+    np.testing.assert_allclose(np.cross(t1, t2), n, atol=1e-12)
+    np.testing.assert_allclose((t1 * t2).sum(-1), 0, atol=1e-12)
+    np.testing.assert_array_equal(t1, tangent_basis(n)[0])
+
+
+@pytest.mark.parametrize("n", [[1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
+def test_basis_is_continuous_at_the_normals_of_boxes(n):
+    near = np.array(n) + 1e-7 * unit(np.random.default_rng(1), 50)
+    near /= np.linalg.norm(near, axis=1, keepdims=True)
+    for at, moved in zip(tangent_basis([n]), tangent_basis(near), strict=True):
+        np.testing.assert_allclose(moved, np.broadcast_to(at, moved.shape), atol=1e-5)
+
+
+def test_projection_is_the_nearest_point():
+    rng = np.random.default_rng(2)
+    n, f = unit(rng, 200), rng.normal(size=(200, 3))
+    nearest = project_to_cone(f, n, 0.6)
+    assert cone_distance(nearest, n, 0.6).max() < 1e-12
+    gap = f - nearest
+    np.testing.assert_allclose(
+        (gap * nearest).sum(-1), 0, atol=1e-12
+    )  # Moreau: the gap lies in the polar cone
+    inside = cone_edges(n, 0.6, 16).reshape(200, 16, 3)
+    assert (gap[:, None] * inside).sum(-1).max() < 1e-12
+
+
+def test_edges_and_faces():
+    n = unit(np.random.default_rng(3), 20)
+    for k in range(4):
+        assert in_cone(cone_edges(n, 0.5)[:, k], n, 0.5).all()
+        corner = cone_edges(n, 0.5, eq2=True)[:, k]
+        assert np.abs(pyramid_violation(corner, n, 0.5)).max() < 1e-12
+        assert not in_cone(corner, n, 0.5).any()
+    assert (pyramid_violation(n, n, 0.5) > 0).all()  # pulling
+
+
+def test_bad_input_is_named():
+    with pytest.raises(InputError, match="NaN"):
+        tangent_basis([[np.nan, 0, 1]])
+    with pytest.raises(InputError, match="shape"):
+        cone_distance(np.zeros((2, 3)), np.zeros((3, 3)), 0.5)
+    with pytest.raises(InputError, match="unit length"):
+        tangent_basis([[0, 0, 2]])
+    with pytest.raises(InputError, match="mu"):
+        project_to_cone(np.zeros((1, 3)), [[0, 0, 1]], -1.0)
+    with pytest.raises(InputError, match="edges"):
+        cone_edges([[0, 0, 1]], 0.5, 2)
+
+
+def test_ratios():
+    p = np.array([[0.05, 0, 0], [-0.05, 0, 0]])
+    balanced = wrench_ratios(p, [[-1, 0, 0], [1, 0, 0]], np.zeros(3))
+    assert balanced == (0.0, 0.0)
+    one_sided = wrench_ratios(p, [[0, 1, 0], [0, 1, 0]], np.zeros(3))
+    assert one_sided == (pytest.approx(100), pytest.approx(0))
+    assert wrench_ratios(p, [[0, 1, 0], [0, -1, 0]], np.zeros(3)) == (pytest.approx(0), pytest.approx(100))
+
+
+def test_the_package_imports_without_torch():
+    modules = ["closure", "conic", "forces", "margin", "ratios", "wrench"]
+    code = "import sys; sys.modules['torch'] = None\n" + "\n".join(
+        f"import agents.physics.{m}" for m in modules
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

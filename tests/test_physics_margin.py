@@ -1,0 +1,108 @@
+import numpy as np
+import pytest
+
+from agents.benchmarks.wrench import sample_box
+from agents.physics.closure import closure_decide
+from agents.physics.conic import conic_margin
+from agents.physics.margin import (
+    UNDEFINED,
+    ferrari_canny,
+    margin_gradient,
+    margins,
+    min_weight,
+    min_weight_lp,
+)
+from dexgrasp_env.errors import InputError
+
+
+def random_grasps(K, seed=0):
+    rng = np.random.default_rng(seed)
+    p = 0.05 * rng.normal(size=(K, 3, 3))
+    n = rng.normal(size=(K, 3, 3)) + p / 0.03
+    return p, n / np.linalg.norm(n, axis=-1, keepdims=True)
+
+
+def test_fast_min_weight_is_the_linear_programme():
+    P, N = random_grasps(150)
+    exact = np.array([min_weight_lp(p, n, 0.5) for p, n in zip(P, N, strict=True)])
+    np.testing.assert_allclose(margins(P, N, 0.5, exact=False)[0], exact, rtol=1e-6, atol=1e-6)
+
+
+def test_cone_margin_is_the_cone_programme():
+    P, N = random_grasps(150, 1)
+    values, _, _, forces = margins(P, N, 0.5)
+    for p, n, value, f in zip(P, N, values, forces, strict=True):
+        assert value == pytest.approx(conic_margin(p, n, 0.5).value, rel=1e-6, abs=1e-6)
+        np.testing.assert_allclose(f.sum(0), 0, atol=1e-8)
+        np.testing.assert_allclose(np.cross(p, f).sum(0), 0, atol=1e-8)
+        press = -(f * n).sum(-1)
+        assert press.sum() == pytest.approx(1)
+        slack = press - np.linalg.norm(f + press[:, None] * n, axis=-1) / 0.5
+        assert 3 * slack.min() == pytest.approx(value, rel=1e-7, abs=1e-7)
+
+
+@pytest.mark.parametrize(("exact", "tolerance"), [(False, 1e-6), (True, 1e-3)])
+def test_gradients_against_finite_differences(exact, tolerance):
+    P, N = random_grasps(200, 2)
+    rng = np.random.default_rng(3)
+    h, errors = 1e-6, []
+    for p, n in zip(P, N, strict=True):
+        _, dp, dn = margin_gradient(p, n, 0.5, exact)
+        move, turn = 0.05 * rng.normal(size=(3, 3)), np.cross(rng.normal(size=(3, 3)), n)
+        ends = []
+        for s in (h, -h):
+            m = n + s * turn
+            ends.append(
+                margin_gradient(p + s * move, m / np.linalg.norm(m, axis=1, keepdims=True), 0.5, exact)[0]
+            )
+        numeric = (ends[0] - ends[1]) / (2 * h)
+        errors.append(abs(numeric - (dp * move).sum() - (dn * turn).sum()) / (1 + abs(numeric)))
+    assert np.percentile(errors, 99) < tolerance
+    assert np.median(errors) < 1e-5
+
+
+def test_order_of_the_margins_and_closure():
+    P, N = random_grasps(5000, 4)
+    inner, cone = margins(P, N, 0.5, exact=False)[0], margins(P, N, 0.5)[0]
+    assert (cone >= inner - 1e-9).all()
+    assert closure_decide(P[cone > 1e-9], N[cone > 1e-9], 0.5).all()
+    assert cone.max() <= 1.0
+
+
+def test_best_grasp_has_margin_one():
+    n = np.array([[np.cos(a), np.sin(a), 0.0] for a in 2 * np.pi / 3 * np.arange(3)])
+    for exact in (True, False):
+        assert margin_gradient(0.03 * n, n, 0.5, exact)[0] == pytest.approx(1.0)
+
+
+def test_axis_aligned_and_degenerate_grasps_give_finite_answers():
+    points, normals = sample_box(30, np.random.default_rng(5))
+    triples = np.random.default_rng(6).integers(0, 30, (500, 3))
+    values, dp, dn, _ = margins(np.round(points, 2)[triples], normals[triples], 0.5)
+    assert np.isfinite(values).all()
+    assert np.isfinite(dp).all()
+    assert np.isfinite(dn).all()
+    line = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
+    value, dp, _ = min_weight(line, np.eye(3), 0.5, np.zeros(3), 0.1)
+    assert value == UNDEFINED
+    assert not dp.any()
+
+
+def test_ferrari_canny():
+    n = np.array([[np.cos(a), np.sin(a), 0.0] for a in 2 * np.pi / 3 * np.arange(3)])
+    p = 0.03 * n
+    epsilon = ferrari_canny(p, n, 0.5)
+    assert 0 < epsilon < ferrari_canny(p, n, 0.8) < 1
+    assert ferrari_canny(p, np.tile(n[:1], (3, 1)), 0.5) == 0.0  # all push one way
+    assert ferrari_canny(p[:2], n[:2], 0.5) == 0.0  # two points resist no torque about their line
+    assert ferrari_canny(p, n, 0.5, torque_scale=0.3) < epsilon
+    with pytest.raises(InputError, match="at least 2"):
+        ferrari_canny(p[:1], n[:1], 0.5)
+
+
+def test_more_contacts_do_not_lose_closure():
+    n = np.concatenate([np.eye(3), -np.eye(3)])
+    assert min_weight_lp(0.05 * n, n, 0.5) == pytest.approx(1.0)
+    assert conic_margin(0.05 * n, n, 0.5).value == pytest.approx(1.0)
+    with pytest.raises(InputError, match="face"):
+        conic_margin(np.eye(3), np.tile([0, 0, 1.0], (3, 1)), 0.5)

@@ -1,0 +1,96 @@
+import numpy as np
+import pytest
+
+from agents.physics.active_set import SOLVED, solve_qp
+from agents.physics.closure import closure_decide
+from agents.physics.cones import pyramid_violation
+from agents.physics.conic import _bracket, _cutting_planes, conic_residual
+from agents.physics.wrench import grasp_map, residual_gradient, solve_wrench_qp
+from dexgrasp_env.errors import InputError
+
+
+def random_grasps(K, seed):
+    rng = np.random.default_rng(seed)
+    p = 0.05 * rng.normal(size=(K, 3, 3))
+    n = rng.normal(size=(K, 3, 3)) + p / 0.03
+    return p, n / np.linalg.norm(n, axis=-1, keepdims=True)
+
+
+def test_active_set_satisfies_the_optimality_conditions():
+    rng = np.random.default_rng(0)
+    solved = 0
+    for _ in range(200):
+        M, A = rng.normal(size=(9, 9)), rng.normal(size=(15, 9))
+        H, g, b = M @ M.T + 1e-3 * np.eye(9), rng.normal(size=9), rng.normal(size=15) - 1.0
+        x, multipliers = np.zeros(9), np.zeros(15)
+        if solve_qp(H, g, A, b, x, multipliers) == SOLVED:
+            solved += 1
+            np.testing.assert_allclose(H @ x + g, A.T @ multipliers, atol=1e-6)
+            assert (A @ x - b).min() > -1e-8
+            assert multipliers.min() >= 0
+            assert abs(multipliers @ (A @ x - b)) < 1e-6
+    assert solved > 100
+
+
+def test_solvers_agree_and_forces_are_feasible():
+    P, N = random_grasps(60, 1)
+    decided = closure_decide(P, N, 0.5)
+    for p, n, closed in zip(P, N, decided, strict=True):
+        daqp, osqp = solve_wrench_qp(p, n, 0.5), solve_wrench_qp(p, n, 0.5, solver="osqp")
+        assert daqp.status == "solved"
+        assert pyramid_violation(daqp.forces, n, 0.5).max() < 1e-9
+        assert (-(daqp.forces * n).sum(-1)).min() > 1 - 1e-9
+        assert (daqp.residual < 1e-6) == closed
+        if osqp.status == "solved":
+            assert osqp.residual == pytest.approx(daqp.residual, rel=1e-2, abs=1e-4)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4, 6])
+def test_any_number_of_contacts(n):
+    rng = np.random.default_rng(n)
+    p = rng.normal(size=(n, 3))
+    p /= np.linalg.norm(p, axis=1, keepdims=True)
+    answer = solve_wrench_qp(0.05 * p, p, 0.5, f_min=2.0)
+    assert answer.forces.shape == (n, 3)
+    assert (-(answer.forces * p).sum(-1)).min() >= 2 - 1e-9
+    if n == 1:
+        assert answer.residual >= 4 - 1e-6
+
+
+def test_unknown_solver_and_bad_contacts():
+    with pytest.raises(InputError, match="daqp"):
+        solve_wrench_qp(np.eye(3), np.eye(3), 0.5, solver="nope")
+    with pytest.raises(InputError, match="at least one"):
+        solve_wrench_qp(np.zeros((0, 3)), np.zeros((0, 3)), 0.5)
+    with pytest.raises(InputError, match="normals"):
+        solve_wrench_qp(np.eye(3), np.eye(3)[:2], 0.5)
+
+
+@pytest.mark.parametrize("contacts", [2, 3, 4])
+def test_residual_gradient_against_finite_differences(contacts):
+    rng = np.random.default_rng(contacts)
+    setting, h = {"center": np.zeros(3), "length_scale": 0.05}, 1e-6
+    for _ in range(30):
+        p, n = 0.05 * rng.normal(size=(contacts, 3)), rng.normal(size=(contacts, 3))
+        n /= np.linalg.norm(n, axis=1, keepdims=True)
+        _, dp, dn = residual_gradient(p, n, 0.5, **setting)
+        move, turn = 0.05 * rng.normal(size=p.shape), np.cross(rng.normal(size=p.shape), n)
+        ends = []
+        for s in (h, -h):
+            m = n + s * turn
+            m /= np.linalg.norm(m, axis=1, keepdims=True)
+            ends.append(residual_gradient(p + s * move, m, 0.5, **setting)[0])
+        numeric = (ends[0] - ends[1]) / (2 * h)
+        assert abs(numeric - (dp * move).sum() - (dn * turn).sum()) < 1e-5 * (1 + abs(numeric))
+
+
+def test_conic_residual_is_bracketed_and_both_methods_agree():
+    P, N = random_grasps(60, 2)
+    for p, n in zip(P, N, strict=True):
+        answer = conic_residual(p, n, 0.5)
+        assert answer.lower <= answer.upper * (1 + 1e-9) + 1e-12
+        assert answer.closed() is not None
+        scale = np.sqrt(((p - p.mean(0)) ** 2).sum(-1).mean())
+        G = grasp_map(p, p.mean(0), scale)
+        other = _bracket(G, _cutting_planes(G, n, 0.5, 1.0), n, 0.5, 1.0, "cutting planes")
+        assert other.upper == pytest.approx(answer.upper, rel=1e-4, abs=1e-5)
