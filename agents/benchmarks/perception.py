@@ -138,7 +138,7 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
     from dexgrasp_env.perception.level import level_views, view_corrections
     from dexgrasp_env.perception.normals import smooth
     from dexgrasp_env.perception.outliers import largest_cluster, remove_outliers
-    from dexgrasp_env.perception.plane import fit_plane, remove_plane, table_clearance
+    from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
     from dexgrasp_env.perception.robot import remove_robot
 
     s, cameras = perception.settings, perception.believed
@@ -149,7 +149,9 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
     assert plane is not None
     turns = view_corrections(sparse, plane, len(cameras))
     cropped = crop(everything, s.crop_low, s.crop_high)
-    above = remove_plane(level_views(cropped, turns), plane, table_clearance(plane, s.clearance_sigmas))
+    level = level_views(cropped, turns)
+    clearance = table_clearance(plane, level.depth, noise_depth(sparse, plane), s.clearance_sigmas)
+    above = remove_plane(level, plane, clearance)
     free = remove_robot(above, perception.robot, data, s.robot_margin)
     dense = remove_outliers(free, s.outlier_radius, s.outlier_neighbours)
     found = largest_cluster(dense, s.link)
@@ -165,7 +167,7 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
         "view_corrections": lambda: view_corrections(sparse, plane, len(cameras)),
         "crop": lambda: crop(everything, s.crop_low, s.crop_high),
         "level_views": lambda: level_views(cropped, turns),
-        "remove_plane": lambda: remove_plane(cropped, plane, 0.005),
+        "remove_plane": lambda: remove_plane(level, plane, clearance),
         "remove_robot": lambda: remove_robot(above, perception.robot, data, s.robot_margin),
         "remove_outliers": lambda: remove_outliers(free, s.outlier_radius, s.outlier_neighbours),
         "largest_cluster": lambda: largest_cluster(dense, s.link),

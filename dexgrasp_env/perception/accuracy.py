@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     import trimesh
 
 FALSE_POINT = 0.010  # m: a point farther from the object than this is not of the object
-TABLE_BAND = 0.008  # m: a stray point lower than this over the true table may be the table's noise
-OFF_OBJECT = 0.004  # m: the aim of the 95th percentile; a point of another pixel farther off is left over
+TABLE_BAND = 0.008  # m: a stray point lower than this may be the table's noise
+OFF_OBJECT = 0.004  # m: a point of another thing's pixel, farther off than this, is stray
 COVER_RADIUS = 0.006  # m: a visible place is covered by a point this near
 
 
@@ -30,7 +30,7 @@ class Accuracy:
         median, p95, worst: distance of the points to the true surface, metres.
         covered: share of the surface that some camera truly sees and that has a point within 6 mm.
         false_points: points farther than 10 mm from the object.
-        stray_points: points whose pixel truly shows something else and that lie more than 4 mm off the object:
+        stray_points: points whose pixel truly shows something else, more than 4 mm off the object:
             what the table left, and pixels that fly between the object's edge and the table.
         table_points: those of them lower than 8 mm.
         hull_volume: volume of the cloud's hull over that of the true hull.

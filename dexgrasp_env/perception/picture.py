@@ -52,7 +52,7 @@ def cloud_picture(
         axes.set_title(name, fontsize=10)
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False)
     figure.suptitle(title or f"{len(points)} points", y=0.985)
-    figure.subplots_adjust(left=0.01, right=0.97, bottom=0.06, top=0.88, wspace=0.08)
+    figure.subplots_adjust(left=0.01, right=0.97, bottom=0.10, top=0.88, wspace=0.08)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
@@ -91,6 +91,6 @@ def _frame(axes: Any, drawn: Array) -> None:
     for name, middle in zip("xyz", centre, strict=True):
         getattr(axes, f"set_{name}lim")(middle - half, middle + half)
         getattr(axes, f"set_{name}label")(f"{name}, m", fontsize=8)
-    axes.set_box_aspect((1, 1, 1), zoom=1.1)
+    axes.set_box_aspect((1, 1, 1), zoom=1.0)
     axes.tick_params(labelsize=6)
     axes.locator_params(nbins=4)

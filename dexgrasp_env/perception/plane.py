@@ -98,11 +98,30 @@ def _least_squares(points: Array) -> tuple[Array, float, float]:
     return normal, float(normal @ centre), float(np.sqrt(max(values[0], 0.0)))
 
 
-def remove_plane(cloud: Cloud, plane: Plane, clearance: float) -> Cloud:
-    """Return the points more than `clearance` metres above the plane."""
+def remove_plane(cloud: Cloud, plane: Plane, clearance: float | Array) -> Cloud:
+    """Return the points more than `clearance` metres, one or one each (M,), above the plane."""
     return cloud.select(plane.heights(cloud.points) > clearance)
 
 
-def table_clearance(plane: Plane, sigmas: float = 3.5, least: float = 0.002) -> float:
-    """Return the height below which a point may be table noise, metres."""
-    return max(least, sigmas * plane.rms)
+def noise_depth(cloud: Cloud, plane: Plane, tolerance: float = 0.010) -> float:
+    """Return the depth, metres, at which the noise is the plane's RMS.
+
+    Noise grows with depth^2, so the RMS over the table is that at the root mean fourth power of its depths.
+    """
+    table = cloud.depth[np.abs(plane.heights(cloud.points)) < tolerance]
+    return float((table**4).mean() ** 0.25) if len(table) else 1.0
+
+
+def table_clearance(
+    plane: Plane, depth: Array, reference: float, sigmas: float = 3.5, least: float = 0.002
+) -> Array:
+    """Return the heights (M,) m below which points may be table noise.
+
+    Args:
+        plane: the table with its RMS.
+        depth: (M,) m, of the points.
+        reference: depth at which the noise is that RMS, see `noise_depth`.
+        sigmas: how much of the noise's tail is table.
+        least: never lower than this, metres.
+    """
+    return np.maximum(least, sigmas * plane.rms * (depth / reference) ** 2)

@@ -14,7 +14,14 @@ from dexgrasp_env.perception.downsample import downsample, pad
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.outliers import largest_cluster, remove_outliers
-from dexgrasp_env.perception.plane import Plane, fit_plane, refine_plane, remove_plane, table_clearance
+from dexgrasp_env.perception.plane import (
+    Plane,
+    fit_plane,
+    noise_depth,
+    refine_plane,
+    remove_plane,
+    table_clearance,
+)
 from dexgrasp_env.perception.robot import RobotShape, remove_robot
 
 if TYPE_CHECKING:
@@ -35,7 +42,7 @@ class SegmentationSettings:
         min_points: fewer raw points are no object.
         crop_low, crop_high: the box in which objects are looked for.
         table_height: where the table is expected, within 5 cm.
-        clearance_sigmas: points lower than this many times the table's noise are taken for table.
+        clearance_sigmas: points lower than this many times the table's noise, at their depth, are table.
         robot_margin: points this close to the robot are its own.
         outlier_radius, outlier_neighbours: a point needs so many others so near.
         link: the object's points are linked by steps of at most this.
@@ -48,7 +55,7 @@ class SegmentationSettings:
     crop_low: tuple[float, float, float] = (0.28, -0.40, -0.03)
     crop_high: tuple[float, float, float] = (0.78, 0.40, 0.30)
     table_height: float = 0.0
-    clearance_sigmas: float = 3.5
+    clearance_sigmas: float = 4.5
     robot_margin: float = 0.012
     outlier_radius: float = 0.012
     outlier_neighbours: int = 4
@@ -124,20 +131,21 @@ def segment(
     if plane is None:
         return _nothing(s, None, NO_PLANE, 0)
     corrections = view_corrections(sparse, plane, len(cameras))
-    table = level_views(sparse, corrections).points
-    plane = refine_plane(table, plane.normal, plane.offset, 0.010) or plane
+    table = level_views(sparse, corrections)
+    plane = refine_plane(table.points, plane.normal, plane.offset, 0.010) or plane
     found = level_views(crop(everything, s.crop_low, s.crop_high), corrections)
-    return _finish(_isolate(found, plane, s, robot, data), plane, s, rng)
+    return _finish(_isolate(found, plane, noise_depth(table, plane), s, robot, data), plane, s, rng)
 
 
 def _isolate(
     cloud: Cloud,
     plane: Plane,
+    reference: float,
     s: SegmentationSettings,
     robot: RobotShape | None,
     data: "mujoco.MjData | None",
 ) -> Cloud:
-    cloud = remove_plane(cloud, plane, table_clearance(plane, s.clearance_sigmas))
+    cloud = remove_plane(cloud, plane, table_clearance(plane, cloud.depth, reference, s.clearance_sigmas))
     if robot is not None and data is not None:
         cloud = remove_robot(cloud, robot, data, s.robot_margin)
     return largest_cluster(remove_outliers(cloud, s.outlier_radius, s.outlier_neighbours), s.link)
