@@ -37,7 +37,120 @@ def compiled_scene(model: ObjectModel, mount: str) -> mujoco.MjModel:
 
 
 class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
-    """Page: see the table of contents below."""
+    """Pick an object up from a table with an arm and a hand, and hold it.
+
+    ## Description
+
+    A Franka Emika Panda with an Allegro hand stands at a table. One object lies on it. The task is solved when the
+    object's lowest point has been at least 10 cm above the table for the last 3 s and nothing but the hand has touched
+    it meanwhile. Control runs at 20 Hz, physics at 500 Hz. All quantities are in metres, radians, kilograms and newtons,
+    in the robot base frame: x forward, z up, table top at z = 0.
+
+    ## Action Space
+
+    A `Box(-1, 1, (n,), float32)`; entries outside are clipped, NaN and wrong shapes raise `InputError`. Actions become
+    set-points of the 23 joint servos, which move evenly within the control step, at most at the joints' velocity limits.
+    Joints are in the order panda_joint1-7, then index, middle, ring and thumb with four each.
+
+    | control_mode | n | Entries | Meaning |
+    | --- | --- | --- | --- |
+    | `joint_position` | 23 | 0-22 | set-points; -1 and 1 are the ends of the joint range |
+    | `joint_delta` | 23 | 0-22 | change of the set-points; 1 is the velocity limit times 50 ms |
+    | `ee_delta` | 22 | 0-2 | translation of the palm; 1 is 25 mm |
+    | | | 3-5 | rotation vector of the palm; 1 is 0.125 rad |
+    | | | 6-21 | set-points of the hand's joints; -1 and 1 are the ends of the range |
+
+    ## Observation Space
+
+    A `Dict`. Every mode has what the robot knows of itself:
+
+    | Key | Shape | Type | Meaning |
+    | --- | --- | --- | --- |
+    | `joint_positions` | (23,) | float32 | rad |
+    | `joint_velocities` | (23,) | float32 | rad/s |
+    | `joint_targets` | (23,) | float32 | rad, set-points of the servos |
+    | `fingertip_positions` | (12,) | float32 | m, centres of the tips: index, middle, ring, thumb |
+    | `palm_pose` | (7,) | float32 | position m and quaternion wxyz of the palm frame |
+
+    `state` adds what no camera tells, `pointcloud`, `depth` and `rgbd` what four simulated depth cameras see:
+
+    | Key | Shape | Type | obs_mode | Meaning |
+    | --- | --- | --- | --- | --- |
+    | `object_pose` | (7,) | float32 | `state` | position of the centre of mass m and quaternion wxyz |
+    | `object_velocity` | (6,) | float32 | `state` | m/s, and rad/s in the object frame |
+    | `object_size` | (3,) | float32 | `state` | m, box of the object in its own frame |
+    | `object_mass` | (1,) | float32 | `state` | kg |
+    | `fingertip_forces` | (12,) | float32 | `state` | N, contact force between each tip and the object |
+    | `progress` | (2,) | float32 | `state` | m, lowest point above the table; share of the 3 s held, 0 to 1 |
+    | `cloud` | (1024, 3) | float32 | `pointcloud` | m, points of the object |
+    | `cloud_normals` | (1024, 3) | float32 | `pointcloud` | unit normals out of the object |
+    | `cloud_mask` | (1024,) | int8 | `pointcloud` | 1 where a point counts |
+    | `table_plane` | (4,) | float32 | `pointcloud` | normal and offset m of the table as seen |
+    | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
+    | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
+
+    `info` has at every step `is_success`, `is_stable` (less than 2.5 cm and 15 deg of motion in the hand's frame since
+    the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure`, `object`,
+    `object_height`, `object_slip`, `object_tilt`, `held_seconds`, `mujoco_warnings`, and after a step `reward_terms`. With
+    cameras it has `perception_failure`, `perception_T_world_camera` and `perception_intrinsics`.
+
+    ## Rewards
+
+    `sparse` is 1 while the task is solved, else 0. `dense` is in [0, 1], the weighted sum of
+
+    | Term | Weight | Meaning |
+    | --- | --- | --- |
+    | `reach` | 0.2 | thumb, index and middle tips within 2 cm of the object's box, falling off over 30 cm |
+    | `contact` | 0.2 | the thumb and a finger opposite it press, full at 1 N each |
+    | `lift` | 0.3 | height of the lowest point over 10 cm while the hand touches the object |
+    | `hold` | 0.3 | time held over 3 s |
+
+    ## Starting State
+
+    The arm at its ready posture, the hand open. An object of `objects` is drawn, then its rest pose by probability, its
+    place (x in 0.42-0.60, y in +-0.20) and its turn about the vertical; it settles for 0.2 s. Objects that the
+    catalogue presents in one pose always lie in that.
+    `reset(options={"object": NAME, "object_pose": [x, y, z, qw, qx, qy, qz]})` sets them.
+
+    ## Episode End
+
+    Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
+    (`simulation_diverged`, with reward 0). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up.
+
+    ## Arguments
+
+    | Argument | Default | Valid |
+    | --- | --- | --- |
+    | `objects` | `'ycb6'` | a name, a set (`ycb6`, `seen`, `familiar`, `novel`, `all20`), a mesh file, or a list of these |
+    | `obs_mode` | `'state'` | `state`, `pointcloud`, `depth`, `rgbd` |
+    | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta` |
+    | `reward_mode` | `'dense'` | `dense`, `sparse` |
+    | `mount` | `'palm_normal'` | `palm_normal`, `fingers_along`: how the hand sits on the flange |
+    | `friction` | `0.7` | sliding friction coefficient of every contact, above 0 and up to 2 |
+    | `object_pose` | `None` | ranges `x`, `y`, `yaw` and `rest_pose` (`any`, `likely`, a number) |
+    | `randomisation` | `None` | ranges `mass` and `size` (factors) and `friction` (coefficient), drawn at reset |
+    | `sensor` | `'realistic'` | `realistic`, `none`, or settings of `SensorModel` |
+    | `observe` | `'step'` | `step`; `reset`: cameras look once, the view is repeated |
+    | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres |
+    | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3 |
+    | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |
+    | `render_size` | `(480, 640)` | rows and columns of pictures |
+
+    ## Contact model, frozen as v0
+
+    | Setting | Value |
+    | --- | --- |
+    | timestep | 0.002 s, implicitfast, tolerance 1e-8 |
+    | cone | elliptic, impratio 100, condim 3; table against object condim 6 |
+    | friction | 0.7 sliding everywhere; 0.0002 m rolling between table and object |
+    | fingertip against object | solref 0.02 1, solimp 0.9 0.95 0.001 0.5 2, solreffriction 0.004 1 |
+
+    Slip begins at mu N in every direction. Nothing welds, attracts or sticks the object to the hand.
+
+    ## Version History
+
+    * v0: first version.
+    """
 
     metadata = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": round(1 / CONTROL_PERIOD)}
 

@@ -1,5 +1,6 @@
 """What cameras add to observations, and pictures for people."""
 
+import copy
 from collections.abc import Mapping
 from dataclasses import fields
 from typing import Any
@@ -51,7 +52,8 @@ class Views:
             if at_reset:
                 perception.reset(rng)
             self._held, self._held_info = self._look(perception, simulation, rng)
-        return {key: value.copy() for key, value in self._held.items()}, self._held_info
+        # Copies: callers keep what they are given, and may write to it.
+        return {key: value.copy() for key, value in self._held.items()}, copy.deepcopy(self._held_info)
 
     def _look(
         self, perception: Perception, simulation: Simulation, rng: Generator
@@ -60,7 +62,7 @@ class Views:
         if self._obs_mode == "pointcloud":
             cloud = perception.observe(simulation.data, rng).cloud
             info["perception_failure"] = cloud.reason
-            plane = np.zeros(4) if cloud.plane is None else np.append(cloud.plane.normal, cloud.plane.offset)
+            plane = np.zeros(5) if cloud.plane is None else np.array([*cloud.plane.normal, cloud.plane.offset, cloud.plane.rms])
             return {
                 "cloud": cloud.points.astype(np.float32),
                 "cloud_normals": cloud.normals.astype(np.float32),
