@@ -116,7 +116,7 @@ def subject_from_cloud(observation: Observation) -> tuple[Subject | None, str | 
     if len(points) < 4:
         return None, NO_CLOUD
     table = np.asarray(observation["table_plane"], dtype=float)
-    plane = Plane(table[:3], float(table[3]), 0.0, 0) if np.linalg.norm(table[:3]) > 0.5 else None
+    plane = Plane(table[:3], float(table[3]), float(table[4]), 0) if np.linalg.norm(table[:3]) > 0.5 else None
     hull = cloud_hull(points, plane)
     if hull is None:
         return None, NO_HULL

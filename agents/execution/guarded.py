@@ -17,10 +17,10 @@ from dexgrasp_env.lift.control import normalise
 Array = NDArray[np.float64]
 HAND_STIFFNESS = 10.0  # Nm/rad
 _FINGER_COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
-_TOUCH_LAG = 0.0025  # m that a tip stays behind its set-point when it has touched: about 2 N
-_CLOSE_SPEED = 0.045  # m/s of the tips
+_TOUCH_LAG = 0.0018  # m that a tip stays behind its set-point when it has touched: about 2 N
+_CLOSE_SPEED = 0.03  # m/s of the tips
 _OVERTRAVEL = 0.016  # m past where the surface is believed to be
-_CLOSE_STEPS, _SETTLE_STEPS, _SQUEEZE_STEPS = 40, 3, 8  # control steps at most, after contact, for the ramp
+_CLOSE_STEPS, _SETTLE_STEPS, _SQUEEZE_STEPS = 60, 3, 8  # control steps at most, after contact, for the ramp
 _PERIOD = 0.05  # s
 
 

@@ -19,7 +19,8 @@ class Certificate:
         max_joint_torque_fraction: largest joint torque of the holding forces over its limit.
         holds: whether forces within cones and torque limits balance the assumed mass.
         hold_residual: what the holding forces leave of gravity, N.
-        mass: kg, assumed or given.
+        mass: kg that the forces are made for.
+        load: of the object's assumed weight, how much the forces resist in any direction beyond balancing it.
         friction: coefficient that was planned with.
     """
 
@@ -34,6 +35,7 @@ class Certificate:
     holds: bool
     hold_residual: float
     mass: float
+    load: float
     friction: float
 
     def as_json(self) -> dict[str, Any]:

@@ -4,6 +4,7 @@ import time
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, field
+from itertools import islice
 
 import numpy as np
 from numpy.typing import NDArray
@@ -91,10 +92,27 @@ class Planner:
         if proposals.failure:
             plan.reason = proposals.failure
             return plan
+        grasps = self._grasps(proposals, subject, plan, clock)
+        while batch := list(islice(grasps, self.settings.candidates)):
+            for grasp in sorted(batch, key=lambda g: -_merit(g, subject)):
+                try:
+                    if start is not None:
+                        plan.script = make_script(start, grasp.motion, subject.distance, self.mount)
+                    plan.grasp = grasp
+                    return plan
+                except NoPath as blocked:
+                    _block(plan, blocked.reason, 0.0)
+                finally:
+                    clock.lap(plan, "approach")
+        plan.reason = _commonest(plan)
+        return plan
+
+    def _grasps(self, proposals: Proposals, subject: Subject, plan: Plan, clock: "_Clock") -> Iterator[Grasp]:
+        """Yield certified grasps until postures or time run out; note in `plan` what blocked the others."""
         for posture in clock.laps(plan, "postures", self._postures(proposals, subject)):
             if self.settings.seconds is not None and plan.total_seconds > self.settings.seconds:
-                plan.blocked.setdefault(BUDGET, (1, 0.0))
-                break
+                _block(plan, BUDGET, 0.0)
+                return
             plan.tried += 1
             solution = solve(posture.q, self.tree, subject, self.settings, with_margin=self._with_closure)
             clock.lap(plan, "bilevel")
@@ -103,19 +121,8 @@ class Planner:
                 continue
             grasp = self._certify(solution, subject, plan)
             clock.lap(plan, "certificate")
-            if grasp is None:
-                continue
-            try:
-                if start is not None:
-                    plan.script = make_script(start, grasp.motion, subject.distance, self.mount)
-                plan.grasp = grasp
-                return plan
-            except NoPath as blocked:
-                _block(plan, blocked.reason, 0.0)
-            finally:
-                clock.lap(plan, "approach")
-        plan.reason = _commonest(plan)
-        return plan
+            if grasp is not None:
+                yield grasp
 
     def _postures(self, proposals: Proposals, subject: Subject) -> Iterator[Posture]:
         if self._starts == "atlas":
@@ -126,7 +133,7 @@ class Planner:
 
     def _certify(self, solution: Solution, subject: Subject, plan: Plan) -> Grasp | None:
         settings, at = self.settings, solution.evaluation
-        hold, mass = self._hold(solution, subject)
+        hold, mass, load = self._hold(solution, subject)
         if not hold.holds and self._with_closure:
             _block(plan, f"holding_forces: {hold.reason}", hold.residual)
             return None
@@ -148,12 +155,13 @@ class Planner:
             holds=bool(hold.holds),
             hold_residual=float(hold.residual),
             mass=mass,
+            load=load,
             friction=settings.friction,
         )
         return Grasp(solution.q, at.contacts, at.normals, hold.forces, certificate, motion, self.mount)
 
-    def _hold(self, solution: Solution, subject: Subject) -> tuple[HoldingForces, float]:
-        """Return the firmest squeeze of `settings.loads` that the joints can hold, and the mass it is made for."""
+    def _hold(self, solution: Solution, subject: Subject) -> tuple[HoldingForces, float, float]:
+        """Return the firmest squeeze of `settings.loads` that the joints can hold, and mass and load it is made for."""
         settings, at = self.settings, solution.evaluation
         J = finger_jacobians(solution.q, self.tree)
         for share, disturbance in settings.loads:
@@ -165,7 +173,7 @@ class Planner:
             )  # fmt: skip
             if hold.holds:
                 break
-        return hold, mass
+        return hold, mass, share * (1.0 + disturbance)
 
     def _open(self, q: Array, normals: Array, forces: Array, subject: Subject) -> GraspMotion | None:
         for opening in openings():
@@ -201,6 +209,17 @@ class _Clock:
             self.lap(plan, stage)
             yield item
         self.lap(plan, stage)
+
+
+def _merit(grasp: Grasp, subject: Subject) -> float:
+    """Which of several certified grasps bears errors best: margin, load, contacts around the centre, none on top.
+
+    A contact whose normal points up loses its hold if the surface lies a little further in than it was seen.
+    """
+    size = float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0)))
+    offset = float(np.linalg.norm(grasp.contacts.mean(0) - subject.centre)) / size
+    upward = max(0.0, float(grasp.normals[:, 2].max()))
+    return min(grasp.certificate.closure_margin, 0.8) + grasp.certificate.load - offset - upward
 
 
 def _block(plan: Plan, reason: str, violation: float) -> None:

@@ -67,7 +67,7 @@ class SurfaceProposals(ProposalSource):
             triples = triples[rng.choice(len(triples), _JUDGED, replace=False)]
         contacts, at = points[triples], normals[triples]
         worth = margins(contacts, at, settings.friction)[0]
-        score = _score(contacts, worth, subject)
+        score = _score(contacts, at, worth, subject)
         chosen = _varied(triples, score, settings.triples)
         return Proposals(contacts[chosen], at[chosen], worth[chosen])
 
@@ -97,11 +97,16 @@ def graspable_points(subject: Subject, settings: PlannerSettings, rng: Generator
     return centres[above] - distance[:, None] * gradient, gradient
 
 
-def _score(contacts: Array, margins: Array, subject: Subject) -> Array:
-    """Margin counts up to what is aimed at; then contacts around the centre of mass, which gravity turns least."""
+def _score(contacts: Array, normals: Array, margins: Array, subject: Subject) -> Array:
+    """Margin counts up to what is aimed at; then contacts around the centre of mass, which gravity turns least.
+
+    Normals that point up are a risk: the squeeze pushes the object out downwards if the surface lies a little further in
+    than it was seen.
+    """
     size = float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0)))
     offset = np.linalg.norm(contacts.mean(1) - subject.centre, axis=1) / size
-    return np.minimum(margins, 0.6) - 1.0 * offset
+    upward = np.maximum(normals[:, :, 2], 0.0).max(1)
+    return np.minimum(margins, 0.7) - 1.0 * offset - 0.8 * upward
 
 
 def _varied(triples: NDArray[np.int64], score: Array, count: int) -> NDArray[np.int64]:

@@ -21,6 +21,7 @@ class PlannerSettings:
         table_clearance: contacts are at least this high above the table.
         triples: triples that are turned into hand postures.
         postures: postures that are tried by the optimiser before the planner gives up.
+        candidates: certified grasps among which the one that bears errors best is carried out.
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: of the sequential quadratic programme, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
@@ -35,7 +36,7 @@ class PlannerSettings:
     distance: tuple[float, float] = (-0.0068, -0.0032)
     tip_radius: float = 0.014
     closure_margin: float = 0.15
-    closure_aim: float = 0.30
+    closure_aim: float = 0.50
     clearance: float = 0.001
     pad_cosine: float = 0.10
     joint_margin: float = 0.01
@@ -43,6 +44,7 @@ class PlannerSettings:
     table_clearance: float = 0.015
     triples: int = 150
     postures: int = 60
+    candidates: int = 8
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None

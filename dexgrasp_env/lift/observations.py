@@ -75,7 +75,7 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int]) -> space
         content["cloud"] = spaces.Box(-np.inf, np.inf, (CLOUD_POINTS, 3), np.float32)
         content["cloud_normals"] = spaces.Box(-1.0, 1.0, (CLOUD_POINTS, 3), np.float32)
         content["cloud_mask"] = spaces.MultiBinary(CLOUD_POINTS)
-        content["table_plane"] = spaces.Box(-np.inf, np.inf, (4,), np.float32)
+        content["table_plane"] = spaces.Box(-np.inf, np.inf, (5,), np.float32)
     if obs_mode in ("depth", "rgbd"):
         content["depth"] = spaces.Box(0.0, np.inf, image_shape, np.float32)
     if obs_mode == "rgbd":
