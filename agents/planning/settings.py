@@ -48,7 +48,7 @@ class PlannerSettings:
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
-    least_press: float = 2.0
+    least_press: float = 2.5
     friction_hold: float = 0.6
-    loads: tuple[tuple[float, float], ...] = ((1.0, 0.3), (1.0, 0.0), (0.6, 0.0))
-    torque_share: float = 0.9
+    loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (1.0, 0.0), (0.6, 0.0))
+    torque_share: float = 0.95
