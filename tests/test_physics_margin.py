@@ -4,14 +4,8 @@ import pytest
 from agents.benchmarks.wrench import sample_box
 from agents.physics.closure import closure_decide
 from agents.physics.conic import conic_margin
-from agents.physics.margin import (
-    UNDEFINED,
-    ferrari_canny,
-    margin_gradient,
-    margins,
-    min_weight,
-    min_weight_lp,
-)
+from agents.physics.margin import UNDEFINED, margin_gradient, margins, min_weight
+from agents.physics.metrics import ferrari_canny, min_weight_lp
 from dexgrasp_env.errors import InputError
 
 

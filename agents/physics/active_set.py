@@ -177,9 +177,7 @@ def solve_qp(H: Array, g: Array, A: Array, b: Array, x: Array, multipliers: Arra
 
 @njit(cache=True)
 def solve_qp_batch(H: Array, g: Array, A: Array, b: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Solve K programmes: H (K, n, n), g (K, n), A (K, m, n), b (K, m) -> x (K, n), multipliers (K, m),
-    status.
-    """
+    """Solve K programmes: x (K, n), multipliers (K, m), status of H (K, n, n), g (K, n), A (K, m, n), b."""
     K, m, n = A.shape
     x, multipliers, status = np.zeros((K, n)), np.zeros((K, m)), np.zeros(K, np.int64)
     for k in range(K):

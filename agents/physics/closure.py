@@ -1,5 +1,4 @@
-"""Which triples of contacts can be in equilibrium: Eq. 4 decided in closed form, millions of triples a
-second.
+"""Which triples of contacts can be in equilibrium: Eq. 4 in closed form, millions of triples a second.
 
 A triple is **feasible** when the least value of Eq. 4, |sum f|^2 + |sum (p - c) x f / L|^2 with f_min = 1,
 pyramid cones (Eq. 2) and c the centroid of the three contacts, is below `TOLERANCE`.
@@ -32,7 +31,7 @@ from agents.physics.checks import (
     check_unit,
     rms_radius,
 )
-from agents.physics.cones import basis_of
+from agents.physics.wedges import chord_tables, closed_form, flatness, frames_into
 from dexgrasp_env.errors import InputError
 
 TOLERANCE = 1e-6
@@ -48,101 +47,8 @@ Triples = NDArray[np.int32]
 
 
 @njit(cache=True)
-def _ratio(ga: float, gb: float, s: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
-    """Tighten (lo+, hi+, lo-, hi-): bounds of b for a = +1, and of -b for a = -1, by ga a + gb b >= 0."""
-    lp, hp, lm, hm = s
-    if gb > 0.0:
-        r = -ga / gb
-        return max(lp, r), hp, lm, min(hm, r)
-    if gb < 0.0:
-        r = -ga / gb
-        return lp, min(hp, r), max(lm, r), hm
-    if ga < 0.0:
-        return np.inf, -np.inf, lm, hm
-    if ga > 0.0:
-        return lp, hp, np.inf, -np.inf
-    return s
-
-
-@njit(cache=True)
-def _wedge(mu: float, T: Array, i: int, j: int, k: int, m: int) -> tuple[float, float, float, float]:
-    """The wedge of one contact, of its chords T[i, j] and T[k, m], each (press, u, v) in the contact's
-    frame.
-    """
-    ma, mb = mu * T[i, j, 0], mu * T[k, m, 0]
-    au, av, bu, bv = T[i, j, 1], T[i, j, 2], T[k, m, 1], T[k, m, 2]
-    s = (-np.inf, np.inf, -np.inf, np.inf)
-    s = _ratio(ma + au, mb + bu, s)
-    s = _ratio(ma - au, mb - bu, s)
-    s = _ratio(ma + av, mb + bv, s)
-    return _ratio(ma - av, mb - bv, s)
-
-
-@njit(cache=True)
-def _meets(bl: float, bu: float, cl: float, cu: float, L: float, H: float) -> bool:
-    """Whether some b > 0 in [bl, bu] has [L b, H b] and [cl, cu] in common."""
-    lo, hi = max(bl, 0.0), bu
-    if not L <= H:
-        return False
-    if L > 0.0:
-        hi = min(hi, cu / L)
-    elif L == 0.0:
-        if cu < 0.0:
-            return False
-    elif -np.inf < L:
-        lo = max(lo, cu / L)
-    if H < 0.0:
-        hi = min(hi, cl / H)
-    elif H == 0.0:
-        if cl > 0.0:
-            return False
-    elif np.inf > H:
-        lo = max(lo, cl / H)
-    return hi > 0.0 and lo <= hi
-
-
-@njit(cache=True)
-def _box_meets(bl: float, bu: float, cl: float, cu: float, w: tuple[float, float, float, float]) -> bool:
-    if bl > bu or cl > cu:
-        return False
-    return _meets(bl, bu, cl, cu, w[0], w[1]) or _meets(-bu, -bl, cl, cu, -w[3], -w[2])
-
-
-@njit(cache=True)
-def closed_form(mu: float, E: Array, T: Array, i: int, j: int, k: int) -> bool:
-    """Whether non-zero forces in the Eq. 2 cones of contacts i, j, k balance exactly.
-
-    `E[i, j]` is p_j - p_i as (press, u, v) in frame i, and `T[i, j]` is `E[j, i]`: k runs fastest in both.
-    """
-    w1 = _wedge(mu, E, i, j, i, k)
-    plus, minus = w1[0] <= w1[1], w1[2] <= w1[3]
-    if not (plus or minus):
-        return False
-    w2 = _wedge(mu, E, j, i, j, k)
-    plus, minus = plus and w2[0] <= w2[1], minus and w2[2] <= w2[3]
-    if not (plus or minus):
-        return False
-    w3 = _wedge(mu, T, i, k, j, k)
-    if plus and _box_meets(w1[0], w1[1], w2[0], w2[1], w3):
-        return True
-    return minus and _box_meets(-w1[3], -w1[2], -w2[3], -w2[2], w3)
-
-
-@njit(cache=True)
-def _flatness(d12: float, d13: float, d23: float) -> float:
-    """(height / longest side)^2 of a triangle of squared sides (Heron); 0 for coincident points."""
-    longest = max(d12, max(d13, d23))
-    if longest <= 0.0:
-        return 0.0
-    area = 2.0 * (d12 * d13 + d13 * d23 + d23 * d12) - d12 * d12 - d13 * d13 - d23 * d23
-    return max(0.0, 0.25 * area) / (longest * longest)
-
-
-@njit(cache=True)
 def _map_columns(points: Array, frames: Array, scale: float, G: Array) -> None:
-    """Write the grasp map (6, 9) of forces (press, u, v) in contact frames, about the centroid, torques /
-    scale.
-    """
+    """Write the grasp map (6, 9) of forces in contact frames, about the centroid, torques / scale."""
     center = (points[0] + points[1] + points[2]) / 3.0
     for i in range(3):
         r = (points[i] - center) / scale
@@ -155,9 +61,7 @@ def _map_columns(points: Array, frames: Array, scale: float, G: Array) -> None:
 
 @njit(cache=True)
 def _separated(G: Array, w: Array, mu: float) -> float:
-    """Lower bound of |G f| over the cones with f_min = 1 and no force above FORCE_BOUND, from the
-    direction w.
-    """
+    """Bound |G f| from below, by w: over the cones with f_min = 1 and no force above FORCE_BOUND."""
     total, size = 0.0, 0.0
     for k in range(6):
         size += w[k] * w[k]
@@ -182,8 +86,7 @@ def _restore(f: Array, mu: float) -> None:
 
 @njit(cache=True)
 def qp_residual(points: Array, frames: Array, mu: float, scale: float, forces: Array) -> tuple[float, float]:
-    """Return upper and lower bounds of Eq. 4's least value (f_min = 1), by proximal steps of a regularised
-    QP.
+    """Bound Eq. 4's least value (f_min = 1) from above and below, by proximal steps of a QP.
 
     Args:
         points: (3, 3). frames: (3, 3, 3), rows (-n, t1, t2) of each contact.
@@ -237,30 +140,6 @@ def _qp_feasible(points: Array, frames: Array, mu: float, scale: float) -> bool:
 
 
 @njit(cache=True)
-def frames_into(normals: Array, frames: Array) -> None:
-    """Write the contact frames (N, 3, 3), rows (-n, t1, t2), of unit normals (N, 3)."""
-    for i in range(normals.shape[0]):
-        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
-        ax, ay, az, bx, by, bz = basis_of(x, y, z)
-        frames[i, 0, 0], frames[i, 0, 1], frames[i, 0, 2] = -x, -y, -z
-        frames[i, 1, 0], frames[i, 1, 1], frames[i, 1, 2] = ax, ay, az
-        frames[i, 2, 0], frames[i, 2, 1], frames[i, 2, 2] = bx, by, bz
-
-
-@njit(cache=True)
-def _tables(points: Array, frames: Array, E: Array, T: Array, D: Array) -> None:
-    """Write E[i, j], the chord p_j - p_i in frame i; T[i, j] = E[j, i]; D, squared distances."""
-    n = points.shape[0]
-    for i in range(n):
-        for j in range(n):
-            dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
-            for k in range(3):
-                E[i, j, k] = frames[i, k, 0] * dx + frames[i, k, 1] * dy + frames[i, k, 2] * dz
-                T[j, i, k] = E[i, j, k]
-            D[i, j] = dx * dx + dy * dy + dz * dz
-
-
-@njit(cache=True)
 def _wider(mu: float, flat2: float) -> float:
     """The friction up to which a triple of this (height / side)^2 may still be feasible within TOLERANCE."""
     if flat2 >= FLAT * FLAT:
@@ -272,12 +151,10 @@ def _wider(mu: float, flat2: float) -> float:
 def _decide_one(
     points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float
 ) -> int:
-    """Decide one triple: 0 infeasible, 1 feasible; +2 where the QP decided. `points` (3, 3), the rest work
-    space.
-    """
+    """Decide one triple (3, 3): 0 infeasible, 1 feasible; +2 where the QP decided. `tables` is work space."""
     E, T, D = tables
-    _tables(points, frames, E, T, D)
-    flat2 = _flatness(D[0, 1], D[0, 2], D[1, 2])
+    chord_tables(points, frames, E, T, D)
+    flat2 = flatness(D[0, 1], D[0, 2], D[1, 2])
     if flat2 >= LINE * LINE:
         if not closed_form(_wider(mu, flat2), E, T, 0, 1, 2):
             return 0
@@ -334,7 +211,7 @@ def _sweep_row(
             if dik < near or djk < near:
                 at += 1
                 continue
-            flat2 = _flatness(dij, dik, djk)
+            flat2 = flatness(dij, dik, djk)
             line = flat2 < LINE * LINE
             if not line:
                 high = usual if flat2 >= FLAT * FLAT else _wider(mu, flat2)
@@ -430,7 +307,7 @@ def _scan(
     frames = np.empty((n, 3, 3))
     frames_into(normals, frames)
     tables = (np.zeros((n, n, 3)), np.zeros((n, n, 3)), np.zeros((n, n)))
-    _tables(points, frames, *tables)
+    chord_tables(points, frames, *tables)
     sweep = _sweep_parallel if parallel else _sweep
     sweep(points, frames, tables, check_positive("mu", mu), scale, min_distance**2, out)
     return n, out
@@ -514,14 +391,12 @@ def _closed_range(points: Array, normals: Array, mu: float, out: NDArray[np.uint
     E, T, D = np.empty((3, 3, 3)), np.empty((3, 3, 3)), np.empty((3, 3))
     for k in range(points.shape[0]):
         frames_into(normals[k], frames)
-        _tables(points[k], frames, E, T, D)
+        chord_tables(points[k], frames, E, T, D)
         out[k] = closed_form(mu, E, T, 0, 1, 2)
 
 
 def in_closed_form(points: Array, normals: Array, mu: float) -> NDArray[np.bool_]:
-    """Say of K triples (K, 3, 3) whether the closed form alone finds them feasible: the band, for
-    benchmarks.
-    """
+    """Say of K triples (K, 3, 3) whether the closed form alone, with no QP near the edge, accepts them."""
     out = np.zeros(len(points), np.uint8)
     _closed_range(np.ascontiguousarray(points, float), np.ascontiguousarray(normals, float), float(mu), out)
     return out.astype(bool)

@@ -1,5 +1,4 @@
-"""Friction cones: the exact one (Eq. 1), the one with four faces (Eq. 2), and the tangent basis both are
-written in.
+"""Friction cones: the exact one (Eq. 1), the one with four faces (Eq. 2), and their tangent basis.
 
 Normals `n` point out of the object, forces `f` act on it, so `-f.n` is the pressing force.
 
@@ -26,9 +25,7 @@ POLE = 1e-12
 
 @njit(cache=True)
 def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
-    """Return the tangents (t1, t2) of the unit normal (x, y, z), as scalars: no allocation in the hot
-    loops.
-    """
+    """Return the tangents (t1, t2) of the unit normal (x, y, z), as scalars: hot loops allocate nothing."""
     D = 1.0 + C[0] * x + C[1] * y + C[2] * z
     if D < POLE:
         return C1[0], C1[1], C1[2], -C2[0], -C2[1], -C2[2]

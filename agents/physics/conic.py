@@ -170,8 +170,9 @@ class ConicMargin(NamedTuple):
 
 
 def conic_margin(points: Numbers, normals: Numbers, mu: float) -> ConicMargin:
-    """Return the closure margin in the exact cone: N x max min_i (press_i - |f_t,i| / mu), balanced,
-    presses' sum 1.
+    """Return the closure margin in the exact cone.
+
+    It is N x max min_i (press_i - |f_t,i| / mu) over balanced forces whose presses sum to 1.
 
     Raises:
         InputError: bad contacts, or none of their balanced forces press at all (e.g. all on one face).
@@ -212,9 +213,7 @@ def _margin_socp(G: Array, normals: Array, cone: Array) -> tuple[Array, bool]:
 
 
 def _margin_cuts(G: Array, normals: Array, cone: Array) -> Array:
-    """The same programme by linear ones (HiGHS) on outer pyramids, faces added where the solution leaves
-    them.
-    """
+    """The same by linear programmes on outer pyramids, faces added where the solution leaves the cone."""
     from scipy.optimize import linprog
 
     n, N = G.shape[1], len(normals)

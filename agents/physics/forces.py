@@ -1,5 +1,4 @@
-"""Forces that hold: contact forces that balance gravity, with room in every cone for a disturbance, within
-torques.
+"""Forces that hold: they balance gravity, leave room for a disturbance, and stay within joint torques.
 
 **Formulation.** A disturbance is any force on the object, through its centre of mass, up to D = disturbance
 x m |g| (an acceleration in any direction). The contacts answer it with the smallest forces that do, df =
@@ -36,9 +35,7 @@ class HoldingForces(NamedTuple):
     forces: Array
     """(N, 3) contact forces on the object [N], world axes; where nothing holds, those that come nearest."""
     residual: float
-    """|gravity + contact wrench| / (m |g|), torques over the contacts' rms radius; 0 where gravity is
-    balanced.
-    """
+    """|gravity + contact wrench| / (m |g|), torques over the contacts' rms radius; 0: balanced."""
     holds: bool
     """Gravity balanced, the room for the disturbance there, torques within their limits."""
     max_torque_fraction: float

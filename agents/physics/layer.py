@@ -72,9 +72,7 @@ def grasp_matrix(points: Tensor, center: Tensor, length_scale: float) -> Tensor:
 
 
 def pyramid_matrix(normals: Tensor, mu: Tensor) -> Tensor:
-    """Rows (B, 5 N, 3 N) of f_min and Eq. 2: per contact press, +t1, -t1, +t2, -t2; normals (B, N, 3), mu
-    (B,).
-    """
+    """Rows (B, 5 N, 3 N) of f_min and Eq. 2: press, +t1, -t1, +t2, -t2; normals (B, N, 3), mu (B,)."""
     B, N, _ = normals.shape
     t1, t2 = tangent_basis(normals)
     friction = -mu[:, None, None] * normals

@@ -38,10 +38,8 @@ from agents.physics.checks import (
     check_contacts,
     check_positive,
     check_unit,
-    rms_radius,
 )
-from agents.physics.cones import basis_of, basis_pullback, cone_edges
-from dexgrasp_env.errors import InputError
+from agents.physics.cones import basis_of, basis_pullback
 
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
@@ -112,9 +110,7 @@ def _max_min(s: Array, d: Array, m: int, B: NDArray[np.int64], y: Array, lam: Ar
 
 @njit(cache=True)
 def _chords(points: Array, X: Array) -> bool:
-    """Write X[i, j], the force at contact i for a unit j-th internal force (j = 12, 13, 23); False on a
-    line.
-    """
+    """Write X[i, j], the force at contact i of a unit internal force j (12, 13, 23); False on a line."""
     lengths = np.empty(3)
     for j in range(3):
         a, b = (0, 1) if j == 0 else ((0, 2) if j == 1 else (1, 2))
@@ -147,9 +143,7 @@ def _complete(N: Array, Q: Array) -> bool:
 
 @njit(cache=True)
 def _row(X: Array, i: int, q: Array, x0: Array, Q: Array, s: Array, d: Array, at: int) -> None:
-    """Append the row q . f_i, as an affine function d + s . y of the plane y of internal forces x0 + Q^T
-    y.
-    """
+    """Append the row q . f_i as d + s . y, a function of the plane y of internal forces x0 + Q^T y."""
     d[at] = s[at, 0] = s[at, 1] = 0.0
     for j in range(3):
         r = 0.0
@@ -162,9 +156,7 @@ def _row(X: Array, i: int, q: Array, x0: Array, Q: Array, s: Array, d: Array, at
 
 @njit(cache=True)
 def _start(s: Array, d: Array, m: int, B: NDArray[np.int64]) -> None:
-    """Append three artificial rows around the origin, so high that only an unbounded start would keep
-    them.
-    """
+    """Append three artificial rows around the origin, so high that only an unbounded maximum keeps them."""
     size = 0.0
     for k in range(m):
         size = max(size, abs(s[k, 0]) + abs(s[k, 1]) + abs(d[k]))
@@ -309,12 +301,12 @@ def _gradients(
             g2[k] = -3.0 * U[i, 1] * forces[i, k]
         if exact:
             # the direction of friction is free: only its turning out of the tangent plane counts
-            a = b = 0.0
+            out1 = out2 = 0.0
             for k in range(3):
-                a += g1[k] * normals[i, k]
-                b += g2[k] * normals[i, k]
+                out1 += g1[k] * normals[i, k]
+                out2 += g2[k] * normals[i, k]
             for k in range(3):
-                dn[i, k] -= a * T[i, 0, k] + b * T[i, 1, k]
+                dn[i, k] -= out1 * T[i, 0, k] + out2 * T[i, 1, k]
         else:
             basis_pullback(normals[i], g1, g2, dn[i])
         radial = 0.0
@@ -414,79 +406,3 @@ def margin_gradient(
     points, normals = check_contacts(points, normals, 3)
     values, dp, dn, _ = margins(points[None], normals[None], mu, exact)
     return float(values[0]), dp[0], dn[0]
-
-
-def edge_wrenches(
-    points: Array,
-    normals: Array,
-    mu: float,
-    edges: int = 4,
-    center: Array | None = None,
-    length_scale: float | None = None,
-) -> Array:
-    """Wrenches (N * edges, 6) of the inscribed pyramids' edges, each pressing 1; torques about `center` /
-    scale.
-    """
-    center = points.mean(0) if center is None else center
-    scale = rms_radius(points) if length_scale is None else length_scale
-    force = cone_edges(normals, mu, edges)
-    torque = np.cross((points - center)[:, None], force) / scale
-    return np.concatenate([force, torque], axis=-1).reshape(-1, 6)
-
-
-def min_weight_lp(points: Numbers, normals: Numbers, mu: float, edges: int = 4) -> float:
-    """Min-weight of any number of contacts and edges, by HiGHS: exact, slow (a millisecond or two).
-
-    Returns:
-        The value of the module's text; -inf where no affine combination of the wrenches vanishes.
-    """
-    from scipy.optimize import linprog
-
-    points, normals = check_contacts(points, normals)
-    W = edge_wrenches(points, normals, check_positive("mu", mu), edges)
-    m = len(W)
-    A_eq = np.zeros((7, m + 1))
-    A_eq[:6, :m], A_eq[6, :m] = W.T, 1.0
-    A_ub = np.hstack([-np.eye(m), np.ones((m, 1))])
-    cost = np.r_[np.zeros(m), -1.0]
-    answer = linprog(
-        cost, A_ub, np.zeros(m), A_eq, np.r_[np.zeros(6), 1.0], bounds=(None, None), method="highs"
-    )
-    return float(-answer.fun * m) if answer.status == 0 else -np.inf
-
-
-def ferrari_canny(
-    points: Numbers,
-    normals: Numbers,
-    mu: float,
-    center: Numbers = None,
-    torque_scale: float | None = None,
-    edges: int = 8,
-) -> float:
-    """Radius of the largest ball about zero in the convex hull of the edge wrenches (Ferrari and Canny,
-    1992, L1).
-
-    Args:
-        points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
-        center: (3,) torque reference; None is the centroid of the contacts. Unlike min-weight, epsilon
-            depends on it.
-        torque_scale: length that divides torques [m]; None is the contacts' rms radius.
-        edges: edges of each inscribed pyramid; an edge presses 1 N.
-
-    Returns:
-        The radius [N]; 0 where the hull does not contain zero, or is flat.
-    """
-    from scipy.spatial import ConvexHull, QhullError
-
-    points, normals = check_contacts(points, normals)
-    reference = points.mean(0) if center is None else check_array("center", center, (3,))
-    scale = rms_radius(points) if torque_scale is None else check_positive("torque_scale", torque_scale)
-    if len(points) < 2:
-        raise InputError(f"epsilon needs at least 2 contacts, got {len(points)}")
-    W = edge_wrenches(points, normals, check_positive("mu", mu), edges, reference, scale)
-    if np.linalg.matrix_rank(W - W[0], tol=1e-9) < 6:
-        return 0.0
-    try:
-        return max(0.0, float(-ConvexHull(W).equations[:, -1].max()))
-    except QhullError:
-        return 0.0

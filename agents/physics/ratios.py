@@ -24,9 +24,7 @@ def _ratio(vectors: Array) -> float:
 
 
 def wrench_ratios(points: Numbers, forces: Numbers, centroid: Numbers) -> Ratios:
-    """Return force and torque ratio [%] of forces (N, 3) [N] at points (N, 3) [m]; `centroid` (3,) of the
-    object.
-    """
+    """Return force and torque ratio [%] of forces (N, 3) at points (N, 3); `centroid` (3,) of the object."""
     points = check_array("points", points, (None, 3))
     forces = check_array("forces", forces, (len(points), 3))
     torques = np.cross(points - check_array("centroid", centroid, (3,)), forces)

@@ -1,5 +1,4 @@
-"""Eq. 4: the wrench that contact forces cannot balance, as a quadratic programme, for any number of
-contacts.
+"""Eq. 4: the wrench that contact forces cannot balance, as a QP, for any number of contacts.
 
     minimise |sum f_i|^2 + |sum (p_i - c) x f_i / L|^2   subject to   -f_i.n_i >= f_min, |f_i.t_ij| <= -mu
     f_i.n_i
@@ -36,9 +35,7 @@ class WrenchSolution(NamedTuple):
 
 
 def grasp_map(points: Array, center: Array, length_scale: float) -> Array:
-    """Return the matrix (6, 3 N) from stacked contact forces to their wrench about `center`, torques /
-    scale.
-    """
+    """Return the matrix (6, 3 N) from contact forces to their wrench about `center`, torques / scale."""
     G = np.zeros((6, 3 * len(points)))
     for i, (x, y, z) in enumerate((points - center) / length_scale):
         G[:3, 3 * i : 3 * i + 3] = np.eye(3)
