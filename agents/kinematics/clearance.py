@@ -14,6 +14,7 @@ from agents.kinematics.tree import RobotTree
 
 Array = NDArray[np.float64]
 OBJECT, TABLE, SELF = 0, 1, 2
+_EDGE_ERROR = 0.0003  # m: how much the points of an edge may miss between two of them
 KINDS = ("hand_object", "hand_table", "self")
 _TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 
@@ -85,7 +86,47 @@ def clearance_rows(
             add_row(rows[n], b, centres[which], best_gradient, 1.0, tree, R, p)
             values[n], labels[n, 0], labels[n, 1], labels[n, 2] = best, OBJECT, b, -1
             n += 1
+    n = _palm_row(tree, R, p, activation, values, rows, labels, n)
     return _self_rows(tree, R, p, bounds, centres, activation, values, rows, labels, n)
+
+
+@njit(cache=True, error_model="numpy")
+def _palm_row(
+    tree: RobotTree, R: Array, p: Array, activation: float, values: Array, rows: Array, labels: NDArray[np.int64], n: int
+) -> int:
+    """The thumb's medial link beside the palm: closer than covering spheres can tell, so edges against the true box."""
+    best, inside = activation, np.zeros(3)
+    point, local, direction, nearest = np.empty(3), np.empty(3), np.zeros(3), np.zeros(3)
+    palm, thumb = tree.palm, tree.thumb
+    for k in range(tree.thumb_edges.shape[0]):
+        to_world(R[thumb], p[thumb], tree.thumb_edges[k], point)
+        squared, deepest, axis = 0.0, -1e9, 0
+        for c in range(3):
+            local[c] = -tree.palm_box_centre[c]
+            for r in range(3):
+                local[c] += R[palm, r, c] * (point[r] - p[palm, r])
+            out = abs(local[c]) - tree.palm_box_half[c]
+            if out > deepest:
+                deepest, axis = out, c
+            inside[c] = max(out, 0.0)
+            squared += inside[c] ** 2
+        d = (np.sqrt(squared) if squared > 0.0 else deepest) - _EDGE_ERROR
+        if d >= best:
+            continue
+        best = d
+        nearest[:] = point
+        for r in range(3):
+            direction[r] = 0.0
+            for c in range(3):
+                part = inside[c] / np.sqrt(squared) if squared > 0.0 else (1.0 if c == axis else 0.0)
+                direction[r] += R[palm, r, c] * (part if local[c] > 0.0 else -part)
+    if best >= activation:
+        return n
+    rows[n] = 0.0
+    add_row(rows[n], thumb, nearest, direction, 1.0, tree, R, p)
+    add_row(rows[n], palm, nearest, direction, -1.0, tree, R, p)
+    values[n], labels[n, 0], labels[n, 1], labels[n, 2] = best, SELF, thumb, palm
+    return n + 1
 
 
 @njit(cache=True, error_model="numpy")

@@ -78,3 +78,19 @@ def _cells(half: Array) -> tuple[Array, float]:
     axes = [np.linspace(-h + 0.5 * s, h - 0.5 * s, n) for h, s, n in zip(half, step, counts, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     return grid, float(0.5 * np.linalg.norm(step))
+
+
+def box_edges(centre: Array, half: Array, spacing: float = 0.0015) -> Array:
+    """Return points (n, 3) m along the twelve edges of an axis-aligned box, at most `spacing` apart."""
+    points = []
+    for axis in range(3):
+        count = int(np.ceil(2.0 * half[axis] / spacing)) + 1
+        along = np.linspace(-half[axis], half[axis], count)
+        for u in (-1, 1):
+            for v in (-1, 1):
+                edge = np.empty((count, 3))
+                edge[:, axis], edge[:, (axis + 1) % 3], edge[:, (axis + 2) % 3] = (
+                    along, u * half[(axis + 1) % 3], v * half[(axis + 2) % 3],
+                )  # fmt: skip
+                points.append(edge)
+    return np.concatenate(points) + centre

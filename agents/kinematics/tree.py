@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.kinematics.cover import body_spheres
+from agents.kinematics.cover import body_spheres, box_edges
 from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.names import ARM_BODIES, BODIES, GRASP_FINGERS, HAND_BODIES, JOINTS
 
@@ -39,6 +39,10 @@ class RobotTree(NamedTuple):
     bound_centre: Array  # (nb, 3) m: one sphere around all of a body's
     bound_radius: Array  # (nb,) m, -1 where a body has none
     pairs: Index  # (np, 2) bodies whose distance is kept
+    palm_box_centre: Array  # (3,) m, palm body frame
+    palm_box_half: Array  # (3,) m
+    thumb: int  # the thumb's medial link, which works right beside the palm
+    thumb_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
     lower: Array  # (23,) rad
     upper: Array  # (23,) rad
 
@@ -80,6 +84,10 @@ def robot_tree(mount: str = "palm_normal") -> RobotTree:
         bound_centre=np.array([centre for centre, _ in bounds]),
         bound_radius=np.array([radius for _, radius in bounds]),
         pairs=_body_pairs(model),
+        palm_box_centre=model.geom("palm").pos.copy(),
+        palm_box_half=model.geom("palm").size.copy(),
+        thumb=BODIES.index("thumb_medial"),
+        thumb_edges=box_edges(model.geom("thumb_medial").pos, model.geom("thumb_medial").size),
         lower=np.array([model.joint(name).range[0] for name in JOINTS]),
         upper=np.array([model.joint(name).range[1] for name in JOINTS]),
     )

@@ -70,6 +70,7 @@ def grasp_json(
         "T_world_object": None if T_world_object is None else np.asarray(T_world_object).tolist(),
         "thresholds": {
             "friction": settings.friction,
+            "friction_hold": settings.friction_hold,
             "distance": list(settings.distance),
             "tip_radius": settings.tip_radius,
             "closure_margin": settings.closure_margin,
@@ -115,7 +116,8 @@ def _parse(content: dict[str, Any]) -> GraspRecord:
         raise ValueError(f"mount must be one of {', '.join(MOUNTS)}")
     limits = content["thresholds"]
     settings = PlannerSettings(
-        friction=float(limits["friction"]), distance=tuple(float(v) for v in limits["distance"]),  # type: ignore[arg-type]
+        friction=float(limits["friction"]), friction_hold=float(limits["friction_hold"]),
+        distance=tuple(float(v) for v in limits["distance"]),  # type: ignore[arg-type]
         tip_radius=float(limits["tip_radius"]), closure_margin=float(limits["closure_margin"]),
         clearance=float(limits["clearance"]),
     )  # fmt: skip

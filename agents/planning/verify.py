@@ -180,7 +180,7 @@ def _force_checks(
     torque = float(np.linalg.norm(np.cross(arm, f).sum(0)))
     press = -(f * normals).sum(1)
     sliding = np.linalg.norm(f + press[:, None] * normals, axis=1)
-    use = float((sliding / np.maximum(record.settings.friction * press, 1e-9)).max())
+    use = float((sliding / np.maximum(record.settings.friction_hold * press, 1e-9)).max())
     fraction = _torque_fraction(model, data, f)
     return [
         Check("forces balance gravity", force, f"<= {_FORCE} N", force <= _FORCE),
