@@ -85,7 +85,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `cloud` | (1024, 3) | float32 | `pointcloud` | m, points of the object |
     | `cloud_normals` | (1024, 3) | float32 | `pointcloud` | unit normals out of the object |
     | `cloud_mask` | (1024,) | int8 | `pointcloud` | 1 where a point counts |
-    | `table_plane` | (4,) | float32 | `pointcloud` | normal and offset m of the table as seen |
+    | `table_plane` | (5,) | float32 | `pointcloud` | normal, offset m and RMS m of the table as seen |
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
     | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
 
@@ -310,7 +310,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
 
     def render(self) -> Any:
         """Return a picture (`rgb_array`: (H, W, 3) uint8; `depth_array`: (H, W) float32 m), or show it (`human`)."""
-        return self._views.render(self.render_mode, self._simulation.model, self._simulation.data)
+        return self._views.render(self.render_mode, self._simulation)
 
     def close(self) -> None:
         """Free what rendering holds."""

@@ -29,12 +29,13 @@ class Views:
         self._render_size = render_size
         self._sensor = sensor_model(sensor)
         self._perceptions: dict[int, tuple[Variation, Perception]] = {}
-        self._colours: dict[int, DepthBackend] = {}
+        self._colour_key: tuple[int, float] | None = None
+        self._colour_backend: DepthBackend | None = None
         self._held: dict[str, NDArray[Any]] = {}
         self._held_info: dict[str, Any] = {}
         self._renderer: mujoco.Renderer | None = None
         self._viewer: Any = None
-        self._shown: mujoco.MjModel | None = None
+        self._shown: tuple[int, float] | None = None
         intrinsics = default_cameras()[0].intrinsics
         self.image_shape = (len(default_cameras()), intrinsics.height, intrinsics.width)
 
@@ -84,33 +85,36 @@ class Views:
         return known[1]
 
     def _colour(self, simulation: Simulation) -> DepthBackend:
-        if id(simulation) not in self._colours:
-            for backend in self._colours.values():
-                backend.close()  # one GL context at a time
-            self._colours = {id(simulation): make_backend("gl", simulation.model, default_cameras())}
-        return self._colours[id(simulation)]
+        """The GL backend of this simulation; one context at a time, which holds the meshes in their size."""
+        if self._colour_backend is None or self._colour_key != _shape_key(simulation):
+            if self._colour_backend is not None:
+                self._colour_backend.close()
+            self._colour_backend = make_backend("gl", simulation.model, default_cameras())
+            self._colour_key = _shape_key(simulation)
+        return self._colour_backend
 
-    def render(self, mode: str | None, model: mujoco.MjModel, data: mujoco.MjData) -> Any:
+    def render(self, mode: str | None, simulation: Simulation) -> Any:
         """Render the scene in a mode of `LiftEnv.metadata`."""
         if mode is None:
             raise InputError("render() needs a render_mode: pass render_mode='rgb_array' to gym.make")
         if mode == "human":
-            return self._show(model, data)
+            return self._show(simulation)
         from dexgrasp_env.rendering import make_renderer, render, show_camera
 
-        if self._renderer is None or self._shown is not model:
+        if self._renderer is None or self._shown != _shape_key(simulation):
             self.close()
-            self._renderer, self._shown = make_renderer(model, *self._render_size), model
+            self._renderer = make_renderer(simulation.model, *self._render_size)
+            self._shown = _shape_key(simulation)
         if mode == "depth_array":
             self._renderer.enable_depth_rendering()
-        picture = render(self._renderer, data, show_camera())
+        picture = render(self._renderer, simulation.data, show_camera())
         self._renderer.disable_depth_rendering()
         return picture
 
-    def _show(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
-        if self._viewer is None or self._shown is not model:
+    def _show(self, simulation: Simulation) -> None:
+        if self._viewer is None or self._shown != _shape_key(simulation):
             self.close()
-            self._viewer, self._shown = _open_viewer(model, data), model
+            self._viewer, self._shown = _open_viewer(simulation.model, simulation.data), _shape_key(simulation)
         self._viewer.sync()
 
     def close(self) -> None:
@@ -119,10 +123,14 @@ class Views:
             self._renderer.close()
         if self._viewer is not None:
             self._viewer.close()
-        for backend in self._colours.values():
-            backend.close()
-        self._colours = {}
-        self._renderer = self._viewer = self._shown = None
+        if self._colour_backend is not None:
+            self._colour_backend.close()
+        self._renderer = self._viewer = self._shown = self._colour_backend = self._colour_key = None
+
+
+def _shape_key(simulation: Simulation) -> tuple[int, float]:
+    """What a GL context depends on: meshes are uploaded when it is made, in the size of the episode."""
+    return id(simulation.model), simulation.variation.size
 
 
 def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
