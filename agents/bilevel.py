@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
 from agents.execution.guarded import GuardedExecution
-from agents.planning.planner import Plan, Planner
+from agents.planning.planner import Plan, Planner, warm_up
 from agents.planning.proposals import ProposalSource, SurfaceProposals
 from agents.planning.settings import PlannerSettings
 from agents.planning.subject import Subject
@@ -41,15 +41,18 @@ class BilevelAgent(Agent):
             with_closure: see `Planner`.
             starts: see `Planner`.
         """
-        self._source, self._settings = make_source(proposals), settings
+        self.settings = settings or PlannerSettings()
+        self._source = make_source(proposals)
         self._with_closure, self._starts = with_closure, starts
         self._planner = self._make(mount)
         self._seed = 0
         self.plan: Plan | None = None
+        self.subject: Subject | None = None
         self._execution: GuardedExecution | None = None
 
     def _make(self, mount: str) -> Planner:
-        return Planner(self._settings, self._source, mount, starts=self._starts, with_closure=self._with_closure)
+        warm_up(mount)
+        return Planner(self.settings, self._source, mount, starts=self._starts, with_closure=self._with_closure)
 
     def seed(self, seed: int) -> None:
         """Seed the proposals of the next episode."""
@@ -59,18 +62,18 @@ class BilevelAgent(Agent):
         """Plan from the cloud of the first observation."""
         if info.get("mount", self._planner.mount) != self._planner.mount:
             self._planner = self._make(str(info["mount"]))
-        self._execution, self.plan = None, None
+        self._execution, self.plan, self.subject = None, None, None
         began = time.perf_counter()
         if info.get("perception_failure"):
             self.report = Report(failure=str(info["perception_failure"]), planning_seconds=0.0)
             return
-        subject, failure = subject_from_cloud(observation)
-        if subject is None:
+        self.subject, failure = subject_from_cloud(observation)
+        if self.subject is None:
             self.report = Report(failure=failure, planning_seconds=time.perf_counter() - began)
             return
         hull_seconds = time.perf_counter() - began
         start = np.asarray(observation["joint_targets"], dtype=float)
-        self.plan = self._planner.plan(subject, self._seed, start)
+        self.plan = self._planner.plan(self.subject, self._seed, start)
         grasp, script = self.plan.grasp, self.plan.script
         if grasp is not None and script is not None:
             self._execution = GuardedExecution(script, grasp.normals, grasp.forces, self._planner.tree)

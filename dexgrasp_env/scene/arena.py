@@ -54,7 +54,7 @@ def add_arena(spec: mujoco.MjSpec) -> None:
 
 
 def _add_look(spec: mujoco.MjSpec) -> None:
-    spec.visual.headlight.ambient = [0.30, 0.30, 0.30]
+    spec.visual.headlight.ambient = [0.42, 0.42, 0.42]
     spec.visual.headlight.diffuse = [0.35, 0.35, 0.35]
     spec.visual.headlight.specular = [0.1, 0.1, 0.1]
     spec.visual.global_.offwidth = 1920
@@ -69,7 +69,7 @@ def _add_look(spec: mujoco.MjSpec) -> None:
     )  # fmt: skip
     spec.add_texture(
         name="floor", type=texture.mjTEXTURE_2D, builtin=builtin.mjBUILTIN_CHECKER,
-        rgb1=[0.52, 0.55, 0.58], rgb2=[0.48, 0.51, 0.54], width=256, height=256,
+        rgb1=[0.86, 0.88, 0.90], rgb2=[0.80, 0.82, 0.85], width=256, height=256,
     )  # fmt: skip
     _material(spec, "floor", [1, 1, 1, 1], reflectance=0.05, texture="floor", texrepeat=[2, 2])
     _material(spec, "table", [0.80, 0.72, 0.62, 1], specular=0.15, shininess=0.2)

@@ -1,0 +1,129 @@
+"""`dexgrasp demo`: the main job in one go: look, plan, execute, show."""
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from agents.cli.options import add_json, add_mesh, add_scene, natural_int
+
+_EPILOG = """examples:
+  dexgrasp demo                                       the sugar box
+  dexgrasp demo --object tetrahedron --seed 2 --out out/tetrahedron
+  dexgrasp demo --object my_mesh.stl --mesh-scale 0.001
+  dexgrasp demo --agent hardcoded                     the baseline, for comparison
+
+Writes demo.mp4, demo.png (the moments of the episode), cloud.png (what the cameras saw), grasp.json and grasp.png. Without
+a GL library the video and demo.png are left out, and said so."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "demo", help="plan a grasp, execute it, show and save the outcome", epilog=_EPILOG,
+        description="Put an object on the table, plan a grasp from four depth cameras, lift it, save video and pictures.",
+    )  # fmt: skip
+    parser.add_argument("--object", default="sugar_box", metavar="TARGET", help="name or mesh file (default sugar_box)")
+    parser.add_argument("--agent", default="bilevel", metavar="NAME", help="who plans (default bilevel)")
+    parser.add_argument("--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)")
+    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)")
+    add_mesh(parser)
+    add_scene(parser)
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the demo and print outcome and times."""
+    from agents.cli.output import note, print_json
+    from agents.cli.plan import describe, scene_settings, write_results
+    from agents.evaluation.trial import jsonable
+    from agents.planning.target import attempt_target
+    from dexgrasp_env.rendering import choose_gl
+
+    note("compiling and placing the object (the first run takes longer)")
+    settings = scene_settings(args)
+    if choose_gl() is not None:
+        settings |= {"render_mode": "rgb_array"}
+    else:
+        note("no GL library here: no video (install libosmesa6, or libegl1 with libgl1)")
+    began = time.perf_counter()
+    attempt = attempt_target(args.object, args.agent, args.seed, **settings)
+    result = attempt.as_json()
+    args.out.mkdir(parents=True, exist_ok=True)
+    _cloud_picture(args.out / "cloud.png", attempt)
+    if result["grasp"] is not None:
+        write_results(args.out, attempt, result)
+    if not args.json and result["grasp"] is not None:
+        print(describe(result))
+    outcome = _execute(attempt, args.out) if result["reason"] is None else {"is_success": False, "failure": result["reason"]}
+    outcome["seconds"] = time.perf_counter() - began
+    attempt.env.close()
+    if args.json:
+        print_json(jsonable(result | {"outcome": outcome, "success": bool(outcome["is_success"]), "out": str(args.out)}))
+    else:
+        print(_tell(attempt.name, outcome, args.out))
+    return 0 if outcome["is_success"] else 1
+
+
+def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
+    """Carry the plan out; record a video and the moments of the episode where rendering works."""
+    import numpy as np
+    from tqdm import tqdm
+
+    from agents.evaluation.video import Video
+
+    env, observation = attempt.env, attempt.observation
+    video = Video(folder / "demo.mp4") if env.unwrapped.render_mode else None
+    frames, info, steps = [], {}, 0
+    with tqdm(total=env.spec.max_episode_steps, desc="executing", unit="step", leave=False) as bar:
+        while True:
+            observation, _, terminated, truncated, info = env.step(attempt.agent.act(observation))
+            steps += 1
+            bar.update()
+            if video is not None:
+                video.add(env)
+                if steps % 8 == 1:
+                    frames.append(np.asarray(env.render()))
+            if terminated or truncated or info["is_success"]:
+                break
+    if video is not None:
+        video.close()
+        _contact_sheet(folder / "demo.png", frames)
+    keys = ("is_success", "is_stable", "failure", "stage", "object_height", "object_slip", "object_tilt", "held_seconds")
+    return {key: info[key] for key in keys} | {"simulated_seconds": round(0.05 * steps, 2)}
+
+
+def _contact_sheet(path: Path, frames: list[Any]) -> None:
+    """Six moments of the episode in one picture, left to right, top to bottom."""
+    import imageio.v2 as imageio
+    import numpy as np
+
+    picks = [frames[k] for k in np.linspace(0, len(frames) - 1, 6).astype(int)]
+    imageio.imwrite(path, np.concatenate([np.concatenate(picks[:3], 1), np.concatenate(picks[3:], 1)], 0))
+
+
+def _cloud_picture(path: Path, attempt: Any) -> None:
+    """What was seen over what is there; only for agents that see points."""
+    from dexgrasp_env.perception.picture import cloud_picture
+
+    if "cloud" not in attempt.observation:
+        return
+    points = attempt.observation["cloud"][attempt.observation["cloud_mask"].astype(bool)]
+    if not len(points):
+        return
+    true = attempt.env.unwrapped.simulation.object.mesh
+    hull = None if attempt.subject is None else attempt.subject.hull
+    cloud_picture(path, points, hull, true, attempt.T_world_object, f"{attempt.name}: {len(points)} points from four cameras")
+
+
+def _tell(name: str, outcome: dict[str, Any], folder: Path) -> str:
+    files = ", ".join(sorted(f.name for f in folder.iterdir()))
+    if outcome["is_success"]:
+        stable = "firmly" if outcome["is_stable"] else "but it moved in the hand"
+        head = (
+            f"{name}: lifted {100 * outcome['object_height']:.0f} cm and held for {outcome['held_seconds']:.1f} s, {stable} "
+            f"(slip {1000 * outcome['object_slip']:.1f} mm)"
+        )
+    else:
+        head = f"{name}: NOT lifted: {outcome['failure'] or outcome.get('stage')}"
+    return f"{head}; {outcome['seconds']:.1f} s in all\n{folder}: {files}"

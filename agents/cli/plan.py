@@ -1,0 +1,91 @@
+"""`dexgrasp plan`: one grasp with its certificate, or the reason why there is none."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from agents.cli.options import add_json, add_mesh, add_scene, natural_int
+
+_EPILOG = """examples:
+  dexgrasp plan sugar_box                             a box of the catalogue, as four depth cameras see it
+  dexgrasp plan my_part.stl --mesh-scale 0.001        your own mesh, drawn in millimetres
+  dexgrasp plan pear --seed 3 --out grasps/pear       writes grasp.json and grasp.png
+  dexgrasp plan pear --json | jq .certificate
+
+The object is put on the table in a pose drawn from --seed, seen with the default sensor noise, and planned for without
+knowledge of its pose or mass. Exit code 1 says that there is no grasp; the reason is printed."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "plan", help="one grasp with its certificate, or the reason why there is none", epilog=_EPILOG,
+        description="Plan one grasp of an object on the table.",
+    )  # fmt: skip
+    parser.add_argument("target", metavar="TARGET", help="object of the catalogue or mesh file (obj, stl, ply, glb)")
+    parser.add_argument("--agent", default="bilevel", metavar="NAME", help="which planner (default bilevel)")
+    parser.add_argument("--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)")
+    parser.add_argument("--out", type=Path, metavar="DIR", help="folder for grasp.json and grasp.png")
+    add_mesh(parser)
+    add_scene(parser)
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Plan, print, and write what was asked for."""
+    from agents.cli.output import note, print_json
+    from agents.evaluation.trial import jsonable
+    from agents.planning.target import plan_target
+
+    note("compiling the planner and placing the object (the first run takes longer)")
+    attempt = plan_target(args.target, args.agent, args.seed, **scene_settings(args))
+    result = attempt.as_json()
+    if args.out is not None and result["success"]:
+        write_results(args.out, attempt, result)
+        note(f"wrote {args.out / 'grasp.json'} and {args.out / 'grasp.png'}")
+    if args.json:
+        print_json(jsonable(result))
+    else:
+        print(describe(result))
+    return 0 if result["success"] else 1
+
+
+def scene_settings(args: argparse.Namespace) -> dict[str, Any]:
+    """Return the environment's arguments that the options name."""
+    settings = {"mesh_scale": args.mesh_scale, "mesh_mass": args.mesh_mass}
+    for key in ("mount", "friction"):
+        if getattr(args, key) is not None:
+            settings[key] = getattr(args, key)
+    return settings
+
+
+def write_results(folder: Path, attempt: Any, result: dict[str, Any]) -> None:
+    """Write grasp.json and grasp.png."""
+    from agents.planning.grasp_file import write_grasp
+    from agents.planning.picture import grasp_picture
+
+    folder.mkdir(parents=True, exist_ok=True)
+    write_grasp(folder / "grasp.json", result["grasp"])
+    grasp_picture(folder / "grasp.png", attempt.grasp, attempt.subject, f"{attempt.name}: planned from what was seen")
+
+
+def describe(result: dict[str, Any]) -> str:
+    """Return the outcome as people read it."""
+    head = f"{result['object']}: "
+    seconds = f"{1000 * (result['planning_seconds'] or 0.0):.0f} ms"
+    if not result["success"]:
+        blocked = ", ".join(f"{reason} ({count})" for reason, count in result["blocked"].items())
+        return f"{head}no grasp after {seconds}: {result['reason']}" + (f"\n  what blocked: {blocked}" if blocked else "")
+    certificate = result["certificate"]
+    lines = [f"{head}grasp found in {seconds}"]
+    rows = {
+        "fingertip distances, cm (allowed -0.68 .. -0.32)": " ".join(f"{d:.2f}" for d in certificate["distances_cm"]),
+        "closure margin (0 edge, 1 best)": f"{certificate['closure_margin']:.2f}",
+        "force / torque ratio, %": f"{certificate['force_ratio_percent']:.1e} / {certificate['torque_ratio_percent']:.1e}",
+        "least clearance, mm": f"{1000 * certificate['min_clearance_m']:.1f}",
+        "distance to a joint limit, rad": f"{certificate['joint_limit_margin_rad']:.3f}",
+        "joint torque over its limit": f"{certificate['max_joint_torque_fraction']:.2f}",
+        "holds": f"{certificate['holds']} (made for {1000 * certificate['mass']:.0f} g)",
+    }
+    width = max(map(len, rows))
+    return "\n".join(lines + [f"  {name:<{width}}  {value}" for name, value in rows.items()])
