@@ -1,0 +1,110 @@
+"""`dexgrasp dataset`: the grasp dataset of section 1.3, made and looked at."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from agents.cli.options import add_json, add_mesh, natural_int, positive_int
+
+_EPILOG = """examples:
+  dexgrasp dataset generate --objects ycb6 --grasps-per-pose 3600 --out runs/ycb6 --workers 2
+  dexgrasp dataset generate --objects scan.stl --mesh-scale 0.001 --grasps-per-pose 500 --out runs/scan
+  dexgrasp dataset info runs/ycb6 --picture runs/ycb6.png --verify 500
+
+A run that was interrupted goes on when the same command is given again; the files do not depend on --workers."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "dataset", help="make and look at the grasp dataset", epilog=_EPILOG,
+        description="The grasp dataset: rest poses, contact triples in closure, hand configurations that reach them.",
+    )  # fmt: skip
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="dataset_command", required=True)
+    _add_generate(commands.add_parser("generate", help="make a dataset; resumable", epilog=_EPILOG))
+    info = commands.add_parser("info", help="counts, histograms, a picture")
+    info.add_argument("folder", type=Path, metavar="DIR", help="of the dataset")
+    info.add_argument("--picture", type=Path, metavar="PNG", help="where the picture goes (default DIR/dataset.png)")
+    info.add_argument("--verify", type=positive_int, metavar="N", help="check N random grasps by independent means")
+    add_json(info)
+
+
+def _add_generate(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--objects", nargs="+", required=True, metavar="OBJECT", help="objects, sets or mesh files")
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the dataset")
+    parser.add_argument(
+        "--grasps-per-pose", type=positive_int, default=200, metavar="N", help="asked for of each rest pose (default 200)"
+    )
+    parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
+    parser.add_argument("--chunk", type=positive_int, default=200, metavar="N", help="grasps a file (default 200)")
+    parser.add_argument(
+        "--tries", type=positive_int, default=12, metavar="N", help="postures tried for a grasp asked for (default 12)"
+    )
+    parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
+    parser.add_argument("--backend", default="loky", help="of joblib: loky, threading, or ray for a cluster")
+    add_mesh(parser)
+    add_json(parser)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run `generate` or `info`."""
+    return _generate(args) if args.dataset_command == "generate" else _info(args)
+
+
+def _generate(args: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from agents.cli.output import note
+    from agents.learning.generate import generate
+    from agents.learning.info import summary
+    from agents.learning.settings import DatasetSettings
+
+    settings = DatasetSettings.of(
+        args.objects, grasps_per_pose=args.grasps_per_pose, seed=args.seed, chunk=args.chunk, tries=args.tries,
+        mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
+    )  # fmt: skip
+    with tqdm(unit="file", desc="dataset") as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        try:
+            generate(settings, args.out, args.workers, args.backend, show)
+        except KeyboardInterrupt:
+            note(f"dexgrasp dataset: interrupted; finished files are kept in {args.out}: the same command goes on from there")
+            return 3
+    return _print(args, summary(args.out))
+
+
+def _info(args: argparse.Namespace) -> int:
+    from agents.learning.info import check_sample, picture, summary
+
+    figures = summary(args.folder)
+    path = args.picture or args.folder / "dataset.png"
+    picture(args.folder, path)
+    figures["picture"] = str(path)
+    code = 0
+    if args.verify:
+        figures["verify"] = check_sample(args.folder, args.verify)
+        code = int(figures["verify"]["passed"] < figures["verify"]["checked"])
+    _print(args, figures)
+    return code
+
+
+def _print(args: argparse.Namespace, figures: dict[str, Any]) -> int:
+    from agents.cli.output import print_json
+    from agents.evaluation.text import text_table
+
+    if args.json:
+        print_json(figures)
+        return 0
+    rows = [
+        [p["object"], str(p["pose"]), f"{p['probability']:.2f}", str(p["grasps"]), str(p["triples_feasible"]), f"{p['coverage']:.0%}"]
+        for p in figures["poses"]
+    ]
+    print(text_table(["object", "pose", "probability", "grasps", "triples", "coverage"], rows))
+    for name, value in figures.items():
+        if name not in ("poses", "schema"):
+            print(f"{name}: {value}")
+    return 0

@@ -1,0 +1,186 @@
+"""Generation of a dataset: jobs that can run anywhere in any order, and go on where they were stopped."""
+
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agents.learning.rest_scene import LEAST_DISTANCE, load_target, rest_scene
+from agents.learning.sampler import REACH, sample_shard
+from agents.learning.settings import SCHEMA, DatasetSettings, versions
+from agents.learning.shards import (
+    FIELDS,
+    complete,
+    file_hash,
+    pose_path,
+    read_manifest,
+    shard_path,
+    write_pose,
+    write_shard,
+)
+from dexgrasp_env.cache import content_hash, write_atomically
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import object_name
+
+BACKENDS = ("loky", "threading", "ray")
+
+
+@dataclass(frozen=True)
+class Job:
+    """One shard; chunk -1 is the rest pose itself."""
+
+    target: str
+    pose: int
+    chunk: int
+
+
+def generate(
+    settings: DatasetSettings, folder: Path, workers: int = 1, backend: str = "loky",
+    progress: Callable[[int, int], None] | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Make a dataset, or what is missing of it; the files do not depend on workers, backend or interruptions.
+
+    Args:
+        settings: what it is made of.
+        folder: where; one that holds a dataset of other settings is refused.
+        workers: processes.
+        backend: of joblib: loky (processes), threading, or ray (a cluster that shares `folder`).
+        progress: called with files done and files in all.
+
+    Returns:
+        The manifest.
+
+    Raises:
+        InputError: other settings in `folder`, an unknown backend, ray missing.
+    """
+    _check_backend(backend)
+    identity = _identity(settings)
+    key = content_hash(json.dumps(identity, sort_keys=True))
+    _claim(folder, identity, key)
+    jobs = [
+        Job(target, pose, chunk)
+        for target in settings.objects
+        for pose in range(len(load_target(target, settings).rest_poses))
+        for chunk in range(-1, settings.chunks)
+    ]
+    left = [job for job in jobs if not complete(_path(folder, job), key)]
+    done, began = len(jobs) - len(left), time.perf_counter()
+    if progress:
+        progress(done, len(jobs))
+    for _ in _run(left, settings, folder, key, workers, backend):
+        done += 1
+        if progress:
+            progress(done, len(jobs))
+    return _finish(folder, identity, key, jobs, time.perf_counter() - began if left else 0.0)
+
+
+def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
+    """Make one file, whole or not at all."""
+    path = _path(folder, job)
+    if job.chunk < 0:
+        write_pose(path, rest_scene(job.target, job.pose, settings), key)
+    else:
+        write_shard(path, sample_shard(job.target, job.pose, job.chunk, settings), key)
+
+
+def _run(
+    jobs: list[Job], settings: DatasetSettings, folder: Path, key: str, workers: int, backend: str
+) -> Iterator[None]:
+    if workers == 1 and backend == "loky":
+        for job in jobs:
+            yield make(job, settings, folder, key)
+        return
+    yield from _parallel(jobs, settings, folder, key, workers, backend)
+
+
+def _parallel(
+    jobs: list[Job], settings: DatasetSettings, folder: Path, key: str, workers: int, backend: str
+) -> Iterable[None]:
+    from joblib import Parallel, delayed, parallel_config
+
+    calls = [delayed(make)(job, settings, folder, key) for job in jobs]
+    if backend == "ray":
+        from ray.util.joblib import register_ray
+
+        register_ray()
+        with parallel_config(backend="ray", n_jobs=workers):
+            return Parallel(batch_size=1)(calls)
+    return Parallel(n_jobs=workers, backend=backend, batch_size=1, return_as="generator_unordered")(calls)
+
+
+def _check_backend(backend: str) -> None:
+    import importlib.util
+
+    if backend not in BACKENDS:
+        raise InputError(f"backend {backend!r}: valid are {', '.join(BACKENDS)}")
+    if backend == "ray" and importlib.util.find_spec("ray") is None:
+        raise InputError("backend 'ray' needs Ray: pip install 'dexgrasp[cluster]'")
+
+
+def _path(folder: Path, job: Job) -> Path:
+    name = object_name(job.target)
+    return pose_path(folder, name, job.pose) if job.chunk < 0 else shard_path(folder, name, job.pose, job.chunk)
+
+
+def _identity(settings: DatasetSettings) -> dict[str, Any]:
+    """Return all that the grasps depend on."""
+    objects = {}
+    for target in settings.objects:
+        model, name = load_target(target, settings), object_name(target)
+        if name in objects:
+            raise InputError(f"two objects are called {name!r}: rename one of the files")
+        objects[name] = {"content_hash": model.content_hash, "rest_poses": len(model.rest_poses), "mass": model.mass}
+    fixed = {"least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH]}
+    return {"settings": settings.as_json(), "objects": objects, "fixed": fixed, "versions": versions()}
+
+
+def _claim(folder: Path, identity: dict[str, Any], key: str) -> None:
+    """Write the manifest of a new dataset, or check that the one in the folder is this one."""
+    if folder.exists() and not folder.is_dir():
+        raise InputError(f"{folder} is a file: --out must be a folder")
+    if (folder / "manifest.json").exists():
+        old = read_manifest(folder)
+        if old.get("key") != key:
+            raise InputError(f"{folder} holds a dataset of other settings ({_difference(old, identity)}): choose another --out")
+        return
+    if folder.is_dir() and any(folder.iterdir()):
+        raise InputError(f"{folder} is not empty and holds no dataset: choose another --out")
+    _write(folder, {"schema": SCHEMA, "key": key, **identity, "complete": False})
+
+
+def _difference(old: dict[str, Any], new: dict[str, Any]) -> str:
+    """Name the first setting that differs."""
+    for part in ("settings", "objects", "versions", "fixed"):
+        before, now = old.get(part) or {}, json.loads(json.dumps(new[part]))
+        for name in sorted({*before, *now}):
+            if before.get(name) != now.get(name):
+                return f"{name}: {str(before.get(name))[:60]} there, {str(now.get(name))[:60]} now"
+    return "they differ"
+
+
+def _finish(folder: Path, identity: dict[str, Any], key: str, jobs: list[Job], seconds: float) -> dict[str, Any]:
+    """Write the manifest with the hash of every file, and the time, which is no part of the dataset, beside it."""
+    files = {str(_path(folder, job).relative_to(folder)): file_hash(_path(folder, job)) for job in jobs}
+    manifest = {
+        "schema": SCHEMA, "key": key, **identity, "complete": True,
+        "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
+        "units": "m, rad, N, kg; quaternions wxyz", "fingers": ["thumb", "index", "middle"],
+        "fields": {name: {"shape": list(shape), "type": kind, "meaning": says} for name, (shape, kind, says) in FIELDS.items()},
+        "files": files,
+    }  # fmt: skip
+    _write(folder, manifest)
+    if seconds:
+        _log_time(folder, seconds)
+    return manifest
+
+
+def _log_time(folder: Path, seconds: float) -> None:
+    path = folder / "seconds.json"
+    before = json.loads(path.read_text())["last_run"] if path.is_file() else []
+    write_atomically(path, (json.dumps({"last_run": [*before, round(seconds, 1)]}) + "\n").encode())
+
+
+def _write(folder: Path, manifest: dict[str, Any]) -> None:
+    write_atomically(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())

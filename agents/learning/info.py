@@ -1,0 +1,151 @@
+"""What is in a dataset: counts, histograms, coverage, a picture, and a sample checked by `verify`'s means."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.learning.dataset import PoseGrasps, read_dataset
+from agents.learning.rest_scene import placed
+from agents.learning.shards import read_manifest
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from dexgrasp_env.poses import quat_to_matrix
+
+_BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
+_PREGRASP, _FORCES = "pregrasp", ("forces", "torques", "least pressing", "share of friction", "joint torque")
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    """Return counts and histograms of a dataset, as JSON holds them."""
+    manifest, poses = read_manifest(folder), read_dataset(folder)
+    totals, blocked = Counter[str](), Counter[str]()
+    for pose in poses:
+        totals.update(pose.counts)
+        blocked.update(pose.blocked)
+    decided = sum(int(p.scene["triples"][0]) for p in poses)
+    feasible = sum(int(p.scene["triples"][1]) for p in poses)
+    margin = _joined(poses, "margin")
+    return {
+        "schema": 1, "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
+        "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
+        "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
+        "share_holding": totals["holding"] / max(totals["feasible"], 1),
+        "counts": dict(totals), "blocked": dict(blocked.most_common()),
+        "coverage": float(np.mean([p.coverage for p in poses])), "least_coverage": float(min(p.coverage for p in poses)),
+        "margin_histogram": {"edges": list(_BINS), "counts": np.histogram(margin, _BINS)[0].tolist()},
+        "approach_degrees": _quantiles(_approach(poses)), "margin": _quantiles(margin),
+        "poses": [
+            {"object": p.name, "pose": p.pose, "probability": float(p.scene["probability"]), "grasps": len(p),
+             "triples_feasible": int(p.scene["triples"][1]), "coverage": p.coverage}
+            for p in poses
+        ],
+    }  # fmt: skip
+
+
+def _joined(poses: Sequence[PoseGrasps], name: str) -> np.ndarray:
+    return np.concatenate([pose.grasps[name] for pose in poses])
+
+
+def _quantiles(values: np.ndarray) -> dict[str, float]:
+    if not len(values):
+        return {}
+    return {name: float(np.quantile(values, q)) for name, q in (("p10", 0.1), ("median", 0.5), ("p90", 0.9))}
+
+
+def _approach(poses: Sequence[PoseGrasps]) -> np.ndarray:
+    """Angle (degrees) between the palm's normal and straight down."""
+    R = quat_to_matrix(_joined(poses, "palm_quat_wxyz").astype(float))
+    return np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))
+
+
+def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
+    """Check a random sample by `verify`'s independent means.
+
+    Grasps in the dataset have no pregrasp; its checks are left out, and those of the forces where `load` is -1.
+
+    Returns:
+        `checked`, `passed`, and how often each check failed.
+    """
+    from agents.planning.verify import verify
+
+    poses, failures, passed = read_dataset(folder), Counter[str](), 0
+    owner = np.repeat(np.arange(len(poses)), [len(p) for p in poses])
+    local = np.concatenate([np.arange(len(p)) for p in poses])
+    chosen = np.random.default_rng(seed).permutation(len(owner))[:count]
+    for k in chosen:
+        pose, settings = poses[owner[k]], planner_settings(folder)
+        skip = (_PREGRASP, *(_FORCES if pose.grasps["load"][local[k]] < 0 else ()))
+        checks = [c for c in verify(_record(pose, int(local[k]), settings)) if not c.name.startswith(skip)]
+        failed = [c.name for c in checks if not c.holds and c.name != "joint limits:pregrasp"]
+        passed += not failed
+        failures.update(failed)
+    return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
+
+
+def planner_settings(folder: Path) -> PlannerSettings:
+    """Return the thresholds a dataset was made with."""
+    saved = read_manifest(folder)["settings"]["planner"]
+    known = {k: tuple(tuple(x) if isinstance(x, list) else x for x in v) if isinstance(v, list) else v for k, v in saved.items()}
+    return PlannerSettings(**known)
+
+
+def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
+    import trimesh
+
+    from agents.learning.rest_scene import turn
+    from agents.planning.grasp_file import GraspRecord
+    from dexgrasp_env.robot.mounts import MOUNTS
+
+    g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
+    hull = trimesh.convex.convex_hull(pose.scene["hull"])
+    subject = placed(Subject.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"])
+    R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
+    arrays = {name: g["q"] for name in ("q", "pregrasp", "grasp", "squeeze")}
+    arrays |= {
+        "contacts": g["contacts"] @ R.T + shift, "normals": g["normals"] @ R.T, "forces": g["forces"] @ R.T,
+        "centre": subject.centre,
+    }  # fmt: skip
+    share = settings.loads[max(int(g["load"]), 0)][0]
+    certificate = {"distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"])}
+    vertices = subject.distance.triangles.reshape(-1, 3)
+    return GraspRecord(
+        pose.name, next(iter(MOUNTS)), arrays, vertices, share * subject.mass, settings, certificate, None
+    )
+
+
+def picture(folder: Path, path: Path) -> None:
+    """Draw the dataset: grasps a pose, margins, approach, and where the contacts lie."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    poses = read_dataset(folder)
+    names = list(dict.fromkeys(p.name for p in poses))
+    figure = plt.figure(figsize=(3.2 * max(len(names), 4), 7.2), layout="constrained")
+    top, bottom = figure.subfigures(2, 1)
+    axes = top.subplots(1, 3)
+    colours = [f"C{names.index(p.name)}" for p in poses]
+    axes[0].bar(range(len(poses)), [len(p) for p in poses], color=colours)
+    axes[0].set(title="grasps a rest pose", xlabel="rest poses, by object")
+    for i, name in enumerate(names):
+        own = [p for p in poses if p.name == name]
+        axes[1].hist(_joined(own, "margin"), np.linspace(0, 1, 41), histtype="step", color=f"C{i}", label=name)
+        axes[2].hist(_approach(own), np.linspace(0, 110, 41), histtype="step", color=f"C{i}")
+    axes[1].set(title="closure margin")
+    axes[1].legend(fontsize=6)
+    axes[2].set(title="palm from straight down, degrees")
+    below = np.atleast_1d(bottom.subplots(1, len(names)))
+    for axis, name in zip(below, names, strict=True):
+        pose = next(p for p in poses if p.name == name)
+        sample = pose.grasps["contacts"][:1500]
+        for f, finger in enumerate(("thumb", "index", "middle")):
+            axis.plot(100 * sample[:, f, 0], 100 * sample[:, f, 2], ".", ms=1, color=f"C{f}", label=finger)
+        axis.set(title=f"{name}, pose 0", xlabel="x, cm", ylabel="z, cm", aspect="equal")
+    below[0].legend(fontsize=6, markerscale=6)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=90)
+    plt.close(figure)

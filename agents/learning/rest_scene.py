@@ -1,0 +1,115 @@
+"""An object in one rest pose: surface points, every feasible triple of them, and placements before the robot.
+
+The **rest frame** has its origin on the table under the object's centre of mass, z up, and the yaw of
+`RestPose.quat_wxyz`; any other placement is a turn about z and a shift in the plane.
+"""
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.geometry.convex import ConvexDistance
+from agents.geometry.normals import surface_samples
+from agents.learning.settings import DatasetSettings
+from agents.physics.closure import closure_sweep
+from agents.planning.proposals import graspable_points
+from agents.planning.subject import Subject
+from dexgrasp_env.cache import content_hash
+from dexgrasp_env.objects.load import load_object, object_name
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.poses import pose_matrix
+
+Array = NDArray[np.float64]
+LEAST_DISTANCE = 0.03
+"""m between contacts."""
+CLOUD = 2048
+"""Points of the surface kept for training."""
+
+
+@dataclass(frozen=True, eq=False)
+class RestScene:
+    """An object in a rest pose; lengths in m, rest frame.
+
+    Attributes:
+        name: of the object.
+        pose: index of the rest pose, likeliest first.
+        subject: hull, distance, centre of mass and mass.
+        quat_wxyz: (4,) and
+        height: of the object's frame in the rest frame.
+        probability: of the pose when dropped.
+        points: (N, 3) candidate contacts and
+        normals: (N, 3) out of the object.
+        triples: (M, 3) indices, all that can be in equilibrium.
+        decided: triples that were decided.
+        cloud: (2048, 6) points and normals of the hull, underside included.
+    """
+
+    name: str
+    pose: int
+    subject: Subject
+    quat_wxyz: Array
+    height: float
+    probability: float
+    points: Array
+    normals: Array
+    triples: NDArray[np.int32]
+    decided: int
+    cloud: Array
+
+
+def rng_of(settings: DatasetSettings, *key: int | str) -> np.random.Generator:
+    """Return the generator of a part of the dataset: it depends on the seed and the key alone."""
+    numbers = [int(content_hash(k), 16) if isinstance(k, str) else k for k in key]
+    return np.random.default_rng(np.random.SeedSequence([settings.seed, *numbers]))
+
+
+def load_target(target: str, settings: DatasetSettings) -> ObjectModel:
+    """Return an object; scale and mass apply to mesh files alone."""
+    if object_name(target) == target:
+        return load_object(target)
+    return load_object(target, scale=settings.mesh_scale, mass=settings.mesh_mass)
+
+
+@lru_cache(maxsize=2)
+def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
+    """Prepare an object in a rest pose: steps 2 to 4 of section 1.3."""
+    model = load_target(target, settings)
+    rest, name = model.rest_poses[pose], object_name(target)
+    T = pose_matrix(np.array([0.0, 0.0, rest.height]), np.array(rest.quat_wxyz))
+    mesh = model.mesh.copy()
+    mesh.apply_transform(T)
+    subject = Subject.of(mesh, mass=model.mass, centre=T[:3, 3].copy())
+    rng = rng_of(settings, name, pose)
+    points, normals = graspable_points(subject, settings.planner, rng)
+    n = len(points)
+    some = n >= 3
+    triples = closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE) if some else np.zeros((0, 3), np.int32)
+    gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
+    decided = int(round(np.trace(gaps.astype(float) @ gaps @ gaps) / 6.0))
+    samples = surface_samples(subject.hull, CLOUD, rng)
+    cloud = np.concatenate([samples.points, samples.normals], axis=1)
+    return RestScene(
+        name, pose, subject, np.array(rest.quat_wxyz), rest.height, rest.probability, points, normals, triples, decided, cloud
+    )
+
+
+def turn(yaw: float) -> Array:
+    """Return the rotation (3, 3) about z by `yaw` rad."""
+    c, s = np.cos(yaw), np.sin(yaw)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def placed(subject: Subject, placement: Array) -> Subject:
+    """Return the subject at a placement (x m, y m, yaw rad) for the optimiser, which looks at distances alone.
+
+    NB: `hull` stays where it was; moving a mesh costs more than solving.
+    """
+    R, shift = turn(float(placement[2])), np.array([placement[0], placement[1], 0.0])
+    old = subject.distance
+    planes = old.planes.copy()
+    planes[:, :3] = old.planes[:, :3] @ R.T
+    planes[:, 3] -= planes[:, :3] @ shift
+    moved = ConvexDistance(np.ascontiguousarray(old.triangles @ R.T + shift), planes, old.error)
+    return replace(subject, distance=moved, centre=R @ subject.centre + shift)

@@ -1,0 +1,167 @@
+"""Step 5 of section 1.3: finger assignments and kinematics of a varied sample of feasible triples.
+
+Triples are drawn with a probability inverse to how often their points are used in grasps found so far, so that
+grasps cover the object. Each drawn triple is tried with all six assignments; each assignment that the hand's atlas can
+place gets a random placement of the object before the robot, arm and hand, and the bilevel programme.
+"""
+
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.kinematics.forward import body_frames
+from agents.kinematics.tree import RobotTree, robot_tree
+from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
+from agents.learning.settings import DatasetSettings
+from agents.physics.forces import holding_forces
+from agents.planning.atlas import hand_atlas, triangle_sides
+from agents.planning.bilevel import Solution, solve
+from agents.planning.grasp import finger_jacobians
+from agents.planning.postures import (
+    _ASSIGNMENTS,
+    _NEIGHBOURS,
+    _SIDE_TOLERANCE,
+    _best_placements,
+    reach_palm,
+)
+from agents.planning.programme import FIXED_ROWS
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.limits import HOME
+
+Array = NDArray[np.float64]
+BATCH = 48  # triples drawn at once
+PLACEMENTS = 3  # placements tried until the arm reaches
+REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
+FAR = 0.02  # m: clearances beyond are not measured
+TORQUE_LIMIT = 0.7  # Nm
+COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_arm", "feasible", "holding")
+
+
+@dataclass
+class Found:
+    """Grasps of a shard as they are found, one list a field, and the counts of the way there."""
+
+    fields: dict[str, list[Array]] = field(default_factory=dict)
+    counts: Counter[str] = field(default_factory=Counter)
+    blocked: Counter[str] = field(default_factory=Counter)
+
+    def add(self, **values: Array | float) -> None:
+        """Append one grasp."""
+        for name, value in values.items():
+            self.fields.setdefault(name, []).append(np.asarray(value))
+
+    def __len__(self) -> int:
+        """Grasps found."""
+        return self.counts["feasible"]
+
+
+def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) -> Found:
+    """Find the grasps of one shard; the same for the same settings, on any machine with the same versions."""
+    scene, found = rest_scene(target, pose, settings), Found()
+    rng = rng_of(settings, scene.name, pose, 1 + chunk)
+    own = scene.triples[rng_of(settings, scene.name, pose, 0).permutation(len(scene.triples))][chunk :: settings.chunks]
+    left, use, quota = np.ones(len(own), bool), np.zeros(len(scene.points)), settings.quota(chunk)
+    tree, budget = robot_tree(), settings.tries * quota
+    while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < budget:
+        drawn = _draw(own, left, use, rng)
+        left[drawn] = False
+        _try(scene, own[drawn], use, found, quota, tree, settings.planner, rng)
+    return found
+
+
+def _draw(own: NDArray[np.int32], left: NDArray[np.bool_], use: Array, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
+    ids = np.flatnonzero(left)
+    keys = rng.exponential(size=len(ids)) * (1.0 + use[own[ids]].sum(1)) ** 2
+    return ids[np.argsort(keys, kind="stable")[:BATCH]]
+
+
+def _try(
+    scene: RestScene, triples: NDArray[np.int32], use: Array, found: Found, quota: int, tree: RobotTree,
+    settings: PlannerSettings, rng: np.random.Generator,
+) -> None:  # fmt: skip
+    """Try all six assignments of some triples, and add what is feasible."""
+    atlas, distance = hand_atlas(), scene.subject.distance
+    ordered = triples[:, _ASSIGNMENTS].reshape(-1, 3)
+    reach = settings.tip_radius + 0.5 * sum(settings.distance)
+    normals = scene.normals[ordered]
+    centres = scene.points[ordered] + reach * normals
+    _, near = atlas.search.query(triangle_sides(centres), _NEIGHBOURS, distance_upper_bound=_SIDE_TOLERANCE)
+    scores, which, rotations, positions = _best_placements(
+        centres, -normals, near, atlas.tips, atlas.axes, atlas.pads, distance.triangles, distance.planes
+    )
+    found.counts.update(triples_tried=len(triples), assignments_tried=len(ordered))
+    for k in np.flatnonzero(scores > 0.0):
+        if len(found) >= quota:
+            return
+        found.counts["placed_by_atlas"] += 1
+        q = HOME.copy()
+        q[7:] = atlas.joints[which[k]]
+        placement = _reach(q, rotations[k], positions[k], tree, rng)
+        if placement is None:
+            continue
+        found.counts["reached_by_arm"] += 1
+        subject = placed(scene.subject, placement)
+        solution = solve(q, tree, subject, settings)
+        if not solution.feasible:
+            found.blocked[str(solution.blocking).split(":")[0]] += 1
+            continue
+        use[ordered[k]] += 1
+        found.counts["feasible"] += 1
+        _add(solution, placement, ordered[k], subject, tree, settings, found)
+
+
+def _reach(q: Array, R: Array, p: Array, tree: RobotTree, rng: np.random.Generator) -> Array | None:
+    """Put the object where the arm reaches the palm's pose; return x, y, yaw, and the arm's joints in `q`."""
+    tries = rng.random((PLACEMENTS, 3))
+    for u in tries:
+        placement = np.array([
+            REACH[0][0] + u[0] * (REACH[0][1] - REACH[0][0]), REACH[1][0] + u[1] * (REACH[1][1] - REACH[1][0]),
+            2.0 * np.pi * u[2] - np.pi,
+        ])  # fmt: skip
+        turned = turn(placement[2])
+        if reach_palm(q, turned @ R, turned @ p + np.array([placement[0], placement[1], 0.0]), tree):
+            return placement
+    return None
+
+
+def _add(
+    solution: Solution, placement: Array, triple: NDArray[np.int32], subject: Subject, tree: RobotTree,
+    settings: PlannerSettings, found: Found,
+) -> None:  # fmt: skip
+    at, back = solution.evaluation, turn(-placement[2])
+    shift = np.array([placement[0], placement[1], 0.0])
+    R, p = body_frames(solution.q, tree)
+    palm_R, palm_p = R[tree.palm] @ tree.palm_rotation, p[tree.palm] + R[tree.palm] @ tree.palm_offset
+    load, fraction, squeeze = _hold(solution, subject, tree, settings)
+    found.counts["holding"] += load >= 0
+    clearances = at.values[FIXED_ROWS:]
+    found.add(
+        q=solution.q, placement=placement, triple=triple,
+        contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=squeeze @ back.T,
+        palm_position=back @ (palm_p - shift), palm_quat_wxyz=matrix_to_quat(back @ palm_R),
+        margin=at.margin, distances=at.distances - settings.tip_radius,
+        clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
+        joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
+        load=load, torque_fraction=fraction,
+    )  # fmt: skip
+
+
+def _hold(
+    solution: Solution, subject: Subject, tree: RobotTree, settings: PlannerSettings
+) -> tuple[int, float, Array]:
+    """Return the firmest of the planner's loads that the grasp holds (-1: none), the torque share and the forces."""
+    at, J = solution.evaluation, finger_jacobians(solution.q, tree)
+    for level, (share, disturbance) in enumerate(settings.loads):
+        hold = holding_forces(
+            at.contacts, at.normals, settings.friction_hold, share * subject.mass, subject.centre, jacobians=J,
+            torque_limits=settings.torque_share * TORQUE_LIMIT, f_min=settings.least_press, safety=1.0,
+            disturbance=disturbance,
+        )  # fmt: skip
+        if hold.holds:
+            return level, settings.torque_share * float(hold.max_torque_fraction), hold.forces
+    return -1, settings.torque_share * float(hold.max_torque_fraction), hold.forces

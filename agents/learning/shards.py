@@ -1,0 +1,137 @@
+"""Files of a dataset: shards and rest poses as npz without pickle, written whole or not at all, and the manifest."""
+
+import hashlib
+import io
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.learning.rest_scene import RestScene
+from agents.learning.sampler import COUNTS, Found
+from agents.learning.settings import SCHEMA
+from dexgrasp_env.cache import write_atomically
+from dexgrasp_env.errors import InputError
+
+Arrays = dict[str, NDArray[Any]]
+FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
+    "q": ((23,), "float32", "rad, joints of arm and hand, at the placement"),
+    "placement": ((3,), "float32", "x m, y m, yaw rad of the rest frame in the robot base frame"),
+    "triple": ((3,), "int16", "candidate points it started from, thumb, index, middle"),
+    "contacts": ((3, 3), "float32", "m, rest frame, thumb, index, middle"),
+    "normals": ((3, 3), "float32", "unit, out of the object, rest frame"),
+    "forces": ((3, 3), "float32", "N on the object that hold it, rest frame"),
+    "palm_position": ((3,), "float32", "m, rest frame"),
+    "palm_quat_wxyz": ((4,), "float32", "palm in the rest frame"),
+    "margin": ((), "float32", "closure margin, exact cones"),
+    "distances": ((3,), "float32", "m, signed distance of the compliant tips"),
+    "clearance": ((), "float32", "m, least of hand and arm to all but touching tips, at most 0.02"),
+    "joint_margin": ((), "float32", "rad to the nearest joint limit"),
+    "load": ((), "int8", "firmest of planner.loads that it holds, -1: none"),
+    "torque_fraction": ((), "float32", "largest joint torque of the forces over its limit"),
+}
+"""Field -> shape of one grasp, type, meaning."""
+
+
+def shard_path(folder: Path, name: str, pose: int, chunk: int) -> Path:
+    """Return where a shard lies."""
+    return folder / "grasps" / f"{name}-pose{pose:02d}-{chunk:04d}.npz"
+
+
+def pose_path(folder: Path, name: str, pose: int) -> Path:
+    """Return where a rest pose lies."""
+    return folder / "poses" / f"{name}-pose{pose:02d}.npz"
+
+
+def write_shard(path: Path, found: Found, key: str) -> None:
+    """Write the grasps of a shard with their counts; `key` names what they were made from."""
+    n, arrays = len(found), {}
+    for name, (shape, kind, _) in FIELDS.items():
+        arrays[name] = np.asarray(found.fields.get(name, []), dtype=kind).reshape(n, *shape)
+    arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
+    arrays["blocked"] = _text(json.dumps(dict(sorted(found.blocked.items()))))
+    arrays["key"] = _text(key)
+    write_arrays(path, arrays)
+
+
+def write_pose(path: Path, scene: RestScene, key: str) -> None:
+    """Write a rest pose: cloud, hull, candidates."""
+    write_arrays(path, {
+        "cloud": scene.cloud.astype("float32"), "points": scene.points.astype("float32"),
+        "normals": scene.normals.astype("float32"),
+        "hull": np.asarray(scene.subject.hull.vertices), "centre": scene.subject.centre,
+        "mass": np.array(scene.subject.mass), "quat_wxyz": scene.quat_wxyz, "height": np.array(scene.height),
+        "probability": np.array(scene.probability), "triples": np.array([scene.decided, len(scene.triples)]),
+        "key": _text(key),
+    })  # fmt: skip
+
+
+def write_arrays(path: Path, arrays: Arrays) -> None:
+    """Write arrays as npz; the same arrays give the same bytes."""
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    write_atomically(path, buffer.getvalue())
+
+
+def read_arrays(path: Path, key: str | None = None) -> Arrays:
+    """Read an npz file whole.
+
+    Raises:
+        InputError: missing, cut off, damaged, or of another dataset (`key`).
+    """
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: run `dexgrasp dataset generate` again, it makes what is not there") from None
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
+        raise InputError(
+            f"{path} is cut off or damaged: run `dexgrasp dataset generate` with the same settings again, it makes it anew"
+        ) from None
+    if key is not None and ("key" not in arrays or text(arrays["key"]) != key):
+        raise InputError(f"{path} belongs to another dataset: remove it, or use another folder")
+    return arrays
+
+
+def complete(path: Path, key: str) -> bool:
+    """Whether a file is there, whole, and of this dataset."""
+    try:
+        read_arrays(path, key)
+    except InputError:
+        return False
+    return True
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Read manifest.json.
+
+    Raises:
+        InputError: no dataset, or of another schema.
+    """
+    path = folder / "manifest.json"
+    try:
+        manifest = json.loads(path.read_text())
+    except OSError:
+        raise InputError(f"{folder} holds no dataset (no manifest.json): make one with `dexgrasp dataset generate`") from None
+    except (UnicodeDecodeError, json.JSONDecodeError):
+        raise InputError(f"{path} is damaged: run `dexgrasp dataset generate` with the same settings again") from None
+    if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
+        raise InputError(f"{path} has schema {manifest.get('schema') if isinstance(manifest, dict) else None}: valid is {SCHEMA}")
+    return manifest
+
+
+def file_hash(path: Path) -> str:
+    """Return the SHA-256 of a file, 64 digits."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def text(array: NDArray[Any]) -> str:
+    """Read text kept as bytes."""
+    return array.tobytes().decode()
+
+
+def _text(value: str) -> NDArray[np.uint8]:
+    return np.frombuffer(value.encode(), dtype=np.uint8)
