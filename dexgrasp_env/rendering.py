@@ -65,10 +65,10 @@ def _reload_context_module() -> None:
     importlib.reload(gl_context)
 
 
-def show_camera(distance: float = 1.25, azimuth: float = 146.0, elevation: float = -20.0) -> mujoco.MjvCamera:
+def show_camera(distance: float = 1.45, azimuth: float = 146.0, elevation: float = -20.0) -> mujoco.MjvCamera:
     """Return a camera that shows the table and the robot from the front."""
     camera = mujoco.MjvCamera()
-    camera.lookat[:] = [0.36, 0.0, 0.24]
+    camera.lookat[:] = [0.36, 0.0, 0.30]
     camera.distance, camera.azimuth, camera.elevation = distance, azimuth, elevation
     return camera
 

@@ -137,6 +137,7 @@ def holding_forces(
     safety: float = 1.5,
     f_min: float = 0.1,
     disturbance: float = 0.5,
+    explain: bool = True,
 ) -> HoldingForces:
     """Return the gentlest contact forces that hold an object (the module's text says what that means).
 
@@ -151,6 +152,7 @@ def holding_forces(
         f_min: least pressing force of each contact [N].
         disturbance: the acceleration to resist in every direction, in multiples of gravity; 0 for gravity
             alone.
+        explain: whether to find out why nothing holds, which costs up to four more programmes.
 
     Raises:
         InputError: shapes, NaN, ranges, or one of `jacobians` and `torque_limits` without the other.
@@ -189,7 +191,7 @@ def holding_forces(
         forces = _solve(problem, False, True)[0]
     wrench = G @ forces + problem.gravity
     fraction = float(np.abs(torque @ forces).max()) if len(torque) else 0.0
-    reason = "" if holds else _reason(problem, resists)
+    reason = "" if holds else _reason(problem, resists) if explain else "not explained"
     return HoldingForces(
         forces.reshape(N, 3), float(np.sqrt(wrench @ wrench)) / weight, holds, fraction, reason
     )

@@ -170,7 +170,7 @@ class Planner:
             hold = holding_forces(
                 at.contacts, at.normals, settings.friction_hold, mass, subject.centre, jacobians=J,
                 torque_limits=settings.torque_share * _TORQUE_LIMIT, f_min=settings.least_press, safety=1.0,
-                disturbance=disturbance,
+                disturbance=disturbance, explain=(share, disturbance) == settings.loads[-1],
             )  # fmt: skip
             if hold.holds:
                 break

@@ -24,7 +24,7 @@ from dexgrasp_env.robot.limits import HOME
 
 Array = NDArray[np.float64]
 _ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
-_NEIGHBOURS = 24  # postures of the atlas looked at for each assignment
+_NEIGHBOURS = 16  # postures of the atlas looked at for each assignment
 _SIDE_TOLERANCE = 0.012  # m
 _PALM_CENTRE = np.array([-0.0093, 0.0, -0.0475])  # of the palm's box in the palm frame, m
 _PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness and some

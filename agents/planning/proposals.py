@@ -15,7 +15,7 @@ from agents.planning.subject import Subject
 
 Array = NDArray[np.float64]
 _LEAST_DISTANCE = 0.03  # m between contacts: two fingertips are wider than this
-_JUDGED = 4000  # feasible triples whose margin is computed
+_JUDGED = 1200  # feasible triples whose margin is computed
 _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
 
 

@@ -59,7 +59,7 @@ def _add_look(spec: mujoco.MjSpec) -> None:
     spec.visual.headlight.specular = [0.1, 0.1, 0.1]
     spec.visual.global_.offwidth = 1920
     spec.visual.global_.offheight = 1080
-    spec.visual.quality.shadowsize = 4096
+    spec.visual.quality.shadowsize = 2048
     spec.visual.map.znear = 0.005
     texture = mujoco.mjtTexture
     builtin = mujoco.mjtBuiltin
