@@ -65,7 +65,7 @@ def grasp_json(
         "normals": grasp.normals.tolist(),
         "forces": grasp.forces.tolist(),
         "centre": subject.centre.tolist(),
-        "mass": subject.mass,
+        "mass": grasp.certificate.mass,
         "hull_vertices": np.asarray(subject.hull.vertices).tolist(),
         "T_world_object": None if T_world_object is None else np.asarray(T_world_object).tolist(),
         "thresholds": {
@@ -97,14 +97,19 @@ def read_grasp(path: Path) -> GraspRecord:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
     except (UnicodeDecodeError, json.JSONDecodeError):
         raise InputError(f"{path} is not a grasp file: it holds no JSON (was it cut off?)") from None
+    return record_of(content, str(path))
+
+
+def record_of(content: Any, source: str = "this object") -> GraspRecord:
+    """Return the grasp of a JSON object, as `grasp_json` or `plan --json` make it; errors as in `read_grasp`."""
     if isinstance(content, dict) and isinstance(content.get("grasp"), dict):
         content = content["grasp"]  # the output of `plan --json`
     if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise InputError(f"{path} is not a grasp file of schema {SCHEMA}, as `dexgrasp plan --out` writes it")
+        raise InputError(f"{source} is not a grasp of schema {SCHEMA}, as `dexgrasp plan --out` writes it")
     try:
         return _parse(content)
     except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{path} is not a usable grasp file: {type(error).__name__} {error}") from None
+        raise InputError(f"{source} is not a usable grasp: {type(error).__name__} {error}") from None
 
 
 def _parse(content: dict[str, Any]) -> GraspRecord:

@@ -93,23 +93,19 @@ class Planner:
         if proposals.failure:
             plan.reason = proposals.failure
             return plan
-        grasps = self._grasps(proposals, subject, plan, clock)
-        while batch := list(islice(grasps, self.settings.candidates)):
-            for grasp in sorted(batch, key=lambda g: -_merit(g, subject)):
-                try:
-                    if start is not None:
-                        plan.script = make_script(start, grasp.motion, subject.distance, self.mount)
-                    plan.grasp = grasp
+        solutions = self._solutions(proposals, subject, plan, clock)
+        while batch := list(islice(solutions, self.settings.candidates)):
+            batch.sort(key=lambda solution: -_merit(solution, subject))
+            for grasp in self._firm_first(batch, subject, plan, clock):
+                if self._carry_out(grasp, subject, start, plan, clock):
                     return plan
-                except NoPath as blocked:
-                    _block(plan, blocked.reason, 0.0)
-                finally:
-                    clock.lap(plan, "approach")
         plan.reason = _commonest(plan)
         return plan
 
-    def _grasps(self, proposals: Proposals, subject: Subject, plan: Plan, clock: "_Clock") -> Iterator[Grasp]:
-        """Yield certified grasps until postures or time run out; note in `plan` what blocked the others."""
+    def _solutions(
+        self, proposals: Proposals, subject: Subject, plan: Plan, clock: "_Clock"
+    ) -> Iterator[Solution]:
+        """Yield feasible configurations until postures or time run out; note in `plan` what blocked the others."""
         for posture in clock.laps(plan, "postures", self._postures(proposals, subject)):
             if self.settings.seconds is not None and plan.total_seconds > self.settings.seconds:
                 _block(plan, BUDGET, 0.0)
@@ -117,13 +113,37 @@ class Planner:
             plan.tried += 1
             solution = solve(posture.q, self.tree, subject, self.settings, with_margin=self._with_closure)
             clock.lap(plan, "bilevel")
-            if not solution.feasible:
+            if solution.feasible:
+                yield solution
+            else:
                 _block(plan, str(solution.blocking), solution.violation)
-                continue
+
+    def _firm_first(
+        self, solutions: list[Solution], subject: Subject, plan: Plan, clock: "_Clock"
+    ) -> Iterator[Grasp]:
+        """Yield certified grasps: those that bear the firm load as they come, then the others, firmest first."""
+        weak: list[Grasp] = []
+        for solution in solutions:
             grasp = self._certify(solution, subject, plan)
             clock.lap(plan, "certificate")
-            if grasp is not None:
+            if grasp is not None and grasp.certificate.load >= self.settings.firm_load:
                 yield grasp
+            elif grasp is not None:
+                weak.append(grasp)
+        yield from sorted(weak, key=lambda grasp: -grasp.certificate.load)
+
+    def _carry_out(self, grasp: Grasp, subject: Subject, start: Array | None, plan: Plan, clock: "_Clock") -> bool:
+        """Whether the grasp can be approached; its script goes into `plan`."""
+        try:
+            if start is not None:
+                plan.script = make_script(start, grasp.motion, subject.distance, self.mount)
+            plan.grasp = grasp
+            return True
+        except NoPath as blocked:
+            _block(plan, blocked.reason, 0.0)
+            return False
+        finally:
+            clock.lap(plan, "approach")
 
     def _postures(self, proposals: Proposals, subject: Subject) -> Iterator[Posture]:
         if self._starts == "atlas":
@@ -221,15 +241,15 @@ class _Clock:
         self.lap(plan, stage)
 
 
-def _merit(grasp: Grasp, subject: Subject) -> float:
-    """Which of several certified grasps bears errors best: margin, load, contacts around the centre, none on top.
+def _merit(solution: Solution, subject: Subject) -> float:
+    """Which of several feasible configurations bears errors best: margin, contacts around the centre, none on top.
 
     A contact whose normal points up loses its hold if the surface lies a little further in than it was seen.
     """
+    at = solution.evaluation
     size = float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0)))
-    offset = float(np.linalg.norm(grasp.contacts.mean(0) - subject.centre)) / size
-    upward = max(0.0, float(grasp.normals[:, 2].max()))
-    return min(grasp.certificate.closure_margin, 0.8) + grasp.certificate.load - offset - upward
+    offset = float(np.linalg.norm(at.contacts.mean(0) - subject.centre)) / size
+    return min(at.margin, 0.8) - offset - max(0.0, float(at.normals[:, 2].max()))
 
 
 def _block(plan: Plan, reason: str, violation: float) -> None:

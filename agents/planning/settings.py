@@ -21,7 +21,7 @@ class PlannerSettings:
         table_clearance: contacts are at least this high above the table.
         triples: triples that are turned into hand postures.
         postures: postures that are tried by the optimiser before the planner gives up.
-        candidates: certified grasps among which the one that bears errors best is carried out.
+        candidates: feasible configurations among which the one that bears errors best is carried out.
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: of the sequential quadratic programme, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
@@ -29,6 +29,7 @@ class PlannerSettings:
         friction_hold: coefficient in whose cones the holding forces stay.
         loads: what the squeeze is made for, firmest first: share of the assumed mass, and acceleration in any direction
             that must be resisted, in multiples of gravity. The first that the joint torques allow is taken.
+        firm_load: load (share of the weight, and what it resists beyond) from which a grasp is taken at once.
         torque_share: share of the joint torque limits that the squeeze may use.
     """
 
@@ -44,11 +45,12 @@ class PlannerSettings:
     table_clearance: float = 0.015
     triples: int = 100
     postures: int = 60
-    candidates: int = 5
+    candidates: int = 8
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
     least_press: float = 2.5
     friction_hold: float = 0.6
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.6), (1.0, 0.2), (0.6, 0.0))
+    firm_load: float = 1.5
     torque_share: float = 0.95
