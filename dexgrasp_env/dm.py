@@ -1,8 +1,8 @@
 """The lift task as a `dm_env.Environment`, for users of that ecosystem.
 
-    env = dexgrasp_env.dm.load(objects="seen", control_mode="joint_delta")
-    timestep = env.reset()
-    timestep = env.step(action)
+env = dexgrasp_env.dm.load(objects="seen", control_mode="joint_delta")
+timestep = env.reset()
+timestep = env.step(action)
 """
 
 from typing import Any
@@ -18,7 +18,9 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
 
 
-def load(objects: str | list[str] | tuple[str, ...] = "ycb6", *, seed: int | None = None, **kwargs: Any) -> "LiftTask":
+def load(
+    objects: str | list[str] | tuple[str, ...] = "ycb6", *, seed: int | None = None, **kwargs: Any
+) -> "LiftTask":
     """Return the task of `DexGrasp/Lift-v0` as a dm_env environment.
 
     Args:

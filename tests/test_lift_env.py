@@ -1,6 +1,7 @@
 """Lift-v0 against its contract: spaces, determinism, resets, batch functions, randomisation, bad input."""
 
 import copy
+import importlib.util
 import json
 import os
 import pickle
@@ -9,6 +10,7 @@ import subprocess
 import sys
 import warnings
 from dataclasses import fields
+from pathlib import Path
 
 import gymnasium as gym
 import mujoco
@@ -118,7 +120,11 @@ def test_renders():
 @pytest.mark.parametrize("obs_mode", OBS_MODES)
 def test_same_seed_gives_the_same_rollout(obs_mode):
     skip_without_gl(obs_mode)
-    settings = {"objects": "seen", "obs_mode": obs_mode, "randomisation": {"mass": (0.5, 1.5), "size": (0.9, 1.1)}}
+    settings = {
+        "objects": "seen",
+        "obs_mode": obs_mode,
+        "randomisation": {"mass": (0.5, 1.5), "size": (0.9, 1.1)},
+    }
     env, other = make(**settings), make(**settings)
     steps = 2 if obs_mode == "rgbd" else 8
     first = rollout(env, 3, steps)
@@ -148,9 +154,19 @@ def test_reset_undoes_randomisation():
     for seed in range(3):
         varied.reset(seed=seed)
     simulation = varied.unwrapped.simulation
-    simulation.reset(plain.unwrapped.settings.object_pose.sample(simulation.object, np.random.default_rng(0)), Variation())
+    simulation.reset(
+        plain.unwrapped.settings.object_pose.sample(simulation.object, np.random.default_rng(0)), Variation()
+    )
     base = simulation.base
-    for name in ("body_mass", "body_inertia", "geom_size", "geom_friction", "pair_friction", "geom_rbound", "bvh_aabb"):
+    for name in (
+        "body_mass",
+        "body_inertia",
+        "geom_size",
+        "geom_friction",
+        "pair_friction",
+        "geom_rbound",
+        "bvh_aabb",
+    ):
         np.testing.assert_array_equal(getattr(simulation.model, name), getattr(base, name), err_msg=name)
 
 
@@ -171,7 +187,8 @@ def test_pickles():
 
 
 def test_import_is_light():
-    code = "import sys, dexgrasp_env; print([m for m in ('torch', 'numba', 'OpenGL', 'glfw', 'mujoco') if m in sys.modules])"
+    heavy = ("torch", "numba", "OpenGL", "glfw", "mujoco")
+    code = f"import sys, dexgrasp_env; print([m for m in {heavy} if m in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
 
@@ -193,7 +210,11 @@ def test_making_an_environment_brings_no_torch():
 def table(heading):
     """Rows of every table of a section of the class docstring."""
     section = re.search(rf"## {heading}.*?(?=\n    ## |\Z)", LiftEnv.__doc__, re.S).group(0)
-    rows = [[cell.strip() for cell in line.strip().strip("|").split("|")] for line in section.splitlines() if "|" in line]
+    rows = [
+        [cell.strip() for cell in line.strip().strip("|").split("|")]
+        for line in section.splitlines()
+        if "|" in line
+    ]
     return [row for row in rows if not set(row[0]) <= {"-", " "} or row[0] == ""]
 
 
@@ -203,9 +224,7 @@ def test_page_lists_every_observation():
         skip_without_gl(obs_mode)
         env = make(obs_mode=obs_mode)
         listed = {
-            row[0].strip("`"): (row[1], row[2])
-            for row in rows
-            if len(row) == 4 or f"`{obs_mode}`" in row[3]
+            row[0].strip("`"): (row[1], row[2]) for row in rows if len(row) == 4 or f"`{obs_mode}`" in row[3]
         }
         actual = {key: (str(space.shape), str(space.dtype)) for key, space in env.observation_space.items()}
         assert listed == actual
@@ -352,7 +371,8 @@ def moments():
         data[state.sensors.tip_forces] = rng.normal(size=12)
         qpos[25] += rng.uniform(0, 0.4)
         kept = Progress(**{f.name: getattr(progress, f.name) for f in fields(Progress)} | {
-            "held_steps": rng.integers(0, 70), "airborne": np.bool_(rng.integers(2)), "lifted": np.bool_(rng.integers(2)),
+            "held_steps": rng.integers(0, 70), "airborne": np.bool_(rng.integers(2)),
+            "lifted": np.bool_(rng.integers(2)),
         })  # fmt: skip
         held.append((LiftState(qpos, state.qvel, data, state.targets, state.sensors), kept))
     return found + held, env.simulation.constants
@@ -484,9 +504,14 @@ def test_randomised_model_equals_a_freshly_compiled_one(name):
     written = copy.copy(base)
     apply_variation(written, base, variation)
     larger = model.scaled(variation.size)
-    fresh = build_scene(larger.with_mass(model.mass * variation.size**3 * variation.mass), friction=variation.friction)
-    names = ("body_mass", "body_inertia", "body_ipos", "geom_size", "geom_pos", "geom_quat", "geom_friction", "geom_rbound",
-             "geom_aabb", "pair_friction", "dof_invweight0", "body_invweight0", "body_subtreemass", "mesh_vert", "mesh_pos")  # fmt: skip
+    fresh = build_scene(
+        larger.with_mass(model.mass * variation.size**3 * variation.mass), friction=variation.friction
+    )
+    names = (
+        "body_mass", "body_inertia", "body_ipos", "geom_size", "geom_pos", "geom_quat", "geom_friction",
+        "geom_rbound", "geom_aabb", "pair_friction", "dof_invweight0", "body_invweight0", "body_subtreemass",
+        "mesh_vert", "mesh_pos",
+    )  # fmt: skip
     for field in names:
         a, b = getattr(written, field), getattr(fresh, field)
         np.testing.assert_allclose(a, b, rtol=2e-4, atol=2e-6, err_msg=field)
@@ -522,3 +547,18 @@ def test_drawn_places_stay_in_their_ranges():
         assert 0.44 < x < 0.51
         assert -0.06 < y < 0.01
         assert abs(info["object_height"]) < 2e-3
+
+
+def test_short_soak():
+    """`scripts/soak.py` is the long one."""
+    path = Path(__file__).parents[1] / "scripts" / "soak.py"
+    if not path.is_file():
+        pytest.skip("not in a checkout")
+    spec = importlib.util.spec_from_file_location("soak", path)
+    soak = importlib.util.module_from_spec(spec)
+    sys.modules["soak"] = soak
+    spec.loader.exec_module(soak)
+    found = soak.run(900, ["sugar_box", "massage_ball", "tetrahedron"], episode=30)
+    assert found.steps == 900
+    assert found.is_clean, found
+    assert found.endings["dropped"] or found.endings["object_lost"]

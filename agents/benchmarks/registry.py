@@ -23,7 +23,9 @@ BENCHMARKS: dict[str, str] = {name: f"agents.benchmarks.{name}" for name in _DES
 
 def available() -> dict[str, str]:
     """Return the benchmarks that are there, with one line each."""
-    return {name: _DESCRIPTIONS[name] for name, module in BENCHMARKS.items() if importlib.util.find_spec(module)}
+    return {
+        name: _DESCRIPTIONS[name] for name, module in BENCHMARKS.items() if importlib.util.find_spec(module)
+    }
 
 
 def run_benchmark(name: str, *, quick: bool = False) -> dict[str, Any]:

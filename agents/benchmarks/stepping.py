@@ -103,7 +103,9 @@ def _record(env: gym.Env[Any, Any], actions: Array, seed: int = 0) -> Recording:
         if terminated:
             actions = actions[: count + 1]
             break
-    return Recording(env, seed, actions.astype(np.float32), state, np.concatenate(controls), float(np.mean(contacts)))
+    return Recording(
+        env, seed, actions.astype(np.float32), state, np.concatenate(controls), float(np.mean(contacts))
+    )
 
 
 def _compare(recording: Recording, rounds: int) -> dict[str, float]:

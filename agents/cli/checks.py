@@ -53,7 +53,9 @@ def check_versions() -> list[Finding]:
             findings.append(_judged(package, found))
     for package, use in _OPTIONAL.items():
         found = _version(package)
-        findings.append(Finding("info", f"{package} {found}") if found else Finding("info", f"no {package}", use))
+        findings.append(
+            Finding("info", f"{package} {found}") if found else Finding("info", f"no {package}", use)
+        )
     return findings
 
 
@@ -76,11 +78,15 @@ def check_rendering() -> list[Finding]:
     works = {backend: _renders(backend) for backend in _BACKENDS}
     findings = [Finding("info", f"{backend}: {why or 'works'}") for backend, why in works.items()]
     if all(works.values()):
-        remedy = "for pictures and videos install libosmesa6, or libegl1 with libgl1; everything else runs without"
+        remedy = (
+            "for pictures and videos install libosmesa6, or libegl1 with libgl1; everything else runs without"
+        )
         findings.append(Finding("warning", "no off-screen rendering", remedy))
     elif os.environ.get("MUJOCO_GL") and works.get(os.environ["MUJOCO_GL"]):
         working = next(backend for backend, why in works.items() if not why)
-        findings.append(Finding("error", f"MUJOCO_GL={os.environ['MUJOCO_GL']} does not work", f"set it to {working}"))
+        findings.append(
+            Finding("error", f"MUJOCO_GL={os.environ['MUJOCO_GL']} does not work", f"set it to {working}")
+        )
     return findings
 
 
@@ -90,7 +96,12 @@ def _renders(backend: str) -> str:
     with tempfile.TemporaryDirectory() as folder:  # MuJoCo logs into the current folder
         try:
             done = subprocess.run(
-                [sys.executable, "-c", _RENDER], env=environment, cwd=folder, capture_output=True, text=True, timeout=60
+                [sys.executable, "-c", _RENDER],
+                env=environment,
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                timeout=60,
             )
         except subprocess.TimeoutExpired:
             return "does not answer"
@@ -103,7 +114,9 @@ def _renders(backend: str) -> str:
 def check_machine() -> list[Finding]:
     """Look at processors, thread settings and the cache."""
     usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    limits = [f"{key}={os.environ[key]}" for key in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if os.environ.get(key)]
+    limits = [
+        f"{key}={os.environ[key]}" for key in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if os.environ.get(key)
+    ]
     return [
         Finding("info", f"{usable} processors" + (f" ({', '.join(limits)})" if limits else "")),
         _check_cache(),
@@ -120,7 +133,9 @@ def _check_cache() -> Finding:
         (folder / "doctor").unlink()
     except OSError as error:
         where = error.filename or "the cache"
-        return Finding("error", f"cannot write to {where}: {error.strerror}", "set DEXGRASP_CACHE to a writable folder")
+        return Finding(
+            "error", f"cannot write to {where}: {error.strerror}", "set DEXGRASP_CACHE to a writable folder"
+        )
     return Finding("info", f"cache {folder} can be written")
 
 
@@ -134,7 +149,9 @@ def _check_torch() -> list[Finding]:
     except subprocess.TimeoutExpired:
         return [Finding("warning", "torch does not import within two minutes")]
     if done.returncode:
-        return [Finding("error", "torch does not import", "reinstall it: pip install --force-reinstall torch")]
+        return [
+            Finding("error", "torch does not import", "reinstall it: pip install --force-reinstall torch")
+        ]
     device, _, threads = done.stdout.strip().rpartition(" ")
     return [Finding("info", f"torch works: {device}, {threads} threads")]
 

@@ -80,7 +80,9 @@ def run(args: argparse.Namespace) -> int:
         evaluate(settings, folder, workers=args.workers, videos=args.video)
     except (KeyboardInterrupt, WorkerDiedError) as stop:
         what = str(stop) or "interrupted"
-        note(f"dexgrasp evaluate: {what}; finished trials are kept in {folder}: the same command goes on from there")
+        note(
+            f"dexgrasp evaluate: {what}; finished trials are kept in {folder}: the same command goes on from there"
+        )
         return _print(args, folder, code=3)
     return _print(args, folder, code=0)
 

@@ -102,7 +102,11 @@ def _describe(spec: str) -> dict[str, Any]:
         return {"obs_mode": None, "control_mode": None, "summary": f"not available here: {error}"}
     settings = dict(getattr(agent, "env_settings", {}))
     summary = (agent.__doc__ or "").strip().partition("\n")[0]
-    return {"obs_mode": settings.get("obs_mode"), "control_mode": settings.get("control_mode"), "summary": summary}
+    return {
+        "obs_mode": settings.get("obs_mode"),
+        "control_mode": settings.get("control_mode"),
+        "summary": summary,
+    }
 
 
 def _words(value: Any) -> str:

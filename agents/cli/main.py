@@ -40,7 +40,10 @@ class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
 
     def __init__(self, **kwargs: Any) -> None:
-        settings: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False}
+        settings: dict[str, Any] = {
+            "formatter_class": argparse.RawDescriptionHelpFormatter,
+            "allow_abbrev": False,
+        }
         super().__init__(**(settings | kwargs))
 
     def error(self, message: str) -> NoReturn:

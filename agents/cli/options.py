@@ -39,7 +39,9 @@ def positive_float(text: str) -> float:
 
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add `--json`."""
-    parser.add_argument("--json", action="store_true", help="print one JSON object on stdout and nothing else there")
+    parser.add_argument(
+        "--json", action="store_true", help="print one JSON object on stdout and nothing else there"
+    )
 
 
 def add_mesh(parser: argparse.ArgumentParser) -> None:

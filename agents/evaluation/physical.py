@@ -20,7 +20,9 @@ def constraint_tables(name: str, agent: Mapping[str, Any], table: Table) -> list
         parts.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups, table)))
     stages = agent.get("stages") or {}
     if agent.get("planning_seconds"):
-        parts.append((f"Planning time, s, {name} (Table 6)", _times(agent["planning_seconds"], stages, table)))
+        parts.append(
+            (f"Planning time, s, {name} (Table 6)", _times(agent["planning_seconds"], stages, table))
+        )
     return parts
 
 

@@ -51,7 +51,9 @@ def protocol_line(folder: Path) -> str:
     except (OSError, ValueError):
         return f"- `{folder.name}`: settings unknown"
     versions = ", ".join(f"{name} {version}" for name, version in run["versions"].items())
-    return f"- `{folder.name}`: {run['protocol']}, seed {run['seed']}, {run['trials']} trials a cell; {versions}"
+    return (
+        f"- `{folder.name}`: {run['protocol']}, seed {run['seed']}, {run['trials']} trials a cell; {versions}"
+    )
 
 
 def write_report(folders: Sequence[Path], out: Path) -> str:
@@ -66,7 +68,9 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
     for name, members in {**{s: OBJECT_SETS[s] for s in paper.TABLES}, "other": None}.items():  # type: ignore[dict-item]
         own = _restricted(agents, members)
         if own:
-            title = f"{name.capitalize()} objects" + (f" ({paper.TABLES[name]})" if name in paper.TABLES else "")
+            title = f"{name.capitalize()} objects" + (
+                f" ({paper.TABLES[name]})" if name in paper.TABLES else ""
+            )
             parts += [f"## {title}", object_table(own, markdown_table)]
     parts += ["![by object](success_by_object.png)"]
     if failure_rows(agents):
@@ -98,7 +102,9 @@ def _restricted(agents: Mapping[str, Any], members: Sequence[str] | None) -> dic
 def _paired(folders: Sequence[Path]) -> list[str]:
     rows = _rows_by_agent(folders)
     names = list(rows)
-    pairs = [compare(a, _scenes(rows[a]), b, _scenes(rows[b])) for i, a in enumerate(names) for b in names[i + 1 :]]
+    pairs = [
+        compare(a, _scenes(rows[a]), b, _scenes(rows[b])) for i, a in enumerate(names) for b in names[i + 1 :]
+    ]
     pairs = [pair for pair in pairs if pair["only_a"] + pair["only_b"] + pair["both"] + pair["neither"] > 0]
     if not pairs:
         return []
@@ -127,7 +133,9 @@ def write_plots(agents: Mapping[str, Any], out: Path) -> None:
     """Write success_by_set.png and success_by_object.png: rates with 95 % intervals, the paper's as crosses."""
     out.mkdir(parents=True, exist_ok=True)
     sets = [
-        s for s in ("seen", "familiar", "novel", "ycb6", "meshes") if any(s in a["by_set"] for a in agents.values())
+        s
+        for s in ("seen", "familiar", "novel", "ycb6", "meshes")
+        if any(s in a["by_set"] for a in agents.values())
     ]
     _plot(out / "success_by_set.png", sets, {n: a["by_set"] for n, a in agents.items()}, _paper_sets(agents))
     ordered = [o for names in OBJECT_SETS.values() for o in names]
@@ -151,11 +159,17 @@ def _plot(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(max(5.0, 1.2 + 0.28 * len(names) * (1 + len(counts))), 4.2), layout="constrained")
+    figure = Figure(
+        figsize=(max(5.0, 1.2 + 0.28 * len(names) * (1 + len(counts))), 4.2), layout="constrained"
+    )
     axes = figure.add_subplot()
     width = 0.8 / len(counts)
     for i, (agent, own) in enumerate(counts.items()):
-        shown = [(x + (i - 0.5 * (len(counts) - 1)) * width, own[name]) for x, name in enumerate(names) if name in own]
+        shown = [
+            (x + (i - 0.5 * (len(counts) - 1)) * width, own[name])
+            for x, name in enumerate(names)
+            if name in own
+        ]
         places = [x for x, _ in shown]
         rates = [cell["successes"] / cell["trials"] for _, cell in shown]
         ends = [wilson_interval(cell["successes"], cell["trials"]) for _, cell in shown]

@@ -119,4 +119,6 @@ def _complain_once(row: dict[str, Any], seen: set[tuple[str, str]]) -> None:
     kind = (row["agent"], row["reason"] or "")
     if row["error"] and kind not in seen:
         seen.add(kind)
-        complain(f"{row['agent']} on {row['object']}, trial {row['trial']}: {row['reason']}\n{row['error'].rstrip()}")
+        complain(
+            f"{row['agent']} on {row['object']}, trial {row['trial']}: {row['reason']}\n{row['error'].rstrip()}"
+        )

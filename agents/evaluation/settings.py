@@ -53,7 +53,9 @@ class EvaluationSettings:
         if not settings.agents:
             raise InputError("no agents given: see `dexgrasp list agents`")
         if settings.trials < 1 or settings.seed < 0:
-            raise InputError(f"trials = {settings.trials}, seed = {settings.seed}: valid are trials >= 1 and seed >= 0")
+            raise InputError(
+                f"trials = {settings.trials}, seed = {settings.seed}: valid are trials >= 1 and seed >= 0"
+            )
         get_protocol(settings.protocol)
         return settings
 
@@ -71,9 +73,13 @@ class EvaluationSettings:
     def identity(self) -> dict[str, Any]:
         """Return the settings with the versions and contents they rest on, as JSON can hold them."""
         files = {
-            Path(name).name: _file_hash(Path(name)) for name in (*self.agents, *self.objects) if Path(name).is_file()
+            Path(name).name: _file_hash(Path(name))
+            for name in (*self.agents, *self.objects)
+            if Path(name).is_file()
         }
-        settings = {key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()}
+        settings = {
+            key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
+        }
         return settings | {"files": files, "code": code_hash(self.agents), "versions": versions()}
 
     def default_folder(self) -> Path:

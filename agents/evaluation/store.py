@@ -57,7 +57,9 @@ def read_rows(folder: Path) -> list[dict[str, Any]]:
     """
     path = folder / "trials.jsonl"
     if not path.is_file():
-        raise InputError(f"{folder} holds no evaluation (no trials.jsonl): name the --out of `dexgrasp evaluate`")
+        raise InputError(
+            f"{folder} holds no evaluation (no trials.jsonl): name the --out of `dexgrasp evaluate`"
+        )
     return [row for row, _ in _whole_lines(path.read_bytes(), folder)]
 
 
@@ -70,7 +72,9 @@ def _lock(file: TextIO, folder: Path) -> TextIO:
         fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
         file.close()
-        raise InputError(f"another evaluation is writing to {folder}: wait for it, or choose another --out") from None
+        raise InputError(
+            f"another evaluation is writing to {folder}: wait for it, or choose another --out"
+        ) from None
     return file
 
 

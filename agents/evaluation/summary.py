@@ -36,7 +36,9 @@ def summarise(settings: EvaluationSettings, rows: Sequence[Row]) -> dict[str, An
 def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
     """Return one agent's part of the summary."""
     objects = list(dict.fromkeys(row["object"] for row in rows))
-    members = {name: [row for row in rows if row["object"] in names] for name, names in present_sets(objects).items()}
+    members = {
+        name: [row for row in rows if row["object"] in names] for name, names in present_sets(objects).items()
+    }
     times = [row["planning_seconds"] for row in rows if row["planning_seconds"] is not None]
     return {
         **count(rows),
@@ -130,5 +132,7 @@ def _stages(rows: Sequence[Row]) -> dict[str, Any]:
 
 def _spread(rows: Sequence[Row], read: Callable[[Row], Mapping[str, float]]) -> dict[str, dict[str, float]]:
     stages = dict.fromkeys(stage for row in rows for stage in read(row))
-    values = {stage: [read(row)[stage] for row in rows if read(row).get(stage) is not None] for stage in stages}
+    values = {
+        stage: [read(row)[stage] for row in rows if read(row).get(stage) is not None] for stage in stages
+    }
     return {stage: quantiles(own, **_QUARTILES) for stage, own in values.items()}

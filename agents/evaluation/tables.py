@@ -43,7 +43,8 @@ def object_table(agents: Mapping[str, Any], table: Table) -> str:
     ordered = [o for names in OBJECT_SETS.values() for o in names]
     objects.sort(key=lambda o: ordered.index(o) if o in ordered else len(ordered))
     rows = [
-        [name, *(_object_cell(agent_name, agent, name) for agent_name, agent in agents.items())] for name in objects
+        [name, *(_object_cell(agent_name, agent, name) for agent_name, agent in agents.items())]
+        for name in objects
     ]
     has_paper = any(o in paper.SUCCESSES.get(name, {}) for name in agents for o in objects)
     return table(["object" + (" (paper)" if has_paper else ""), *agents], rows)
@@ -51,7 +52,9 @@ def object_table(agents: Mapping[str, Any], table: Table) -> str:
 
 def failure_rows(agents: Mapping[str, Any]) -> list[list[str]]:
     """Return agent, count and reason of every kind of failure."""
-    return [[name, str(n), reason] for name, agent in agents.items() for reason, n in agent["failures"].items()]
+    return [
+        [name, str(n), reason] for name, agent in agents.items() for reason, n in agent["failures"].items()
+    ]
 
 
 def _object_cell(agent_name: str, agent: Mapping[str, Any], name: str) -> str:

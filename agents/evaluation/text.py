@@ -11,7 +11,8 @@ def text_table(header: Sequence[str], rows: Cells) -> str:
 
     def line(cells: Sequence[str]) -> str:
         first, *rest = (
-            cell.ljust(w) if i == 0 else cell.rjust(w) for i, (cell, w) in enumerate(zip(cells, widths, strict=True))
+            cell.ljust(w) if i == 0 else cell.rjust(w)
+            for i, (cell, w) in enumerate(zip(cells, widths, strict=True))
         )
         return "  ".join([first, *rest]).rstrip()
 

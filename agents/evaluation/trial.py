@@ -70,7 +70,9 @@ class AgentError(Exception):
     """An exception of the agent's code; the cause is chained."""
 
 
-def run_trial(env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, frames: FrameSink | None = None) -> Outcome:
+def run_trial(
+    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, frames: FrameSink | None = None
+) -> Outcome:
     """Run one episode; stops as soon as it is decided.
 
     An agent's exception or a wrong action fails the trial, not the evaluation.
@@ -105,7 +107,9 @@ def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, An
     return known | {key: value for key, value in info.items() if key.startswith("perception")}
 
 
-def _episode(env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None) -> None:
+def _episode(
+    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None
+) -> None:
     observation, info = env.reset(seed=seeds.scene)
     _record(env, frames)
     if hasattr(agent, "seed"):
@@ -139,7 +143,9 @@ def _numbers(action: Any) -> Any:
 def _note(outcome: Outcome, info: Mapping[str, Any]) -> None:
     outcome.success, outcome.stable = bool(info["is_success"]), bool(info["is_stable"])
     outcome.stage = info["stage"]
-    outcome.reason = None if outcome.success else info["failure"] or NOT_HELD.get(outcome.stage, outcome.stage)
+    outcome.reason = (
+        None if outcome.success else info["failure"] or NOT_HELD.get(outcome.stage, outcome.stage)
+    )
     outcome.height, outcome.slip, outcome.tilt = (
         jsonable(info[key]) for key in ("object_height", "object_slip", "object_tilt")
     )

@@ -27,7 +27,9 @@ class Video:
         if self._writer is None:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             fps = round(1 / CONTROL_PERIOD)
-            self._writer = imageio.get_writer(self.path, fps=fps, codec="libx264", quality=7, macro_block_size=8)
+            self._writer = imageio.get_writer(
+                self.path, fps=fps, codec="libx264", quality=7, macro_block_size=8
+            )
         self._writer.append_data(np.asarray(env.render()))
 
     def close(self) -> None:
@@ -45,4 +47,6 @@ def check_rendering() -> None:
     from dexgrasp_env.rendering import choose_gl
 
     if choose_gl() is None:
-        raise InputError("--video needs off-screen rendering, and no GL library is here: see `dexgrasp doctor`")
+        raise InputError(
+            "--video needs off-screen rendering, and no GL library is here: see `dexgrasp doctor`"
+        )

@@ -45,7 +45,9 @@ def run_cells(
         try:
             yield from _as_finished(pool, cells, ahead=2 * workers)
         except BrokenProcessPool:
-            raise WorkerDiedError("a worker process died (killed, out of memory, or a crash in native code)") from None
+            raise WorkerDiedError(
+                "a worker process died (killed, out of memory, or a crash in native code)"
+            ) from None
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
             for child in multiprocessing.active_children():

@@ -43,14 +43,14 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
 
     A Franka Emika Panda with an Allegro hand stands at a table. One object lies on it. The task is solved when the
     object's lowest point has been at least 10 cm above the table for the last 3 s and nothing but the hand has touched
-    it meanwhile. Control runs at 20 Hz, physics at 500 Hz. All quantities are in metres, radians, kilograms and newtons,
-    in the robot base frame: x forward, z up, table top at z = 0.
+    it meanwhile. Control runs at 20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in
+    the robot base frame: x forward, z up, table top at z = 0.
 
     ## Action Space
 
     A `Box(-1, 1, (n,), float32)`; entries outside are clipped, NaN and wrong shapes raise `InputError`. Actions become
-    set-points of the 23 joint servos, which move evenly within the control step, at most at the joints' velocity limits.
-    Joints are in the order panda_joint1-7, then index, middle, ring and thumb with four each.
+    set-points of the 23 joint servos, which move evenly within the control step, at most at the joints' velocity
+    limits. Joints are in the order panda_joint1-7, then index, middle, ring and thumb with four each.
 
     | control_mode | n | Entries | Meaning |
     | --- | --- | --- | --- |
@@ -91,8 +91,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
 
     `info` has at every step `is_success`, `is_stable` (less than 2.5 cm and 15 deg of motion in the hand's frame since
     the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure`, `object`,
-    `object_height`, `object_slip`, `object_tilt`, `held_seconds`, `mujoco_warnings`, and after a step `reward_terms`. With
-    cameras it has `perception_failure`, `perception_T_world_camera` and `perception_intrinsics`.
+    `object_height`, `object_slip`, `object_tilt`, `held_seconds`, `mujoco_warnings`, and after a step `reward_terms`.
+    With cameras it has `perception_failure`, `perception_T_world_camera` and `perception_intrinsics`.
 
     ## Rewards
 
@@ -115,13 +115,14 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     ## Episode End
 
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
-    (`simulation_diverged`, with reward 0). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up.
+    (`simulation_diverged`, with reward 0). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay
+    up.
 
     ## Arguments
 
     | Argument | Default | Valid |
     | --- | --- | --- |
-    | `objects` | `'ycb6'` | a name, a set (`ycb6`, `seen`, `familiar`, `novel`, `all20`), a mesh file, or a list of these |
+    | `objects` | `'ycb6'` | name, set (`ycb6`, `seen`, `familiar`, `novel`, `all20`), mesh file, or a list of these |
     | `obs_mode` | `'state'` | `state`, `pointcloud`, `depth`, `rgbd` |
     | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta` |
     | `reward_mode` | `'dense'` | `dense`, `sparse` |
@@ -152,7 +153,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     * v0: first version.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": round(1 / CONTROL_PERIOD)}
+    metadata = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": round(1 / CONTROL_PERIOD)}  # noqa: RUF012
 
     def __init__(
         self,
@@ -256,7 +257,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         reward = float(dense_reward(terms) if dense else sparse_reward(self._progress))
         self._over = failure is not None
         if failure == "simulation_diverged":
-            reward, terms = 0.0, dict.fromkeys(terms, 0.0)
+            reward, terms = 0.0, dict.fromkeys(terms, np.zeros(()))
         observation, views_info = self._observe(state, at_reset=False)
         if self.render_mode == "human":
             self.render()

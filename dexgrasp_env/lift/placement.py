@@ -65,7 +65,8 @@ class Placement:
         poses = model.rest_poses
         if isinstance(self.rest_pose, int):
             if self.rest_pose >= len(poses):
-                raise InputError(f"rest_pose {self.rest_pose}: {model.name} has {len(poses)}, valid are 0..{len(poses) - 1}")
+                valid = f"valid are 0..{len(poses) - 1}"
+                raise InputError(f"rest_pose {self.rest_pose}: {model.name} has {len(poses)}, {valid}")
             pose = poses[self.rest_pose]
         elif self.rest_pose == "likely":
             pose = max(poses, key=lambda p: p.probability)

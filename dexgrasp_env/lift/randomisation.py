@@ -95,8 +95,8 @@ def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:
         model.mesh_vert[rows] = base.mesh_vert[rows] * size
         model.mesh_pos[mesh] = base.mesh_pos[mesh] * size
         boxes |= _bvh_rows(model.mesh_bvhadr[mesh], model.mesh_bvhnum[mesh])
-    rows = sorted(boxes)
-    model.bvh_aabb[rows] = base.bvh_aabb[rows] * size
+    indices = sorted(boxes)
+    model.bvh_aabb[indices] = base.bvh_aabb[indices] * size
 
 
 def _bvh_rows(address: int, number: int) -> set[int]:

@@ -115,4 +115,4 @@ def object_lost(state: LiftState) -> NDArray[np.bool_]:
 
 def diverged(state: LiftState) -> NDArray[np.bool_]:
     """(...,): a number of the simulation is no longer finite."""
-    return ~np.isfinite(state.qpos.sum(-1) + state.qvel.sum(-1))  # one bad number spoils the sum
+    return np.logical_not(np.isfinite(state.qpos.sum(-1) + state.qvel.sum(-1)))  # one bad number spoils the sum

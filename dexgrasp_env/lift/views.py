@@ -63,7 +63,8 @@ class Views:
         if self._obs_mode == "pointcloud":
             cloud = perception.observe(simulation.data, rng).cloud
             info["perception_failure"] = cloud.reason
-            plane = np.zeros(5) if cloud.plane is None else np.array([*cloud.plane.normal, cloud.plane.offset, cloud.plane.rms])
+            seen = cloud.plane
+            plane = np.zeros(5) if seen is None else np.array([*seen.normal, seen.offset, seen.rms])
             return {
                 "cloud": cloud.points.astype(np.float32),
                 "cloud_normals": cloud.normals.astype(np.float32),

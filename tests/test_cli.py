@@ -1,0 +1,222 @@
+"""The command line: exit codes, one-line errors, JSON alone on standard output."""
+
+import json
+import subprocess
+import sys
+import textwrap
+import time
+
+import pytest
+
+from agents.benchmarks.registry import available
+from agents.cli import checks
+from agents.cli.benchmark import render
+from agents.cli.main import BAD_INPUT, COMMANDS, INTERNAL_ERROR, INTERRUPTED, OK, main, make_parser
+from agents.cli.output import json_output, print_json
+from dexgrasp_env.errors import InputError
+
+
+def run(*arguments, module="agents.cli.main", **kwargs):
+    return subprocess.run(
+        [sys.executable, "-m", module, *arguments], capture_output=True, text=True, **kwargs
+    )
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["nonsense"], "evaluate"),
+        (["list", "things"], "objects"),
+        (["list", "objects", "--colour"], "--colour"),
+        (["evaluate", "--objects", "seen"], "--agents"),
+        (["evaluate", "--agents", "random", "--objects", "suger_box"], "sugar_box"),
+        (["evaluate", "--agents", "randon", "--objects", "seen"], "hardcoded"),
+        (["evaluate", "--agents", "no.such:Agent", "--objects", "seen"], "no.such"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--trials", "0"], "above 0"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--seed", "-1"], "from 0 on"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "nan"], "positive"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "7"], "up to 2"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--protocol", "v9"], "lift-v0"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--mount", "odd"], "palm_normal"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--out", "/dev/null/x"], "cannot write"),
+        (["evaluate", "--agents", "random", "--objects", "nowhere.stl"], "nowhere.stl"),
+        (["report", "nowhere"], "no evaluation"),
+        (["benchmark", "nonsense"], "stepping"),
+        (["doctor", "nowhere.stl"], "does not exist"),
+    ],
+)
+def test_bad_input_is_one_line_and_2(arguments, words, capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == BAD_INPUT
+    line = one_line_after_notes(capsys)
+    assert words in line
+    assert "Traceback" not in line
+
+
+def one_line_after_notes(capsys):
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    lines = [line for line in captured.err.strip().splitlines() if not line.startswith("results go to")]
+    assert len(lines) == 1, lines
+    return lines[0]
+
+
+@pytest.mark.parametrize(
+    ("content", "suffix"),
+    [
+        (b"", ".stl"),
+        (b"not a mesh", ".obj"),
+        (b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ".obj"),
+        (b"x", ".txt"),
+    ],
+)
+def test_bad_meshes_are_one_line_and_2(content, suffix, capsys, tmp_path, monkeypatch):
+    for slow in ("check_rendering", "check_machine"):
+        monkeypatch.setattr(checks, slow, list)
+    path = tmp_path / f"thing{suffix}"
+    path.write_bytes(content)
+    arguments = ["evaluate", "--agents", "random", "--objects", str(path), "--out", str(tmp_path / "out")]
+    assert main(arguments) == BAD_INPUT
+    assert "thing" in one_line_after_notes(capsys)
+    assert main(["doctor", str(path)]) == 1
+    assert "WRONG" in capsys.readouterr().out
+
+
+def test_no_command_teaches(capsys):
+    assert main([]) == BAD_INPUT
+    assert "examples" in capsys.readouterr().err
+    assert main(["--version"]) == OK
+    assert capsys.readouterr().out.startswith("dexgrasp ")
+
+
+def test_every_command_has_help_with_its_options(capsys):
+    parser = make_parser()
+    found = parser._subparsers._group_actions[0].choices
+    assert {"list", "evaluate", "report", "doctor", "benchmark"} <= set(found) <= set(COMMANDS)
+    for name in found:
+        assert main([name, "--help"]) == OK
+        assert f"dexgrasp {name}" in capsys.readouterr().out
+
+
+def test_help_is_fast():
+    run("--help")  # the first run compiles
+    times = []
+    for _ in range(3):
+        start = time.perf_counter()
+        assert run("--help").returncode == OK
+        times.append(time.perf_counter() - start)
+    assert min(times) < 0.9  # 0.3 s on an idle machine
+
+
+@pytest.mark.parametrize("what", ["objects", "envs", "agents"])
+def test_list(what, capsys):
+    assert main(["list", what, "--json"]) == OK
+    listed = json.loads(capsys.readouterr().out)
+    assert len(listed[what]) >= 1
+    assert main(["list", what]) == OK
+    table = capsys.readouterr().out
+    assert {"objects": "sugar_box", "envs": "DexGrasp/Lift-v0", "agents": "hardcoded"}[what] in table
+
+
+def test_module_is_the_same_command():
+    done = run("list", "envs", "--json", module="dexgrasp_env")
+    assert done.returncode == OK, done.stderr
+    assert json.loads(done.stdout)["envs"][0]["id"] == "DexGrasp/Lift-v0"
+    assert run("list", "nothing", module="dexgrasp_env").returncode == BAD_INPUT
+
+
+def test_world_does_not_import_agents():
+    code = "import sys, dexgrasp_env.__main__; print('agents' in sys.modules)"
+    assert (
+        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
+    )
+
+
+def test_evaluate_prints_json_alone(tmp_path):
+    command = [
+        "evaluate",
+        "--agents",
+        "random",
+        "agent_of_mine:Mine",
+        "--objects",
+        "gelatin_box",
+        "--trials",
+        "1",
+    ]
+    (tmp_path / "agent_of_mine.py").write_text(textwrap.dedent(
+        """
+        import os
+        class Mine:
+            def reset(self, observation, info): print("I say something"); os.write(1, b"natively")
+            def act(self, observation): raise RuntimeError("broken")
+        """
+    ))  # fmt: skip
+    done = run(*command, "--json", cwd=tmp_path)
+    assert done.returncode == OK, done.stderr
+    summary = json.loads(done.stdout)
+    assert summary["agents"]["agent_of_mine:Mine"]["failures"] == {"agent_error: RuntimeError": 1}
+    assert "I say something" in done.stderr
+    assert "natively" in done.stderr
+    assert done.stderr.count("RuntimeError: broken") == 1
+    again = run(*command, cwd=tmp_path)  # the default folder is found again, and nothing is left to do
+    assert again.returncode == OK, again.stderr
+    assert "gelatin_box" in again.stdout
+    runs = list((tmp_path / "runs").iterdir())
+    assert len(runs) == 1
+    assert len((runs[0] / "trials.jsonl").read_text().splitlines()) == 2
+    changed = run(*command, "--seed", "1", "--out", str(runs[0]), cwd=tmp_path)
+    assert changed.returncode == BAD_INPUT
+    assert "seed was 0, is 1" in changed.stderr
+
+
+def test_exceptions_and_interrupts(monkeypatch, capsys):
+    import agents.cli.list as command
+
+    for error, code in (
+        (InputError("a\nb"), BAD_INPUT),
+        (KeyboardInterrupt(), INTERRUPTED),
+        (OSError("x"), INTERNAL_ERROR),
+    ):
+        monkeypatch.setattr(command, "run", lambda args, error=error: (_ for _ in ()).throw(error))
+        assert main(["list", "objects"]) == code
+    assert "a b\n" in capsys.readouterr().err
+
+
+def test_closed_pipe_is_no_error():
+    command = f"{sys.executable} -m agents.cli.main list objects | head -n 1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
+    assert done.stderr == ""
+
+
+def test_json_output_keeps_the_stream_clean(capfd):
+    with json_output(True):
+        print("noise")
+        print_json({"a": 1})
+    print("after")
+    out, error = capfd.readouterr()
+    assert out == '{\n  "a": 1\n}\nafter\n'
+    assert "noise" in error
+    with pytest.raises(ValueError, match="JSON"):
+        print_json({"a": float("nan")})
+
+
+def test_doctor_survives_broken_backends(monkeypatch):
+    monkeypatch.setattr(checks, "_RENDER", "import os, signal; os.kill(os.getpid(), signal.SIGSEGV)")
+    findings = checks.check_rendering()
+    assert "crashes (signal 11)" in findings[0].problem
+    assert findings[-1].level == "warning"
+    assert "libosmesa6" in findings[-1].remedy
+
+
+def test_doctor_knows_the_wrong_mujoco(monkeypatch):
+    monkeypatch.setattr(checks, "version", lambda package: "4.0.0")
+    wrong = [finding for finding in checks.check_versions() if finding.level == "error"]
+    assert ["mujoco" in finding.problem for finding in wrong] == [True]
+
+
+def test_benchmark_tables():
+    assert "stepping" in available()
+    text = render({"box": {"ratio": 0.912345, "parts": {"a": 1}}, "all": {"ratio": None}, "total": 3.0})
+    assert "0.9123" in text
+    assert "parts a" in text
+    assert "total: 3" in text
