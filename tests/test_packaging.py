@@ -1,0 +1,99 @@
+import ast
+import re
+import sys
+import tomllib
+from importlib.metadata import entry_points, packages_distributions, version
+from pathlib import Path
+
+import pytest
+
+import dexgrasp_env
+from dexgrasp_env.assets import asset_path
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGES = ("dexgrasp_env", "agents")
+UNIMPORTED = {"imageio-ffmpeg", "osqp"}
+"""Dependencies used through another: imageio's writer of videos, a solver that qpsolvers finds."""
+
+
+def imports_of(package):
+    """Yield (file, top-level name) of every import statement, those inside functions too."""
+    for file in (ROOT / package).rglob("*.py"):
+        for node in ast.walk(ast.parse(file.read_text())):
+            if isinstance(node, ast.Import):
+                yield from ((file, alias.name.partition(".")[0]) for alias in node.names)
+            elif isinstance(node, ast.ImportFrom) and not node.level:
+                yield file, node.module.partition(".")[0]
+
+
+def normal(name):
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def names(requirements):
+    return {normal(re.match(r"[\w.-]+", line)[0]) for line in requirements}
+
+
+@pytest.fixture(scope="module")
+def project():
+    return tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+
+
+@pytest.fixture(scope="module")
+def imported():
+    """Names of the distributions that the two packages import."""
+    owners = packages_distributions()
+    modules = {name for package in PACKAGES for _, name in imports_of(package)}
+    foreign = modules - set(sys.stdlib_module_names) - set(PACKAGES)
+    return {normal(owners.get(module, [module])[0]) for module in foreign}
+
+
+def test_version_is_the_installed_one_and_in_the_changelog():
+    assert dexgrasp_env.__version__ == version("dexgrasp")
+    assert f"## [{dexgrasp_env.__version__}]" in (ROOT / "CHANGELOG.md").read_text()
+
+
+def test_console_script_resolves():
+    (script,) = entry_points(group="console_scripts", name="dexgrasp")
+    assert script.load()(["--version"]) == 0
+
+
+@pytest.mark.parametrize(
+    "parts", [("robot", "panda.xml"), ("robot", "allegro.xml"), ("rest_poses", "sugar_box.json")]
+)
+def test_assets_are_found(parts):
+    assert asset_path(*parts).stat().st_size > 0
+
+
+def test_missing_asset_says_what_to_do():
+    with pytest.raises(FileNotFoundError, match=r"robot/no\.xml is missing .* reinstall"):
+        asset_path("robot", "no.xml")
+
+
+def test_environment_never_imports_agents():
+    assert [str(file) for file, name in imports_of("dexgrasp_env") if name == "agents"] == []
+
+
+def test_every_import_is_declared(project, imported):
+    extras = {name for extra in project["optional-dependencies"].values() for name in names(extra)}
+    assert imported - names(project["dependencies"]) - extras == set()
+
+
+def test_every_dependency_is_used(project, imported):
+    assert names(project["dependencies"]) - imported == UNIMPORTED
+
+
+def test_constraints_pin_every_dependency(project):
+    lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if line and line[0] != "#"]
+    pinned = dict(line.split("==") for line in lines)
+    wanted = names(project["dependencies"] + project["optional-dependencies"]["learn"])
+    assert wanted - {normal(name) for name in pinned} == set()
+    assert (
+        pinned["torch"] == "2.13.0"
+    )  # without a local part: it also resolves where there is no CPU build of its own
+    assert pinned["mujoco"].startswith("3.")
+
+
+def test_readme_names_the_tests_that_ci_runs():
+    assert "python -m pytest\n" in (ROOT / "README.md").read_text()
+    assert '"$BIN/python" -m pytest\n' in (ROOT / ".ci" / "run").read_text()
