@@ -20,25 +20,43 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "dataset", help="make and look at the grasp dataset", epilog=_EPILOG,
         description="The grasp dataset: rest poses, contact triples in closure, hand configurations that reach them.",
     )  # fmt: skip
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="dataset_command", required=True)
+    commands = parser.add_subparsers(
+        title="commands", metavar="COMMAND", dest="dataset_command", required=True
+    )
     _add_generate(commands.add_parser("generate", help="make a dataset; resumable", epilog=_EPILOG))
     info = commands.add_parser("info", help="counts, histograms, a picture")
     info.add_argument("folder", type=Path, metavar="DIR", help="of the dataset")
-    info.add_argument("--picture", type=Path, metavar="PNG", help="where the picture goes (default DIR/dataset.png)")
-    info.add_argument("--verify", type=positive_int, metavar="N", help="check N random grasps by independent means")
+    info.add_argument(
+        "--picture", type=Path, metavar="PNG", help="where the picture goes (default DIR/dataset.png)"
+    )
+    info.add_argument(
+        "--verify", type=positive_int, metavar="N", help="check N random grasps by independent means"
+    )
     add_json(info)
 
 
 def _add_generate(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--objects", nargs="+", required=True, metavar="OBJECT", help="objects, sets or mesh files")
+    parser.add_argument(
+        "--objects", nargs="+", required=True, metavar="OBJECT", help="objects, sets or mesh files"
+    )
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the dataset")
     parser.add_argument(
-        "--grasps-per-pose", type=positive_int, default=200, metavar="N", help="asked for of each rest pose (default 200)"
+        "--grasps-per-pose",
+        type=positive_int,
+        default=200,
+        metavar="N",
+        help="asked for of each rest pose (default 200)",
     )
     parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
-    parser.add_argument("--chunk", type=positive_int, default=200, metavar="N", help="grasps a file (default 200)")
     parser.add_argument(
-        "--tries", type=positive_int, default=12, metavar="N", help="postures tried for a grasp asked for (default 12)"
+        "--chunk", type=positive_int, default=200, metavar="N", help="grasps a file (default 200)"
+    )
+    parser.add_argument(
+        "--tries",
+        type=positive_int,
+        default=12,
+        metavar="N",
+        help="postures tried for a grasp asked for (default 12)",
     )
     parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
     parser.add_argument("--backend", default="loky", help="of joblib: loky, threading, or ray for a cluster")
@@ -72,7 +90,9 @@ def _generate(args: argparse.Namespace) -> int:
         try:
             generate(settings, args.out, args.workers, args.backend, show)
         except KeyboardInterrupt:
-            note(f"dexgrasp dataset: interrupted; finished files are kept in {args.out}: the same command goes on from there")
+            note(
+                f"dexgrasp dataset: interrupted; finished files are kept in {args.out}: the same command goes on from there"
+            )
             return 3
     return _print(args, summary(args.out))
 
@@ -100,7 +120,14 @@ def _print(args: argparse.Namespace, figures: dict[str, Any]) -> int:
         print_json(figures)
         return 0
     rows = [
-        [p["object"], str(p["pose"]), f"{p['probability']:.2f}", str(p["grasps"]), str(p["triples_feasible"]), f"{p['coverage']:.0%}"]
+        [
+            p["object"],
+            str(p["pose"]),
+            f"{p['probability']:.2f}",
+            str(p["grasps"]),
+            str(p["triples_feasible"]),
+            f"{p['coverage']:.0%}",
+        ]
         for p in figures["poses"]
     ]
     print(text_table(["object", "pose", "probability", "grasps", "triples", "coverage"], rows))

@@ -20,6 +20,7 @@ from agents.learning.shards import (
     write_pose,
     write_shard,
 )
+from agents.planning.postures import _NEIGHBOURS, _SIDE_TOLERANCE
 from dexgrasp_env.cache import content_hash, write_atomically
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import object_name
@@ -132,7 +133,10 @@ def _identity(settings: DatasetSettings) -> dict[str, Any]:
         if name in objects:
             raise InputError(f"two objects are called {name!r}: rename one of the files")
         objects[name] = {"content_hash": model.content_hash, "rest_poses": len(model.rest_poses), "mass": model.mass}
-    fixed = {"least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH]}
+    fixed = {
+        "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": _NEIGHBOURS,
+        "side_tolerance": _SIDE_TOLERANCE,
+    }  # fmt: skip
     return {"settings": settings.as_json(), "objects": objects, "fixed": fixed, "versions": versions()}
 
 

@@ -89,7 +89,7 @@ def planner_settings(folder: Path) -> PlannerSettings:
     """Return the thresholds a dataset was made with."""
     saved = read_manifest(folder)["settings"]["planner"]
     known = {k: tuple(tuple(x) if isinstance(x, list) else x for x in v) if isinstance(v, list) else v for k, v in saved.items()}
-    return PlannerSettings(**known)
+    return PlannerSettings(**{k: v for k, v in known.items() if k in PlannerSettings.__dataclass_fields__})
 
 
 def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:

@@ -1,0 +1,149 @@
+"""What a source of proposals buys: postures and time until a verified grasp, its margin, how varied the grasps are.
+
+Every source serves the same planner on the same perceived hulls, without planning the approach.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from agents.bilevel import make_source, subject_from_cloud
+from agents.evaluation.statistics import wilson_interval
+from agents.planning.grasp import Grasp
+from agents.planning.planner import Plan, Planner
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
+
+SOURCES = ("cvae", "surface", "uniform")
+SETS = ("seen", "familiar", "novel")
+_QUICK, _FULL = (1, 3), (3, 4)  # scenes an object, seeds a scene
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One plan: scene, whether its grasp was verified, and figures."""
+
+    scene: str
+    verified: bool
+    tried: int
+    seconds: float
+    proposal_seconds: float
+    grasp: Grasp | None
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Measure all sources on seen, familiar and novel objects.
+
+    Returns:
+        By set and source: `trials`, `verified` with its interval, medians of `tried` and `seconds` with bootstrap
+        intervals, `margin`, and over the verified grasps of one scene the mean distance of contact centroids
+        (`spread_cm`) and the mean angle between palms (`palm_degrees`).
+    """
+    scenes, seeds = _QUICK if quick else _FULL
+    first = replace(PlannerSettings(), candidates=1)  # the first grasp, not the best of several
+    planners = {name: Planner(first, source) for name, source in _sources().items()}
+    figures: dict[str, Any] = {}
+    for group in SETS:
+        subjects = [
+            (f"{name}-{k}", subject)
+            for name in OBJECT_SETS[group]
+            for k in range(scenes)
+            if (subject := _perceived(name, 1000 + k)) is not None
+        ]
+        for name, planner in planners.items():
+            planner.plan(subjects[0][1], 0)  # compile, read weights
+            attempts = [_attempt(planner, scene, subject, seed) for scene, subject in subjects for seed in range(seeds)]
+            figures[f"{group} {name}"] = _figures(attempts)
+    return figures
+
+
+def _sources() -> dict[str, Any]:
+    found = {}
+    for name in SOURCES:
+        try:
+            found[name] = make_source(name)
+        except InputError:  # no torch: the others can still be compared
+            continue
+    return found
+
+
+def _perceived(name: str, seed: int) -> Subject | None:
+    """Return the hull of an object as the depth cameras see it."""
+    import gymnasium as gym
+
+    import dexgrasp_env  # noqa: F401
+
+    env = gym.make(
+        "DexGrasp/Lift-v0", objects=name, obs_mode="pointcloud", control_mode="joint_position", observe="reset"
+    )
+    try:
+        observation, _ = env.reset(seed=seed)
+        return subject_from_cloud(observation)[0]
+    finally:
+        env.close()
+
+
+def _attempt(planner: Planner, scene: str, subject: Subject, seed: int) -> Attempt:
+    began = time.perf_counter()
+    plan: Plan = planner.plan(subject, seed)
+    seconds = time.perf_counter() - began
+    good = plan.grasp is not None and _verified(plan.grasp, subject, planner.settings)
+    return Attempt(scene, good, plan.tried, seconds, plan.seconds.get("proposals", 0.0), plan.grasp)
+
+
+def _verified(grasp: Grasp, subject: Subject, settings: PlannerSettings) -> bool:
+    import json
+    import tempfile
+    from pathlib import Path
+
+    from agents.planning.grasp_file import grasp_json, read_grasp
+    from agents.planning.verify import verify
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "grasp.json"
+        path.write_text(json.dumps(grasp_json("hull", grasp, subject, settings)))
+        return all(check.holds for check in verify(read_grasp(path)))
+
+
+def _figures(attempts: list[Attempt]) -> dict[str, Any]:
+    good = [a for a in attempts if a.verified]
+    low, high = wilson_interval(len(good), len(attempts))
+    spread, angle = _diversity(good)
+    return {
+        "trials": len(attempts), "verified": len(good) / len(attempts), "verified_low": low, "verified_high": high,
+        **_median("tried", [a.tried for a in good]), **_median("seconds", [a.seconds for a in good]),
+        **_median("margin", [a.grasp.certificate.closure_margin for a in good if a.grasp]),
+        "mean_tried": float(np.mean([a.tried for a in attempts])),
+        "proposal_seconds": float(np.median([a.proposal_seconds for a in attempts])),
+        "spread_cm": spread, "palm_degrees": angle,
+    }  # fmt: skip
+
+
+def _median(name: str, values: list[float]) -> dict[str, float | None]:
+    """Return the median with its 95 % bootstrap interval."""
+    if not values:
+        return {name: None, f"{name}_low": None, f"{name}_high": None}
+    drawn = np.random.default_rng(0).choice(np.asarray(values, float), (2000, len(values)))
+    low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+    return {name: float(np.median(values)), f"{name}_low": float(low), f"{name}_high": float(high)}
+
+
+def _diversity(good: list[Attempt]) -> tuple[float | None, float | None]:
+    """Return mean distances, cm and degrees, between verified grasps of the same scene."""
+    from agents.kinematics.forward import body_frames
+    from agents.kinematics.tree import robot_tree
+
+    tree, spreads, angles = robot_tree(), [], []
+    for scene in {a.scene for a in good}:
+        grasps = [a.grasp for a in good if a.scene == scene and a.grasp is not None]
+        palms = [body_frames(g.q, tree)[0][tree.palm] for g in grasps]
+        for i in range(len(grasps)):
+            for j in range(i):
+                spreads.append(100.0 * np.linalg.norm(grasps[i].contacts.mean(0) - grasps[j].contacts.mean(0)))
+                cosine = 0.5 * (np.trace(palms[i].T @ palms[j]) - 1.0)
+                angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return (float(np.mean(spreads)), float(np.mean(angles))) if spreads else (None, None)

@@ -1,0 +1,138 @@
+"""The ablations of the paper that run the CVAE with less than the bilevel programme behind it."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.bilevel import BilevelAgent
+from agents.execution.motion import NoPath
+from agents.execution.script import make_script
+from agents.learning.proposals import CvaeProposals
+from agents.physics.ratios import wrench_ratios
+from agents.physics.wrench import solve_wrench_qp
+from agents.planning.bilevel import Solution, solve
+from agents.planning.certificate import Certificate
+from agents.planning.grasp import Grasp, grasp_motion, openings
+from agents.planning.planner import Plan, Planner
+from agents.planning.postures import oriented_postures
+from agents.planning.programme import FIXED_ROWS
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+
+Array = NDArray[np.float64]
+MISS = 2e-3
+"""m, of the worst fingertip, at which IK counts as converged (facts of the original: 1 to 2 mm)."""
+PRESS = 4.0
+"""N that each fingertip presses with, straight in: nobody has checked what it takes to hold."""
+_IK, _NO_LATENT = "ik_not_converged", "no_latent_reachable"
+
+
+class CvaeAgent(BilevelAgent):
+    """Agent `cvae`: the first latent whose fingertips IK reaches from one of six orientations, as it is.
+
+    No closure, no clearances, no refinement; the approach must exist, as nothing can be carried out without.
+    """
+
+    def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
+        """Prepare.
+
+        Args:
+            settings: of the planner; `postures` bounds the latents.
+            mount: of the hand.
+
+        Raises:
+            InputError: without torch or the shipped weights.
+        """
+        self._learned = CvaeProposals(ranked=False)
+        super().__init__("surface", settings, mount, with_closure=False, starts="oriented")
+
+    def _make(self, mount: str) -> Planner:
+        return RawPlanner(self.settings, self._learned, mount, starts="oriented", with_closure=False)
+
+
+class CvaeKinematicsAgent(BilevelAgent):
+    """Agent `cvae_kinematics`: as `bilevel` with learned proposals, but without wrench closure anywhere."""
+
+    def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
+        """Prepare; arguments and errors are those of `CvaeAgent`."""
+        self._learned = CvaeProposals(ranked=False)
+        super().__init__("surface", settings, mount, with_closure=False, starts="oriented")
+
+    def _make(self, mount: str) -> Planner:
+        return Planner(self.settings, self._learned, mount, starts="oriented", with_closure=False)
+
+
+class RawPlanner(Planner):
+    """Executes a proposal through IK alone."""
+
+    def plan(self, subject: Subject, seed: int = 0, start: Array | None = None) -> Plan:
+        """Return the first proposal that IK reaches and that can be approached; see `Planner.plan`."""
+        plan, began = Plan(), time.perf_counter()
+        proposals = self._source.propose(subject, self.settings, np.random.default_rng(seed))
+        plan.seconds["proposals"] = time.perf_counter() - began
+        plan.reason = proposals.failure
+        for k in range(min(len(proposals.contacts), self.settings.postures)):
+            if self._late(plan):
+                break
+            began = time.perf_counter()
+            self._try(k, oriented_postures(k, proposals, subject, self.tree, self.settings), subject, plan, start)
+            plan.seconds["postures"] = plan.seconds.get("postures", 0.0) + time.perf_counter() - began
+            if plan.grasp is not None:
+                plan.reason = None
+                return plan
+        plan.reason = plan.reason or (max(plan.blocked, key=lambda r: plan.blocked[r][0]) if plan.blocked else _NO_LATENT)
+        return plan
+
+    def _late(self, plan: Plan) -> bool:
+        return self.settings.seconds is not None and plan.total_seconds > self.settings.seconds
+
+    def _try(self, k: int, postures: list, subject: Subject, plan: Plan, start: Array | None) -> None:
+        for posture in postures:
+            plan.tried += 1
+            if -posture.score > MISS:
+                _count(plan, _IK)
+                continue
+            grasp = self._as_it_is(posture.q, subject)
+            try:
+                plan.script = None if start is None else make_script(start, grasp.motion, subject.distance, self.mount)
+            except NoPath as blocked:
+                _count(plan, blocked.reason)
+                continue
+            plan.grasp = grasp
+            return
+
+    def _as_it_is(self, q: Array, subject: Subject) -> Grasp:
+        solution = solve(q, self.tree, subject, replace(self.settings, iterations=0))
+        normals = solution.evaluation.normals
+        forces = -PRESS * normals
+        motion = grasp_motion(solution.q, normals, forces, subject, self.tree, self.settings, openings()[0])
+        certificate = self._honest(solution, subject)
+        return Grasp(solution.q, solution.evaluation.contacts, normals, forces, certificate, motion, self.mount)
+
+    def _honest(self, solution: Solution, subject: Subject) -> Certificate:
+        """Return the figures of a grasp that was made without looking at them."""
+        settings, at = self.settings, solution.evaluation
+        internal = solve_wrench_qp(at.contacts, at.normals, settings.friction)
+        ratios = wrench_ratios(at.contacts, internal.forces, subject.centre)
+        clearances = at.values[FIXED_ROWS:]
+        return Certificate(
+            distances_cm=tuple(float(d) for d in 100.0 * (at.distances - settings.tip_radius)),  # type: ignore[arg-type]
+            force_ratio_percent=ratios.force,
+            torque_ratio_percent=ratios.torque,
+            closure_residual=float(internal.residual),
+            closure_margin=float(at.margin),
+            min_clearance_m=float(clearances.min()) + settings.clearance if len(clearances) else 0.02,
+            joint_limit_margin_rad=float(np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()),
+            max_joint_torque_fraction=0.0,
+            holds=False,
+            hold_residual=float(np.linalg.norm((-PRESS * at.normals).sum(0))),
+            mass=subject.mass,
+            load=0.0,
+            friction=settings.friction,
+        )
+
+
+def _count(plan: Plan, reason: str) -> None:
+    plan.blocked[reason] = (plan.blocked.get(reason, (0, 0.0))[0] + 1, 0.0)

@@ -1,0 +1,227 @@
+"""Training of the CVAE: resumable to the bit on a CPU, as every batch depends on seed and step alone."""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+
+from agents.learning.batches import Batch, PoseSplit, split, test_batches, training_batch
+from agents.learning.dataset import read_dataset
+from agents.learning.network import Cvae, Losses, NetworkSettings, losses
+from agents.learning.shards import read_manifest
+from agents.learning.weights import load_state, save_state, write_weights
+from dexgrasp_env.cache import write_atomically
+from dexgrasp_env.errors import InputError
+
+STEPS_PER_EPOCH = 50
+_MEASURED = 20  # steps that tell how many epochs fit into the minutes
+_NAMES = Losses._fields
+
+
+@dataclass(frozen=True)
+class TrainingSettings:
+    """How the CVAE is trained.
+
+    Attributes:
+        epochs: of 50 steps each.
+        seed: of weights, batches and splits.
+        clouds: a step.
+        grasps: on each cloud.
+        rate: of Adam at first; constant for the first half, then down to 2 % in a straight line.
+        kl_weight: reached after `warm_up` of the steps.
+        warm_up: share of the steps.
+        held_out_object: kept apart, None for none.
+        held_out_poses: whether a rest pose of every other object is kept apart.
+        threads: of torch on the CPU; results differ in the last bits with it.
+        network: sizes.
+    """
+
+    epochs: int = 150
+    seed: int = 0
+    clouds: int = 8
+    grasps: int = 128
+    rate: float = 1e-3
+    kl_weight: float = 0.01
+    warm_up: float = 0.2
+    held_out_object: str | None = None
+    held_out_poses: bool = True
+    threads: int = 1
+    network: NetworkSettings = field(default_factory=NetworkSettings)
+
+
+@dataclass
+class Progress:
+    """Where a training stands; `curve` has a row an epoch."""
+
+    epoch: int = 0
+    epochs: int = 0
+    best: float = float("inf")
+    best_epoch: int = 0
+    curve: list[dict[str, Any]] = field(default_factory=list)
+    seconds: float = 0.0
+
+
+def train(
+    data: Path, out: Path, settings: TrainingSettings, *, minutes: float | None = None, device: str = "auto",
+    progress: Callable[[Progress], None] | None = None, stop_after: int | None = None,
+) -> Progress:  # fmt: skip
+    """Train, or go on with what `out` holds.
+
+    Args:
+        data: folder of a dataset.
+        out: folder of checkpoints, weights, curves.
+        settings: of the training; `out` of other settings is refused.
+        minutes: choose `epochs` so that it takes about so long, from the first steps' speed.
+        device: cpu, cuda or auto.
+        progress: called after every epoch.
+        stop_after: epochs of this call, for tests of resuming.
+
+    Raises:
+        InputError: no usable dataset, other settings in `out`, no such device.
+    """
+    place = _device(device)
+    torch.set_num_threads(settings.threads)
+    parts = split(read_dataset(data), settings.held_out_object, settings.held_out_poses, seed=settings.seed)
+    key = _claim(data, out, settings, minutes)
+    torch.manual_seed(settings.seed)
+    model = Cvae(settings.network).to(place)
+    optimiser = torch.optim.Adam(model.parameters(), lr=settings.rate)
+    state = _resume(out, model, optimiser) or Progress(epochs=settings.epochs)
+    tests = {name: test_batches(p, settings.seed, settings.network.points, settings.network.latent) for name, p in parts.items()}
+    board, calls = _board(out), 0
+    if minutes is not None and state.epoch == 0:
+        state.epochs = _fitting(parts["train"], settings, minutes, place)
+    while state.epoch < state.epochs and calls != stop_after:
+        began = time.perf_counter()
+        trained = _epoch(model, optimiser, parts["train"], state, settings, place)
+        row = {"epoch": state.epoch + 1, "train": trained} | {
+            name: evaluate(model, batches, settings.kl_weight, place) for name, batches in tests.items() if name != "train"
+        }
+        state.epoch, calls = state.epoch + 1, calls + 1
+        state.curve.append(row)
+        state.seconds += time.perf_counter() - began
+        _keep(out, model, optimiser, state, settings, key)
+        _log(board, row)
+        if progress:
+            progress(state)
+    if board is not None:
+        board.close()
+    return state
+
+
+def _epoch(
+    model: Cvae, optimiser: torch.optim.Optimizer, poses: list[PoseSplit], state: Progress, settings: TrainingSettings,
+    place: torch.device,
+) -> dict[str, float]:  # fmt: skip
+    model.train()
+    sums = np.zeros(len(_NAMES))
+    for step in range(state.epoch * STEPS_PER_EPOCH, (state.epoch + 1) * STEPS_PER_EPOCH):
+        done = step / (state.epochs * STEPS_PER_EPOCH)
+        for group in optimiser.param_groups:
+            group["lr"] = settings.rate * max(0.02, min(1.0, 2.0 * (1.0 - done)))
+        sums += _step(model, optimiser, poses, step, settings, settings.kl_weight * min(1.0, done / settings.warm_up), place)
+    return dict(zip(_NAMES, (sums / STEPS_PER_EPOCH).tolist(), strict=True))
+
+
+def _step(
+    model: Cvae, optimiser: torch.optim.Optimizer, poses: list[PoseSplit], step: int, settings: TrainingSettings,
+    kl_weight: float, place: torch.device,
+) -> np.ndarray:  # fmt: skip
+    net = settings.network
+    batch = training_batch(poses, step, settings.seed, settings.clouds, settings.grasps, net.points, net.latent)
+    cloud, grasp, noise = _tensors(batch, place)
+    found = losses(model(cloud, grasp, noise), grasp, kl_weight)
+    optimiser.zero_grad(set_to_none=True)
+    found.total.backward()
+    torch.nn.utils.clip_grad_norm_(model.parameters(), 5.0)
+    optimiser.step()
+    return np.array([float(v.detach()) for v in found])
+
+
+@torch.no_grad()
+def evaluate(model: Cvae, batches: list[Batch], kl_weight: float, place: torch.device) -> dict[str, float]:
+    """Return the losses, means over rest poses, of grasps decoded from the posterior's mean."""
+    model.eval()
+    rows = []
+    for batch in batches:
+        cloud, grasp, noise = _tensors(batch, place)
+        rows.append([float(v) for v in losses(model(cloud, grasp, noise), grasp, kl_weight)])
+    return dict(zip(_NAMES, np.mean(rows, axis=0).tolist(), strict=True)) if rows else {}
+
+
+def _tensors(batch: Batch, place: torch.device) -> list[torch.Tensor]:
+    return [torch.from_numpy(array).to(place) for array in batch]
+
+
+def _fitting(poses: list[PoseSplit], settings: TrainingSettings, minutes: float, place: torch.device) -> int:
+    """Return the epochs that fit into some minutes, measured on a network thrown away."""
+    model = Cvae(settings.network).to(place)
+    optimiser = torch.optim.Adam(model.parameters(), lr=settings.rate)
+    _step(model, optimiser, poses, 0, settings, 0.0, place)
+    began = time.perf_counter()
+    for step in range(_MEASURED):
+        _step(model, optimiser, poses, step, settings, 0.0, place)
+    each = (time.perf_counter() - began) / _MEASURED
+    return max(1, int(60.0 * minutes / (1.05 * each * STEPS_PER_EPOCH)))
+
+
+def _device(name: str) -> torch.device:
+    if name not in ("auto", "cpu", "cuda"):
+        raise InputError(f"device {name!r}: valid are auto, cpu, cuda")
+    if name == "cuda" and not torch.cuda.is_available():
+        raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
+    return torch.device("cuda" if name != "cpu" and torch.cuda.is_available() else "cpu")
+
+
+def _claim(data: Path, out: Path, settings: TrainingSettings, minutes: float | None) -> str:
+    """Write what is trained on what into `out`, or check that it is the same."""
+    run = {"schema": 1, "dataset": read_manifest(data)["key"], "minutes": minutes, "settings": asdict(settings)}
+    content = json.dumps(run, indent=1, sort_keys=True) + "\n"
+    path = out / "run.json"
+    if path.is_file():
+        if path.read_text() != content:
+            raise InputError(f"{out} holds a training of other settings or data: choose another --out")
+    elif out.exists() and (not out.is_dir() or any(out.iterdir())):
+        raise InputError(f"{out} is not an empty folder and holds no training: choose another --out")
+    write_atomically(path, content.encode())
+    return str(run["dataset"])
+
+
+def _resume(out: Path, model: Cvae, optimiser: torch.optim.Adam) -> Progress | None:
+    loaded = load_state(out / "checkpoint.safetensors", model, optimiser)
+    return None if loaded is None else Progress(**loaded)
+
+
+def _keep(
+    out: Path, model: Cvae, optimiser: torch.optim.Adam, state: Progress, settings: TrainingSettings, key: str
+) -> None:
+    """Write the best weights before the checkpoint: a kill in between repeats an epoch and writes the same again."""
+    tested = state.curve[-1]["test"]["total"]
+    if tested < state.best and state.epoch * 5 >= state.epochs or state.epoch == state.epochs and not state.best_epoch:
+        state.best, state.best_epoch = tested, state.epoch
+        row = {k: v for k, v in state.curve[-1].items() if k != "epoch"}
+        about = {"epoch": state.epoch, "dataset": key, "seed": settings.seed, "losses": row}
+        write_weights(out / "cvae.safetensors", model, about)
+    save_state(out / "checkpoint.safetensors", model, optimiser, asdict(state))
+
+
+def _board(out: Path) -> Any:
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError:
+        return None
+    return SummaryWriter(str(out / "tensorboard"))
+
+
+def _log(board: Any, row: dict[str, Any]) -> None:
+    if board is None:
+        return
+    for split_name, values in row.items():
+        if isinstance(values, dict):
+            for name, value in values.items():
+                board.add_scalar(f"{name}/{split_name}", value, row["epoch"])

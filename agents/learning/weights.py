@@ -1,0 +1,77 @@
+"""Weights and checkpoints as safetensors: arrays and text, nothing that runs when it is read."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from agents.learning.network import Cvae, NetworkSettings
+from dexgrasp_env.cache import write_atomically
+from dexgrasp_env.errors import InputError
+
+SCHEMA = 1
+
+
+def write_weights(path: Path, model: Cvae, about: dict[str, Any]) -> None:
+    """Write weights with the network's sizes and where they come from."""
+    from safetensors.torch import save
+
+    tensors = {name: t.detach().cpu().contiguous() for name, t in model.state_dict().items()}
+    note = {"schema": SCHEMA, "network": model.settings.as_json()} | about
+    write_atomically(path, save(tensors, {"dexgrasp": json.dumps(note, sort_keys=True)}))
+
+
+def read_weights(path: Path) -> tuple[Cvae, dict[str, Any]]:
+    """Return the network of a file of weights, ready to decode, and what the file says of itself.
+
+    Raises:
+        InputError: missing, damaged, or of another schema.
+    """
+    tensors, note = _read(path)
+    try:
+        if note["schema"] != SCHEMA:
+            raise KeyError
+        model = Cvae(NetworkSettings(**note["network"]))
+        model.load_state_dict(tensors)
+    except (KeyError, TypeError, RuntimeError):
+        raise InputError(f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`") from None
+    return model.eval(), note
+
+
+def save_state(path: Path, model: Cvae, optimiser: torch.optim.Adam, progress: dict[str, Any]) -> None:
+    """Write all that training needs to go on."""
+    from safetensors.torch import save
+
+    tensors = {f"model.{name}": t.detach().cpu().contiguous() for name, t in model.state_dict().items()}
+    for k, values in optimiser.state_dict()["state"].items():
+        tensors |= {f"adam.{k}.{name}": t.detach().cpu().contiguous() for name, t in values.items()}
+    write_atomically(path, save(tensors, {"dexgrasp": json.dumps(progress)}))
+
+
+def load_state(path: Path, model: Cvae, optimiser: torch.optim.Adam) -> dict[str, Any] | None:
+    """Fill model and optimiser from a checkpoint; return its progress, None where there is no checkpoint."""
+    if not path.is_file():
+        return None
+    tensors, progress = _read(path)
+    model.load_state_dict({name[6:]: t for name, t in tensors.items() if name.startswith("model.")})
+    states: dict[int, dict[str, torch.Tensor]] = {}
+    for name, tensor in tensors.items():
+        if name.startswith("adam."):
+            _, k, what = name.split(".")
+            states.setdefault(int(k), {})[what] = tensor
+    optimiser.load_state_dict({"state": states, "param_groups": optimiser.state_dict()["param_groups"]})
+    return progress
+
+
+def _read(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
+    from safetensors import SafetensorError, safe_open
+
+    try:
+        with safe_open(str(path), framework="pt") as file:
+            note = json.loads((file.metadata() or {})["dexgrasp"])
+            return {name: file.get_tensor(name) for name in file.keys()}, note  # noqa: SIM118
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing") from None
+    except (OSError, SafetensorError, KeyError, json.JSONDecodeError):
+        raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None

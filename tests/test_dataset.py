@@ -1,0 +1,173 @@
+import hashlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from agents.cli.main import main
+from agents.learning.dataset import read_dataset
+from agents.learning.generate import Job, generate, make
+from agents.learning.info import check_sample, summary
+from agents.learning.rest_scene import placed, rest_scene, turn
+from agents.learning.settings import DatasetSettings
+from agents.learning.shards import FIELDS, complete, read_manifest
+from agents.planning.grasp import finger_jacobians  # noqa: F401  (compiles once for all tests)
+from agents.planning.proposals import closure_sweep
+from dexgrasp_env.errors import InputError
+
+SETTINGS = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5)
+
+
+def hashes(folder):
+    files = sorted(p for p in folder.rglob("*.npz"))
+    return {str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in files}
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data") / "set"
+    generate(SETTINGS, folder)
+    return folder
+
+
+def test_every_rest_pose_has_its_grasps_and_they_pass_independent_checks(made):
+    poses = read_dataset(made)
+    assert len(poses) == 6
+    assert [len(p) for p in poses] == [6] * 6
+    for pose in poses:
+        assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {n: s for n, (s, _, _) in FIELDS.items()}
+        distance = np.linalg.norm(pose.grasps["normals"], axis=-1)
+        np.testing.assert_allclose(distance, 1.0, atol=1e-5)
+        assert (pose.grasps["margin"] >= SETTINGS.planner.closure_margin - 1e-5).all()
+    checked = check_sample(made, 12)
+    assert checked == {"checked": 12, "passed": 12, "failures": {}}
+
+
+def test_contacts_lie_on_the_object_in_its_rest_frame(made):
+    pose, scene = read_dataset(made)[0], rest_scene("gelatin_box", 0, SETTINGS)
+    contacts = pose.grasps["contacts"].reshape(-1, 3).astype(float)
+    assert np.abs(scene.subject.distance.distance(contacts)).max() < 1e-5
+    assert contacts[:, 2].min() > 0.0
+
+
+def test_all_triples_are_decided():
+    scene = rest_scene("gelatin_box", 0, SETTINGS)
+    points = scene.points
+    far = np.linalg.norm(points[:, None] - points[None], axis=-1) >= 0.03
+    n = len(points)
+    assert scene.decided == sum(far[i, j] and far[i, k] and far[j, k] for i in range(n) for j in range(i) for k in range(j))
+    assert len(scene.triples) == len(closure_sweep(points, scene.normals, 0.4, 0.03))
+    assert points[:, 2].min() > 0.015
+
+
+def test_placing_moves_the_distance_with_the_object():
+    scene, placement = rest_scene("gelatin_box", 0, SETTINGS), np.array([0.5, -0.1, 1.1])
+    queries = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
+    moved = queries @ turn(1.1).T + [0.5, -0.1, 0.0]
+    there, out = placed(scene.subject, placement).distance.distance_gradient(moved)
+    here, straight = scene.subject.distance.distance_gradient(queries)
+    np.testing.assert_allclose(there, here, atol=1e-12)
+    np.testing.assert_allclose(out, straight @ turn(1.1).T, atol=1e-9)
+
+
+def test_two_workers_make_the_same_files(made, tmp_path):
+    generate(SETTINGS, tmp_path / "two", workers=2, backend="threading")
+    assert hashes(tmp_path / "two") == hashes(made)
+    one, two = (json.loads((f / "manifest.json").read_text()) for f in (made, tmp_path / "two"))
+    assert one == two
+
+
+def test_ray_makes_the_same_files(made, tmp_path):
+    ray = pytest.importorskip("ray")
+    ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
+    try:
+        generate(SETTINGS, tmp_path / "ray", workers=2, backend="ray")
+    finally:
+        ray.shutdown()
+    assert hashes(tmp_path / "ray") == hashes(made)
+
+
+def test_shards_share_no_triple(made):
+    for pose in read_dataset(made):
+        halves = np.split(np.sort(pose.grasps["triple"], axis=1), 2)
+        first, second = ({tuple(t) for t in half.tolist()} for half in halves)
+        assert not first & second
+
+
+def test_cut_off_and_missing_files_are_refused_and_made_again(made, tmp_path):
+    generate(SETTINGS, tmp_path / "set")
+    shard = sorted((tmp_path / "set" / "grasps").iterdir())[3]
+    shard.write_bytes(shard.read_bytes()[:-100])
+    with pytest.raises(InputError, match="cut off"):
+        read_dataset(tmp_path / "set")
+    assert main(["dataset", "info", str(tmp_path / "set")]) == 2
+    (tmp_path / "set" / "poses").rename(tmp_path / "poses")
+    with pytest.raises(InputError, match=r"missing|cut off"):
+        summary(tmp_path / "set")
+    generate(SETTINGS, tmp_path / "set")
+    assert hashes(tmp_path / "set") == hashes(made)
+
+
+def test_other_settings_in_the_folder_are_refused(made, tmp_path):
+    other = DatasetSettings.of(["gelatin_box"], grasps_per_pose=7, chunk=3, seed=5)
+    with pytest.raises(InputError, match="grasps_per_pose: 6 there, 7 now"):
+        generate(other, made)
+    (tmp_path / "something").write_text("x")
+    with pytest.raises(InputError, match="not empty"):
+        generate(SETTINGS, tmp_path)
+    with pytest.raises(InputError, match="holds no dataset"):
+        read_manifest(tmp_path)
+
+
+def test_a_shard_of_another_dataset_does_not_count(made, tmp_path):
+    make(Job("gelatin_box", 0, 0), SETTINGS, tmp_path, "another")
+    assert not complete(next((tmp_path / "grasps").iterdir()), read_manifest(made)["key"])
+
+
+def test_killed_generation_ends_with_the_same_files(made, tmp_path):
+    command = [
+        sys.executable, "-m", "agents.cli.main", "dataset", "generate", "--objects", "gelatin_box", "--grasps-per-pose",
+        "6", "--chunk", "3", "--seed", "5", "--out", str(tmp_path / "set"),
+    ]  # fmt: skip
+    process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    until = time.monotonic() + 60
+    while not list((tmp_path / "set" / "grasps").glob("*.npz")) and time.monotonic() < until:
+        time.sleep(0.02)
+    os.kill(process.pid, signal.SIGKILL)
+    process.wait()
+    before = hashes(tmp_path / "set")
+    assert main(command[3:]) == 0
+    assert hashes(tmp_path / "set") == hashes(made)
+    assert before.items() <= hashes(made).items()
+
+
+def test_info_prints_json_and_draws(made, tmp_path, capsys):
+    assert main(["dataset", "info", str(made), "--picture", str(tmp_path / "a.png"), "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["grasps"] == 36
+    assert figures["triples_feasible"] < figures["triples_decided"]
+    assert sum(figures["margin_histogram"]["counts"]) == 36
+    assert (tmp_path / "a.png").stat().st_size > 5000
+
+
+def test_a_mesh_of_ones_own(tmp_path):
+    import trimesh
+
+    trimesh.creation.box((50, 60, 80)).export(tmp_path / "block.stl")
+    arguments = ["--mesh-scale", "0.001", "--mesh-mass", "0.2", "--grasps-per-pose", "2", "--out", str(tmp_path / "set")]
+    assert main(["dataset", "generate", "--objects", str(tmp_path / "block.stl"), *arguments]) == 0
+    poses = read_dataset(tmp_path / "set")
+    assert poses[0].name == "block"
+    assert poses[0].scene["mass"] == pytest.approx(0.2)
+    assert len(poses[0]) == 2
+
+
+def test_bad_input_is_one_line(tmp_path, capsys):
+    assert main(["dataset", "generate", "--objects", "no_such_thing", "--out", str(tmp_path / "a")]) == 2
+    assert main(["dataset", "generate", "--objects", "gelatin_box", "--out", str(tmp_path / "a"), "--backend", "x"]) == 2
+    assert "valid are loky, threading, ray" in capsys.readouterr().err
