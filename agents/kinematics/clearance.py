@@ -14,7 +14,7 @@ from agents.kinematics.tree import RobotTree
 
 Array = NDArray[np.float64]
 OBJECT, TABLE, SELF = 0, 1, 2
-_EDGE_ERROR = 0.0003  # m: how much the points of an edge may miss between two of them
+_EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
 KINDS = ("hand_object", "hand_table", "self")
 _TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 
@@ -92,7 +92,14 @@ def clearance_rows(
 
 @njit(cache=True, error_model="numpy")
 def _palm_row(
-    tree: RobotTree, R: Array, p: Array, activation: float, values: Array, rows: Array, labels: NDArray[np.int64], n: int
+    tree: RobotTree,
+    R: Array,
+    p: Array,
+    activation: float,
+    values: Array,
+    rows: Array,
+    labels: NDArray[np.int64],
+    n: int,
 ) -> int:
     """The thumb's medial link beside the palm: closer than covering spheres can tell, so edges against the true box."""
     best, inside = activation, np.zeros(3)

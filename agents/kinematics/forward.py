@@ -29,7 +29,12 @@ def forward(q: Array, tree: RobotTree, R: Array, p: Array) -> None:
                     R[b, r, c] = L[r, c]
         else:
             for r in range(3):
-                p[b, r] = p[a, r] + R[a, r, 0] * tree.offset[b, 0] + R[a, r, 1] * tree.offset[b, 1] + R[a, r, 2] * tree.offset[b, 2]
+                p[b, r] = (
+                    p[a, r]
+                    + R[a, r, 0] * tree.offset[b, 0]
+                    + R[a, r, 1] * tree.offset[b, 1]
+                    + R[a, r, 2] * tree.offset[b, 2]
+                )
                 for c in range(3):
                     R[b, r, c] = R[a, r, 0] * L[0, c] + R[a, r, 1] * L[1, c] + R[a, r, 2] * L[2, c]
         if j >= 0:
@@ -60,7 +65,9 @@ def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def add_row(row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, R: Array, p: Array) -> None:
+def add_row(
+    row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, R: Array, p: Array
+) -> None:
     """Add sign * direction . (Jacobian of a point of a body) to `row` (23,).
 
     The point and the direction (3,) are in the robot base frame.
@@ -74,7 +81,9 @@ def add_row(row: Array, body: int, point: Array, direction: Array, sign: float, 
             az = R[b, 2, 0] * tree.axis[b, 0] + R[b, 2, 1] * tree.axis[b, 1] + R[b, 2, 2] * tree.axis[b, 2]
             dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
             row[j] += sign * (
-                direction[0] * (ay * dz - az * dy) + direction[1] * (az * dx - ax * dz) + direction[2] * (ax * dy - ay * dx)
+                direction[0] * (ay * dz - az * dy)
+                + direction[1] * (az * dx - ax * dz)
+                + direction[2] * (ax * dy - ay * dx)
             )
         b = tree.parent[b]
 

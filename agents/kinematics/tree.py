@@ -70,7 +70,9 @@ def robot_tree(mount: str = "palm_normal") -> RobotTree:
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([_matrix(q) for q in quats]),
         joint=joint,
-        axis=np.array([model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]),
+        axis=np.array(
+            [model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]
+        ),
         ancestor=_ancestors(parent, joint),
         tip_body=np.array([index[int(model.site_bodyid[s])] for s in tips]),
         tip_offset=model.site_pos[tips].copy(),
@@ -118,14 +120,28 @@ def _ancestors(parent: Index, joint: Index) -> NDArray[np.bool_]:
 def _body_pairs(model: mujoco.MjModel) -> Index:
     """Pairs that a motion of the arm or of a finger can bring together; neighbours in the chain cannot collide."""
     fingers = ("index", "middle", "ring", "thumb")
-    links = {finger: [BODIES.index(f"{finger}_{link}") for link in ("proximal", "medial", "distal")] for finger in fingers}
-    neighbours = [("index", "middle"), ("middle", "ring"), ("thumb", "index"), ("thumb", "middle"), ("thumb", "ring")]
+    links = {
+        finger: [BODIES.index(f"{finger}_{link}") for link in ("proximal", "medial", "distal")]
+        for finger in fingers
+    }
+    neighbours = [
+        ("index", "middle"),
+        ("middle", "ring"),
+        ("thumb", "index"),
+        ("thumb", "middle"),
+        ("thumb", "ring"),
+    ]
     pairs = [(a, b) for one, two in neighbours for a in links[one] for b in links[two]]
     pairs += [(BODIES.index("palm"), links[finger][2]) for finger in fingers]
+    pairs += [
+        (BODIES.index("thumb_distal"), BODIES.index(base))
+        for base in ("index_base", "middle_base", "thumb_base")
+    ]
+    pairs += [(BODIES.index("index_distal"), BODIES.index("thumb_base"))]
     low = [BODIES.index(name) for name in ARM_BODIES[:5]]
     hand = [BODIES.index(name) for name in HAND_BODIES]
     wrist = [BODIES.index(name) for name in ARM_BODIES[6:]]
     pairs += [(a, b) for a in low for b in hand]
     pairs += [(a, b) for a in low[:3] for b in wrist]
-    pairs += [(BODIES.index("panda_link5"), b) for b in hand if b != BODIES.index("palm")]
+    pairs += [(BODIES.index("panda_link5"), b) for b in [*hand, *low[:3]]]
     return np.array(pairs)

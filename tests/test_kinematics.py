@@ -1,0 +1,315 @@
+"""Kinematics and clearances against MuJoCo's, and gradients against differences."""
+
+from functools import lru_cache
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from agents.geometry.convex import ConvexDistance
+from agents.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows
+from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from agents.kinematics.palm_ik import palm_frame, solve_palm
+from agents.kinematics.tree import robot_tree
+from agents.planning.postures import reach_palm
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
+from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
+
+MOUNTS = ("palm_normal", "fingers_along")
+TREE = robot_tree()
+NEAR = 0.02
+PALM, THUMB = BODIES.index("palm"), BODIES.index("thumb_medial")
+HULL = trimesh.convex.convex_hull(
+    np.random.default_rng(4).normal(size=(30, 3)) * [0.02, 0.03, 0.05] + [0.5, 0.05, 0.1]
+)
+SHAPE = ConvexDistance.from_mesh(HULL)
+
+
+@lru_cache
+def world(mount):
+    spec = robot_spec(mount)
+    mesh = spec.add_mesh(name="hull")
+    mesh.uservert, mesh.userface = HULL.vertices.ravel(), HULL.faces.ravel()
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    spec.worldbody.add_geom(name="object", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="hull")
+    spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    model = spec.compile()
+    return model, mujoco.MjData(model)
+
+
+def placed(q, mount="palm_normal"):
+    model, data = world(mount)
+    data.qpos[:23] = q
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def anywhere(rng, count):
+    return rng.uniform(LOWER, UPPER, (count, 23))
+
+
+def around_the_object(rng, count):
+    """Palms pointing down to every side, near the object and the table, with random fingers."""
+    found = []
+    while len(found) < count:
+        q = HOME.copy()
+        down = np.array([0.0, 0.0, -1.0]) + 0.5 * rng.normal(size=3)
+        down /= np.linalg.norm(down)
+        fingers = np.cross(rng.normal(size=3), down)
+        fingers /= np.linalg.norm(fingers)
+        R = np.stack([down, np.cross(fingers, down), fingers], axis=1)
+        p = HULL.centroid + 0.02 * rng.normal(size=3) - (0.08 + 0.06 * rng.random()) * down
+        p[2] -= 0.06 * rng.integers(2)
+        if reach_palm(q, R, p, TREE):
+            q[7:] = rng.uniform(LOWER[7:], UPPER[7:])
+            found.append(q)
+    return found
+
+
+def clearances(q, tips_touch=True):
+    """Rows by (kind, body, body): the least of a pair's."""
+    R, p = body_frames(q, TREE)
+    values, rows, labels = np.empty(160), np.empty((160, 23)), np.empty((160, 3), np.int64)
+    n = clearance_rows(
+        TREE, R, p, SHAPE.triangles, SHAPE.planes, NEAR, True, tips_touch, values, rows, labels
+    )
+    assert n < 120  # far from the room that callers give
+    least = {}
+    for value, row, label in zip(values[:n], rows[:n], labels[:n], strict=True):
+        key = tuple(int(v) for v in label)
+        if value < least.get(key, (1.0,))[0]:
+            least[key] = value, row
+    return least
+
+
+def true_distances(q, tips_touch=True):
+    """MuJoCo's distances between the true shapes, by the same keys; far ones are left out."""
+    model, data = placed(q)
+    geoms = {
+        i: [g for g in range(model.ngeom) if model.geom_contype[g] and model.geom_bodyid[g] == model.body(name).id]
+        for i, name in enumerate(BODIES)
+    }  # fmt: skip
+    tips = {model.geom(f"{finger}_tip").id for finger in GRASP_FINGERS} if tips_touch else set()
+    fromto = np.zeros(6)
+
+    def least(one, two):
+        return min(
+            (mujoco.mj_geomDistance(model, data, a, b, 0.05, fromto) for a in one for b in two), default=0.05
+        )
+
+    found = {}
+    for i in range(2, len(BODIES)):
+        found[OBJECT, i, -1] = least([g for g in geoms[i] if g not in tips], [model.geom("object").id])
+        if i >= 4:  # of the upper arm only what is over the table counts
+            found[TABLE, i, -1] = least(geoms[i], [model.geom("table").id])
+    for a, b in {(a, b) for a, b in TREE.pairs.tolist()} | {(THUMB, PALM)}:
+        found[SELF, a, b] = least(geoms[a], geoms[b])
+    return found
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_frames_and_tips_are_mujocos(mount):
+    tree = robot_tree(mount)
+    for q in anywhere(np.random.default_rng(0), 40):
+        model, data = placed(q, mount)
+        R, p = body_frames(q, tree)
+        ids = [model.body(name).id for name in BODIES]
+        np.testing.assert_allclose(p, data.xpos[ids], atol=1e-12)
+        np.testing.assert_allclose(R.reshape(-1, 9), data.xmat[ids], atol=1e-12)
+        tips = [data.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS]
+        np.testing.assert_allclose(tip_positions(tree, R, p), tips, atol=1e-12)
+        R_palm, p_palm = palm_frame(q, tree)
+        np.testing.assert_allclose(R_palm.ravel(), data.site("palm").xmat, atol=1e-12)
+        np.testing.assert_allclose(p_palm, data.site("palm").xpos, atol=1e-12)
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_tip_jacobians_are_mujocos(mount):
+    tree, J = robot_tree(mount), np.zeros((3, 23))
+    for q in anywhere(np.random.default_rng(1), 40):
+        model, data = placed(q, mount)
+        R, p = body_frames(q, tree)
+        ours = tip_jacobian(tree, R, p, tip_positions(tree, R, p))
+        for i, finger in enumerate(GRASP_FINGERS):
+            mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
+            np.testing.assert_allclose(ours[i], J, atol=1e-12)
+
+
+def test_limits_and_unknown_mount():
+    np.testing.assert_array_equal(TREE.lower, LOWER)
+    np.testing.assert_array_equal(TREE.upper, UPPER)
+    with pytest.raises(InputError, match="valid are palm_normal"):
+        robot_tree("sideways")
+
+
+@pytest.mark.parametrize("mount", MOUNTS)
+def test_palm_ik_reaches_poses_that_can_be_reached(mount):
+    """Goals are made from configurations, so every one can be reached; MuJoCo judges."""
+    rng, tree, met = np.random.default_rng(2), robot_tree(mount), 0
+    for _ in range(60):
+        goal = HOME.copy()
+        goal[:7] = np.clip(HOME[:7] + rng.uniform(-0.6, 0.6, 7), LOWER[:7] + 0.05, UPPER[:7] - 0.05)
+        R, p = palm_frame(goal, tree)
+        q = HOME.copy()
+        error = solve_palm(q, R, p, tree, 100, 1e-5)
+        _, data = placed(q, mount)
+        off = np.linalg.norm(data.site("palm").xpos - p)
+        turned = np.arccos(np.clip((np.trace(R.T @ data.site("palm").xmat.reshape(3, 3)) - 1) / 2, -1, 1))
+        assert np.hypot(off, 0.15 * turned) <= 1.02 * error + 1e-6  # it never claims more than it has reached
+        assert ((q >= LOWER) & (q <= UPPER)).all()
+        np.testing.assert_array_equal(q[7:], HOME[7:])
+        met += error < 1e-4
+    assert met >= 57
+
+
+def test_palm_ik_reports_what_it_cannot_reach():
+    R, _ = palm_frame(HOME, TREE)
+    q = HOME.copy()
+    assert solve_palm(q, R, np.array([1.5, 0.0, 0.3]), TREE, 60, 1e-4) > 0.3
+    assert ((q >= LOWER) & (q <= UPPER)).all()
+    assert not reach_palm(HOME.copy(), R, np.array([1.5, 0.0, 0.3]), TREE)
+
+
+def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
+    model, _ = placed(HOME)
+    rng = np.random.default_rng(3)
+    checked = 0
+    for b, name in enumerate(BODIES):
+        own = slice(TREE.sphere_first[b], TREE.sphere_first[b + 1])
+        centres, radii = TREE.sphere_centre[own], TREE.sphere_radius[own]
+        for geom in range(model.ngeom):
+            if model.geom_bodyid[geom] != model.body(name).id or not model.geom_contype[geom]:
+                continue
+            size, kind = model.geom_size[geom], model.geom_type[geom]
+            if kind == mujoco.mjtGeom.mjGEOM_BOX:
+                local = rng.uniform(-1, 1, (500, 3)) * size
+                face = rng.integers(0, 3, 500)
+                local[np.arange(500), face] = size[face] * rng.choice([-1, 1], 500)
+            else:
+                direction = rng.normal(size=(500, 3))
+                direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+                local = size[0] * direction
+                local[:, 2] += np.sign(local[:, 2]) * size[1] * rng.random(500)
+            R = np.zeros(9)
+            mujoco.mju_quat2Mat(R, model.geom_quat[geom])
+            points = local @ R.reshape(3, 3).T + model.geom_pos[geom]
+            gap = (np.linalg.norm(points[:, None] - centres, axis=2) - radii).min(axis=1)
+            assert gap.max() < 1e-9, name
+            checked += 1
+    assert checked > 35
+    hand = slice(TREE.sphere_first[PALM + 1], None)
+    assert TREE.sphere_radius[hand].max() < 0.02
+
+
+def test_clearances_bound_the_true_distances_and_miss_nothing():
+    rng = np.random.default_rng(5)
+    seen = {OBJECT: 0, TABLE: 0, SELF: 0}
+    for q in [*around_the_object(rng, 60), *anywhere(rng, 30)]:
+        ours, true = clearances(q), true_distances(q)
+        for key, distance in true.items():
+            if distance >= NEAR:
+                continue
+            assert key in ours, (key, distance)
+            value = ours[key][0]
+            if distance > 0.0:
+                assert value <= distance + 1e-5, key
+                seen[key[0]] += 1
+            else:
+                assert value <= 1e-5, key
+        for (kind, a, b), (value, _) in ours.items():
+            if kind == TABLE and a < 4:
+                continue
+            over = 0.014 if BODIES[a].startswith("panda") and kind == SELF else 0.0095
+            if value > 0.0:
+                assert true[kind, a, b] - value < over, (kind, BODIES[a], BODIES[b])
+    assert seen[OBJECT] > 60
+    assert seen[TABLE] > 30
+    assert seen[SELF] > 100
+
+
+def test_thumb_beside_the_palm_is_within_half_a_millimetre():
+    model, _ = world("palm_normal")
+    a, b = model.geom("palm").id, model.geom("thumb_medial").id
+    rng, fromto, near = np.random.default_rng(6), np.zeros(6), 0
+    for _ in range(1500):
+        q = HOME.copy()
+        q[19:] = rng.uniform(LOWER[19:], UPPER[19:])
+        _, data = placed(q)
+        true = mujoco.mj_geomDistance(model, data, a, b, 0.05, fromto)
+        if true < NEAR:
+            value = clearances(q)[SELF, THUMB, PALM][0]
+            assert value <= max(true, 0.0) + 1e-6
+            if true > 0.0:
+                assert true - value <= 0.00051
+                near += 1
+    assert near > 1000
+
+
+def test_the_pairs_that_are_kept_are_all_that_collide():
+    """Whatever the simulation calls a self-collision is a row below zero, at random configurations."""
+    model, _ = world("palm_normal")
+    index = {model.body(name).id: i for i, name in enumerate(BODIES)}
+    collisions = 0
+    for q in anywhere(np.random.default_rng(7), 500):
+        q[15:19] = HOME[15:19]  # the ring finger takes no part
+        _, data = placed(q)
+        contacts = {
+            tuple(sorted(index.get(int(model.geom_bodyid[g]), -1) for g in pair))
+            for pair, distance in zip(data.contact.geom, data.contact.dist, strict=True)
+            if distance < -1e-4
+        }
+        contacts = {pair for pair in contacts if pair[0] >= 0}
+        if not contacts:
+            continue
+        below = {
+            tuple(sorted(key[1:]))
+            for key, (value, _) in clearances(q).items()
+            if value < 0 and key[0] == SELF
+        }
+        collisions += 1
+        assert contacts <= below, [[BODIES[b] for b in pair] for pair in contacts - below]
+    assert collisions > 100
+
+
+def test_gradients_of_clearances_are_their_differences():
+    """Central differences; a row whose nearest feature switches between the two sides has none and is left out."""
+    rng, h, checked, switched = np.random.default_rng(8), 1e-6, 0, 0
+    for q in around_the_object(rng, 12):
+        here = clearances(q)
+        differences = {key: np.zeros(23) for key in here}
+        kinks = set()
+        for j in range(23):
+            step = h * np.eye(23)[j]
+            up, down = clearances(q + step), clearances(q - step)
+            for key, (value, _) in here.items():
+                if key not in up or key not in down:
+                    kinks.add(key)
+                    continue
+                differences[key][j] = (up[key][0] - down[key][0]) / (2 * h)
+                if abs(up[key][0] + down[key][0] - 2 * value) > 1e-9:
+                    kinks.add(key)
+        switched += len(kinks)
+        for key, (_, row) in here.items():
+            if key not in kinks:
+                np.testing.assert_allclose(row, differences[key], atol=2e-5, err_msg=str(key))
+                checked += 1
+    assert checked > 150
+    assert switched < 0.1 * checked
+
+
+def test_tips_of_grasping_fingers_may_touch_only_when_told():
+    """A tip put onto the object is a clearance row only if it may not touch."""
+    rng = np.random.default_rng(9)
+    gained = 0
+    for q in around_the_object(rng, 30):
+        free, all_ = clearances(q, tips_touch=True), clearances(q, tips_touch=False)
+        true = true_distances(q, tips_touch=False)
+        for finger in GRASP_FINGERS:
+            key = (OBJECT, BODIES.index(f"{finger}_distal"), -1)
+            if true[key] < NEAR:
+                assert all_[key][0] <= max(true[key], 0.0) + 1e-5
+                gained += key not in free or free[key][0] > all_[key][0] + 1e-3
+    assert gained > 3
