@@ -18,7 +18,7 @@ from dexgrasp_env.cache import cache_dir, content_hash
 from dexgrasp_env.robot.limits import HOME
 
 Array = NDArray[np.float64]
-_VERSION = 3
+_VERSION = 4
 _SAMPLES = 400_000
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept
@@ -92,8 +92,8 @@ def _sample(tree: RobotTree, seed: int) -> Array:
     return joints[inside & opposed & in_front]
 
 
-RING_ASIDE = np.array([0.0, 0.25, 0.3, 0.3])
-"""Posture of the ring finger, which takes no part (rad): slightly bent, beside the others."""
+RING_ASIDE = np.array([-0.15, -0.1, 0.05, 0.05])
+"""Posture of the ring finger, which takes no part (rad): straight, so that it stays above what the others reach around."""
 
 
 @njit(cache=True)

@@ -77,31 +77,41 @@ class _Solver:
         self._low = tree.lower[MOVED] + settings.joint_margin
         self._high = tree.upper[MOVED] - settings.joint_margin
         self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
+        self._modest = bounds_of(settings, settings.closure_margin + 0.02, slack=1e-4)
         self._least = bounds_of(settings, settings.closure_margin)
 
-    def evaluate(self, q: Array) -> Evaluation:
+    def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
         distance = self._subject.distance
-        return evaluate(
-            q, self._tree, distance.triangles, distance.planes, self._goal, self._with_margin
-        )
+        return evaluate(q, self._tree, distance.triangles, distance.planes, bounds, self._with_margin)
 
     def run(self, q: Array) -> Solution:
+        """Work towards the margin aimed at; where that is too much, towards the least one."""
         q[MOVED] = np.clip(q[MOVED], self._low, self._high)
-        now, trust, steps = self.evaluate(q), _TRUST, 0
+        steps = 0
+        for goal in (self._goal, self._modest):
+            q, used = self._descend(q, goal, self._settings.iterations - steps)
+            steps += used
+            solution = self._solution(q, steps)
+            if solution.feasible or not self._with_margin:
+                break
+        return solution
+
+    def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, int]:
+        now, trust, steps = self.evaluate(q, goal), _TRUST, 0
         merit = _merit(now.values)
-        while steps < self._settings.iterations and merit > TOLERANCE and trust > _LEAST_TRUST:
+        while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
             steps += 1
             step = self._step(q, now, trust)
             trial = q.copy()
             trial[MOVED] = np.clip(q[MOVED] + step, self._low, self._high)
-            evaluation = self.evaluate(trial)
+            evaluation = self.evaluate(trial, goal)
             reached = _merit(evaluation.values)
             if reached < merit - 1e-9:
                 trust = min(2.0 * trust, _MOST_TRUST) if reached < 0.5 * merit else trust
                 q, now, merit = trial, evaluation, reached
             else:
                 trust *= 0.4
-        return self._solution(q, now, steps)
+        return q, steps
 
     def _step(self, q: Array, now: Evaluation, trust: float) -> Array:
         A = np.ascontiguousarray(now.rows[:, MOVED])
@@ -116,12 +126,9 @@ class _Solver:
         )  # fmt: skip
         return x if flag > 0 else np.clip(x, lower, upper) * 0.5
 
-    def _solution(self, q: Array, now: Evaluation, steps: int) -> Solution:
+    def _solution(self, q: Array, steps: int) -> Solution:
         """Judge by the least that is accepted, not by what was aimed at."""
-        distance = self._subject.distance
-        final = evaluate(
-            q, self._tree, distance.triangles, distance.planes, self._least, self._with_margin
-        )
+        final = self.evaluate(q, self._least)
         worst = int(np.argmin(final.values))
         violation = max(0.0, -float(final.values[worst]))
         feasible = violation <= TOLERANCE

@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
@@ -87,26 +87,46 @@ class Planner:
             seed: of the proposals.
             start: (23,) rad, set-points the robot approaches from; None plans the grasp alone.
         """
-        plan, clock = Plan(), _Clock()
-        proposals = self._source.propose(subject, self.settings, np.random.default_rng(seed))
-        clock.lap(plan, "proposals")
-        if proposals.failure:
+        plan, clock, rng = Plan(), _Clock(), np.random.default_rng(seed)
+        feeble: list[Grasp] = []
+        for breadth in self.settings.breadths:
+            settings = self.settings.broadened(breadth)
+            proposals = self._source.propose(subject, settings, rng)
+            clock.lap(plan, "proposals")
             plan.reason = proposals.failure
+            if self._try_all(proposals, subject, settings, start, plan, clock, feeble):
+                return plan
+        if self._any(sorted(feeble, key=lambda grasp: -grasp.certificate.load), subject, start, plan, clock):
             return plan
-        solutions = self._solutions(proposals, subject, plan, clock)
-        while batch := list(islice(solutions, self.settings.candidates)):
-            batch.sort(key=lambda solution: -_merit(solution, subject))
-            for grasp in self._firm_first(batch, subject, plan, clock):
-                if self._carry_out(grasp, subject, start, plan, clock):
-                    return plan
-        plan.reason = _commonest(plan)
+        plan.reason = _commonest(plan) if plan.blocked else plan.reason or NO_POSTURE
         return plan
 
+    def _try_all(
+        self, proposals: Proposals, subject: Subject, settings: PlannerSettings, start: Array | None, plan: Plan,
+        clock: "_Clock", feeble: list[Grasp],
+    ) -> bool:  # fmt: skip
+        """Try proposals batch by batch; whether one became a grasp that can be carried out.
+
+        Grasps whose squeeze falls short of the assumed weight go to `feeble`, for when there is nothing better.
+        """
+        solutions = self._solutions(proposals, subject, settings, plan, clock)
+        while batch := list(islice(solutions, settings.candidates)):
+            batch.sort(key=lambda solution: -_merit(solution, subject))
+            if self._any(self._firm_first(batch, subject, plan, clock, feeble), subject, start, plan, clock):
+                return True
+        return False
+
+    def _any(
+        self, grasps: Iterable[Grasp], subject: Subject, start: Array | None, plan: Plan, clock: "_Clock"
+    ) -> bool:
+        """Whether one of the grasps can be carried out; the first that can goes into `plan`."""
+        return any(self._carry_out(grasp, subject, start, plan, clock) for grasp in grasps)
+
     def _solutions(
-        self, proposals: Proposals, subject: Subject, plan: Plan, clock: "_Clock"
+        self, proposals: Proposals, subject: Subject, settings: PlannerSettings, plan: Plan, clock: "_Clock"
     ) -> Iterator[Solution]:
         """Yield feasible configurations until postures or time run out; note in `plan` what blocked the others."""
-        for posture in clock.laps(plan, "postures", self._postures(proposals, subject)):
+        for posture in clock.laps(plan, "postures", self._postures(proposals, subject, settings)):
             if self.settings.seconds is not None and plan.total_seconds > self.settings.seconds:
                 _block(plan, BUDGET, 0.0)
                 return
@@ -119,7 +139,7 @@ class Planner:
                 _block(plan, str(solution.blocking), solution.violation)
 
     def _firm_first(
-        self, solutions: list[Solution], subject: Subject, plan: Plan, clock: "_Clock"
+        self, solutions: list[Solution], subject: Subject, plan: Plan, clock: "_Clock", feeble: list[Grasp]
     ) -> Iterator[Grasp]:
         """Yield certified grasps: those that bear the firm load as they come, then the others, firmest first."""
         weak: list[Grasp] = []
@@ -129,7 +149,7 @@ class Planner:
             if grasp is not None and grasp.certificate.load >= self.settings.firm_load:
                 yield grasp
             elif grasp is not None:
-                weak.append(grasp)
+                (weak if grasp.certificate.load >= 1.0 else feeble).append(grasp)
         yield from sorted(weak, key=lambda grasp: -grasp.certificate.load)
 
     def _carry_out(self, grasp: Grasp, subject: Subject, start: Array | None, plan: Plan, clock: "_Clock") -> bool:
@@ -137,7 +157,7 @@ class Planner:
         try:
             if start is not None:
                 plan.script = make_script(start, grasp.motion, subject.distance, self.mount)
-            plan.grasp = grasp
+            plan.grasp, plan.reason = grasp, None
             return True
         except NoPath as blocked:
             _block(plan, blocked.reason, 0.0)
@@ -145,12 +165,14 @@ class Planner:
         finally:
             clock.lap(plan, "approach")
 
-    def _postures(self, proposals: Proposals, subject: Subject) -> Iterator[Posture]:
+    def _postures(self, proposals: Proposals, subject: Subject, settings: PlannerSettings) -> Iterator[Posture]:
+        if not len(proposals.contacts):
+            return
         if self._starts == "atlas":
-            yield from atlas_postures(proposals, subject, self.tree, self.settings)
+            yield from atlas_postures(proposals, subject, self.tree, settings)
             return
         for k in range(len(proposals.contacts)):
-            yield from oriented_postures(k, proposals, subject, self.tree, self.settings)
+            yield from oriented_postures(k, proposals, subject, self.tree, settings)
 
     def _certify(self, solution: Solution, subject: Subject, plan: Plan) -> Grasp | None:
         settings, at = self.settings, solution.evaluation
@@ -259,8 +281,6 @@ def _block(plan: Plan, reason: str, violation: float) -> None:
 
 def _commonest(plan: Plan) -> str:
     """The blocking constraint, without the fingers' and bodies' names, that stopped most postures."""
-    if not plan.blocked:
-        return NO_POSTURE
     totals: Counter[str] = Counter()
     for reason, (count, _) in plan.blocked.items():
         totals[reason.split(":")[0]] += count

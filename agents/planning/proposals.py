@@ -15,7 +15,7 @@ from agents.planning.subject import Subject
 
 Array = NDArray[np.float64]
 _LEAST_DISTANCE = 0.03  # m between contacts: two fingertips are wider than this
-_JUDGED = 1200  # feasible triples whose margin is computed
+_JUDGED = 12  # times as many feasible triples have their margin computed as are proposed
 _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
 
 
@@ -63,8 +63,9 @@ class SurfaceProposals(ProposalSource):
         triples = closure_sweep(points, normals, settings.friction, _LEAST_DISTANCE)
         if not len(triples):
             return Proposals.none(_NO_CLOSURE)
-        if len(triples) > _JUDGED:
-            triples = triples[rng.choice(len(triples), _JUDGED, replace=False)]
+        judged = _JUDGED * settings.triples
+        if len(triples) > judged:
+            triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
         worth = margins(contacts, at, settings.friction)[0]
         score = _score(contacts, at, worth, subject)

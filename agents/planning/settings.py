@@ -1,6 +1,6 @@
 """Settings of the planner, with where each number comes from."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 
 @dataclass(frozen=True)
@@ -22,6 +22,7 @@ class PlannerSettings:
         triples: triples that are turned into hand postures.
         postures: postures that are tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the one that bears errors best is carried out.
+        breadths: rounds of the search; each multiplies the samples, and the next is entered only if one finds nothing.
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: of the sequential quadratic programme, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
@@ -46,6 +47,7 @@ class PlannerSettings:
     triples: int = 100
     postures: int = 60
     candidates: int = 8
+    breadths: tuple[float, ...] = (1.0, 2.0, 3.0)
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
@@ -54,3 +56,10 @@ class PlannerSettings:
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.6), (1.0, 0.2), (0.6, 0.0))
     firm_load: float = 1.5
     torque_share: float = 0.95
+
+    def broadened(self, factor: float) -> "PlannerSettings":
+        """Return settings that sample `factor` times as many points, and triples and postures to match."""
+        return replace(
+            self, surface_points=round(factor * self.surface_points), triples=round(factor**2 * self.triples),
+            postures=round(factor * self.postures),
+        )  # fmt: skip
