@@ -3,6 +3,8 @@
 No BLAS: a batch of one and a batch of many give the same bits.
 """
 
+from typing import Any
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,15 +12,15 @@ Array = NDArray[np.float64]
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 
-def components(a: Array) -> Array:
-    """Return the last axis first, as a view: of one vector the components are plain numbers, which are quick."""
-    a = np.asarray(a)
-    return a.T if a.ndim <= 2 else np.moveaxis(a, -1, 0)
+def components(a: Array) -> Any:
+    """Return the last axis first: of one vector (n,) a list of plain numbers, which are quick, of many a view."""
+    a = np.asarray(a, dtype=float)
+    return a.tolist() if a.ndim == 1 else np.moveaxis(a, -1, 0)
 
 
-def join(*parts: Array) -> Array:
+def join(*parts: Any) -> Array:
     """Return the components of vectors, all of one shape, along a new last axis."""
-    if np.ndim(parts[0]) == 0:
+    if isinstance(parts[0], float):
         return np.array(parts)
     joined = np.empty((*parts[0].shape, len(parts)))
     for i, part in enumerate(parts):
@@ -43,14 +45,18 @@ def quat_conjugate(q: Array) -> Array:
     return q * _CONJUGATE
 
 
-def quat_to_matrix(q: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) wxyz."""
-    w, x, y, z = components(q)
-    flat = join(
+def rotation_components(w: Any, x: Any, y: Any, z: Any) -> tuple[Any, ...]:
+    """Return the nine numbers of rotation matrices, row by row, from those of unit quaternions."""
+    return (
         1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y),
         2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x),
         2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y),
     )  # fmt: skip
+
+
+def quat_to_matrix(q: Array) -> Array:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) wxyz."""
+    flat = join(*rotation_components(*components(q)))
     return flat.reshape(*flat.shape[:-1], 3, 3)
 
 

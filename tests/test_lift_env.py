@@ -20,7 +20,7 @@ from gymnasium.utils.env_checker import check_env
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.lift import control
+from dexgrasp_env.lift import control, rewards
 from dexgrasp_env.lift.control import ACTION_SIZE, CONTROL_MODES, MAX_STEP
 from dexgrasp_env.lift.env import LiftEnv
 from dexgrasp_env.lift.observations import OBS_MODES, object_observation, robot_observation
@@ -440,12 +440,19 @@ def test_stages():
         start = {f.name: getattr(Progress.start(), f.name) for f in fields(Progress)}
         return str(Progress(**start | values).stage)
 
-    yes = np.bool_(True)
+    yes = True
     assert stage() == "untouched"
     assert stage(touched=yes) == "touched"
-    assert stage(touched=yes, lifted=yes, held_steps=np.int64(5)) == "lifted"
+    assert stage(touched=yes, lifted=yes, held_steps=5) == "lifted"
     assert stage(touched=yes, lifted=yes) == "dropped"
-    assert stage(touched=yes, lifted=yes, held_steps=np.int64(60)) == "held"
+    assert stage(touched=yes, lifted=yes, held_steps=60) == "held"
+
+
+def test_reach_is_dm_controls_tolerance():
+    tolerance = pytest.importorskip("dm_control.utils.rewards").tolerance
+    distances = np.linspace(0, 0.8, 200)
+    expected = tolerance(distances, bounds=(0.0, 0.02), margin=0.3, sigmoid="long_tail")
+    np.testing.assert_allclose(rewards._nearness(distances), expected, rtol=1e-12)
 
 
 def test_rewards_are_bounded(moments):

@@ -188,7 +188,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         }
         self._views = Views(obs_mode, observe, sensor, render_size)
         self.action_space = spaces.Box(-1.0, 1.0, (control.ACTION_SIZE[control_mode],), np.float32)
-        self.observation_space = observation_space(obs_mode, self._views.image_shape)
+        self.observation_space = observation_space(obs_mode, self._views.image_shape)  # type: ignore[assignment]
         self._simulation = next(iter(self._simulations.values()))
         self._jacobian = PalmJacobian(self._simulation.base)
         self._progress = Progress.start()

@@ -8,9 +8,11 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from dexgrasp_env.lift.arithmetic import least
 from dexgrasp_env.lift.constants import CLOUD_POINTS, HOLD_STEPS
 from dexgrasp_env.lift.state import LiftState, ObjectConstants
 from dexgrasp_env.lift.success import Progress
+from dexgrasp_env.poses import join
 
 OBS_MODES = ("state", "pointcloud", "depth", "rgbd")
 ROBOT_KEYS = {
@@ -36,7 +38,7 @@ def robot_observation(state: LiftState) -> dict[str, NDArray[np.float32]]:
         state.joint_positions,
         state.joint_velocities,
         state.targets,
-        _flat(state.tip_positions),
+        state.sensordata[..., state.sensors.tip_positions],
         state.palm_position,
         state.palm_quat,
     )
@@ -51,11 +53,9 @@ def object_observation(
     parts = (
         state.qpos[..., 23:30],
         state.object_velocity,
-        _rows(constants.extents, shape),
-        _column(constants.mass, shape),
-        _flat(state.tip_forces),
-        _column(progress.height, shape),
-        _column(np.minimum(progress.held_steps / HOLD_STEPS, 1.0), shape),
+        _rows(constants.extents_and_mass, shape),
+        state.sensordata[..., state.sensors.tip_forces],
+        join(progress.height, least(progress.held_steps / HOLD_STEPS, 1.0)),
     )
     return _cut(np.concatenate(parts, axis=-1, dtype=np.float32), OBJECT_KEYS)
 
@@ -81,14 +81,6 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int]) -> space
     if obs_mode == "rgbd":
         content["rgb"] = spaces.Box(0, 255, (*image_shape, 3), np.uint8)
     return spaces.Dict(content)
-
-
-def _flat(vectors: NDArray[np.float64]) -> NDArray[np.float64]:
-    return vectors.reshape(*vectors.shape[:-2], -1)
-
-
-def _column(value: float | NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:
-    return _rows(np.asarray(value)[..., None], shape)
 
 
 def _rows(array: NDArray[np.float64], shape: tuple[int, ...]) -> NDArray[np.float64]:

@@ -2,11 +2,12 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import components, join, rotation_components
 from dexgrasp_env.scene.sensors import SensorIndex
 
 Array = NDArray[np.float64]
@@ -25,6 +26,16 @@ class ObjectConstants:
         """(..., 3, V): the vertices as columns, as `lowest_point` reads them."""
         return np.ascontiguousarray(np.swapaxes(self.hull_vertices, -1, -2))
 
+    @cached_property
+    def extents_and_mass(self) -> Array:
+        """(..., 4): as observations show them."""
+        return np.concatenate([self.extents, np.asarray(self.mass)[..., None]], axis=-1)
+
+    @cached_property
+    def half_extents(self) -> Any:
+        """Half the extents, number by number."""
+        return components(0.5 * self.extents)
+
 
 @dataclass(frozen=True)
 class LiftState:
@@ -35,6 +46,16 @@ class LiftState:
     sensordata: Array  # (..., n)
     targets: Array  # (..., 23) rad, set-points of the servos
     sensors: SensorIndex
+
+    @cached_property
+    def configuration(self) -> Any:
+        """`qpos` number by number, see `poses.components`."""
+        return components(self.qpos)
+
+    @cached_property
+    def readings(self) -> Any:
+        """`sensordata` number by number, see `poses.components`."""
+        return components(self.sensordata)
 
     @property
     def joint_positions(self) -> Array:
@@ -57,9 +78,9 @@ class LiftState:
         return self.qpos[..., 26:30]
 
     @cached_property
-    def object_rotation(self) -> Array:
-        """(..., 3, 3)."""
-        return quat_to_matrix(self.object_quat)
+    def object_rotation(self) -> tuple[Any, ...]:
+        """The nine numbers of the object's rotation matrix, row by row; each (...,)."""
+        return rotation_components(*self.configuration[26:30])
 
     @property
     def object_velocity(self) -> Array:
@@ -91,16 +112,17 @@ class LiftState:
     @property
     def held_by_hand_alone(self) -> NDArray[np.bool_]:
         """(...,): the hand touches the object and nothing else does."""
-        hand = self.sensordata[..., self.sensors.touching_hand]
-        return (hand > 0) & (hand == self.sensordata[..., self.sensors.touching_any])
+        hand = self.readings[self.sensors.touching_hand]
+        return (hand > 0) & (hand == self.readings[self.sensors.touching_any])
 
     @property
     def touched_by_hand(self) -> NDArray[np.bool_]:
         """(...,)."""
-        return self.sensordata[..., self.sensors.touching_hand] > 0
+        return self.readings[self.sensors.touching_hand] > 0
 
 
 def lowest_point(state: LiftState, constants: ObjectConstants) -> Array:
     """Height (...,) m of the object's lowest point above the table."""
-    heights = (constants.hull_columns * state.object_rotation[..., 2, :, None]).sum(-2)  # no BLAS: see poses
-    return state.object_position[..., 2] + heights.min(-1)
+    row = join(*state.object_rotation[6:])
+    heights = (constants.hull_columns * row[..., None]).sum(-2).min(-1)  # no BLAS: see poses
+    return state.configuration[25] + (float(heights) if isinstance(heights, float) else heights)

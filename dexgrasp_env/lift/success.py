@@ -1,10 +1,13 @@
 """Success, stability and failure, as functions of arrays with leading batch axes."""
 
+import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.lift.arithmetic import choose, most, root, some
 from dexgrasp_env.lift.constants import (
     HOLD_STEPS,
     LIFT_HEIGHT,
@@ -15,16 +18,15 @@ from dexgrasp_env.lift.constants import (
     WORKSPACE_LOW,
 )
 from dexgrasp_env.lift.state import Array, LiftState, ObjectConstants, lowest_point
-from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, rotation_angle
+from dexgrasp_env.poses import components, quat_conjugate, quat_multiply, rotate, rotation_angle
 
-_LOW, _HIGH = np.array(WORKSPACE_LOW), np.array(WORKSPACE_HIGH)
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 _STAGES = np.array(STAGES)
 
 
 @dataclass(frozen=True)
 class Progress:
-    """What an episode has achieved so far; every array has the batch shape (...)."""
+    """What an episode has achieved so far: of one environment plain numbers, of many arrays (...)."""
 
     held_steps: NDArray[np.int64]  # consecutive control steps at height, held by the hand alone
     touched: NDArray[np.bool_]
@@ -39,10 +41,13 @@ class Progress:
     @classmethod
     def start(cls, shape: tuple[int, ...] = ()) -> "Progress":
         """Return the progress at reset."""
-        false, zero = np.zeros(shape, bool), np.zeros(shape)
+        def zero(kind: Any) -> Any:
+            return np.zeros(shape, kind) if shape else kind(0)
+
+        unturned = np.broadcast_to([1.0, 0, 0, 0], (*shape, 4)).copy()
         return cls(
-            np.zeros(shape, np.int64), false, false, false, np.zeros((*shape, 3)),
-            np.broadcast_to([1.0, 0, 0, 0], (*shape, 4)).copy(), zero, zero, zero,
+            zero(int), zero(bool), zero(bool), zero(bool), np.zeros((*shape, 3)), unturned,
+            zero(float), zero(float), zero(float),
         )  # fmt: skip
 
     @property
@@ -56,12 +61,12 @@ class Progress:
         return self.airborne & (self.slip < STABLE_SLIP) & (self.tilt < STABLE_TILT)
 
     @property
-    def stage(self) -> NDArray[np.str_]:
+    def stage(self) -> Any:
         """How far the episode has come, one of `STAGES`."""
         at_height = self.held_steps > 0
-        dropped = self.lifted & ~at_height
-        rung = np.maximum(np.maximum(1 * self.touched, 3 * dropped), np.maximum(2 * at_height, 4 * self.is_success))
-        return _STAGES[rung]
+        dropped = self.lifted > at_height  # was at height, is not now
+        rung = most(most(1 * self.touched, 3 * dropped), most(2 * at_height, 4 * self.is_success))
+        return STAGES[rung] if isinstance(rung, int) else _STAGES[rung]
 
 
 def advance(progress: Progress, state: LiftState, constants: ObjectConstants) -> Progress:
@@ -83,22 +88,22 @@ def advance(progress: Progress, state: LiftState, constants: ObjectConstants) ->
 def _motion_in_hand(progress: Progress, state: LiftState, airborne: NDArray[np.bool_]) -> dict[str, Array]:
     """Where the object was in the hand when it left the table, and the largest motion since."""
     grip_position, grip_quat = progress.grip_position, progress.grip_quat
-    if not airborne.any():
-        zero = np.zeros_like(progress.slip)
+    if not some(airborne):
+        zero = 0.0 * progress.slip
         return {"grip_position": grip_position, "grip_quat": grip_quat, "slip": zero, "tilt": zero}
     position, quat = _object_in_palm(state)
-    took_off = airborne & ~progress.airborne
-    if took_off.any():
-        grip_position = np.where(took_off[..., None], position, grip_position)
-        grip_quat = np.where(took_off[..., None], quat, grip_quat)
+    took_off = airborne > progress.airborne
+    if some(took_off):
+        grip_position = np.where(np.asarray(took_off)[..., None], position, grip_position)
+        grip_quat = np.where(np.asarray(took_off)[..., None], quat, grip_quat)
     # Where the object has just left the table both are 0: the grip is where it is.
-    slip = np.sqrt(((position - grip_position) ** 2).sum(-1))
+    x, y, z = components(position - grip_position)
     tilt = rotation_angle(quat_multiply(quat_conjugate(grip_quat), quat))
     return {
         "grip_position": grip_position,
         "grip_quat": grip_quat,
-        "slip": np.where(airborne, np.maximum(progress.slip, slip), 0.0),
-        "tilt": np.where(airborne, np.maximum(progress.tilt, tilt), 0.0),
+        "slip": choose(airborne, most(progress.slip, root(x * x + y * y + z * z)), 0.0),
+        "tilt": choose(airborne, most(progress.tilt, tilt), 0.0),
     }
 
 
@@ -109,10 +114,12 @@ def _object_in_palm(state: LiftState) -> tuple[Array, Array]:
 
 def object_lost(state: LiftState) -> NDArray[np.bool_]:
     """(...,): the object's centre has left the workspace."""
-    position = state.object_position
-    return ((position < _LOW) | (position > _HIGH)).any(-1)
+    x, y, z = state.configuration[23:26]
+    (x0, y0, z0), (x1, y1, z1) = WORKSPACE_LOW, WORKSPACE_HIGH
+    return (x < x0) | (x > x1) | (y < y0) | (y > y1) | (z < z0) | (z > z1)
 
 
 def diverged(state: LiftState) -> NDArray[np.bool_]:
     """(...,): a number of the simulation is no longer finite."""
-    return np.logical_not(np.isfinite(state.qpos.sum(-1) + state.qvel.sum(-1)))  # one bad number spoils the sum
+    total = sum(state.configuration) + sum(components(state.qvel))  # one bad number spoils the sum
+    return (abs(total) < math.inf) ^ True
