@@ -1,4 +1,4 @@
-"""Agent `bilevel`: observed cloud -> hull -> proposals -> postures -> bilevel programme -> certified grasp -> actions."""
+"""Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel programme -> certified grasp -> actions."""
 
 import time
 from collections.abc import Mapping

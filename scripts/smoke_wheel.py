@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-EXTRAS = {"torch", "stable_baselines3", "safetensors", "h5py", "tensorboard", "ray"}
+EXTRAS = {"torch", "stable_baselines3", "safetensors", "tensorboard", "ray"}
 """What only the extras bring; a module that needs one may fail to import here."""
 
 FILES = [

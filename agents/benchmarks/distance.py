@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -95,7 +96,7 @@ def _measure(
     on_mesh = exact.distance(points)
     result: dict[str, Any] = {"faces": len(mesh.faces), "trimesh": {"us": slow}}
     for name, method in methods.items():
-        us = _time(lambda method=method: method.distance_gradient(points), count, repeats)
+        us = _time(partial(method.distance_gradient, points), count, repeats)
         found = method.distance(points)
         result[name] = {
             "us": us,

@@ -5,6 +5,7 @@ stage to the rest, and the share of verified grasps, do not.
 """
 
 import time
+from collections import Counter
 from typing import Any
 
 import gymnasium as gym
@@ -51,7 +52,7 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
     agent.reset(observation, {"perception_failure": info["perception_failure"]})
     cpu = time.process_time() - cpu
     report, plan = agent.report, agent.plan
-    row = {"object": name, "seconds": report.planning_seconds, "cpu": cpu, "failure": report.failure}
+    row: dict[str, Any] = {"object": name, "seconds": report.planning_seconds, "cpu": cpu, "failure": report.failure}
     row["stages"] = report.details.get("stages", {})
     if report.failure is None and plan is not None and plan.grasp is not None and agent.subject is not None:
         record = record_of(grasp_json(name, plan.grasp, agent.subject, agent.settings))
@@ -72,11 +73,13 @@ def _figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "returned grasps that pass verify": {
             "share": (sum(not row["broken"] for row in found) / len(found)) if found else 0.0, "of": len(found),
         },
-        "broken": {name: sum(name in row["broken"] for row in found) for name in {b for r in found for b in r["broken"]}},
+        "broken": dict(Counter(name for row in found for name in row["broken"])),
         "failures": {reason: failures.count(reason) for reason in set(failures)},
         "seconds": _quantiles(seconds),
         "cpu seconds": _quantiles(np.array([row["cpu"] for row in rows])),
-        "stages, median ms": {s: 1000.0 * float(np.median([row["stages"].get(s, 0.0) for row in found])) for s in stages},
+        "stages, median ms": {
+            s: 1000.0 * float(np.median([row["stages"].get(s, 0.0) for row in found])) for s in stages
+        },
         "closure margin": _quantiles(np.array([row["margin"] for row in found])) if found else {},
         "postures tried": _quantiles(np.array([row["tried"] for row in found])) if found else {},
         "paper's median over ours": PAPER_SECONDS / float(np.median(seconds)),

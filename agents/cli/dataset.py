@@ -91,7 +91,8 @@ def _generate(args: argparse.Namespace) -> int:
             generate(settings, args.out, args.workers, args.backend, show)
         except KeyboardInterrupt:
             note(
-                f"dexgrasp dataset: interrupted; finished files are kept in {args.out}: the same command goes on from there"
+                f"dexgrasp dataset: interrupted; finished files are kept in {args.out}: "
+                "the same command goes on from there"
             )
             return 3
     return _print(args, summary(args.out))

@@ -40,7 +40,8 @@ def add_arena(spec: mujoco.MjSpec) -> None:
     half = [0.5 * side for side in TABLE_SIZE]
     table = world.add_body(name="table", pos=[TABLE_CENTRE_X, 0, 0])
     table.add_geom(
-        name="table", type=_BOX, size=half, pos=[0, 0, -half[2]], material="table", condim=3, friction=[FRICTION, 0.005, 0.0001]
+        name="table", type=_BOX, size=half, pos=[0, 0, -half[2]], material="table", condim=3,
+        friction=[FRICTION, 0.005, 0.0001],
     )
     for x in (-1, 1):
         for y in (-1, 1):
@@ -49,7 +50,8 @@ def add_arena(spec: mujoco.MjSpec) -> None:
             size = [0.025, 0.025, 0.5 * (TABLE_HEIGHT + top)]
             table.add_geom(type=_BOX, size=size, material="metal", contype=0, conaffinity=0, group=VISUAL_GROUP, **leg)
     plinth = dict(material="plinth", contype=0, conaffinity=0, group=VISUAL_GROUP)
-    world.add_geom(type=_CYLINDER, size=[0.11, 0.5 * TABLE_HEIGHT - 0.005, 0], pos=[-0.04, 0, -0.5 * TABLE_HEIGHT - 0.005], **plinth)
+    middle = -0.5 * TABLE_HEIGHT - 0.005
+    world.add_geom(type=_CYLINDER, size=[0.11, 0.5 * TABLE_HEIGHT - 0.005, 0], pos=[-0.04, 0, middle], **plinth)
     world.add_geom(type=_CYLINDER, size=[0.17, 0.012, 0], pos=[-0.04, 0, -0.012], **plinth)
 
 
