@@ -77,12 +77,16 @@ class RawPlanner(Planner):
             if self._late(plan):
                 break
             began = time.perf_counter()
-            self._try(k, oriented_postures(k, proposals, subject, self.tree, self.settings), subject, plan, start)
+            self._try(
+                k, oriented_postures(k, proposals, subject, self.tree, self.settings), subject, plan, start
+            )
             plan.seconds["postures"] = plan.seconds.get("postures", 0.0) + time.perf_counter() - began
             if plan.grasp is not None:
                 plan.reason = None
                 return plan
-        plan.reason = plan.reason or (max(plan.blocked, key=lambda r: plan.blocked[r][0]) if plan.blocked else _NO_LATENT)
+        plan.reason = plan.reason or (
+            max(plan.blocked, key=lambda r: plan.blocked[r][0]) if plan.blocked else _NO_LATENT
+        )
         return plan
 
     def _late(self, plan: Plan) -> bool:
@@ -96,7 +100,9 @@ class RawPlanner(Planner):
                 continue
             grasp = self._as_it_is(posture.q, subject)
             try:
-                plan.script = None if start is None else make_script(start, grasp.motion, subject.distance, self.mount)
+                plan.script = (
+                    None if start is None else make_script(start, grasp.motion, subject.distance, self.mount)
+                )
             except NoPath as blocked:
                 _count(plan, blocked.reason)
                 continue
@@ -109,7 +115,9 @@ class RawPlanner(Planner):
         forces = -PRESS * normals
         motion = grasp_motion(solution.q, normals, forces, subject, self.tree, self.settings, openings()[0])
         certificate = self._honest(solution, subject)
-        return Grasp(solution.q, solution.evaluation.contacts, normals, forces, certificate, motion, self.mount)
+        return Grasp(
+            solution.q, solution.evaluation.contacts, normals, forces, certificate, motion, self.mount
+        )
 
     def _honest(self, solution: Solution, subject: Subject) -> Certificate:
         """Return the figures of a grasp that was made without looking at them."""
@@ -124,7 +132,9 @@ class RawPlanner(Planner):
             closure_residual=float(internal.residual),
             closure_margin=float(at.margin),
             min_clearance_m=float(clearances.min()) + settings.clearance if len(clearances) else 0.02,
-            joint_limit_margin_rad=float(np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()),
+            joint_limit_margin_rad=float(
+                np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()
+            ),
             max_joint_torque_fraction=0.0,
             holds=False,
             hold_residual=float(np.linalg.norm((-PRESS * at.normals).sum(0))),

@@ -40,7 +40,9 @@ def test_every_rest_pose_has_its_grasps_and_they_pass_independent_checks(made):
     assert len(poses) == 6
     assert [len(p) for p in poses] == [6] * 6
     for pose in poses:
-        assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {n: s for n, (s, _, _) in FIELDS.items()}
+        assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {
+            n: s for n, (s, _, _) in FIELDS.items()
+        }
         distance = np.linalg.norm(pose.grasps["normals"], axis=-1)
         np.testing.assert_allclose(distance, 1.0, atol=1e-5)
         assert (pose.grasps["margin"] >= SETTINGS.planner.closure_margin - 1e-5).all()
@@ -60,7 +62,9 @@ def test_all_triples_are_decided():
     points = scene.points
     far = np.linalg.norm(points[:, None] - points[None], axis=-1) >= 0.03
     n = len(points)
-    assert scene.decided == sum(far[i, j] and far[i, k] and far[j, k] for i in range(n) for j in range(i) for k in range(j))
+    assert scene.decided == sum(
+        far[i, j] and far[i, k] and far[j, k] for i in range(n) for j in range(i) for k in range(j)
+    )
     assert len(scene.triples) == len(closure_sweep(points, scene.normals, 0.4, 0.03))
     assert points[:, 2].min() > 0.015
 
@@ -159,7 +163,16 @@ def test_a_mesh_of_ones_own(tmp_path):
     import trimesh
 
     trimesh.creation.box((50, 60, 80)).export(tmp_path / "block.stl")
-    arguments = ["--mesh-scale", "0.001", "--mesh-mass", "0.2", "--grasps-per-pose", "2", "--out", str(tmp_path / "set")]
+    arguments = [
+        "--mesh-scale",
+        "0.001",
+        "--mesh-mass",
+        "0.2",
+        "--grasps-per-pose",
+        "2",
+        "--out",
+        str(tmp_path / "set"),
+    ]
     assert main(["dataset", "generate", "--objects", str(tmp_path / "block.stl"), *arguments]) == 0
     poses = read_dataset(tmp_path / "set")
     assert poses[0].name == "block"
@@ -169,5 +182,19 @@ def test_a_mesh_of_ones_own(tmp_path):
 
 def test_bad_input_is_one_line(tmp_path, capsys):
     assert main(["dataset", "generate", "--objects", "no_such_thing", "--out", str(tmp_path / "a")]) == 2
-    assert main(["dataset", "generate", "--objects", "gelatin_box", "--out", str(tmp_path / "a"), "--backend", "x"]) == 2
+    assert (
+        main(
+            [
+                "dataset",
+                "generate",
+                "--objects",
+                "gelatin_box",
+                "--out",
+                str(tmp_path / "a"),
+                "--backend",
+                "x",
+            ]
+        )
+        == 2
+    )
     assert "valid are loky, threading, ray" in capsys.readouterr().err

@@ -44,7 +44,9 @@ def run(quick: bool = False) -> dict[str, Any]:
         (`spread_cm`) and the mean angle between palms (`palm_degrees`).
     """
     scenes, seeds = _QUICK if quick else _FULL
-    first = replace(PlannerSettings(), candidates=1)  # the first grasp, not the best of several
+    first = replace(
+        PlannerSettings(), candidates=1, firm_load=0.0
+    )  # the first grasp, not the best of several
     planners = {name: Planner(first, source) for name, source in _sources().items()}
     figures: dict[str, Any] = {}
     for group in SETS:
@@ -56,7 +58,11 @@ def run(quick: bool = False) -> dict[str, Any]:
         ]
         for name, planner in planners.items():
             planner.plan(subjects[0][1], 0)  # compile, read weights
-            attempts = [_attempt(planner, scene, subject, seed) for scene, subject in subjects for seed in range(seeds)]
+            attempts = [
+                _attempt(planner, scene, subject, seed)
+                for scene, subject in subjects
+                for seed in range(seeds)
+            ]
             figures[f"{group} {name}"] = _figures(attempts)
     return figures
 
@@ -78,7 +84,11 @@ def _perceived(name: str, seed: int) -> Subject | None:
     import dexgrasp_env  # noqa: F401
 
     env = gym.make(
-        "DexGrasp/Lift-v0", objects=name, obs_mode="pointcloud", control_mode="joint_position", observe="reset"
+        "DexGrasp/Lift-v0",
+        objects=name,
+        obs_mode="pointcloud",
+        control_mode="joint_position",
+        observe="reset",
     )
     try:
         observation, _ = env.reset(seed=seed)
@@ -143,7 +153,9 @@ def _diversity(good: list[Attempt]) -> tuple[float | None, float | None]:
         palms = [body_frames(g.q, tree)[0][tree.palm] for g in grasps]
         for i in range(len(grasps)):
             for j in range(i):
-                spreads.append(100.0 * np.linalg.norm(grasps[i].contacts.mean(0) - grasps[j].contacts.mean(0)))
+                spreads.append(
+                    100.0 * np.linalg.norm(grasps[i].contacts.mean(0) - grasps[j].contacts.mean(0))
+                )
                 cosine = 0.5 * (np.trace(palms[i].T @ palms[j]) - 1.0)
                 angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
     return (float(np.mean(spreads)), float(np.mean(angles))) if spreads else (None, None)

@@ -18,20 +18,34 @@ and tensorboard/. Weights are read by `agents.learning.proposals.CvaeProposals`.
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
-    parser = subparsers.add_parser("train", help="train networks; resumable", epilog=_EPILOG, description="Train networks.")
+    parser = subparsers.add_parser(
+        "train", help="train networks; resumable", epilog=_EPILOG, description="Train networks."
+    )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="train_command", required=True)
     cvae = commands.add_parser("cvae", help="the autoencoder that proposes fingertips", epilog=_EPILOG)
-    cvae.add_argument("--data", type=Path, required=True, metavar="DIR", help="of `dexgrasp dataset generate`")
+    cvae.add_argument(
+        "--data", type=Path, required=True, metavar="DIR", help="of `dexgrasp dataset generate`"
+    )
     cvae.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the training")
     length = cvae.add_mutually_exclusive_group()
     length.add_argument("--epochs", type=positive_int, metavar="N", help="of 50 steps each (default 150)")
-    length.add_argument("--minutes", type=positive_float, metavar="M", help="as many epochs as fit, by measured speed")
+    length.add_argument(
+        "--minutes", type=positive_float, metavar="M", help="as many epochs as fit, by measured speed"
+    )
     cvae.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
     cvae.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="(default auto)")
-    cvae.add_argument("--threads", type=positive_int, default=1, metavar="N", help="of torch on the CPU (default 1)")
-    cvae.add_argument("--latent", type=positive_int, default=6, metavar="N", help="size of the latent (default 6)")
-    cvae.add_argument("--kl-weight", type=positive_float, default=0.01, metavar="W", help="of the KL term (default 0.01)")
-    cvae.add_argument("--held-out-object", metavar="NAME", help="an object that is tested on and not trained on")
+    cvae.add_argument(
+        "--threads", type=positive_int, default=1, metavar="N", help="of torch on the CPU (default 1)"
+    )
+    cvae.add_argument(
+        "--latent", type=positive_int, default=6, metavar="N", help="size of the latent (default 6)"
+    )
+    cvae.add_argument(
+        "--kl-weight", type=positive_float, default=0.01, metavar="W", help="of the KL term (default 0.01)"
+    )
+    cvae.add_argument(
+        "--held-out-object", metavar="NAME", help="an object that is tested on and not trained on"
+    )
     add_json(cvae)
 
 
@@ -66,14 +80,21 @@ def _cvae(args: argparse.Namespace) -> int:
             bar.total = state.epochs
             bar.update(state.epoch - bar.n)
             last = state.curve[-1]
-            bar.set_postfix(train=f"{last['train']['total']:.3f}", test_cm=f"{last['test']['fingertip_cm']:.2f}")
+            bar.set_postfix(
+                train=f"{last['train']['total']:.3f}", test_cm=f"{last['test']['fingertip_cm']:.2f}"
+            )
             if state.epoch % 10 == 0 or state.epoch == state.epochs:
                 draw_curves(state.curve, state.best_epoch, args.out / "curves.png")
 
         try:
-            state = train(args.data, args.out, settings, minutes=args.minutes, device=args.device, progress=show)
+            state = train(
+                args.data, args.out, settings, minutes=args.minutes, device=args.device, progress=show
+            )
         except KeyboardInterrupt:
-            note(f"dexgrasp train: interrupted; the last checkpoint is kept in {args.out}: the same command goes on from there")
+            note(
+                f"dexgrasp train: interrupted; the last checkpoint is kept in {args.out}: "
+                "the same command goes on from there"
+            )
             return 3
     draw_curves(state.curve, state.best_epoch, args.out / "curves.png")
     write_curve(state.curve, args.out / "curve.jsonl")
@@ -93,6 +114,11 @@ def _print(args: argparse.Namespace, state: Any) -> int:
         return 0
     for split, values in best.items():
         if isinstance(values, dict) and values:
-            print(f"{split}: loss {values['total']:.4f}, fingertips {values['fingertip_cm']:.2f} cm, KL {values['kl']:.2f}")
-    print(f"epoch {state.best_epoch} of {state.epochs}, {state.seconds:.0f} s; weights in {figures['weights']}")
+            print(
+                f"{split}: loss {values['total']:.4f}, fingertips {values['fingertip_cm']:.2f} cm, "
+                f"KL {values['kl']:.2f}"
+            )
+    print(
+        f"epoch {state.best_epoch} of {state.epochs}, {state.seconds:.0f} s; weights in {figures['weights']}"
+    )
     return 0

@@ -1,4 +1,4 @@
-"""Grasps for training: splits that share no contact triple, augmentation, batches that depend on seed and step alone."""
+"""Grasps for training: splits that share no contact triple, augmentation, batches by seed and step alone."""
 
 from dataclasses import dataclass
 from typing import Any, NamedTuple
@@ -48,7 +48,11 @@ class Batch(NamedTuple):
 
 
 def split(
-    poses: list[PoseGrasps], held_out_object: str | None, held_out_poses: bool, test_share: float = 0.05, seed: int = 0
+    poses: list[PoseGrasps],
+    held_out_object: str | None,
+    held_out_poses: bool,
+    test_share: float = 0.05,
+    seed: int = 0,
 ) -> dict[str, list[PoseSplit]]:
     """Split a dataset. Only grasps that hold some load are taken (`load` >= 0).
 
@@ -64,7 +68,9 @@ def split(
     """
     names = list(dict.fromkeys(p.name for p in poses))
     if held_out_object is not None and held_out_object not in names:
-        raise InputError(f"held-out object {held_out_object!r} is not in the dataset: valid are {', '.join(names)}")
+        raise InputError(
+            f"held-out object {held_out_object!r} is not in the dataset: valid are {', '.join(names)}"
+        )
     out: dict[str, list[PoseSplit]] = {name: [] for name in SPLITS}
     for pose in poses:
         of_object = [p.pose for p in poses if p.name == pose.name]
@@ -121,7 +127,9 @@ def test_batches(poses: list[PoseSplit], seed: int, points: int, latent: int, mo
     for k, pose in enumerate(poses):
         rng = np.random.default_rng([seed, 11, k])
         at = rng.permutation(len(pose))[:most]
-        made = _made(pose, at, rng.permutation(len(pose.cloud))[:points], turn(rng.uniform(-np.pi, np.pi)), np.ones(3))
+        made = _made(
+            pose, at, rng.permutation(len(pose.cloud))[:points], turn(rng.uniform(-np.pi, np.pi)), np.ones(3)
+        )
         batches.append(_batch([made], np.zeros((1, len(at), latent))))
     return batches
 

@@ -22,7 +22,10 @@ def draw_curves(curve: list[dict[str, Any]], best_epoch: int, path: Path) -> Non
 
     figure, axes = plt.subplots(1, 2, figsize=(9, 3.4), layout="constrained")
     epochs = [row["epoch"] for row in curve]
-    for axis, name, title in ((axes[0], "total", "loss"), (axes[1], "fingertip_cm", "fingertip reconstruction, cm")):
+    for axis, name, title in (
+        (axes[0], "total", "loss"),
+        (axes[1], "fingertip_cm", "fingertip reconstruction, cm"),
+    ):
         for split in SPLITS:
             if curve and curve[-1].get(split):
                 axis.plot(epochs, [row[split][name] for row in curve], lw=1, label=split.replace("_", " "))

@@ -23,7 +23,8 @@ class PoseGrasps:
     Attributes:
         name: of the object.
         pose: index of the rest pose.
-        scene: arrays of the rest pose: `cloud`, `points`, `normals`, `hull`, `centre`, `mass`, ... (see shards.write_pose).
+        scene: arrays of the rest pose: `cloud`, `points`, `normals`, `hull`, `centre`, `mass` (see
+            shards.write_pose).
         grasps: arrays of `shards.FIELDS`, n grasps each.
         counts: how many were tried, placed, reached, feasible, holding.
         blocked: why postures were not feasible.
@@ -60,12 +61,16 @@ def read_dataset(folder: Path, check_hashes: bool = True) -> list[PoseGrasps]:
     """
     manifest = read_manifest(folder)
     if not manifest.get("complete"):
-        raise InputError(f"{folder} is not complete: run `dexgrasp dataset generate` with the same settings again")
+        raise InputError(
+            f"{folder} is not complete: run `dexgrasp dataset generate` with the same settings again"
+        )
     found: list[PoseGrasps] = []
     for path, hashed in manifest["files"].items():
         if check_hashes and (folder / path).is_file() and file_hash(folder / path) != hashed:
             read_arrays(folder / path)  # says so where it is cut off
-            raise InputError(f"{folder / path} was changed after it was made: remove it and run `dexgrasp dataset generate` again")
+            raise InputError(
+                f"{folder / path} was changed after it was made: remove it and run `dexgrasp dataset generate` again"
+            )
     for path in sorted(p for p in manifest["files"] if p.startswith("poses/")):
         name, _, pose = Path(path).stem.rpartition("-pose")
         shards = sorted(p for p in manifest["files"] if p.startswith(f"grasps/{name}-pose{pose}-"))

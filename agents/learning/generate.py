@@ -91,7 +91,8 @@ def _run(
 ) -> Iterator[None]:
     if workers == 1 and backend == "loky":
         for job in jobs:
-            yield make(job, settings, folder, key)
+            make(job, settings, folder, key)
+            yield
         return
     yield from _parallel(jobs, settings, folder, key, workers, backend)
 
@@ -122,7 +123,9 @@ def _check_backend(backend: str) -> None:
 
 def _path(folder: Path, job: Job) -> Path:
     name = object_name(job.target)
-    return pose_path(folder, name, job.pose) if job.chunk < 0 else shard_path(folder, name, job.pose, job.chunk)
+    return (
+        pose_path(folder, name, job.pose) if job.chunk < 0 else shard_path(folder, name, job.pose, job.chunk)
+    )
 
 
 def _identity(settings: DatasetSettings) -> dict[str, Any]:
@@ -132,7 +135,11 @@ def _identity(settings: DatasetSettings) -> dict[str, Any]:
         model, name = load_target(target, settings), object_name(target)
         if name in objects:
             raise InputError(f"two objects are called {name!r}: rename one of the files")
-        objects[name] = {"content_hash": model.content_hash, "rest_poses": len(model.rest_poses), "mass": model.mass}
+        objects[name] = {
+            "content_hash": model.content_hash,
+            "rest_poses": len(model.rest_poses),
+            "mass": model.mass,
+        }
     fixed = {
         "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": _NEIGHBOURS,
         "side_tolerance": _SIDE_TOLERANCE,
@@ -147,7 +154,9 @@ def _claim(folder: Path, identity: dict[str, Any], key: str) -> None:
     if (folder / "manifest.json").exists():
         old = read_manifest(folder)
         if old.get("key") != key:
-            raise InputError(f"{folder} holds a dataset of other settings ({_difference(old, identity)}): choose another --out")
+            raise InputError(
+                f"{folder} holds a dataset of other settings ({_difference(old, identity)}): choose another --out"
+            )
         return
     if folder.is_dir() and any(folder.iterdir()):
         raise InputError(f"{folder} is not empty and holds no dataset: choose another --out")
@@ -164,14 +173,18 @@ def _difference(old: dict[str, Any], new: dict[str, Any]) -> str:
     return "they differ"
 
 
-def _finish(folder: Path, identity: dict[str, Any], key: str, jobs: list[Job], seconds: float) -> dict[str, Any]:
+def _finish(
+    folder: Path, identity: dict[str, Any], key: str, jobs: list[Job], seconds: float
+) -> dict[str, Any]:
     """Write the manifest with the hash of every file, and the time, which is no part of the dataset, beside it."""
     files = {str(_path(folder, job).relative_to(folder)): file_hash(_path(folder, job)) for job in jobs}
     manifest = {
         "schema": SCHEMA, "key": key, **identity, "complete": True,
         "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
         "units": "m, rad, N, kg; quaternions wxyz", "fingers": ["thumb", "index", "middle"],
-        "fields": {name: {"shape": list(shape), "type": kind, "meaning": says} for name, (shape, kind, says) in FIELDS.items()},
+        "fields": {
+            name: {"shape": list(shape), "type": kind, "meaning": says} for name, (shape, kind, says) in FIELDS.items()
+        },
         "files": files,
     }  # fmt: skip
     _write(folder, manifest)

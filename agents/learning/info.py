@@ -34,7 +34,8 @@ def summary(folder: Path) -> dict[str, Any]:
         "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
         "share_holding": totals["holding"] / max(totals["feasible"], 1),
         "counts": dict(totals), "blocked": dict(blocked.most_common()),
-        "coverage": float(np.mean([p.coverage for p in poses])), "least_coverage": float(min(p.coverage for p in poses)),
+        "coverage": float(np.mean([p.coverage for p in poses])),
+        "least_coverage": float(min(p.coverage for p in poses)),
         "margin_histogram": {"edges": list(_BINS), "counts": np.histogram(margin, _BINS)[0].tolist()},
         "approach_degrees": _quantiles(_approach(poses)), "margin": _quantiles(margin),
         "poses": [
@@ -88,8 +89,14 @@ def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
 def planner_settings(folder: Path) -> PlannerSettings:
     """Return the thresholds a dataset was made with."""
     saved = read_manifest(folder)["settings"]["planner"]
-    known = {k: tuple(tuple(x) if isinstance(x, list) else x for x in v) if isinstance(v, list) else v for k, v in saved.items()}
-    return PlannerSettings(**{k: v for k, v in known.items() if k in PlannerSettings.__dataclass_fields__})
+    known: dict[str, Any] = {
+        k: _tuples(v) for k, v in saved.items() if k in PlannerSettings.__dataclass_fields__
+    }
+    return PlannerSettings(**known)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
 def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
@@ -101,7 +108,9 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
     hull = trimesh.convex.convex_hull(pose.scene["hull"])
-    subject = placed(Subject.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"])
+    subject = placed(
+        Subject.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
+    )
     R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
     arrays = {name: g["q"] for name in ("q", "pregrasp", "grasp", "squeeze")}
     arrays |= {
@@ -126,14 +135,17 @@ def picture(folder: Path, path: Path) -> None:
     poses = read_dataset(folder)
     names = list(dict.fromkeys(p.name for p in poses))
     figure = plt.figure(figsize=(3.2 * max(len(names), 4), 7.2), layout="constrained")
-    top, bottom = figure.subfigures(2, 1)
+    halves: Any = figure.subfigures(2, 1)
+    top, bottom = halves
     axes = top.subplots(1, 3)
     colours = [f"C{names.index(p.name)}" for p in poses]
     axes[0].bar(range(len(poses)), [len(p) for p in poses], color=colours)
     axes[0].set(title="grasps a rest pose", xlabel="rest poses, by object")
     for i, name in enumerate(names):
         own = [p for p in poses if p.name == name]
-        axes[1].hist(_joined(own, "margin"), np.linspace(0, 1, 41), histtype="step", color=f"C{i}", label=name)
+        axes[1].hist(
+            _joined(own, "margin"), np.linspace(0, 1, 41), histtype="step", color=f"C{i}", label=name
+        )
         axes[2].hist(_approach(own), np.linspace(0, 110, 41), histtype="step", color=f"C{i}")
     axes[1].set(title="closure margin")
     axes[1].legend(fontsize=6)

@@ -122,7 +122,14 @@ def losses(output: Output, grasp: Tensor, kl_weight: float) -> Losses:
     fingertips = difference[..., :9].abs().sum(-1).mean()
     palm = difference[..., 9:12].abs().sum(-1).mean()
     # |R R_hat^T - I|_F = |R - R_hat|_F, and 6 numbers say all of a rotation.
-    rotation = (rotation_of(output.grasp[..., 12:]) - rotation_of(grasp[..., 12:])).square().sum((-1, -2)).add(1e-8).sqrt().mean()
+    rotation = (
+        (rotation_of(output.grasp[..., 12:]) - rotation_of(grasp[..., 12:]))
+        .square()
+        .sum((-1, -2))
+        .add(1e-8)
+        .sqrt()
+        .mean()
+    )
     kl = 0.5 * (output.mean.square() + output.log_variance.exp() - 1.0 - output.log_variance).sum(-1).mean()
     total = 10.0 * fingertips + 2.0 * palm + 0.2 * rotation + kl_weight * kl
     tips = difference[..., :9].unflatten(-1, (3, 3)).norm(dim=-1).mean() * 100.0

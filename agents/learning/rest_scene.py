@@ -85,13 +85,27 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     points, normals = graspable_points(subject, settings.planner, rng)
     n = len(points)
     some = n >= 3
-    triples = closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE) if some else np.zeros((0, 3), np.int32)
+    triples = (
+        closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE)
+        if some
+        else np.zeros((0, 3), np.int32)
+    )
     gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
-    decided = int(round(np.trace(gaps.astype(float) @ gaps @ gaps) / 6.0))
+    decided = round(float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
     samples = surface_samples(subject.hull, CLOUD, rng)
     cloud = np.concatenate([samples.points, samples.normals], axis=1)
     return RestScene(
-        name, pose, subject, np.array(rest.quat_wxyz), rest.height, rest.probability, points, normals, triples, decided, cloud
+        name,
+        pose,
+        subject,
+        np.array(rest.quat_wxyz),
+        rest.height,
+        rest.probability,
+        points,
+        normals,
+        triples,
+        decided,
+        cloud,
     )
 
 

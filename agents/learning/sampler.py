@@ -7,6 +7,7 @@ place gets a random placement of the object before the robot, arm and hand, and 
 
 from collections import Counter
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,11 +46,11 @@ COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_a
 class Found:
     """Grasps of a shard as they are found, one list a field, and the counts of the way there."""
 
-    fields: dict[str, list[Array]] = field(default_factory=dict)
+    fields: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
     blocked: Counter[str] = field(default_factory=Counter)
 
-    def add(self, **values: Array | float) -> None:
+    def add(self, **values: NDArray[Any] | float) -> None:
         """Append one grasp."""
         for name, value in values.items():
             self.fields.setdefault(name, []).append(np.asarray(value))
@@ -63,7 +64,9 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
     """Find the grasps of one shard; the same for the same settings, on any machine with the same versions."""
     scene, found = rest_scene(target, pose, settings), Found()
     rng = rng_of(settings, scene.name, pose, 1 + chunk)
-    own = scene.triples[rng_of(settings, scene.name, pose, 0).permutation(len(scene.triples))][chunk :: settings.chunks]
+    own = scene.triples[rng_of(settings, scene.name, pose, 0).permutation(len(scene.triples))][
+        chunk :: settings.chunks
+    ]
     left, use, quota = np.ones(len(own), bool), np.zeros(len(scene.points)), settings.quota(chunk)
     tree, budget = robot_tree(), settings.tries * quota
     while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < budget:
@@ -73,7 +76,9 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
     return found
 
 
-def _draw(own: NDArray[np.int32], left: NDArray[np.bool_], use: Array, rng: np.random.Generator) -> NDArray[np.int64]:
+def _draw(
+    own: NDArray[np.int32], left: NDArray[np.bool_], use: Array, rng: np.random.Generator
+) -> NDArray[np.int64]:
     """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
     ids = np.flatnonzero(left)
     keys = rng.exponential(size=len(ids)) * (1.0 + use[own[ids]].sum(1)) ** 2

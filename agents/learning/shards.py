@@ -86,10 +86,13 @@ def read_arrays(path: Path, key: str | None = None) -> Arrays:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
     except FileNotFoundError:
-        raise InputError(f"{path} is missing: run `dexgrasp dataset generate` again, it makes what is not there") from None
+        raise InputError(
+            f"{path} is missing: run `dexgrasp dataset generate` again, it makes what is not there"
+        ) from None
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
         raise InputError(
-            f"{path} is cut off or damaged: run `dexgrasp dataset generate` with the same settings again, it makes it anew"
+            f"{path} is cut off or damaged: run `dexgrasp dataset generate` with the same settings again, "
+            "it makes it anew"
         ) from None
     if key is not None and ("key" not in arrays or text(arrays["key"]) != key):
         raise InputError(f"{path} belongs to another dataset: remove it, or use another folder")
@@ -115,11 +118,17 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     try:
         manifest = json.loads(path.read_text())
     except OSError:
-        raise InputError(f"{folder} holds no dataset (no manifest.json): make one with `dexgrasp dataset generate`") from None
+        raise InputError(
+            f"{folder} holds no dataset (no manifest.json): make one with `dexgrasp dataset generate`"
+        ) from None
     except (UnicodeDecodeError, json.JSONDecodeError):
-        raise InputError(f"{path} is damaged: run `dexgrasp dataset generate` with the same settings again") from None
+        raise InputError(
+            f"{path} is damaged: run `dexgrasp dataset generate` with the same settings again"
+        ) from None
     if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
-        raise InputError(f"{path} has schema {manifest.get('schema') if isinstance(manifest, dict) else None}: valid is {SCHEMA}")
+        raise InputError(
+            f"{path} has schema {manifest.get('schema') if isinstance(manifest, dict) else None}: valid is {SCHEMA}"
+        )
     return manifest
 
 

@@ -92,7 +92,10 @@ def train(
     model = Cvae(settings.network).to(place)
     optimiser = torch.optim.Adam(model.parameters(), lr=settings.rate)
     state = _resume(out, model, optimiser) or Progress(epochs=settings.epochs)
-    tests = {name: test_batches(p, settings.seed, settings.network.points, settings.network.latent) for name, p in parts.items()}
+    tests = {
+        name: test_batches(p, settings.seed, settings.network.points, settings.network.latent)
+        for name, p in parts.items()
+    }
     board, calls = _board(out), 0
     if minutes is not None and state.epoch == 0:
         state.epochs = _fitting(parts["train"], settings, minutes, place)
@@ -100,7 +103,9 @@ def train(
         began = time.perf_counter()
         trained = _epoch(model, optimiser, parts["train"], state, settings, place)
         row = {"epoch": state.epoch + 1, "train": trained} | {
-            name: evaluate(model, batches, settings.kl_weight, place) for name, batches in tests.items() if name != "train"
+            name: evaluate(model, batches, settings.kl_weight, place)
+            for name, batches in tests.items()
+            if name != "train"
         }
         state.epoch, calls = state.epoch + 1, calls + 1
         state.curve.append(row)
@@ -124,7 +129,15 @@ def _epoch(
         done = step / (state.epochs * STEPS_PER_EPOCH)
         for group in optimiser.param_groups:
             group["lr"] = settings.rate * max(0.02, min(1.0, 2.0 * (1.0 - done)))
-        sums += _step(model, optimiser, poses, step, settings, settings.kl_weight * min(1.0, done / settings.warm_up), place)
+        sums += _step(
+            model,
+            optimiser,
+            poses,
+            step,
+            settings,
+            settings.kl_weight * min(1.0, done / settings.warm_up),
+            place,
+        )
     return dict(zip(_NAMES, (sums / STEPS_PER_EPOCH).tolist(), strict=True))
 
 
@@ -133,7 +146,9 @@ def _step(
     kl_weight: float, place: torch.device,
 ) -> np.ndarray:  # fmt: skip
     net = settings.network
-    batch = training_batch(poses, step, settings.seed, settings.clouds, settings.grasps, net.points, net.latent)
+    batch = training_batch(
+        poses, step, settings.seed, settings.clouds, settings.grasps, net.points, net.latent
+    )
     cloud, grasp, noise = _tensors(batch, place)
     found = losses(model(cloud, grasp, noise), grasp, kl_weight)
     optimiser.zero_grad(set_to_none=True)
@@ -180,7 +195,12 @@ def _device(name: str) -> torch.device:
 
 def _claim(data: Path, out: Path, settings: TrainingSettings, minutes: float | None) -> str:
     """Write what is trained on what into `out`, or check that it is the same."""
-    run = {"schema": 1, "dataset": read_manifest(data)["key"], "minutes": minutes, "settings": asdict(settings)}
+    run = {
+        "schema": 1,
+        "dataset": read_manifest(data)["key"],
+        "minutes": minutes,
+        "settings": asdict(settings),
+    }
     content = json.dumps(run, indent=1, sort_keys=True) + "\n"
     path = out / "run.json"
     if path.is_file():
@@ -202,7 +222,9 @@ def _keep(
 ) -> None:
     """Write the best weights before the checkpoint: a kill in between repeats an epoch and writes the same again."""
     tested = state.curve[-1]["test"]["total"]
-    if tested < state.best and state.epoch * 5 >= state.epochs or state.epoch == state.epochs and not state.best_epoch:
+    if (tested < state.best and state.epoch * 5 >= state.epochs) or (
+        state.epoch == state.epochs and not state.best_epoch
+    ):
         state.best, state.best_epoch = tested, state.epoch
         row = {k: v for k, v in state.curve[-1].items() if k != "epoch"}
         about = {"epoch": state.epoch, "dataset": key, "seed": settings.seed, "losses": row}

@@ -35,7 +35,9 @@ def read_weights(path: Path) -> tuple[Cvae, dict[str, Any]]:
         model = Cvae(NetworkSettings(**note["network"]))
         model.load_state_dict(tensors)
     except (KeyError, TypeError, RuntimeError):
-        raise InputError(f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`") from None
+        raise InputError(
+            f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`"
+        ) from None
     return model.eval(), note
 
 

@@ -1,0 +1,224 @@
+import json
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("safetensors")
+
+import trimesh  # noqa: E402
+
+from agents import make_agent  # noqa: E402
+from agents.cli.main import main  # noqa: E402
+from agents.learning.batches import SCALE, split, training_batch  # noqa: E402
+from agents.learning.dataset import read_dataset  # noqa: E402
+from agents.learning.generate import generate  # noqa: E402
+from agents.learning.network import Cvae, NetworkSettings, losses, rotation_of  # noqa: E402
+from agents.learning.proposals import CvaeProposals, on_surface  # noqa: E402
+from agents.learning.settings import DatasetSettings  # noqa: E402
+from agents.learning.training import TrainingSettings, train  # noqa: E402
+from agents.learning.weights import read_weights, write_weights  # noqa: E402
+from agents.planning.planner import Planner  # noqa: E402
+from agents.planning.settings import PlannerSettings  # noqa: E402
+from agents.planning.subject import Subject  # noqa: E402
+from dexgrasp_env.errors import InputError  # noqa: E402
+
+NETWORK = NetworkSettings(latent=3, points=64, local=16, cloud=32, hidden=32)
+TRAINING = TrainingSettings(epochs=3, clouds=2, grasps=8, network=NETWORK)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("data") / "set"
+    generate(DatasetSettings.of(["gelatin_box"], grasps_per_pose=30, chunk=30), folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def trained(data, tmp_path_factory):
+    out = tmp_path_factory.mktemp("trained") / "run"
+    state = train(data, out, TRAINING)
+    return out, state
+
+
+def box(size=(0.06, 0.09, 0.1), at=(0.5, 0.05)):
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation([*at, size[2] / 2])
+    return Subject.of(mesh)
+
+
+def tensors(data, step=0):
+    parts = split(read_dataset(data), None, True)
+    return [torch.from_numpy(a) for a in training_batch(parts["train"], step, 0, 2, 8, 64, 3)]
+
+
+def test_forward_backward_reach_every_weight(data):
+    model = Cvae(NETWORK)
+    cloud, grasp, noise = tensors(data)
+    output = model(cloud, grasp, noise)
+    assert output.grasp.shape == (2, 8, 18)
+    assert output.mean.shape == output.log_variance.shape == (2, 8, 3)
+    losses(output, grasp, 0.01).total.backward()
+    assert all(p.grad is not None and p.grad.abs().sum() > 0 for p in model.parameters())
+
+
+def test_loss_is_zero_for_the_grasp_itself_but_for_the_kl(data):
+    cloud, grasp, noise = tensors(data)
+    output = Cvae(NETWORK)(cloud, grasp, noise)
+    perfect = losses(
+        output._replace(grasp=grasp, mean=0 * output.mean, log_variance=0 * output.mean), grasp, 1.0
+    )
+    assert float(perfect.total) == pytest.approx(0.0, abs=1e-3)
+    shifted = grasp.clone()
+    shifted[..., :9] += SCALE * 0.01
+    off = losses(
+        output._replace(grasp=shifted, mean=0 * output.mean, log_variance=0 * output.mean), grasp, 1.0
+    )
+    assert float(off.total) == pytest.approx(10 * 9 * 0.01, rel=1e-2)
+    assert float(off.fingertip_cm) == pytest.approx(np.sqrt(3.0), rel=1e-4)
+
+
+def test_the_order_of_points_does_not_matter(data):
+    model = Cvae(NETWORK)
+    cloud, _, _ = tensors(data)
+    shuffled = cloud[:, torch.randperm(cloud.shape[1])]
+    torch.testing.assert_close(model.cloud(cloud), model.cloud(shuffled))
+
+
+def test_rotations_are_rotations():
+    R = rotation_of(torch.randn(20, 6))
+    torch.testing.assert_close(R @ R.mT, torch.eye(3).expand(20, 3, 3), atol=1e-5, rtol=0)
+    assert (torch.linalg.det(R) > 0.99).all()
+
+
+def test_batches_depend_on_the_step_alone_and_keep_contacts_on_the_cloud(data):
+    parts = split(read_dataset(data), None, True)["train"]
+    one, again = (training_batch(parts, 4, 0, 2, 8, 512, 3) for _ in range(2))
+    other = training_batch(parts, 5, 0, 2, 8, 512, 3)
+    assert all((a == b).all() for a, b in zip(one, again, strict=True))
+    assert (one.grasp != other.grasp).any()
+    tips = one.grasp[0, :, :9].reshape(-1, 3)
+    gaps = np.linalg.norm(tips[:, None] - one.cloud[0, None, :, :3], axis=-1).min(1) / SCALE
+    assert np.median(gaps) < 0.01
+
+
+def test_splits_share_no_grasp(data):
+    parts = split(read_dataset(data), None, True)
+    assert parts["held_out_poses"]
+    train_tips = {t.tobytes() for p in parts["train"] for t in p.tips}
+    assert not any(t.tobytes() in train_tips for p in parts["test"] for t in p.tips)
+    with pytest.raises(InputError, match="valid are gelatin_box"):
+        split(read_dataset(data), "soda", True)
+
+
+def test_stopped_training_ends_with_the_same_bits(data, trained, tmp_path):
+    out, state = trained
+    for _ in range(3):
+        last = train(data, tmp_path / "run", TRAINING, stop_after=1)
+    assert last.epoch == 3
+    assert last.curve == state.curve
+    for name in ("cvae.safetensors",):
+        assert (tmp_path / "run" / name).read_bytes() == (out / name).read_bytes()
+    one, two = (read_weights(f / "cvae.safetensors")[0].state_dict() for f in (out, tmp_path / "run"))
+    assert all(torch.equal(one[k], two[k]) for k in one)
+
+
+def test_other_settings_in_the_folder_are_refused(data, trained):
+    with pytest.raises(InputError, match="other settings"):
+        train(data, trained[0], replace(TRAINING, seed=9))
+
+
+def test_command_line(data, tmp_path, capsys):
+    assert (
+        main(
+            ["train", "cvae", "--data", str(data), "--out", str(tmp_path / "run"), "--epochs", "1", "--json"]
+        )
+        == 0
+    )
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["losses"]["test"]["fingertip_cm"] > 0
+    assert (tmp_path / "run" / "curves.png").is_file()
+    assert (
+        main(["train", "cvae", "--data", str(tmp_path), "--out", str(tmp_path / "b"), "--epochs", "1"]) == 2
+    )
+    assert "holds no dataset" in capsys.readouterr().err
+
+
+def test_damaged_weights_are_refused(trained, tmp_path):
+    path = tmp_path / "cut.safetensors"
+    path.write_bytes((trained[0] / "cvae.safetensors").read_bytes()[:500])
+    with pytest.raises(InputError, match="damaged"):
+        read_weights(path)
+    with pytest.raises(InputError, match="missing"):
+        read_weights(tmp_path / "none.safetensors")
+
+
+def test_proposals_are_the_same_for_the_same_seed():
+    source, subject = CvaeProposals(latents=64, ranked=False), box()
+    a, b, c = (source.propose(subject, PlannerSettings(), np.random.default_rng(s)) for s in (1, 1, 2))
+    assert a.assigned
+    np.testing.assert_array_equal(a.contacts, b.contacts)
+    assert a.contacts.shape != c.contacts.shape or (a.contacts != c.contacts).any()
+
+
+def test_fingertips_are_put_on_the_surface_above_the_table():
+    subject, settings = box(), PlannerSettings()
+    tips = np.random.default_rng(0).uniform([0.42, -0.03, -0.02], [0.58, 0.13, 0.13], (200, 3, 3))
+    contacts, normals, usable = on_surface(tips, subject, settings)
+    assert np.abs(subject.distance.distance(contacts.reshape(-1, 3))).max() < 1e-6
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-9)
+    assert 0 < usable.sum() < 200
+    assert contacts[usable][:, :, 2].min() > settings.table_clearance
+
+
+def test_shipped_weights_propose_closure_and_lead_to_a_grasp():
+    proposals = CvaeProposals().propose(box(), PlannerSettings(), np.random.default_rng(0))
+    assert proposals.failure is None
+    assert proposals.margins.min() > 0.0
+    assert len(proposals.contacts) > 10
+    assert Planner(source=CvaeProposals()).plan(box(), 0).grasp is not None
+
+
+def test_shipped_weights_say_where_they_come_from():
+    from agents.learning.proposals import shipped_weights
+
+    model, note = read_weights(shipped_weights())
+    assert note["losses"]["test"]["fingertip_cm"] < 1.0
+    assert shipped_weights().stat().st_size < 4e6
+    assert model.settings.latent >= 1
+
+
+def test_weights_survive_writing(tmp_path):
+    model = Cvae(NETWORK)
+    write_weights(tmp_path / "w.safetensors", model, {"epoch": 1})
+    again, note = read_weights(tmp_path / "w.safetensors")
+    assert note["epoch"] == 1
+    assert all(
+        torch.equal(a, b)
+        for a, b in zip(model.state_dict().values(), again.state_dict().values(), strict=True)
+    )
+
+
+@pytest.mark.parametrize("name", ["cvae", "cvae_kinematics"])
+def test_agents_carry_out_learned_grasps(name):
+    import gymnasium as gym
+
+    import dexgrasp_env  # noqa: F401
+
+    agent = make_agent(name)
+    env = gym.make("DexGrasp/Lift-v0", objects="sugar_box", **agent.env_settings)
+    observation, info = env.reset(seed=0)
+    agent.seed(0)
+    agent.reset(observation, info)
+    assert agent.report.failure is None
+    assert env.action_space.contains(agent.act(observation))
+    env.close()
+
+
+@pytest.mark.parametrize("name", ["cvae", "cvae_kinematics", "bilevel"])
+def test_agents_without_torch_say_so(name, monkeypatch):
+    monkeypatch.setitem(sys.modules, "torch", None)
+    with pytest.raises(InputError, match="need torch"):
+        make_agent(name, **({"proposals": "cvae"} if name == "bilevel" else {}))
