@@ -2,7 +2,7 @@
 
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import lru_cache
 from itertools import islice
@@ -22,7 +22,7 @@ from agents.planning.bilevel import Solution, solve
 from agents.planning.certificate import Certificate
 from agents.planning.grasp import Grasp, finger_jacobians, grasp_motion, openings
 from agents.planning.postures import Posture, atlas_postures, oriented_postures
-from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals
+from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals, placement_risk
 from agents.planning.settings import PlannerSettings
 from agents.planning.subject import Subject
 from dexgrasp_env.robot.limits import HOME
@@ -96,7 +96,7 @@ class Planner:
             plan.reason = proposals.failure
             if self._try_all(proposals, subject, settings, start, plan, clock, feeble):
                 return plan
-        if self._any(sorted(feeble, key=lambda grasp: -grasp.certificate.load), subject, start, plan, clock):
+        if self._any(feeble, subject, start, plan, clock):
             return plan
         plan.reason = _commonest(plan) if plan.blocked else plan.reason or NO_POSTURE
         return plan
@@ -107,20 +107,28 @@ class Planner:
     ) -> bool:  # fmt: skip
         """Try proposals batch by batch; whether one became a grasp that can be carried out.
 
-        Grasps whose squeeze falls short of the assumed weight go to `feeble`, for when there is nothing better.
+        A firm grasp is taken at once. Weaker ones wait for the end of the round, and those whose squeeze falls short of
+        the assumed weight go to `feeble`, for when there is nothing better.
         """
+        weak: list[Grasp] = []
         solutions = self._solutions(proposals, subject, settings, plan, clock)
         while batch := list(islice(solutions, settings.candidates)):
             batch.sort(key=lambda solution: -_merit(solution, subject))
-            if self._any(self._firm_first(batch, subject, plan, clock, feeble), subject, start, plan, clock):
-                return True
-        return False
+            for solution in batch:
+                grasp = self._certify(solution, subject, plan)
+                clock.lap(plan, "certificate")
+                if grasp is None:
+                    continue
+                if grasp.certificate.load < settings.firm_load:
+                    (weak if grasp.certificate.load >= 1.0 else feeble).append(grasp)
+                elif self._carry_out(grasp, subject, start, plan, clock):
+                    return True
+        return self._any(weak, subject, start, plan, clock)
 
-    def _any(
-        self, grasps: Iterable[Grasp], subject: Subject, start: Array | None, plan: Plan, clock: "_Clock"
-    ) -> bool:
-        """Whether one of the grasps can be carried out; the first that can goes into `plan`."""
-        return any(self._carry_out(grasp, subject, start, plan, clock) for grasp in grasps)
+    def _any(self, grasps: list[Grasp], subject: Subject, start: Array | None, plan: Plan, clock: "_Clock") -> bool:
+        """Whether one of the grasps can be carried out; the firmest that can goes into `plan`."""
+        firmest = sorted(grasps, key=lambda grasp: -grasp.certificate.load - 0.5 * grasp.certificate.closure_margin)
+        return any(self._carry_out(grasp, subject, start, plan, clock) for grasp in firmest)
 
     def _solutions(
         self, proposals: Proposals, subject: Subject, settings: PlannerSettings, plan: Plan, clock: "_Clock"
@@ -137,20 +145,6 @@ class Planner:
                 yield solution
             else:
                 _block(plan, str(solution.blocking), solution.violation)
-
-    def _firm_first(
-        self, solutions: list[Solution], subject: Subject, plan: Plan, clock: "_Clock", feeble: list[Grasp]
-    ) -> Iterator[Grasp]:
-        """Yield certified grasps: those that bear the firm load as they come, then the others, firmest first."""
-        weak: list[Grasp] = []
-        for solution in solutions:
-            grasp = self._certify(solution, subject, plan)
-            clock.lap(plan, "certificate")
-            if grasp is not None and grasp.certificate.load >= self.settings.firm_load:
-                yield grasp
-            elif grasp is not None:
-                (weak if grasp.certificate.load >= 1.0 else feeble).append(grasp)
-        yield from sorted(weak, key=lambda grasp: -grasp.certificate.load)
 
     def _carry_out(self, grasp: Grasp, subject: Subject, start: Array | None, plan: Plan, clock: "_Clock") -> bool:
         """Whether the grasp can be approached; its script goes into `plan`."""
@@ -264,14 +258,9 @@ class _Clock:
 
 
 def _merit(solution: Solution, subject: Subject) -> float:
-    """Which of several feasible configurations bears errors best: margin, contacts around the centre, none on top.
-
-    A contact whose normal points up loses its hold if the surface lies a little further in than it was seen.
-    """
+    """Which of several feasible configurations bears errors best: its margin, less what places its contacts at risk."""
     at = solution.evaluation
-    size = float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0)))
-    offset = float(np.linalg.norm(at.contacts.mean(0) - subject.centre)) / size
-    return min(at.margin, 0.8) - offset - max(0.0, float(at.normals[:, 2].max()))
+    return min(at.margin, 0.8) - float(placement_risk(at.contacts[None], at.normals[None], subject)[0])
 
 
 def _block(plan: Plan, reason: str, violation: float) -> None:

@@ -31,7 +31,7 @@ _PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness
 _PALM_HEIGHT = 0.06  # m of the palm's centre above the table
 _ARM_TOLERANCE = 2e-3  # m
 _JOINT_TORQUE = 0.7  # Nm
-_STRONG = 14.0  # N of the thumb, from where more strength is no merit
+_STRONG = 18.0  # N of the thumb, from where more strength is no merit
 
 
 @dataclass(frozen=True)
@@ -126,7 +126,7 @@ def atlas_postures(
     )
     strength = _strengths(atlas.joints[which], rotations, inward, tree)
     margins = np.repeat(np.nan_to_num(proposals.margins, nan=0.3), len(orders))
-    total = np.where(scores > 0.0, scores + np.minimum(margins, 0.5) + 1.5 * np.minimum(strength / _STRONG, 1.0), -np.inf)
+    total = np.where(scores > 0.0, scores + np.minimum(margins, 0.5) + 2.0 * np.minimum(strength / _STRONG, 1.0), -np.inf)
     found = 0
     for k in np.argsort(-total, kind="stable"):
         if found == settings.postures or not np.isfinite(total[k]):

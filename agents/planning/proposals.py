@@ -68,7 +68,7 @@ class SurfaceProposals(ProposalSource):
             triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
         worth = margins(contacts, at, settings.friction)[0]
-        score = _score(contacts, at, worth, subject)
+        score = np.minimum(worth, 0.7) - placement_risk(contacts, at, subject)
         chosen = _varied(triples, score, settings.triples)
         return Proposals(contacts[chosen], at[chosen], worth[chosen])
 
@@ -98,16 +98,17 @@ def graspable_points(subject: Subject, settings: PlannerSettings, rng: Generator
     return centres[above] - distance[:, None] * gradient, gradient
 
 
-def _score(contacts: Array, normals: Array, margins: Array, subject: Subject) -> Array:
-    """Margin counts up to what is aimed at; then contacts around the centre of mass, which gravity turns least.
+def placement_risk(contacts: Array, normals: Array, subject: Subject) -> Array:
+    """Return what K triples (K, 3, 3) risk, in units of closure margin, if the surface is not quite where it was seen.
 
-    Normals that point up are a risk: the squeeze pushes the object out downwards if the surface lies a little further in
-    than it was seen.
+    Gravity turns contacts far from the centre of mass. A contact off the object's middle height, or whose normal points
+    up, squeezes the object out of the hand if the true surface curves away.
     """
     size = float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0)))
+    height = float(subject.hull.vertices[:, 2].max())
     offset = np.linalg.norm(contacts.mean(1) - subject.centre, axis=1) / size
-    upward = np.maximum(normals[:, :, 2], 0.0).max(1)
-    return np.minimum(margins, 0.7) - 1.0 * offset - 0.8 * upward
+    uneven = np.abs(contacts[:, :, 2] - subject.centre[2]).max(1) / height
+    return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)
 
 
 def _varied(triples: NDArray[np.int64], score: Array, count: int) -> NDArray[np.int64]:

@@ -53,8 +53,8 @@ class PlannerSettings:
     seconds: float | None = None
     least_press: float = 2.5
     friction_hold: float = 0.6
-    loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.6), (1.0, 0.2), (0.6, 0.0))
-    firm_load: float = 1.5
+    loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
+    firm_load: float = 2.0
     torque_share: float = 0.95
 
     def broadened(self, factor: float) -> "PlannerSettings":

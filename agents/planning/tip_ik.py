@@ -35,7 +35,7 @@ def solve_tips(
     start = q.copy()
     J, e = np.empty((9, 23)), np.empty(9)
     miss = 1e9
-    for _ in range(iterations):
+    for k in range(iterations + 1):
         forward(q, tree, R, p)
         tips = tip_positions(tree, R, p)
         miss = 0.0
@@ -45,7 +45,7 @@ def solve_tips(
                 e[3 * i + r] = targets[i, r] - tips[i, r]
                 squared += e[3 * i + r] ** 2
             miss = max(miss, np.sqrt(squared))
-        if miss < tolerance:
+        if miss < tolerance or k == iterations:
             return miss
         blocks = tip_jacobian(tree, R, p, tips)
         for i in range(3):
