@@ -8,11 +8,10 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "dm-control", "gymnasium", "numba", "trimesh", "coacd")
+_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "dm-env", "gymnasium", "numba", "trimesh", "coacd")
 _OPTIONAL = {
     "torch": "the learned agents and training need it: pip install dexgrasp[learn]",
     "stable-baselines3": "reinforcement learning needs it: pip install dexgrasp[learn]",
-    "mujoco-menagerie": "the robot is shown with its makers' meshes if it is there: pip install dexgrasp[meshes]",
 }
 _BACKENDS = ("egl", "osmesa", "glfw")
 _RENDER = """
