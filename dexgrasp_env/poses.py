@@ -30,9 +30,14 @@ def join(*parts: Any) -> Array:
 
 def quat_multiply(a: Array, b: Array) -> Array:
     """Hamilton product of unit quaternions, (..., 4) wxyz."""
-    aw, ax, ay, az = components(a)
-    bw, bx, by, bz = components(b)
-    return join(
+    return join(*product_components(components(a), components(b)))
+
+
+def product_components(a: Any, b: Any) -> tuple[Any, ...]:
+    """Return the four numbers of Hamilton products, from those of the factors."""
+    aw, ax, ay, az = a
+    bw, bx, by, bz = b
+    return (
         aw * bw - ax * bx - ay * by - az * bz,
         aw * bx + ax * bw + ay * bz - az * by,
         aw * by - ax * bz + ay * bw + az * bx,
@@ -71,10 +76,15 @@ def matrix_to_quat(R: Array) -> Array:
 
 def rotate(q: Array, v: Array) -> Array:
     """Rotate vectors (..., 3) by unit quaternions (..., 4) wxyz."""
-    w, x, y, z = components(q)
-    a, b, c = components(v)
+    return join(*rotated_components(components(q), components(v)))
+
+
+def rotated_components(q: Any, v: Any) -> tuple[Any, ...]:
+    """Return the three numbers of rotated vectors, from those of the quaternions and vectors."""
+    w, x, y, z = q
+    a, b, c = v
     tx, ty, tz = 2.0 * (y * c - z * b), 2.0 * (z * a - x * c), 2.0 * (x * b - y * a)
-    return join(
+    return (
         a + w * tx + (y * tz - z * ty),
         b + w * ty + (z * tx - x * tz),
         c + w * tz + (x * ty - y * tx),

@@ -18,7 +18,7 @@ from dexgrasp_env.lift.constants import (
     WORKSPACE_LOW,
 )
 from dexgrasp_env.lift.state import Array, LiftState, ObjectConstants, lowest_point
-from dexgrasp_env.poses import components, quat_conjugate, quat_multiply, rotate, rotation_angle
+from dexgrasp_env.poses import components, join, product_components, rotated_components
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 _STAGES = np.array(STAGES)
@@ -94,22 +94,32 @@ def _motion_in_hand(progress: Progress, state: LiftState, airborne: NDArray[np.b
     position, quat = _object_in_palm(state)
     took_off = airborne > progress.airborne
     if some(took_off):
-        grip_position = np.where(np.asarray(took_off)[..., None], position, grip_position)
-        grip_quat = np.where(np.asarray(took_off)[..., None], quat, grip_quat)
+        new = np.asarray(took_off)[..., None]
+        grip_position = np.where(new, join(*position), grip_position)
+        grip_quat = np.where(new, join(*quat), grip_quat)
     # Where the object has just left the table both are 0: the grip is where it is.
-    x, y, z = components(position - grip_position)
-    tilt = rotation_angle(quat_multiply(quat_conjugate(grip_quat), quat))
+    dx, dy, dz = (now - then for now, then in zip(position, components(grip_position), strict=True))
+    w, x, y, z = product_components(_conjugate(components(grip_quat)), quat)
+    tilt = 2.0 * np.arctan2(root(x * x + y * y + z * z), abs(w))
     return {
         "grip_position": grip_position,
         "grip_quat": grip_quat,
-        "slip": choose(airborne, most(progress.slip, root(x * x + y * y + z * z)), 0.0),
+        "slip": choose(airborne, most(progress.slip, root(dx * dx + dy * dy + dz * dz)), 0.0),
         "tilt": choose(airborne, most(progress.tilt, tilt), 0.0),
     }
 
 
-def _object_in_palm(state: LiftState) -> tuple[Array, Array]:
-    inverse = quat_conjugate(state.palm_quat)
-    return rotate(inverse, state.object_position - state.palm_position), quat_multiply(inverse, state.object_quat)
+def _object_in_palm(state: LiftState) -> tuple[tuple[Any, ...], tuple[Any, ...]]:
+    """Return the object's position (3) and quaternion (4) in the palm frame, number by number."""
+    inverse = _conjugate(state.readings[state.sensors.palm_quat])
+    pairs = zip(state.configuration[23:26], state.readings[state.sensors.palm_position], strict=True)
+    offset = [of_object - of_palm for of_object, of_palm in pairs]
+    return rotated_components(inverse, offset), product_components(inverse, state.configuration[26:30])
+
+
+def _conjugate(quat: Any) -> tuple[Any, ...]:
+    w, x, y, z = quat
+    return w, -x, -y, -z
 
 
 def object_lost(state: LiftState) -> NDArray[np.bool_]:
