@@ -19,6 +19,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )  # fmt: skip
     parser.add_argument("name", metavar="NAME", choices=tuple(available()), help="which one: see below")
     parser.add_argument("--quick", action="store_true", help="a rough figure in less time")
+    parser.add_argument(
+        "--accuracy", action="store_true", help="perception alone: distances to the true surface instead of time"
+    )
     add_json(parser)
 
 
@@ -29,7 +32,10 @@ def run(args: argparse.Namespace) -> int:
     from agents.evaluation.trial import jsonable
 
     note(f"benchmark {args.name}: this takes a while; close what else is busy")
-    figures = run_benchmark(args.name, quick=args.quick)
+    if args.accuracy:
+        figures = _accuracy(args.name, args.quick)
+    else:
+        figures = run_benchmark(args.name, quick=args.quick)
     if args.json:
         print_json({"schema": 1, "benchmark": args.name, "quick": args.quick, "figures": jsonable(figures)})
     else:
@@ -37,15 +43,26 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
+def _accuracy(name: str, quick: bool) -> dict[str, Any]:
+    from agents.benchmarks.perception import accuracy
+    from dexgrasp_env.errors import InputError
+
+    if name != "perception":
+        raise InputError(f"--accuracy goes with the benchmark perception, not with {name}")
+    figures = accuracy(poses=1 if quick else 5)
+    return {**figures["by_object"], "all": figures["all"]}
+
+
 def render(figures: Mapping[str, Any]) -> str:
-    """Return nested figures as tables: cases down, quantities across where cases have the same ones."""
+    """Return nested figures as tables: cases down, quantities across; cases that measure the same share a table."""
     from agents.evaluation.text import text_table
 
-    cases = {name: _flat(value) for name, value in figures.items() if isinstance(value, Mapping)}
+    cases = {name: _flat(value) for name, value in figures.items() if isinstance(value, Mapping) and value}
     loose = [f"{name}: {_number(value)}" for name, value in figures.items() if not isinstance(value, Mapping)]
-    columns = list(dict.fromkeys(key for case in cases.values() for key in case))
-    rows = [[name, *(_number(case.get(key, "")) for key in columns)] for name, case in cases.items()]
-    tables = [text_table(["case", *columns], rows)] if rows else []
+    groups: dict[tuple[str, ...], list[list[str]]] = {}
+    for name, case in cases.items():
+        groups.setdefault(tuple(case), []).append([name, *map(_number, case.values())])
+    tables = [text_table(["case", *columns], rows) + "\n" for columns, rows in groups.items()]
     return "\n".join([*tables, *loose])
 
 
@@ -62,4 +79,6 @@ def _flat(case: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 def _number(value: Any) -> str:
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.0f}"
+    if isinstance(value, list | tuple):
+        return "[" + ", ".join(map(_number, value)) + "]"
     return "-" if value is None else str(value)
