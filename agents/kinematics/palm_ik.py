@@ -34,7 +34,7 @@ def solve_palm(
     R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
     e, J, row, unit, point = np.empty(6), np.empty((6, 7)), np.empty(23), np.zeros(3), np.empty(3)
     error = 1e9
-    for _ in range(iterations):
+    for k in range(iterations + 1):
         forward(q, tree, R, p)
         palm = tree.palm
         to_world(R[palm], p[palm], tree.palm_offset, point)
@@ -44,7 +44,7 @@ def solve_palm(
             e[r] = p_goal[r] - point[r]
             e[3 + r] = _TURN_SCALE * turn[r]
         error = np.sqrt((e * e).sum())
-        if error < tolerance:
+        if error < tolerance or k == iterations:
             return error
         for r in range(3):
             unit[:] = 0.0

@@ -21,6 +21,12 @@ _SHAPES = {
     "q": (23,), "pregrasp": (23,), "grasp": (23,), "squeeze": (23,), "contacts": (3, 3), "normals": (3, 3),
     "forces": (3, 3), "centre": (3,),
 }  # fmt: skip
+_CLAIMS: dict[str, tuple[int, ...]] = {
+    "distances_cm": (3,), "closure_margin": (), "min_clearance_m": (), "joint_limit_margin_rad": (),
+    "max_joint_torque_fraction": (),
+}  # fmt: skip
+"""What `verify` compares of the certificate, with shapes."""
+_FLAT = 1e-6  # m: a hull thinner than this has no inside
 
 
 @dataclass(frozen=True)
@@ -117,24 +123,42 @@ def _parse(content: dict[str, Any]) -> GraspRecord:
     hull = np.asarray(content["hull_vertices"], dtype=float)
     if hull.ndim != 2 or hull.shape[1] != 3 or len(hull) < 4 or not np.isfinite(hull).all():
         raise ValueError("hull_vertices must be (V, 3) finite numbers with V >= 4")
+    if np.linalg.svd(hull - hull.mean(0), compute_uv=False)[2] < _FLAT:
+        raise ValueError("hull_vertices must enclose a volume")
     if content["mount"] not in MOUNTS:
         raise ValueError(f"mount must be one of {', '.join(MOUNTS)}")
-    limits = content["thresholds"]
-    settings = PlannerSettings(
-        friction=float(limits["friction"]), friction_hold=float(limits["friction_hold"]),
-        distance=tuple(float(v) for v in limits["distance"]),  # type: ignore[arg-type]
-        tip_radius=float(limits["tip_radius"]), closure_margin=float(limits["closure_margin"]),
-        clearance=float(limits["clearance"]),
-    )  # fmt: skip
+    settings = _thresholds(content["thresholds"])
+    mass, certificate = _positive("mass", content["mass"]), dict(content["certificate"])
+    for name, shape in _CLAIMS.items():
+        _array(name, certificate[name], shape)
     pose = content.get("T_world_object")
     return GraspRecord(
-        str(content["object"]), content["mount"], arrays, hull, float(content["mass"]), settings,
-        dict(content["certificate"]), None if pose is None else _array("T_world_object", pose, (4, 4)),
+        str(content["object"]), content["mount"], arrays, hull, mass, settings,
+        certificate, None if pose is None else _array("T_world_object", pose, (4, 4)),
     )  # fmt: skip
+
+
+def _thresholds(limits: dict[str, Any]) -> PlannerSettings:
+    low, high = _array("distance", limits["distance"], (2,))
+    margin, clearance = (float(_array(name, limits[name], ())) for name in ("closure_margin", "clearance"))
+    return PlannerSettings(
+        friction=_positive("friction", limits["friction"]),
+        friction_hold=_positive("friction_hold", limits["friction_hold"]),
+        distance=(float(low), float(high)), tip_radius=_positive("tip_radius", limits["tip_radius"]),
+        closure_margin=margin, clearance=clearance,
+    )  # fmt: skip
+
+
+def _positive(name: str, value: Any) -> float:
+    number = float(_array(name, value, ()))
+    if number <= 0.0:
+        raise ValueError(f"{name} must be a positive number")
+    return number
 
 
 def _array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
     array = np.asarray(value, dtype=float)
     if array.shape != shape or not np.isfinite(array).all():
-        raise ValueError(f"{name} must be finite numbers of shape {shape}")
+        kind = f"finite numbers of shape {shape}" if shape else "a finite number"
+        raise ValueError(f"{name} must be {kind}")
     return array

@@ -6,6 +6,7 @@ the true collision shapes, and a conic solver on the exact friction cones.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -58,7 +59,7 @@ def verify(record: GraspRecord) -> list[Check]:
     ]
 
 
-def _scene(record: GraspRecord) -> tuple[mujoco.MjModel, mujoco.MjData, "object"]:
+def _scene(record: GraspRecord) -> tuple[mujoco.MjModel, mujoco.MjData, Any]:
     import trimesh
 
     hull = trimesh.Trimesh(record.hull, process=False).convex_hull
@@ -100,7 +101,17 @@ def _limit_checks(record: GraspRecord) -> list[Check]:
         q = record.arrays[name]
         margin = float(np.minimum(q - LOWER, UPPER - q).min())
         checks.append(Check(f"joint limits:{name}", margin, ">= 0 rad", margin >= -1e-9))
-    return checks
+    q = record.arrays["q"]
+    least = float(np.minimum(q - LOWER, UPPER - q).min())
+    return [*checks, *_claim(record, "joint_limit_margin_rad", "joint limit margin", least, 1e-6)]
+
+
+def _claim(record: GraspRecord, key: str, name: str, value: float, tolerance: float) -> list[Check]:
+    """Compare what the certificate says, if it says it, with what was found."""
+    if key not in record.certificate:
+        return []
+    off = abs(value - float(record.certificate[key]))
+    return [Check(f"{name} as claimed", off, f"<= {tolerance:g}", off <= tolerance)]
 
 
 def _clearance_checks(record: GraspRecord, model: mujoco.MjModel, data: mujoco.MjData) -> list[Check]:
@@ -108,6 +119,9 @@ def _clearance_checks(record: GraspRecord, model: mujoco.MjModel, data: mujoco.M
     bound = record.settings.clearance
     grasp = _least_clearances(model, data, tips_touch=True)
     checks = [Check(f"clearance {k}", v, f">= {bound} m", v >= bound - _LENGTH) for k, v in grasp.items()]
+    if "min_clearance_m" in record.certificate:  # a bound, so only too much is wrong
+        excess = float(record.certificate["min_clearance_m"]) - min(grasp.values())
+        checks.append(Check("least clearance over the true one", excess, f"<= {_LENGTH} m", excess <= _LENGTH))
     data.qpos[:23] = record.arrays["pregrasp"]
     mujoco.mj_forward(model, data)
     opened = _least_clearances(model, data, tips_touch=False)
@@ -153,12 +167,11 @@ def _closure_checks(record: GraspRecord, contacts: Array, normals: Array) -> lis
     mu = record.settings.friction
     residual = conic_residual(contacts, normals, mu).upper
     margin = _exact_margin(contacts, normals, mu)
-    claimed = float(record.certificate["closure_margin"])
     least = record.settings.closure_margin
     return [
         Check("Eq. 4 residual, exact cone", residual, f"< {_RESIDUAL} N^2", residual < _RESIDUAL),
         Check("closure margin, exact cone", margin, f">= {least}", margin >= least - _MARGIN),
-        Check("closure margin as claimed", abs(margin - claimed), f"<= {10 * _MARGIN}", abs(margin - claimed) <= 10 * _MARGIN),
+        *_claim(record, "closure_margin", "closure margin", margin, 10 * _MARGIN),
     ]
 
 
@@ -188,6 +201,7 @@ def _force_checks(
         Check("least pressing force", float(press.min()), "> 0 N", bool(press.min() > 0.0)),
         Check("share of friction used", use, "<= 1", use <= 1.0 + _ANGLE),
         Check("joint torque over limit", fraction, "<= 1", fraction <= 1.0 + _ANGLE),
+        *_claim(record, "max_joint_torque_fraction", "joint torque", fraction, _ANGLE),
     ]
 
 

@@ -1,0 +1,366 @@
+"""Proposals, the atlas, tip IK, and the constraints of the programme with their gradients."""
+
+import itertools
+
+import mujoco
+import numpy as np
+import pytest
+import trimesh
+
+from agents.geometry.exact import ExactDistance
+from agents.kinematics.clearance import clearance_rows
+from agents.kinematics.forward import body_frames, tip_positions
+from agents.kinematics.tree import robot_tree
+from agents.physics.conic import conic_margin, conic_residual
+from agents.physics.wrench import solve_wrench_qp
+from agents.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
+from agents.planning.bilevel import MOVED, bounds_of
+from agents.planning.postures import atlas_postures, oriented_postures
+from agents.planning.programme import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
+from agents.planning.proposals import SurfaceProposals, UniformProposals
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from agents.planning.tip_ik import solve_tips
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
+from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
+
+TREE, SETTINGS = robot_tree(), PlannerSettings()
+MODEL = robot_spec().compile()
+DATA = mujoco.MjData(MODEL)
+FRICTIONLESS = PlannerSettings(friction=0.01)
+
+
+def standing(mesh, x=0.5, y=0.0, yaw=0.4):
+    """A subject on the table."""
+    mesh.apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
+    low, high = mesh.bounds
+    mesh.apply_translation([x - (low + high)[0] / 2, y - (low + high)[1] / 2, -low[2]])
+    return Subject.of(mesh)
+
+
+def stone(seed=1):
+    points = np.random.default_rng(seed).normal(size=(60, 3)) * [0.025, 0.03, 0.04]
+    return trimesh.convex.convex_hull(points)
+
+
+SHAPES = {
+    "box": lambda: standing(trimesh.creation.box((0.05, 0.08, 0.12))),
+    "can": lambda: standing(trimesh.creation.cylinder(0.033, 0.1, sections=48)),
+    "ball": lambda: standing(trimesh.creation.icosphere(subdivisions=2, radius=0.04)),
+    "stone": lambda: standing(stone()),
+    "tetrahedron": lambda: standing(
+        trimesh.convex.convex_hull([[0.05, 0, 0], [-0.025, 0.043, 0], [-0.025, -0.043, 0], [0, 0, 0.082]])
+    ),
+}
+SUBJECTS = {name: make() for name, make in SHAPES.items()}
+
+
+def tips_by_mujoco(q):
+    DATA.qpos[:23] = q
+    mujoco.mj_kinematics(MODEL, DATA)
+    return np.array([DATA.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS])
+
+
+def propose(subject, settings=SETTINGS, seed=0, source=None):
+    return (source or SurfaceProposals()).propose(subject, settings, np.random.default_rng(seed))
+
+
+@pytest.fixture(scope="module")
+def proposals():
+    return {name: propose(subject) for name, subject in SUBJECTS.items()}
+
+
+# Proposals
+
+
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
+    found, subject = proposals[name], SUBJECTS[name]
+    assert found.failure is None
+    assert 0 < len(found.contacts) <= SETTINGS.triples
+    points, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
+    exact = ExactDistance.from_mesh(subject.hull)
+    assert np.abs(exact.distance(points)).max() < 1e-6
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
+    reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
+    # The tip that touches there: its centre stands off by its radius, and the sphere is above the table.
+    np.testing.assert_allclose(exact.distance(points + reach * normals), reach, atol=1e-6)
+    assert (points[:, 2] + reach * normals[:, 2]).min() > SETTINGS.tip_radius
+    apart = [
+        np.linalg.norm(found.contacts[:, i] - found.contacts[:, j], axis=1)
+        for i, j in ((0, 1), (0, 2), (1, 2))
+    ]
+    assert np.min(apart) > 0.02
+
+
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
+    """The sweep judges by Eq. 2's pyramids, which reach beyond the cone; the margin says what the exact cone says."""
+    found = proposals[name]
+    closed = []
+    for k in range(0, len(found.contacts), 5 if len(found.contacts) > 20 else 1):
+        p, n = found.contacts[k], found.normals[k]
+        assert solve_wrench_qp(p, n, SETTINGS.friction, solver="daqp").residual < 1e-6
+        margin = conic_margin(p, n, SETTINGS.friction).value
+        assert abs(margin - found.margins[k]) < 1e-5
+        closed.append(conic_residual(p, n, SETTINGS.friction).upper < 1e-6)
+        assert closed[-1] == (margin > 0) or abs(margin) < 1e-3
+    assert np.mean(closed) > 0.95 or name == "tetrahedron"
+    assert closed[0]  # the best first
+
+
+def test_proposals_are_varied_and_reproducible(proposals):
+    again, other = propose(SUBJECTS["box"]), propose(SUBJECTS["box"], seed=1)
+    np.testing.assert_array_equal(again.contacts, proposals["box"].contacts)
+    assert not np.array_equal(other.contacts, again.contacts)
+    points, counts = np.unique(again.contacts.reshape(-1, 3), axis=0, return_counts=True)
+    assert len(points) > 15
+    assert counts.max() < 0.25 * len(again.contacts) + 5
+
+
+@pytest.mark.parametrize(
+    ("subject", "settings", "reason"),
+    [
+        (standing(trimesh.creation.box((0.3, 0.2, 0.002))), SETTINGS, "no_surface_above_table"),
+        (SUBJECTS["tetrahedron"], FRICTIONLESS, "no_closure_triple"),
+    ],
+)
+def test_no_proposals_with_the_reason(subject, settings, reason):
+    found = propose(subject, settings)
+    assert found.failure == reason
+    assert found.contacts.shape == (0, 3, 3)
+    assert list(atlas_postures(found, subject, TREE, settings)) == []
+
+
+def test_uniform_proposals_are_not_judged():
+    found = propose(SUBJECTS["stone"], source=UniformProposals())
+    assert found.contacts.shape == (SETTINGS.triples, 3, 3)
+    assert np.isnan(found.margins).all()
+    assert all(len(np.unique(triple, axis=0)) == 3 for triple in found.contacts)
+    closed = [
+        conic_residual(p, n, SETTINGS.friction).upper < 1e-6
+        for p, n in zip(found.contacts, found.normals, strict=True)
+    ]
+    assert 0 < np.mean(closed) < 0.9
+    plate = propose(standing(trimesh.creation.box((0.3, 0.2, 0.002))), source=UniformProposals())
+    assert plate.failure == "no_surface_above_table"
+
+
+def test_subject_assumptions_and_bad_input():
+    box = trimesh.creation.box((0.05, 0.08, 0.12))
+    assert Subject.of(box).mass == pytest.approx(900 * 0.05 * 0.08 * 0.12, rel=1e-6)
+    assert Subject.of(trimesh.creation.box((0.3, 0.3, 0.3))).mass == 0.65
+    known = Subject.of(box, mass=0.2, centre=np.array([0.0, 0.01, 0.02]))
+    assert known.mass == 0.2
+    np.testing.assert_array_equal(known.centre, [0, 0.01, 0.02])
+    for mass in (0.0, -1.0, np.nan, np.inf):
+        with pytest.raises(InputError, match="mass"):
+            Subject.of(box, mass=mass)
+
+
+# Atlas and starting postures
+
+
+def test_atlas_postures_are_what_mujoco_says():
+    atlas = hand_atlas()
+    assert len(atlas.joints) > 5000
+    rng = np.random.default_rng(0)
+    for k in rng.choice(len(atlas.joints), 60, replace=False):
+        q = np.concatenate([rng.uniform(LOWER[:7], UPPER[:7]), atlas.joints[k]])
+        tips = tips_by_mujoco(q)
+        R, p = DATA.site("palm").xmat.reshape(3, 3), DATA.site("palm").xpos
+        np.testing.assert_allclose(atlas.tips[k], (tips - p) @ R, atol=1e-9)
+        frames = [DATA.body(f"{finger}_distal").xmat.reshape(3, 3) for finger in GRASP_FINGERS]
+        np.testing.assert_allclose(atlas.axes[k], [R.T @ frame[:, 2] for frame in frames], atol=1e-9)
+        np.testing.assert_allclose(atlas.pads[k], [R.T @ frame[:, 0] for frame in frames], atol=1e-9)
+    lower, upper = LOWER[7:], UPPER[7:]
+    assert ((atlas.joints >= lower) & (atlas.joints <= upper)).all()
+    assert (atlas.joints[:, 8:12] == RING_ASIDE).all()
+    np.testing.assert_array_equal(atlas.search.data, triangle_sides(atlas.tips))
+
+
+@pytest.mark.parametrize("name", ["box", "ball"])
+def test_starting_postures_are_near_their_contacts(name, proposals):
+    found, subject = proposals[name], SUBJECTS[name]
+    reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
+    postures = list(atlas_postures(found, subject, TREE, SETTINGS))
+    assert 10 < len(postures) <= SETTINGS.postures
+    assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
+    for posture in postures:
+        assert ((posture.q >= LOWER) & (posture.q <= UPPER)).all()
+        targets = found.contacts[posture.proposal] + reach * found.normals[posture.proposal]
+        tips = tips_by_mujoco(posture.q)
+        miss = min(
+            np.linalg.norm(tips - targets[list(order)], axis=1).max()
+            for order in itertools.permutations(range(3))
+        )
+        assert miss < 0.02
+
+
+def test_oriented_postures_say_how_far_they_miss(proposals):
+    found, subject = proposals["ball"], SUBJECTS["ball"]
+    reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
+    total = 0
+    for k in range(6):
+        postures = oriented_postures(k, found, subject, TREE, SETTINGS)
+        assert len(postures) <= SETTINGS.initial_orientations
+        assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
+        targets = found.contacts[k] + reach * found.normals[k]
+        for posture in postures:
+            miss = np.linalg.norm(tips_by_mujoco(posture.q) - targets, axis=1).max()
+            assert posture.score == pytest.approx(-miss, abs=1e-9)
+            total += miss < 1.1e-3
+    assert total > 6
+
+
+def test_tip_ik_reaches_what_can_be_reached():
+    rng, atlas, met = np.random.default_rng(3), hand_atlas(), 0
+    for k in rng.choice(len(atlas.joints), 40, replace=False):
+        goal = HOME.copy()
+        goal[7:] = atlas.joints[k]
+        targets = tips_by_mujoco(goal).copy()
+        q = goal.copy()
+        q[MOVED] += rng.normal(0, 0.1, len(MOVED))
+        q = np.clip(q, LOWER, UPPER)
+        ring = q[15:19].copy()
+        miss = solve_tips(q, targets, TREE, 100, 1e-4)
+        assert ((q >= LOWER) & (q <= UPPER)).all()
+        np.testing.assert_array_equal(q[15:19], ring)
+        true = np.linalg.norm(tips_by_mujoco(q) - targets, axis=1).max()
+        assert miss == pytest.approx(true, abs=1e-9)
+        met += true < 1e-4
+    assert met >= 36
+
+
+def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
+    goal = HOME.copy()
+    goal[[8, 9, 12, 13, 20, 21]] += [0.2, 0.1, 0.15, 0.2, 0.2, 0.3]
+    targets, shift = tips_by_mujoco(goal).copy(), np.array([0.0, 0.3, 0.0])
+    q = HOME.copy()
+    assert solve_tips(q, targets, TREE, 100, 5e-4, True) < 5e-4
+    np.testing.assert_array_equal(q[:7], HOME[:7])
+    far = HOME.copy()
+    miss = solve_tips(far, targets + shift, TREE, 100, 1e-4, True)
+    assert miss > 0.1
+    assert miss == pytest.approx(np.linalg.norm(tips_by_mujoco(far) - targets - shift, axis=1).max())
+
+
+# The programme's constraints
+
+
+def near_contact(name, proposals, count, seed=0):
+    rng = np.random.default_rng(seed)
+    for posture in itertools.islice(atlas_postures(proposals[name], SUBJECTS[name], TREE, SETTINGS), count):
+        q = posture.q.copy()
+        q[MOVED] += rng.normal(0, 0.02, len(MOVED))
+        yield np.clip(q, LOWER, UPPER)
+
+
+def rows_at(q, subject, settings=SETTINGS):
+    at = evaluate(
+        q, TREE, subject.distance.triangles, subject.distance.planes, bounds_of(settings, 0.5), True
+    )
+    keys = [tuple(label) for label in at.labels.tolist()]
+    least = {}
+    for key, value, row in zip(keys, at.values, at.rows, strict=True):
+        if value < least.get(key, (np.inf,))[0]:
+            least[key] = value, row
+    return at, least
+
+
+@pytest.mark.parametrize("name", SUBJECTS)
+def test_gradient_of_every_row_is_its_difference(name, proposals):
+    """Rows whose nearest feature or binding contact switches within the step have no gradient and are left out."""
+    h, checked, kinks, closure = 1e-6, 0, 0, 0
+    for q in near_contact(name, proposals, 6):
+        _, here = rows_at(q, SUBJECTS[name])
+        difference, smooth = {key: np.zeros(23) for key in here}, set(here)
+        for j in range(23):
+            step = h * np.eye(23)[j]
+            (_, up), (_, down) = rows_at(q + step, SUBJECTS[name]), rows_at(q - step, SUBJECTS[name])
+            for key in list(smooth):
+                if (
+                    key not in up
+                    or key not in down
+                    or abs(up[key][0] + down[key][0] - 2 * here[key][0]) > 1e-9
+                ):
+                    smooth.discard(key)
+                    continue
+                difference[key][j] = (up[key][0] - down[key][0]) / (2 * h)
+        for key in smooth:
+            np.testing.assert_allclose(here[key][1], difference[key], atol=3e-5, err_msg=f"{name} {key}")
+        checked += len(smooth)
+        kinks += len(here) - len(smooth)
+        closure += (-1 - CLOSURE, -1, -1) in smooth and np.abs(difference[-1 - CLOSURE, -1, -1]).max() > 1e-4
+    assert checked > 6 * FIXED_ROWS
+    assert kinks < 0.15 * checked
+    assert closure >= 3
+
+
+@pytest.mark.parametrize("name", ["box", "stone"])
+def test_values_of_the_fixed_rows_by_another_way(name, proposals):
+    exact = ExactDistance.from_mesh(SUBJECTS[name].hull)
+    bounds = bounds_of(SETTINGS, 0.5)
+    for q in near_contact(name, proposals, 10, seed=1):
+        at, _ = rows_at(q, SUBJECTS[name])
+        tips = tips_by_mujoco(q)
+        distance, normals = exact.distance_gradient(tips)
+        np.testing.assert_allclose(at.distances, distance, atol=1e-7)
+        np.testing.assert_allclose(at.contacts, tips - distance[:, None] * normals, atol=1e-6)
+        np.testing.assert_allclose(at.values[:3], distance - bounds.low, atol=1e-7)
+        np.testing.assert_allclose(at.values[3:6], bounds.high - distance, atol=1e-7)
+        margin = conic_margin(at.contacts, at.normals, SETTINGS.friction).value
+        assert abs(at.margin - margin) < 1e-5
+        for i, finger in enumerate(GRASP_FINGERS):
+            frame = DATA.body(f"{finger}_distal").xmat.reshape(3, 3)
+            axis, pad = -frame[:, 2] @ at.normals[i], -frame[:, 0] @ at.normals[i]
+            assert at.values[FIRST_AXIS + i] == pytest.approx(0.01 * (axis - bounds.cosine), abs=1e-9)
+            assert at.values[FIRST_PAD + i] == pytest.approx(0.01 * (pad - bounds.pad_cosine), abs=1e-9)
+
+
+def test_clearance_rows_are_shifted_by_what_is_asked_for(proposals):
+    wide = PlannerSettings(clearance=0.004)
+    q = next(near_contact("box", proposals, 1))
+    (_, tight), (_, loose) = rows_at(q, SUBJECTS["box"], wide), rows_at(q, SUBJECTS["box"])
+    moved = [key for key in loose if key[0] >= 0]
+    assert moved
+    for key in moved:
+        assert loose[key][0] - tight[key][0] == pytest.approx(0.003)
+
+
+def test_the_programme_and_the_clearances_are_of_one_compilation(proposals):
+    """Compiled code is cached by file: a stale copy of the clearances inside the programme would differ here."""
+    subject, values, rows = SUBJECTS["box"], np.empty(160), np.empty((160, 23))
+    labels = np.empty((160, 3), np.int64)
+    for q in near_contact("box", proposals, 5):
+        R, p = body_frames(q, TREE)
+        n = clearance_rows(
+            TREE,
+            R,
+            p,
+            subject.distance.triangles,
+            subject.distance.planes,
+            0.02,
+            True,
+            True,
+            values,
+            rows,
+            labels,
+        )
+        at, _ = rows_at(q, subject)
+        np.testing.assert_allclose(at.values[FIXED_ROWS:], values[:n] - SETTINGS.clearance, atol=1e-12)
+
+
+def test_the_programme_repeats_itself_bit_for_bit(proposals):
+    for q in near_contact("stone", proposals, 3):
+        (one, _), (two, _) = rows_at(q, SUBJECTS["stone"]), rows_at(q, SUBJECTS["stone"])
+        np.testing.assert_array_equal(one.rows, two.rows)
+        np.testing.assert_array_equal(one.values, two.values)
+
+
+def test_tip_positions_follow_the_names():
+    R, p = body_frames(HOME, TREE)
+    assert [BODIES[b] for b in TREE.tip_body] == [f"{finger}_distal" for finger in GRASP_FINGERS]
+    np.testing.assert_allclose(tip_positions(TREE, R, p), tips_by_mujoco(HOME), atol=1e-12)

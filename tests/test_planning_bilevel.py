@@ -1,0 +1,207 @@
+"""The optimiser and the planner: feasible results, reasons, budgets, repeatability."""
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from agents.execution.collision import CollisionChecker
+from agents.kinematics.tree import robot_tree
+from agents.planning.bilevel import TOLERANCE, bounds_of, solve
+from agents.planning.planner import Planner
+from agents.planning.postures import atlas_postures
+from agents.planning.programme import evaluate
+from agents.planning.proposals import SurfaceProposals, UniformProposals
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
+
+TREE, SETTINGS = robot_tree(), PlannerSettings()
+
+
+def lying(size, at=(0.5, 0.0)):
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation([*at, size[2] / 2])
+    return Subject.of(mesh)
+
+
+BOX = lying((0.05, 0.08, 0.12))
+HUGE = lying((0.5, 0.5, 0.5), at=(0.6, 0.0))
+FAR = lying((0.05, 0.08, 0.12), at=(1.4, 0.0))
+PLATE = lying((0.3, 0.2, 0.002))
+
+
+@pytest.fixture(scope="module")
+def solutions():
+    proposals = SurfaceProposals().propose(BOX, SETTINGS, np.random.default_rng(0))
+    return [solve(p.q, TREE, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, TREE, SETTINGS)]
+
+
+@pytest.fixture(scope="module")
+def plan():
+    return Planner().plan(BOX, 0, HOME)
+
+
+def constraints(q, settings=SETTINGS):
+    distance = BOX.distance
+    return evaluate(
+        q, TREE, distance.triangles, distance.planes, bounds_of(settings, settings.closure_margin), True
+    )
+
+
+def test_most_starts_become_feasible_and_feasible_means_feasible(solutions):
+    feasible = [s for s in solutions if s.feasible]
+    assert len(feasible) > 0.5 * len(solutions)
+    for s in feasible:
+        assert s.blocking is None
+        assert constraints(s.q).values.min() >= -TOLERANCE
+        low, high = SETTINGS.distance
+        depth = s.evaluation.distances - SETTINGS.tip_radius
+        assert ((depth >= low - 1e-6) & (depth <= high + 1e-6)).all()
+        assert s.evaluation.margin >= SETTINGS.closure_margin - 1e-4
+        assert (s.q >= LOWER + SETTINGS.joint_margin - 1e-9)[[*range(15), *range(19, 23)]].all()
+        assert (s.q <= UPPER - SETTINGS.joint_margin + 1e-9)[[*range(15), *range(19, 23)]].all()
+
+
+def test_failures_name_the_constraint_and_by_how_much(solutions):
+    failed = [s for s in solutions if not s.feasible]
+    assert failed
+    for s in failed:
+        assert s.blocking.split(":")[0] in {
+            "closure_margin", "distance_min", "distance_max", "fingertip_axis", "fingertip_pad",
+            "clearance_hand_object", "clearance_hand_table", "clearance_self",
+        }  # fmt: skip
+        assert s.violation == pytest.approx(-constraints(s.q).values.min())
+        assert s.violation > TOLERANCE
+    assert all(s.iterations <= SETTINGS.iterations for s in solutions)
+
+
+def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
+    rng, recovered, tried = np.random.default_rng(0), 0, 0
+    for s in [s for s in solutions if s.feasible][:10]:
+        again = solve(s.q, TREE, BOX, replace(SETTINGS, closure_aim=SETTINGS.closure_margin))
+        assert again.feasible
+        assert np.abs(again.q - s.q).max() < 0.02
+        shaken = s.q.copy()
+        shaken[[*range(15), *range(19, 23)]] += rng.normal(0, 0.03, 19)
+        solution = solve(np.clip(shaken, LOWER, UPPER), TREE, BOX, SETTINGS)
+        np.testing.assert_array_equal(solution.q[15:19], s.q[15:19])
+        recovered, tried = recovered + solution.feasible, tried + 1
+    assert recovered >= 0.8 * tried
+
+
+def test_no_iterations_no_motion(solutions):
+    start = np.clip(HOME, LOWER + 0.02, UPPER - 0.02)
+    for budget in (0, 3):
+        solution = solve(start, TREE, HUGE, replace(SETTINGS, iterations=budget))
+        assert not solution.feasible
+        assert solution.iterations <= budget
+        assert solution.violation > 1e-3
+    assert np.abs(solve(start, TREE, HUGE, replace(SETTINGS, iterations=0)).q - start).max() < 1e-12
+
+
+def test_same_start_same_solution_bit_for_bit(solutions):
+    proposals = SurfaceProposals().propose(BOX, SETTINGS, np.random.default_rng(0))
+    again = [solve(p.q, TREE, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, TREE, SETTINGS)]
+    assert len(again) == len(solutions)
+    for one, two in zip(solutions, again, strict=True):
+        np.testing.assert_array_equal(one.q, two.q)
+        assert one.iterations == two.iterations
+
+
+def test_plan_is_whole_and_repeats_itself(plan):
+    again, other = Planner().plan(BOX, 0, HOME), Planner().plan(BOX, 1, HOME)
+    assert plan.reason is None
+    assert set(plan.seconds) >= {"proposals", "postures", "bilevel", "certificate", "approach"}
+    assert plan.total_seconds == pytest.approx(sum(plan.seconds.values()))
+    for name in ("q", "contacts", "normals", "forces"):
+        np.testing.assert_array_equal(getattr(plan.grasp, name), getattr(again.grasp, name))
+    for name in ("pregrasp", "grasp", "squeeze"):
+        np.testing.assert_array_equal(getattr(plan.grasp.motion, name), getattr(again.grasp.motion, name))
+    np.testing.assert_array_equal(plan.script.targets, again.script.targets)
+    assert plan.grasp.certificate == again.grasp.certificate
+    assert not np.array_equal(plan.grasp.q, other.grasp.q)
+
+
+def test_approach_keeps_clear_of_the_object(plan):
+    """Up to the close, the way is free; the robot never leaves its joint range."""
+    first = dict(plan.script.phases)
+    checker = CollisionChecker(TREE, BOX.distance, margin=0.0)
+    assert checker.first_contact(plan.script.targets[: first["close"]]) is None
+    assert ((plan.script.targets >= LOWER - 1e-9) & (plan.script.targets <= UPPER + 1e-9)).all()
+
+
+def test_a_plan_without_start_has_no_script():
+    bare = Planner().plan(BOX, 0)
+    assert bare.grasp is not None
+    assert bare.script is None
+
+
+@pytest.mark.parametrize(
+    ("subject", "settings", "reasons"),
+    [
+        (PLATE, SETTINGS, {"no_surface_above_table"}),
+        (FAR, SETTINGS, {"no_reachable_posture"}),
+        (HUGE, SETTINGS, {"no_reachable_posture", "no_closure_triple", "no_surface_above_table"}),
+        (BOX, replace(SETTINGS, seconds=0.0), {"time_budget"}),
+        (BOX, replace(SETTINGS, closure_margin=0.999), {"closure_margin"}),
+    ],
+)
+def test_impossible_tasks_end_with_a_reason_and_within_the_budget(subject, settings, reasons):
+    began = time.perf_counter()
+    plan = Planner(settings).plan(subject, 0, HOME)
+    assert time.perf_counter() - began < 20
+    assert plan.grasp is None
+    assert plan.script is None
+    assert plan.reason
+    assert "\n" not in plan.reason
+    assert plan.reason in reasons
+    assert plan.tried <= sum(round(b * settings.postures) for b in settings.breadths)
+    if plan.tried:
+        assert sum(count for count, _ in plan.blocked.values()) >= plan.tried
+
+
+def test_the_time_limit_stops_the_work():
+    """Nothing can be feasible here, so that only the clock ends it early."""
+    settings = replace(SETTINGS, seconds=0.05, closure_margin=0.999)
+    began = time.perf_counter()
+    plan = Planner(settings).plan(BOX, 0, HOME)
+    assert time.perf_counter() - began < 3
+    assert "time_budget" in plan.blocked
+    assert plan.grasp is None
+
+
+def test_without_closure_the_margin_is_not_asked_for():
+    plan = Planner(source=UniformProposals(), with_closure=False).plan(BOX, 0)
+    assert plan.grasp is not None
+    assert not any(reason.startswith("closure_margin") for reason in plan.blocked)
+
+
+def test_oriented_starts_find_a_grasp_too():
+    plan = Planner(starts="oriented").plan(BOX, 0)
+    assert plan.grasp is not None
+    assert plan.grasp.certificate.closure_margin >= SETTINGS.closure_margin
+
+
+def test_the_squeeze_presses_with_the_planned_forces(plan):
+    """A position servo at rest on the surface whose set-point is J^T f / k further in presses with f."""
+    import mujoco
+
+    from dexgrasp_env.robot.model import robot_spec
+
+    model = robot_spec().compile()
+    data, J, torque = mujoco.MjData(model), np.zeros((3, model.nv)), np.zeros(23)
+    data.qpos[:23] = plan.grasp.motion.grasp
+    mujoco.mj_forward(model, data)
+    for finger, force in zip(("thumb", "index", "middle"), plan.grasp.forces, strict=True):
+        mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
+        torque += J.T @ force
+    stiffness = model.actuator_gainprm[7:, 0]
+    pressed = stiffness * (plan.grasp.motion.squeeze - plan.grasp.motion.grasp)[7:]
+    np.testing.assert_allclose(pressed, torque[7:], atol=2e-3)
+    surface = BOX.distance.distance_gradient(
+        np.array([data.site(f"{finger}_tip").xpos for finger in ("thumb", "index", "middle")])
+    )[0]
+    np.testing.assert_allclose(surface, SETTINGS.tip_radius, atol=3e-4)
