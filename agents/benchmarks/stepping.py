@@ -130,7 +130,7 @@ def _round(recording: Recording) -> tuple[float, float]:
     seconds = [0.0, 0.0]
     for first in range(0, len(actions), _TURN):
         last = min(first + _TURN, len(actions))
-        turns = [
+        turns: list[tuple[int, Callable[..., None], tuple[Any, ...]]] = [
             (0, _run_env, (env, actions[first:last])),
             (1, _run_raw, (model, data, controls[first * CONTROL_STEPS : last * CONTROL_STEPS])),
         ]
