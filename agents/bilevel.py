@@ -52,7 +52,9 @@ class BilevelAgent(Agent):
 
     def _make(self, mount: str) -> Planner:
         warm_up(mount)
-        return Planner(self.settings, self._source, mount, starts=self._starts, with_closure=self._with_closure)
+        return Planner(
+            self.settings, self._source, mount, starts=self._starts, with_closure=self._with_closure
+        )
 
     def seed(self, seed: int) -> None:
         """Seed the proposals of the next episode."""
@@ -132,6 +134,13 @@ def subject_from_cloud(observation: Observation) -> tuple[Subject | None, str | 
 def _details(plan: Plan, hull_seconds: float) -> dict[str, Any]:
     details: dict[str, Any] = {
         "stages": {"hull": hull_seconds} | plan.seconds,
+        # The columns of Table 6: where contacts come from, how a hand gets there, what makes it feasible.
+        "stage_seconds": {
+            "cvae": plan.seconds.get("proposals", 0.0),
+            "ik": plan.seconds.get("postures", 0.0),
+            "bilevel": plan.seconds.get("bilevel", 0.0) + plan.seconds.get("certificate", 0.0),
+        },
+        "stage_repeats": {"cvae": plan.rounds, "ik": plan.tried, "bilevel": plan.tried},
         "postures_tried": plan.tried,
         "blocked": {reason: count for reason, (count, _) in plan.blocked.items()},
     }

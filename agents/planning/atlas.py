@@ -65,7 +65,9 @@ def hand_atlas(seed: int = 0) -> HandAtlas:
 def triangle_sides(corners: Array) -> Array:
     """Return the sides (..., 3) m of triangles (..., 3, 3): thumb-index, thumb-middle, index-middle."""
     a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
-    return np.stack([np.linalg.norm(a - b, axis=-1), np.linalg.norm(a - c, axis=-1), np.linalg.norm(b - c, axis=-1)], -1)
+    return np.stack(
+        [np.linalg.norm(a - b, axis=-1), np.linalg.norm(a - c, axis=-1), np.linalg.norm(b - c, axis=-1)], -1
+    )
 
 
 def _whole(joints: Array) -> Array:
@@ -93,7 +95,7 @@ def _sample(tree: RobotTree, seed: int) -> Array:
 
 
 RING_ASIDE = np.array([-0.15, -0.1, 0.05, 0.05])
-"""Posture of the ring finger, which takes no part (rad): straight, so that it stays above what the others reach around."""
+"""Posture of the ring finger, which takes no part (rad): straight, above what the others reach around."""
 
 
 @njit(cache=True)

@@ -21,7 +21,9 @@ from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
 Array = NDArray[np.float64]
 MOVED = np.r_[0:15, 19:23]  # the ring finger (15..18) stays
 _SOFT, _IMMUTABLE_BOUND = 8, 0
-_SOFTNESS = 1e-7  # weight of |dq|^2 against violations: small enough that a feasible step is found where there is one
+_SOFTNESS = (
+    1e-7  # weight of |dq|^2 against violations: small enough that a feasible step is found where there is one
+)
 _TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
 TOLERANCE = 1e-6  # m: a constraint violated by less is met
 
@@ -51,7 +53,13 @@ def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> B
     """Return the thresholds, tightened by `slack` m so that rounding elsewhere cannot break them."""
     low, high = settings.tip_radius + settings.distance[0], settings.tip_radius + settings.distance[1]
     return Bounds(
-        low + slack, high - slack, margin, settings.pad_cosine, -0.25, settings.clearance + slack, settings.friction
+        low + slack,
+        high - slack,
+        margin,
+        settings.pad_cosine,
+        -0.25,
+        settings.clearance + slack,
+        settings.friction,
     )
 
 
@@ -72,7 +80,9 @@ def solve(
 
 
 class _Solver:
-    def __init__(self, tree: RobotTree, subject: Subject, settings: PlannerSettings, with_margin: bool) -> None:
+    def __init__(
+        self, tree: RobotTree, subject: Subject, settings: PlannerSettings, with_margin: bool
+    ) -> None:
         self._tree, self._subject, self._settings, self._with_margin = tree, subject, settings, with_margin
         self._low = tree.lower[MOVED] + settings.joint_margin
         self._high = tree.upper[MOVED] - settings.joint_margin
@@ -132,7 +142,9 @@ class _Solver:
         worst = int(np.argmin(final.values))
         violation = max(0.0, -float(final.values[worst]))
         feasible = violation <= TOLERANCE
-        return Solution(q, final, feasible, None if feasible else _name(final.labels[worst]), violation, steps)
+        return Solution(
+            q, final, feasible, None if feasible else _name(final.labels[worst]), violation, steps
+        )
 
 
 def _merit(values: Array) -> float:
@@ -146,7 +158,11 @@ def _name(label: NDArray[np.int64]) -> str:
         row = -1 - kind
         if row == 6:
             return "closure_margin"
-        group = ("distance_min", "distance_max")[row // 3] if row < 6 else ("fingertip_axis", "fingertip_pad")[(row - 7) // 3]
+        group = (
+            ("distance_min", "distance_max")[row // 3]
+            if row < 6
+            else ("fingertip_axis", "fingertip_pad")[(row - 7) // 3]
+        )
         return f"{group}:{GRASP_FINGERS[row % 3 if row < 6 else (row - 7) % 3]}"
     other = f":{BODIES[b]}" if b >= 0 else ""
     return f"clearance_{KINDS[kind]}:{BODIES[a]}{other}"

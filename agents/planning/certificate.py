@@ -9,7 +9,8 @@ class Certificate:
     """What a planner claims of a grasp; `verify` computes all of it again by another way.
 
     Attributes:
-        distances_cm: signed distance of each tip (centre of the compliant sphere less its radius), thumb, index, middle.
+        distances_cm: signed distance of each tip (centre of the compliant sphere less its radius): thumb, index,
+            middle.
         force_ratio_percent: |sum f| / sum |f| of the forces of Eq. 4.
         torque_ratio_percent: |sum (p - c) x f| / sum |(p - c) x f|.
         closure_residual: optimum of Eq. 4 (f_min 1 N, torques over the object's radius).

@@ -49,7 +49,13 @@ def finger_jacobians(q: Array, tree: RobotTree) -> Array:
 
 
 def grasp_motion(
-    q: Array, normals: Array, forces: Array, subject: Subject, tree: RobotTree, settings: PlannerSettings, opening: float
+    q: Array,
+    normals: Array,
+    forces: Array,
+    subject: Subject,
+    tree: RobotTree,
+    settings: PlannerSettings,
+    opening: float,
 ) -> GraspMotion:
     """Return the set-points of a grasp.
 

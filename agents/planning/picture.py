@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.physics.cones import tangent_basis
 from agents.planning.grasp import Grasp
 from agents.planning.subject import Subject
-from agents.physics.cones import tangent_basis
 from dexgrasp_env.robot.names import GRASP_FINGERS
 
 Array = NDArray[np.float64]
@@ -50,17 +50,28 @@ def _draw(axes: Any, grasp: Grasp, subject: Subject) -> None:
 
     triangles = subject.distance.triangles
     axes.add_collection3d(
-        Poly3DCollection(triangles, facecolor=(0.75, 0.75, 0.72, 0.35), edgecolor=(0.45, 0.45, 0.45, 0.35), linewidth=0.4)
+        Poly3DCollection(
+            triangles, facecolor=(0.75, 0.75, 0.72, 0.35), edgecolor=(0.45, 0.45, 0.45, 0.35), linewidth=0.4
+        )
     )
     for i, finger in enumerate(GRASP_FINGERS):
         p, n, f = grasp.contacts[i], grasp.normals[i], grasp.forces[i]
         axes.add_collection3d(
-            Poly3DCollection(_cone(p, n, grasp.certificate.friction), facecolor=_COLOURS[i], alpha=0.18, linewidth=0)
+            Poly3DCollection(
+                _cone(p, n, grasp.certificate.friction), facecolor=_COLOURS[i], alpha=0.18, linewidth=0
+            )
         )
         axes.scatter(*p, color=_COLOURS[i], s=28, depthshade=False)
         _arrow(axes, p, p + 0.025 * n, "0.4", 1.0)
         _arrow(axes, p - _NEWTON * f, p, _COLOURS[i], 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
-    _arrow(axes, subject.centre, subject.centre - np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass]), "k", 1.8, "weight")
+    _arrow(
+        axes,
+        subject.centre,
+        subject.centre - np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass]),
+        "k",
+        1.8,
+        "weight",
+    )
     low, high = triangles.reshape(-1, 3).min(0), triangles.reshape(-1, 3).max(0)
     middle, half = 0.5 * (low + high), 0.55 * float((high - low).max()) + 0.02
     for setter, m in zip((axes.set_xlim, axes.set_ylim, axes.set_zlim), middle, strict=True):
@@ -80,7 +91,11 @@ def _cone(p: Array, n: Array, friction: float) -> Array:
     """Triangles of the friction cone into the object."""
     t1, t2 = (t[0] for t in tangent_basis(n[None]))
     angle = np.linspace(0.0, 2.0 * np.pi, _CONE_SIDES + 1)
-    rim = p - _CONE_LENGTH * n + _CONE_LENGTH * friction * (np.cos(angle)[:, None] * t1 + np.sin(angle)[:, None] * t2)
+    rim = (
+        p
+        - _CONE_LENGTH * n
+        + _CONE_LENGTH * friction * (np.cos(angle)[:, None] * t1 + np.sin(angle)[:, None] * t2)
+    )
     return np.stack([np.broadcast_to(p, rim[:-1].shape), rim[:-1], rim[1:]], axis=1)
 
 
@@ -88,6 +103,7 @@ def _caption(grasp: Grasp) -> str:
     c = grasp.certificate
     distances = ", ".join(f"{d:.2f}" for d in c.distances_cm)
     return (
-        f"distances {distances} cm    closure margin {c.closure_margin:.2f}    clearance {1000 * c.min_clearance_m:.1f} mm    "
+        f"distances {distances} cm    closure margin {c.closure_margin:.2f}    "
+        f"clearance {1000 * c.min_clearance_m:.1f} mm    "
         f"joint torque {100 * c.max_joint_torque_fraction:.0f} % of its limit    made for {1000 * c.mass:.0f} g"
     )

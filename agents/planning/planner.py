@@ -42,6 +42,7 @@ class Plan:
         script: its actions, where an approach was asked for.
         reason: why there is none: the constraint that blocked most often.
         seconds: time by stage.
+        rounds: times that proposals were asked for.
         tried: postures tried.
         blocked: how often each reason blocked, with the smallest violation seen.
     """
@@ -50,6 +51,7 @@ class Plan:
     script: ActionScript | None = None
     reason: str | None = None
     seconds: dict[str, float] = field(default_factory=dict)
+    rounds: int = 0
     tried: int = 0
     blocked: dict[str, tuple[int, float]] = field(default_factory=dict)
 
@@ -92,6 +94,7 @@ class Planner:
         for breadth in self.settings.breadths:
             settings = self.settings.broadened(breadth)
             proposals = self._source.propose(subject, settings, rng)
+            plan.rounds += 1
             clock.lap(plan, "proposals")
             plan.reason = proposals.failure
             if self._try_all(proposals, subject, settings, start, plan, clock, feeble):
@@ -125,9 +128,13 @@ class Planner:
                     return True
         return self._any(weak, subject, start, plan, clock)
 
-    def _any(self, grasps: list[Grasp], subject: Subject, start: Array | None, plan: Plan, clock: "_Clock") -> bool:
+    def _any(
+        self, grasps: list[Grasp], subject: Subject, start: Array | None, plan: Plan, clock: "_Clock"
+    ) -> bool:
         """Whether one of the grasps can be carried out; the firmest that can goes into `plan`."""
-        firmest = sorted(grasps, key=lambda grasp: -grasp.certificate.load - 0.5 * grasp.certificate.closure_margin)
+        firmest = sorted(
+            grasps, key=lambda grasp: -grasp.certificate.load - 0.5 * grasp.certificate.closure_margin
+        )
         return any(self._carry_out(grasp, subject, start, plan, clock) for grasp in firmest)
 
     def _solutions(
@@ -146,7 +153,9 @@ class Planner:
             else:
                 _block(plan, str(solution.blocking), solution.violation)
 
-    def _carry_out(self, grasp: Grasp, subject: Subject, start: Array | None, plan: Plan, clock: "_Clock") -> bool:
+    def _carry_out(
+        self, grasp: Grasp, subject: Subject, start: Array | None, plan: Plan, clock: "_Clock"
+    ) -> bool:
         """Whether the grasp can be approached; its script goes into `plan`."""
         try:
             if start is not None:
@@ -159,7 +168,9 @@ class Planner:
         finally:
             clock.lap(plan, "approach")
 
-    def _postures(self, proposals: Proposals, subject: Subject, settings: PlannerSettings) -> Iterator[Posture]:
+    def _postures(
+        self, proposals: Proposals, subject: Subject, settings: PlannerSettings
+    ) -> Iterator[Posture]:
         if not len(proposals.contacts):
             return
         if self._starts == "atlas":
@@ -187,7 +198,9 @@ class Planner:
             closure_residual=float(internal.residual),
             closure_margin=float(at.margin),
             min_clearance_m=self._clearance(solution.q, subject, tips_touch=True),
-            joint_limit_margin_rad=float(np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()),
+            joint_limit_margin_rad=float(
+                np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()
+            ),
             max_joint_torque_fraction=float(settings.torque_share * hold.max_torque_fraction),
             holds=bool(hold.holds),
             hold_residual=float(hold.residual),
@@ -232,10 +245,12 @@ class Planner:
 
 @lru_cache(maxsize=8)
 def warm_up(mount: str = "palm_normal") -> None:
-    """Load the compiled code and the atlas by planning for a small box, once a process: planning times are then times."""
+    """Load compiled code and atlas by planning for a small box, once a process: planning times are then times."""
     import trimesh
 
-    box = trimesh.creation.box((0.05, 0.07, 0.06), transform=trimesh.transformations.translation_matrix((0.5, 0.0, 0.03)))
+    box = trimesh.creation.box(
+        (0.05, 0.07, 0.06), transform=trimesh.transformations.translation_matrix((0.5, 0.0, 0.03))
+    )
     Planner(mount=mount).plan(Subject.of(box), 0, np.array(HOME))
 
 

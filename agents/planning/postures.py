@@ -93,7 +93,14 @@ def _place(
 
 @njit(cache=True, error_model="numpy")
 def _best_placements(
-    centres: Array, inward: Array, near: NDArray[np.int64], tips: Array, axes: Array, pads: Array, triangles: Array, planes: Array
+    centres: Array,
+    inward: Array,
+    near: NDArray[np.int64],
+    tips: Array,
+    axes: Array,
+    pads: Array,
+    triangles: Array,
+    planes: Array,
 ) -> tuple[Array, NDArray[np.int64], Array, Array]:
     """For each of K assigned triples the best of its neighbours: scores, indices, palm rotations and positions."""
     K = centres.shape[0]
@@ -126,7 +133,9 @@ def atlas_postures(
     )
     strength = _strengths(atlas.joints[which], rotations, inward, tree)
     margins = np.repeat(np.nan_to_num(proposals.margins, nan=0.3), len(orders))
-    total = np.where(scores > 0.0, scores + np.minimum(margins, 0.5) + 2.0 * np.minimum(strength / _STRONG, 1.0), -np.inf)
+    total = np.where(
+        scores > 0.0, scores + np.minimum(margins, 0.5) + 2.0 * np.minimum(strength / _STRONG, 1.0), -np.inf
+    )
     found = 0
     for k in np.argsort(-total, kind="stable"):
         if found == settings.postures or not np.isfinite(total[k]):
@@ -184,7 +193,9 @@ def oriented_postures(
     for k in range(settings.initial_orientations):
         yaw = 2.0 * np.pi * k / settings.initial_orientations
         c, s = np.cos(yaw), np.sin(yaw)
-        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
+            [[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]
+        )
         middle = np.array([*targets.mean(0)[:2], top + 0.09])
         q = HOME.copy()
         if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):

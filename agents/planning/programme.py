@@ -93,7 +93,17 @@ def evaluate(
     for k in range(FIXED_ROWS):
         labels[k, 0] = -1 - k
     n = clearance_rows(
-        tree, R, p, triangles, planes, _ACTIVATION, True, True, values[FIXED_ROWS:], rows[FIXED_ROWS:], labels[FIXED_ROWS:]
+        tree,
+        R,
+        p,
+        triangles,
+        planes,
+        _ACTIVATION,
+        True,
+        True,
+        values[FIXED_ROWS:],
+        rows[FIXED_ROWS:],
+        labels[FIXED_ROWS:],
     )
     total = FIXED_ROWS + n
     for k in range(FIXED_ROWS, total):
@@ -103,7 +113,15 @@ def evaluate(
 
 @njit(cache=True, error_model="numpy")
 def _direction_rows(
-    i: int, tree: RobotTree, R: Array, J: Array, normals: Array, hessians: Array, bounds: Bounds, values: Array, rows: Array
+    i: int,
+    tree: RobotTree,
+    R: Array,
+    J: Array,
+    normals: Array,
+    hessians: Array,
+    bounds: Bounds,
+    values: Array,
+    rows: Array,
 ) -> None:
     """Rows that keep the inward normal on the front (axis z) and on the pad's side (x) of a fingertip."""
     body = tree.tip_body[i]

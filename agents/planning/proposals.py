@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -93,7 +94,9 @@ def graspable_points(subject: Subject, settings: PlannerSettings, rng: Generator
     samples = surface_samples(subject.hull, settings.surface_points, rng)
     reach = settings.tip_radius + 0.5 * sum(settings.distance)
     centres = samples.points + reach * samples.normals
-    above = (samples.points[:, 2] > settings.table_clearance) & (centres[:, 2] > settings.tip_radius + settings.clearance)
+    above = (samples.points[:, 2] > settings.table_clearance) & (
+        centres[:, 2] > settings.tip_radius + settings.clearance
+    )
     distance, gradient = subject.distance.distance_gradient(centres[above])
     return centres[above] - distance[:, None] * gradient, gradient
 
@@ -111,7 +114,7 @@ def placement_risk(contacts: Array, normals: Array, subject: Subject) -> Array:
     return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)
 
 
-def _varied(triples: NDArray[np.int64], score: Array, count: int) -> NDArray[np.int64]:
+def _varied(triples: NDArray[np.integer[Any]], score: Array, count: int) -> NDArray[np.int64]:
     """Take the best, but no surface point more often than its share."""
     order = np.argsort(-score, kind="stable")
     used = np.zeros(int(triples.max()) + 1, dtype=int)

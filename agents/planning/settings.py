@@ -9,8 +9,8 @@ class PlannerSettings:
 
     Attributes:
         friction: coefficient that the planner counts on; the environment's default is 0.7, so there is a reserve.
-        distance: range of the signed distance of the tip's inner sphere, (3) with d_min, d_max of section 1.2: the sphere
-            centre lies `tip_radius` above it.
+        distance: range of the signed distance of the tip's inner sphere, (3) with d_min, d_max of section 1.2: the
+            sphere centre lies `tip_radius` above it.
         tip_radius: effective radius of the compliant fingertip.
         closure_margin: least min-weight margin accepted (1 is the most that an even grasp can have).
         closure_aim: margin that the optimiser works towards before it settles for the least.

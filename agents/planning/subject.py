@@ -35,9 +35,7 @@ class Subject:
     mass: float
 
     @classmethod
-    def of(
-        cls, mesh: "trimesh.Trimesh", mass: float | None = None, centre: Array | None = None
-    ) -> "Subject":
+    def of(cls, mesh: "trimesh.Trimesh", mass: float | None = None, centre: Array | None = None) -> "Subject":
         """Take the convex hull of a mesh in the robot base frame.
 
         Args:
@@ -53,7 +51,9 @@ class Subject:
         if mass is not None and not (np.isfinite(mass) and mass > 0.0):
             raise InputError(f"mass {mass!r}: valid is a positive number of kilograms")
         distance = ConvexDistance.from_mesh(mesh, max_faces=MAX_FACES)
-        hull = trimesh.Trimesh(distance.triangles.reshape(-1, 3), np.arange(3 * len(distance.triangles)).reshape(-1, 3))
+        hull = trimesh.Trimesh(
+            distance.triangles.reshape(-1, 3), np.arange(3 * len(distance.triangles)).reshape(-1, 3)
+        )
         hull.merge_vertices()
         known = float(np.clip(ASSUMED_DENSITY * hull.volume, *MASS_RANGE)) if mass is None else float(mass)
         middle = np.asarray(hull.center_mass if centre is None else centre, dtype=float)

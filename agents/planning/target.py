@@ -78,7 +78,9 @@ def plan_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_s
         InputError: for an unknown target or agent, or an agent that makes no certified plans.
     """
     if not hasattr(make_agent(agent_name), "plan"):
-        raise InputError(f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics")
+        raise InputError(
+            f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
+        )
     return attempt_target(target, agent_name, seed, **env_settings)
 
 
