@@ -82,7 +82,9 @@ def show_options() -> mujoco.MjvOption:
     return option
 
 
-def render(renderer: mujoco.Renderer, data: mujoco.MjData, camera: mujoco.MjvCamera | str | int) -> NDArray[np.uint8]:
+def render(
+    renderer: mujoco.Renderer, data: mujoco.MjData, camera: mujoco.MjvCamera | str | int
+) -> NDArray[np.uint8]:
     """Render one colour picture (H, W, 3)."""
     renderer.update_scene(data, camera, show_options())
     return renderer.render()

@@ -52,7 +52,12 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
     agent.reset(observation, {"perception_failure": info["perception_failure"]})
     cpu = time.process_time() - cpu
     report, plan = agent.report, agent.plan
-    row: dict[str, Any] = {"object": name, "seconds": report.planning_seconds, "cpu": cpu, "failure": report.failure}
+    row: dict[str, Any] = {
+        "object": name,
+        "seconds": report.planning_seconds,
+        "cpu": cpu,
+        "failure": report.failure,
+    }
     row["stages"] = report.details.get("stages", {})
     if report.failure is None and plan is not None and plan.grasp is not None and agent.subject is not None:
         record = record_of(grasp_json(name, plan.grasp, agent.subject, agent.settings))

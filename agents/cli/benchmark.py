@@ -20,7 +20,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("name", metavar="NAME", choices=tuple(available()), help="which one: see below")
     parser.add_argument("--quick", action="store_true", help="a rough figure in less time")
     parser.add_argument(
-        "--accuracy", action="store_true", help="perception alone: distances to the true surface instead of time"
+        "--accuracy",
+        action="store_true",
+        help="perception alone: distances to the true surface instead of time",
     )
     add_json(parser)
 

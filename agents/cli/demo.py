@@ -13,20 +13,26 @@ _EPILOG = """examples:
   dexgrasp demo --object my_mesh.stl --mesh-scale 0.001
   dexgrasp demo --agent hardcoded                     the baseline, for comparison
 
-Writes demo.mp4, demo.png (the moments of the episode), cloud.png (what the cameras saw), grasp.json and grasp.png. Without
-a GL library the video and demo.png are left out, and said so."""
+Writes demo.mp4, demo.png (the moments of the episode), cloud.png (what the cameras saw), grasp.json and grasp.png.
+Without a GL library the video and demo.png are left out, and said so."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "demo", help="plan a grasp, execute it, show and save the outcome", epilog=_EPILOG,
-        description="Put an object on the table, plan a grasp from four depth cameras, lift it, save video and pictures.",
+        description="Put an object on the table, plan a grasp from four depth cameras, lift it, save a video.",
     )  # fmt: skip
-    parser.add_argument("--object", default="sugar_box", metavar="TARGET", help="name or mesh file (default sugar_box)")
+    parser.add_argument(
+        "--object", default="sugar_box", metavar="TARGET", help="name or mesh file (default sugar_box)"
+    )
     parser.add_argument("--agent", default="bilevel", metavar="NAME", help="who plans (default bilevel)")
-    parser.add_argument("--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)")
-    parser.add_argument("--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)")
+    parser.add_argument(
+        "--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)"
+    )
+    parser.add_argument(
+        "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)"
+    )
     add_mesh(parser)
     add_scene(parser)
     add_json(parser)
@@ -55,11 +61,19 @@ def run(args: argparse.Namespace) -> int:
         write_results(args.out, attempt, result)
     if not args.json and result["grasp"] is not None:
         print(describe(result))
-    outcome = _execute(attempt, args.out) if result["reason"] is None else {"is_success": False, "failure": result["reason"]}
+    outcome = (
+        _execute(attempt, args.out)
+        if result["reason"] is None
+        else {"is_success": False, "failure": result["reason"]}
+    )
     outcome["seconds"] = time.perf_counter() - began
     attempt.env.close()
     if args.json:
-        print_json(jsonable(result | {"outcome": outcome, "success": bool(outcome["is_success"]), "out": str(args.out)}))
+        print_json(
+            jsonable(
+                result | {"outcome": outcome, "success": bool(outcome["is_success"]), "out": str(args.out)}
+            )
+        )
     else:
         print(_tell(attempt.name, outcome, args.out))
     return 0 if outcome["is_success"] else 1
@@ -89,7 +103,16 @@ def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
     if video is not None:
         video.close()
         _contact_sheet(folder / "demo.png", frames)
-    keys = ("is_success", "is_stable", "failure", "stage", "object_height", "object_slip", "object_tilt", "held_seconds")
+    keys = (
+        "is_success",
+        "is_stable",
+        "failure",
+        "stage",
+        "object_height",
+        "object_slip",
+        "object_tilt",
+        "held_seconds",
+    )
     return {key: info[key] for key in keys} | {"simulated_seconds": round(0.05 * steps, 2)}
 
 
@@ -113,7 +136,14 @@ def _cloud_picture(path: Path, attempt: Any) -> None:
         return
     true = attempt.env.unwrapped.simulation.object.mesh
     hull = None if attempt.subject is None else attempt.subject.hull
-    cloud_picture(path, points, hull, true, attempt.T_world_object, f"{attempt.name}: {len(points)} points from four cameras")
+    cloud_picture(
+        path,
+        points,
+        hull,
+        true,
+        attempt.T_world_object,
+        f"{attempt.name}: {len(points)} points from four cameras",
+    )
 
 
 def _tell(name: str, outcome: dict[str, Any], folder: Path) -> str:
@@ -121,7 +151,8 @@ def _tell(name: str, outcome: dict[str, Any], folder: Path) -> str:
     if outcome["is_success"]:
         stable = "firmly" if outcome["is_stable"] else "but it moved in the hand"
         head = (
-            f"{name}: lifted {100 * outcome['object_height']:.0f} cm and held for {outcome['held_seconds']:.1f} s, {stable} "
+            f"{name}: lifted {100 * outcome['object_height']:.0f} cm and "
+            f"held for {outcome['held_seconds']:.1f} s, {stable} "
             f"(slip {1000 * outcome['object_slip']:.1f} mm)"
         )
     else:

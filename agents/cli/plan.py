@@ -22,9 +22,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "plan", help="one grasp with its certificate, or the reason why there is none", epilog=_EPILOG,
         description="Plan one grasp of an object on the table.",
     )  # fmt: skip
-    parser.add_argument("target", metavar="TARGET", help="object of the catalogue or mesh file (obj, stl, ply, glb)")
+    parser.add_argument(
+        "target", metavar="TARGET", help="object of the catalogue or mesh file (obj, stl, ply, glb)"
+    )
     parser.add_argument("--agent", default="bilevel", metavar="NAME", help="which planner (default bilevel)")
-    parser.add_argument("--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)")
+    parser.add_argument(
+        "--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)"
+    )
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for grasp.json and grasp.png")
     add_mesh(parser)
     add_scene(parser)
@@ -66,7 +70,9 @@ def write_results(folder: Path, attempt: Any, result: dict[str, Any]) -> None:
 
     folder.mkdir(parents=True, exist_ok=True)
     write_grasp(folder / "grasp.json", result["grasp"])
-    grasp_picture(folder / "grasp.png", attempt.grasp, attempt.subject, f"{attempt.name}: planned from what was seen")
+    grasp_picture(
+        folder / "grasp.png", attempt.grasp, attempt.subject, f"{attempt.name}: planned from what was seen"
+    )
 
 
 def describe(result: dict[str, Any]) -> str:
@@ -75,13 +81,18 @@ def describe(result: dict[str, Any]) -> str:
     seconds = f"{1000 * (result['planning_seconds'] or 0.0):.0f} ms"
     if not result["success"]:
         blocked = ", ".join(f"{reason} ({count})" for reason, count in result["blocked"].items())
-        return f"{head}no grasp after {seconds}: {result['reason']}" + (f"\n  what blocked: {blocked}" if blocked else "")
+        return f"{head}no grasp after {seconds}: {result['reason']}" + (
+            f"\n  what blocked: {blocked}" if blocked else ""
+        )
     certificate = result["certificate"]
     lines = [f"{head}grasp found in {seconds}"]
     rows = {
-        "fingertip distances, cm (allowed -0.68 .. -0.32)": " ".join(f"{d:.2f}" for d in certificate["distances_cm"]),
+        "fingertip distances, cm (allowed -0.68 .. -0.32)": " ".join(
+            f"{d:.2f}" for d in certificate["distances_cm"]
+        ),
         "closure margin (0 edge, 1 best)": f"{certificate['closure_margin']:.2f}",
-        "force / torque ratio, %": f"{certificate['force_ratio_percent']:.1e} / {certificate['torque_ratio_percent']:.1e}",
+        "force ratio, %": f"{certificate['force_ratio_percent']:.1e}",
+        "torque ratio, %": f"{certificate['torque_ratio_percent']:.1e}",
         "least clearance, mm": f"{1000 * certificate['min_clearance_m']:.1f}",
         "distance to a joint limit, rad": f"{certificate['joint_limit_margin_rad']:.3f}",
         "joint torque over its limit": f"{certificate['max_joint_torque_fraction']:.2f}",

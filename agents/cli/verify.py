@@ -18,7 +18,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "verify", help="check every constraint of a grasp again, independently", epilog=_EPILOG,
         description="Check a grasp file as `dexgrasp plan --out` writes it.",
     )  # fmt: skip
-    parser.add_argument("grasp", type=Path, metavar="GRASP.json", help="a grasp file, or the output of `plan --json`")
+    parser.add_argument(
+        "grasp", type=Path, metavar="GRASP.json", help="a grasp file, or the output of `plan --json`"
+    )
     add_json(parser)
 
 
@@ -34,7 +36,14 @@ def run(args: argparse.Namespace) -> int:
     checks = verify(record)
     good = all(check.holds for check in checks)
     if args.json:
-        print_json({"schema": 1, "object": record.object, "holds": good, "checks": [asdict(check) for check in checks]})
+        print_json(
+            {
+                "schema": 1,
+                "object": record.object,
+                "holds": good,
+                "checks": [asdict(check) for check in checks],
+            }
+        )
     else:
         width = max(len(check.name) for check in checks)
         for check in checks:

@@ -121,7 +121,9 @@ def _clearance_checks(record: GraspRecord, model: mujoco.MjModel, data: mujoco.M
     checks = [Check(f"clearance {k}", v, f">= {bound} m", v >= bound - _LENGTH) for k, v in grasp.items()]
     if "min_clearance_m" in record.certificate:  # a bound, so only too much is wrong
         excess = float(record.certificate["min_clearance_m"]) - min(grasp.values())
-        checks.append(Check("least clearance over the true one", excess, f"<= {_LENGTH} m", excess <= _LENGTH))
+        checks.append(
+            Check("least clearance over the true one", excess, f"<= {_LENGTH} m", excess <= _LENGTH)
+        )
     data.qpos[:23] = record.arrays["pregrasp"]
     mujoco.mj_forward(model, data)
     opened = _least_clearances(model, data, tips_touch=False)
@@ -141,7 +143,9 @@ def _least_clearances(model: mujoco.MjModel, data: mujoco.MjData, tips_touch: bo
     def least(pairs: list[tuple[int, int]]) -> float:
         return min((mujoco.mj_geomDistance(model, data, a, b, 0.05, from_to) for a, b in pairs), default=0.05)
 
-    far = [g for g in moving if model.geom(g).name.split("_")[0] != "panda" or int(model.geom(g).name[10]) > 2]
+    far = [
+        g for g in moving if model.geom(g).name.split("_")[0] != "panda" or int(model.geom(g).name[10]) > 2
+    ]
     return {
         "hand_object": least([(g, obstacle) for g in moving if g not in touching]),
         "hand_table": least([(g, table) for g in far]),
@@ -157,7 +161,9 @@ def _self_pairs(model: mujoco.MjModel, geoms: list[int]) -> list[tuple[int, int]
         for b in geoms[i + 1 :]:
             one, two = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
             welded = model.body_weldid[one] == model.body_weldid[two]
-            neighbours = model.body_weldid[model.body_parentid[model.body_weldid[two]]] == model.body_weldid[one]
+            neighbours = (
+                model.body_weldid[model.body_parentid[model.body_weldid[two]]] == model.body_weldid[one]
+            )
             if not (welded or neighbours or (one, two) in excluded or (two, one) in excluded):
                 pairs.append((a, b))
     return pairs
@@ -211,4 +217,3 @@ def _torque_fraction(model: mujoco.MjModel, data: mujoco.MjData, forces: Array) 
         mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
         torque += J.T @ f
     return float((np.abs(torque[7:23]) / TORQUE[7:]).max())
-

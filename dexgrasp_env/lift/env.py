@@ -153,7 +153,10 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     * v0: first version.
     """
 
-    metadata = {"render_modes": ["human", "rgb_array", "depth_array"], "render_fps": round(1 / CONTROL_PERIOD)}  # noqa: RUF012
+    metadata = {  # noqa: RUF012  (as Gymnasium has it)
+        "render_modes": ["human", "rgb_array", "depth_array"],
+        "render_fps": round(1 / CONTROL_PERIOD),
+    }
 
     def __init__(
         self,
@@ -270,7 +273,9 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         if action.shape != self.action_space.shape:
             raise InputError(f"action has shape {action.shape}: valid is {self.action_space.shape}")
         if not np.isfinite(action).all():
-            raise InputError(f"action has NaN or infinite entries at {np.flatnonzero(~np.isfinite(action)).tolist()}")
+            raise InputError(
+                f"action has NaN or infinite entries at {np.flatnonzero(~np.isfinite(action)).tolist()}"
+            )
         return np.minimum(np.maximum(action, -1.0), 1.0)
 
     def _next_targets(self, action: NDArray[np.float64]) -> NDArray[np.float64]:

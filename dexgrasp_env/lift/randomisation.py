@@ -50,7 +50,9 @@ class Randomisation:
         for key in value:
             if key not in names:
                 raise unknown_name("randomisation", key, names)
-        ranges = {key: check_range(f"randomisation {key}", value[key]) for key in value if value[key] is not None}
+        ranges = {
+            key: check_range(f"randomisation {key}", value[key]) for key in value if value[key] is not None
+        }
         for key, (low, _) in ranges.items():
             if low <= 0.0:
                 raise InputError(f"randomisation {key} = {value[key]!r}: valid are positive numbers")
@@ -63,7 +65,9 @@ class Randomisation:
         def draw(bounds: tuple[float, float] | None, u: float, default: float) -> float:
             return default if bounds is None else bounds[0] + (bounds[1] - bounds[0]) * u
 
-        return Variation(draw(self.mass, u[0], 1.0), draw(self.friction, u[1], friction), draw(self.size, u[2], 1.0))
+        return Variation(
+            draw(self.mass, u[0], 1.0), draw(self.friction, u[1], friction), draw(self.size, u[2], 1.0)
+        )
 
 
 def apply_variation(model: mujoco.MjModel, base: mujoco.MjModel, variation: Variation) -> None:

@@ -42,7 +42,14 @@ class Simulation:
         own = copy.copy(compiled)
         constants = ObjectConstants(np.asarray(model.mesh.convex_hull.vertices), model.extents, model.mass)
         return cls(
-            model, compiled, own, mujoco.MjData(own), SensorIndex.of(compiled), constants, Variation(), HOME.copy()
+            model,
+            compiled,
+            own,
+            mujoco.MjData(own),
+            SensorIndex.of(compiled),
+            constants,
+            Variation(),
+            HOME.copy(),
         )
 
     def reset(self, object_pose: Array, variation: Variation) -> None:
@@ -88,7 +95,9 @@ class Simulation:
     def warnings(self) -> list[str]:
         """Names of the warnings that MuJoCo has raised since reset."""
         numbers = self.data.warning.number.tolist()
-        return [name for name, number in zip(_WARNINGS, numbers, strict=True) if number] if any(numbers) else []
+        return (
+            [name for name, number in zip(_WARNINGS, numbers, strict=True) if number] if any(numbers) else []
+        )
 
 
 def ramp(start: Array, end: Array) -> Array:

@@ -41,6 +41,7 @@ class Progress:
     @classmethod
     def start(cls, shape: tuple[int, ...] = ()) -> "Progress":
         """Return the progress at reset."""
+
         def zero(kind: Any) -> Any:
             return np.zeros(shape, kind) if shape else kind(0)
 

@@ -72,7 +72,9 @@ class Views:
                 "table_plane": plane.astype(np.float32),
             }, info
         depth = perception.measure(simulation.data, rng)
-        views: dict[str, NDArray[Any]] = {"depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)}
+        views: dict[str, NDArray[Any]] = {
+            "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
+        }
         if self._obs_mode == "rgbd":
             views["rgb"] = self._colour(simulation).render_rgb(simulation.data)
         return views, info
@@ -115,7 +117,10 @@ class Views:
     def _show(self, simulation: Simulation) -> None:
         if self._viewer is None or self._shown != _shape_key(simulation):
             self.close()
-            self._viewer, self._shown = _open_viewer(simulation.model, simulation.data), _shape_key(simulation)
+            self._viewer, self._shown = (
+                _open_viewer(simulation.model, simulation.data),
+                _shape_key(simulation),
+            )
         self._viewer.sync()
 
     def close(self) -> None:

@@ -35,12 +35,21 @@ def add_arena(spec: mujoco.MjSpec) -> None:
     _add_look(spec)
     world = spec.worldbody
     world.add_geom(
-        name="floor", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 0.05], pos=[0, 0, -TABLE_HEIGHT], material="floor"
+        name="floor",
+        type=mujoco.mjtGeom.mjGEOM_PLANE,
+        size=[0, 0, 0.05],
+        pos=[0, 0, -TABLE_HEIGHT],
+        material="floor",
     )
     half = [0.5 * side for side in TABLE_SIZE]
     table = world.add_body(name="table", pos=[TABLE_CENTRE_X, 0, 0])
     table.add_geom(
-        name="table", type=_BOX, size=half, pos=[0, 0, -half[2]], material="table", condim=3,
+        name="table",
+        type=_BOX,
+        size=half,
+        pos=[0, 0, -half[2]],
+        material="table",
+        condim=3,
         friction=[FRICTION, 0.005, 0.0001],
     )
     for x in (-1, 1):
@@ -48,10 +57,14 @@ def add_arena(spec: mujoco.MjSpec) -> None:
             top = -TABLE_SIZE[2]
             leg = dict(pos=[x * (half[0] - 0.05), y * (half[1] - 0.05), 0.5 * (top - TABLE_HEIGHT)])
             size = [0.025, 0.025, 0.5 * (TABLE_HEIGHT + top)]
-            table.add_geom(type=_BOX, size=size, material="metal", contype=0, conaffinity=0, group=VISUAL_GROUP, **leg)
+            table.add_geom(
+                type=_BOX, size=size, material="metal", contype=0, conaffinity=0, group=VISUAL_GROUP, **leg
+            )
     plinth = dict(material="plinth", contype=0, conaffinity=0, group=VISUAL_GROUP)
     middle = -0.5 * TABLE_HEIGHT - 0.005
-    world.add_geom(type=_CYLINDER, size=[0.11, 0.5 * TABLE_HEIGHT - 0.005, 0], pos=[-0.04, 0, middle], **plinth)
+    world.add_geom(
+        type=_CYLINDER, size=[0.11, 0.5 * TABLE_HEIGHT - 0.005, 0], pos=[-0.04, 0, middle], **plinth
+    )
     world.add_geom(type=_CYLINDER, size=[0.17, 0.012, 0], pos=[-0.04, 0, -0.012], **plinth)
 
 
@@ -86,7 +99,9 @@ def _add_look(spec: mujoco.MjSpec) -> None:
     )
 
 
-def _material(spec: mujoco.MjSpec, name: str, rgba: list[float], texture: str | None = None, **look: object) -> None:
+def _material(
+    spec: mujoco.MjSpec, name: str, rgba: list[float], texture: str | None = None, **look: object
+) -> None:
     material = spec.add_material(name=name, rgba=rgba, **look)
     if texture:
         material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = texture

@@ -20,7 +20,11 @@ from dexgrasp_env.scene.sensors import add_sensors
 
 
 def scene_spec(
-    model: ObjectModel, *, mount: str = "palm_normal", friction: float = FRICTION, cameras: tuple[Camera, ...] = ()
+    model: ObjectModel,
+    *,
+    mount: str = "palm_normal",
+    friction: float = FRICTION,
+    cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjSpec:
     """Return the editable scene: robot base at the origin, table top at z = 0, one free object.
 
@@ -47,7 +51,11 @@ def scene_spec(
 
 
 def build_scene(
-    model: ObjectModel, *, mount: str = "palm_normal", friction: float = FRICTION, cameras: tuple[Camera, ...] = ()
+    model: ObjectModel,
+    *,
+    mount: str = "palm_normal",
+    friction: float = FRICTION,
+    cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjModel:
     """Compile `scene_spec`."""
     return scene_spec(model, mount=mount, friction=friction, cameras=cameras).compile()

@@ -18,8 +18,12 @@ _NETFORCE = 3
 def add_sensors(spec: mujoco.MjSpec) -> None:
     """Add tip positions, palm pose, tip contact forces and the object's contacts."""
     for site in TIP_SITES:
-        spec.add_sensor(name=f"{site}_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname=site)
-    spec.add_sensor(name="palm_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname="palm")
+        spec.add_sensor(
+            name=f"{site}_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname=site
+        )
+    spec.add_sensor(
+        name="palm_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname="palm"
+    )
     spec.add_sensor(name="palm_quat", type=_SENSOR.mjSENS_FRAMEQUAT, objtype=_OBJ.mjOBJ_SITE, objname="palm")
     for finger in FINGERS:
         _contact(spec, f"{finger}_force", _FORCE, (_OBJ.mjOBJ_GEOM, f"{finger}_tip"))
@@ -28,7 +32,9 @@ def add_sensors(spec: mujoco.MjSpec) -> None:
 
 
 def _contact(spec: mujoco.MjSpec, name: str, fields: int, other: tuple[mujoco.mjtObj, str] | None) -> None:
-    sensor = spec.add_sensor(name=name, type=_SENSOR.mjSENS_CONTACT, objtype=_OBJ.mjOBJ_BODY, objname="object")
+    sensor = spec.add_sensor(
+        name=name, type=_SENSOR.mjSENS_CONTACT, objtype=_OBJ.mjOBJ_BODY, objname="object"
+    )
     if other is not None:
         sensor.reftype, sensor.refname = other
     sensor.intprm[:3] = [fields, _NETFORCE, 1]
