@@ -1,0 +1,95 @@
+"""A feasible configuration made a grasp: forces that hold, an opening to close from, and the certificate."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.execution.motion import GraspMotion
+from agents.kinematics.clearance import clearance_rows
+from agents.kinematics.forward import body_frames
+from agents.kinematics.tree import RobotTree
+from agents.physics.forces import HoldingForces, holding_forces
+from agents.physics.ratios import wrench_ratios
+from agents.physics.wrench import solve_wrench_qp
+from agents.planning.bilevel import Solution
+from agents.planning.certificate import Certificate
+from agents.planning.grasp import Grasp, finger_jacobians, grasp_motion, openings
+from agents.planning.plan import Plan
+from agents.planning.settings import PlannerSettings
+from agents.planning.subject import Subject
+
+Array = NDArray[np.float64]
+_TORQUE_LIMIT = 0.7  # Nm
+_OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
+
+
+class Certifier:
+    """Certifies configurations of one robot."""
+
+    def __init__(self, tree: RobotTree, settings: PlannerSettings, mount: str, with_closure: bool) -> None:
+        """Prepare; without closure, forces that fail to hold are reported in the certificate, not refused."""
+        self.tree, self.settings, self.mount = tree, settings, mount
+        self._with_closure = with_closure
+
+    def certify(self, solution: Solution, subject: Subject, plan: Plan) -> Grasp | None:
+        """Return the grasp of a feasible configuration, or None and note in `plan` what it lacks."""
+        settings, at = self.settings, solution.evaluation
+        hold, mass, load = self._hold(solution, subject)
+        if not hold.holds and self._with_closure:
+            plan.block(f"holding_forces: {hold.reason}", hold.residual)
+            return None
+        motion = self._open(solution.q, at.normals, hold.forces, subject)
+        if motion is None:
+            plan.block("pregrasp_clearance")
+            return None
+        internal = solve_wrench_qp(at.contacts, at.normals, settings.friction)
+        ratios = wrench_ratios(at.contacts, internal.forces, subject.centre)
+        certificate = Certificate(
+            distances_cm=tuple(float(d) for d in 100.0 * (at.distances - settings.tip_radius)),  # type: ignore[arg-type]
+            force_ratio_percent=ratios.force,
+            torque_ratio_percent=ratios.torque,
+            closure_residual=float(internal.residual),
+            closure_margin=float(at.margin),
+            min_clearance_m=self._clearance(solution.q, subject, tips_touch=True),
+            joint_limit_margin_rad=float(
+                np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()
+            ),
+            max_joint_torque_fraction=float(settings.torque_share * hold.max_torque_fraction),
+            holds=bool(hold.holds),
+            hold_residual=float(hold.residual),
+            mass=mass,
+            load=load,
+            friction=settings.friction,
+        )
+        return Grasp(solution.q, at.contacts, at.normals, hold.forces, certificate, motion, self.mount)
+
+    def _hold(self, solution: Solution, subject: Subject) -> tuple[HoldingForces, float, float]:
+        """Return the firmest squeeze of `settings.loads` that the joints can hold, and mass and load it is made for."""
+        settings, at = self.settings, solution.evaluation
+        J = finger_jacobians(solution.q, self.tree)
+        for share, disturbance in settings.loads:
+            mass = share * subject.mass
+            hold = holding_forces(
+                at.contacts, at.normals, settings.friction_hold, mass, subject.centre, jacobians=J,
+                torque_limits=settings.torque_share * _TORQUE_LIMIT, f_min=settings.least_press, safety=1.0,
+                disturbance=disturbance, explain=(share, disturbance) == settings.loads[-1],
+            )  # fmt: skip
+            if hold.holds:
+                break
+        return hold, mass, share * (1.0 + disturbance)
+
+    def _open(self, q: Array, normals: Array, forces: Array, subject: Subject) -> GraspMotion | None:
+        for opening in openings():
+            motion = grasp_motion(q, normals, forces, subject, self.tree, self.settings, opening)
+            clear = self._clearance(motion.pregrasp, subject, tips_touch=False)
+            if clear > min(_OPEN_CLEARANCE, 0.5 * opening):
+                return motion
+        return None
+
+    def _clearance(self, q: Array, subject: Subject, tips_touch: bool) -> float:
+        R, p = body_frames(q, self.tree)
+        values, rows, labels = np.empty(160), np.empty((160, 23)), np.empty((160, 3), np.int64)
+        distance = subject.distance
+        n = clearance_rows(
+            self.tree, R, p, distance.triangles, distance.planes, 0.02, True, tips_touch, values, rows, labels
+        )
+        return float(values[:n].min()) if n else 0.02
