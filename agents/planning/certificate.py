@@ -15,11 +15,12 @@ class Certificate:
         torque_ratio_percent: |sum (p - c) x f| / sum |(p - c) x f|.
         closure_residual: optimum of Eq. 4 (f_min 1 N, torques over the object's radius).
         closure_margin: min-weight margin, 0 at the edge of closure, 1 at best.
-        min_clearance_m: least clearance of hand and arm to object (grasping tips apart), table and themselves.
+        min_clearance_m: least clearance of hand and arm to object (grasping tips apart), table and themselves; links
+            that the joint ranges keep 3 mm apart or more do not count.
         joint_limit_margin_rad: least distance to a joint limit.
         max_joint_torque_fraction: largest joint torque of the holding forces over its limit.
         holds: whether forces within cones and torque limits balance the assumed mass.
-        hold_residual: what the holding forces leave of gravity, N.
+        hold_residual: what the holding forces leave of gravity, as a part of the weight.
         mass: kg that the forces are made for.
         load: of the object's assumed weight, how much the forces resist in any direction beyond balancing it.
         friction: coefficient that was planned with.

@@ -1,0 +1,275 @@
+"""The agent `bilevel` in its environment: plans, reasons, execution with feeling, nothing of torch."""
+
+import json
+import subprocess
+import sys
+import textwrap
+
+import numpy as np
+import pytest
+
+from agents import make_agent
+from agents.bilevel import BilevelAgent, make_source, subject_from_cloud
+from agents.evaluation.trial import public_info
+from agents.execution.guarded import GuardedExecution
+from agents.kinematics.forward import body_frames, tip_positions
+from agents.kinematics.tree import robot_tree
+from agents.planning.target import attempt_target, plan_target
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.lift.control import denormalise
+from dexgrasp_env.robot.limits import LOWER, UPPER
+
+TREE = robot_tree()
+COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
+
+
+@pytest.fixture(scope="module")
+def attempt():
+    made = attempt_target("sugar_box", seed=0)
+    yield made
+    made.env.close()
+
+
+@pytest.fixture(scope="module")
+def agent():
+    return make_agent("bilevel")
+
+
+def tips(q):
+    R, p = body_frames(q, TREE)
+    return tip_positions(TREE, R, p)
+
+
+def test_reports_a_plan(attempt):
+    report = attempt.agent.report
+    assert report.failure is None
+    assert 0 < report.planning_seconds < 20
+    assert set(report.details["stages"]) >= {
+        "hull",
+        "proposals",
+        "postures",
+        "bilevel",
+        "certificate",
+        "approach",
+    }
+    assert sum(report.details["stages"].values()) <= report.planning_seconds + 1e-3
+    assert report.details["certificate"]["holds"] is True
+    json.dumps(report.details, allow_nan=False)
+
+
+def test_plans_on_what_was_seen_not_on_the_truth(attempt):
+    """The hull is the cloud's: near the true box, but not it; nothing of pose or mass is in the public info."""
+    true = attempt.env.unwrapped.simulation.object.mesh.copy()
+    true.apply_transform(attempt.T_world_object)
+    seen = attempt.subject.hull.vertices
+    np.testing.assert_allclose(seen.min(0), true.bounds[0], atol=0.02)
+    np.testing.assert_allclose(seen.max(0), true.bounds[1], atol=0.02)
+    assert attempt.subject.mass != attempt.env.unwrapped.simulation.object.mass
+    info = public_info(attempt.env, {"object_height": 1.0, "perception_failure": None})
+    assert "object_height" not in info
+
+
+def test_lifts_the_sugar_box(attempt):
+    """One whole episode; also: the same observation gives the same plan, and every action is in the space."""
+    env, first = attempt.env, attempt.agent.plan.grasp
+    attempt.agent.reset(attempt.observation, {})
+    np.testing.assert_array_equal(attempt.agent.plan.grasp.q, first.q)
+    observation, steps = attempt.observation, 0
+    while True:
+        action = attempt.agent.act(observation)
+        assert env.action_space.contains(action)
+        observation, _, terminated, truncated, info = env.step(action)
+        steps += 1
+        if terminated or truncated or info["is_success"]:
+            break
+    assert info["is_success"]
+    assert info["object_height"] > 0.1
+    assert info["object_slip"] < 0.02
+
+
+def failures():
+    nothing = {"cloud_mask": np.zeros(1024, np.int8)}
+    nan = {"cloud": np.full((1024, 3), np.nan, np.float32), "cloud_mask": np.ones(1024, np.int8)}
+    flat = np.random.default_rng(0).uniform([0.4, -0.1, 0.05], [0.6, 0.1, 0.05], (1024, 3)).astype(np.float32)
+    line = np.linspace([0.4, 0, 0.05], [0.6, 0, 0.05], 1024).astype(np.float32)
+    few = {"cloud_mask": np.r_[np.ones(3, np.int8), np.zeros(1021, np.int8)]}
+    whole = np.ones(1024, np.int8)
+    return [
+        (nothing, {}, "empty_cloud"),
+        (nan, {}, "empty_cloud"),
+        (few, {}, "empty_cloud"),
+        (
+            {"cloud": line, "cloud_mask": whole, "table_plane": np.zeros(6, np.float32)},
+            {},
+            "cloud_has_no_volume",
+        ),
+        (
+            {"cloud": flat, "cloud_mask": whole, "table_plane": np.zeros(6, np.float32)},
+            {},
+            "cloud_has_no_volume",
+        ),
+        (
+            {"cloud": flat, "cloud_mask": whole},
+            {"perception_failure": "no_object_points"},
+            "no_object_points",
+        ),
+    ]
+
+
+@pytest.mark.parametrize(("change", "info", "reason"), failures())
+def test_says_why_there_is_no_plan(change, info, reason, attempt, agent):
+    agent.reset({**attempt.observation, **change}, info)
+    assert agent.report.failure == reason
+    assert agent.plan is None
+    with pytest.raises(InputError, match="no plan") as caught:
+        agent.act(attempt.observation)
+    assert "\n" not in str(caught.value)
+
+
+def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
+    mask = attempt.observation["cloud_mask"].astype(bool)
+    cloud = attempt.observation["cloud"].copy()
+    cloud[mask] += np.float32([0.8, 0.0, 0.0])
+    agent.reset({**attempt.observation, "cloud": cloud}, {})
+    assert agent.report.failure == "no_grasp:no_reachable_posture"
+    with pytest.raises(InputError):
+        agent.act(attempt.observation)
+
+
+def test_points_that_are_not_numbers_are_left_out(attempt):
+    cloud, mask = attempt.observation["cloud"].copy(), attempt.observation["cloud_mask"].copy()
+    whole, _ = subject_from_cloud(attempt.observation)
+    cloud[np.flatnonzero(mask)[::7]] = np.nan
+    holed, failure = subject_from_cloud({**attempt.observation, "cloud": cloud})
+    assert failure is None
+    assert np.abs(holed.hull.bounds - whole.hull.bounds).max() < 0.01
+
+
+def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
+    fresh = BilevelAgent()
+    with pytest.raises(InputError, match="no plan"):
+        fresh.act(attempt.observation)
+    fresh.reset({**attempt.observation, "cloud_mask": np.zeros(1024, np.int8)}, {})
+    fresh.seed(0)
+    fresh.reset(attempt.observation, {})
+    assert fresh.report.failure is None
+    np.testing.assert_array_equal(fresh.plan.grasp.q, attempt.agent.plan.grasp.q)
+
+
+def test_the_mount_follows_the_environment(attempt, agent):
+    agent.reset(attempt.observation, {"mount": "fingers_along"})
+    assert agent.plan is not None
+    assert agent.plan.grasp is None or agent.plan.grasp.mount == "fingers_along"
+    agent.reset(attempt.observation, {"mount": "palm_normal"})
+    assert agent.plan.grasp.mount == "palm_normal"
+
+
+def test_unknown_sources_and_agents_without_plans():
+    with pytest.raises(InputError, match="valid are surface, uniform, cvae"):
+        make_source("psychic")
+    with pytest.raises(InputError, match="no certified plans"):
+        plan_target("pear", "hardcoded")
+
+
+# Guarded execution
+
+
+def closing(attempt, blocked):
+    """Play the approach and the close with joints that follow at once, but each finger stops at a share of its way.
+
+    Returns the set-points of the close, and the shares at which the fingers end.
+    """
+    grasp, script = attempt.agent.plan.grasp, attempt.agent.plan.script
+    execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE)
+    first = dict(script.phases)
+    start = script.targets[first["close"] - 1]
+    end = script.targets[first["squeeze"] - 1]
+    q, targets = start.copy(), []
+    for _ in range(first["close"]):
+        np.testing.assert_allclose(denormalise(execution.action(q)), script.targets[len(targets)], atol=1e-5)
+        targets.append(0)
+    closed = []
+    for _ in range(90):
+        target = denormalise(execution.action(q))
+        closed.append(target)
+        q = target.copy()
+        for finger, columns in enumerate(COLUMNS):
+            way = end[columns] - start[columns]
+            share = (target[columns] - start[columns]) @ way / (way @ way)
+            if share > blocked[finger]:
+                q[columns] = start[columns] + blocked[finger] * way
+    return start, end, np.array(closed), execution
+
+
+def shares(start, end, targets):
+    out = []
+    for columns in COLUMNS:
+        way = end[columns] - start[columns]
+        out.append((targets[:, columns] - start[columns]) @ way / (way @ way))
+    return np.array(out).T
+
+
+def test_each_finger_stops_where_it_meets_something(attempt):
+    blocked = (0.6, 0.9, 1.2)
+    start, end, targets, _ = closing(attempt, blocked)
+    travel = np.linalg.norm(tips(end) - tips(start), axis=1)
+    moving = shares(start, end, targets)
+    # Before the squeeze starts the set-point is past the contact by the lag that tells it, and a step or two.
+    ends = [np.flatnonzero(np.abs(np.diff(moving[:, f])) < 1e-9)[0] for f in range(3)]
+    for finger in range(3):
+        reached = moving[ends[finger], finger]
+        assert blocked[finger] < reached < blocked[finger] + 0.008 / travel[finger]
+    assert ends[0] < ends[2]
+
+
+def test_a_finger_that_meets_nothing_stops_soon_after_the_surface(attempt):
+    start, end, targets, _ = closing(attempt, (9.0, 9.0, 9.0))
+    travel = np.linalg.norm(tips(end) - tips(start), axis=1)
+    moving = shares(start, end, targets)
+    stop = np.flatnonzero((np.abs(np.diff(moving, axis=0)) < 1e-9).all(1))[0]
+    assert stop < 60
+    np.testing.assert_allclose(moving[stop], 1.0 + 0.016 / travel, rtol=1e-4)
+
+
+def test_the_squeeze_starts_from_where_the_joints_stand(attempt):
+    start, end, targets, _ = closing(attempt, (0.6, 0.9, 1.1))
+    grasp = attempt.agent.plan.grasp
+    stand = targets[-1].copy()
+    for finger, columns in enumerate(COLUMNS):
+        stand[columns] = start[columns] + (0.6, 0.9, 1.1)[finger] * (end - start)[columns]
+    h, torque = 1e-6, np.zeros(23)
+    for j in range(7, 23):
+        step = h * np.eye(23)[j]
+        torque[j] = (((tips(stand + step) - tips(stand - step)) / (2 * h)) * grasp.forces).sum()
+    for columns in COLUMNS:
+        expected = np.clip(stand[columns] + torque[columns] / 10.0, LOWER[columns], UPPER[columns])
+        np.testing.assert_allclose(targets[-1][columns], expected, atol=2e-4)
+
+
+def test_the_arm_alone_moves_in_the_lift(attempt):
+    *_, targets, execution = closing(attempt, (0.9, 0.9, 0.9))
+    q = targets[-1].copy()
+    lifted = np.array([denormalise(execution.action(q)) for _ in range(200)])
+    np.testing.assert_allclose(lifted[:, 7:], np.broadcast_to(lifted[0, 7:], lifted[:, 7:].shape), atol=1e-6)
+    rise = tips(lifted[-1])[:, 2].mean() - tips(targets[0])[:, 2].mean()
+    assert rise > 0.1
+
+
+def test_works_without_torch_and_the_same_in_another_process(attempt):
+    code = textwrap.dedent("""
+        import sys
+
+        class Absent:
+            def find_spec(self, name, path=None, target=None):
+                if name.split(".")[0] in ("torch", "h5py", "safetensors", "stable_baselines3"):
+                    raise ModuleNotFoundError(f"No module named {name!r}", name=name)
+
+        sys.meta_path.insert(0, Absent())
+        from agents.planning.target import attempt_target
+        made = attempt_target("sugar_box", seed=0)
+        assert made.agent.report.failure is None, made.agent.report
+        made.agent.act(made.observation)
+        print(made.grasp.q.tobytes().hex())
+    """)
+    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert out.stdout.split()[-1] == attempt.agent.plan.grasp.q.tobytes().hex()

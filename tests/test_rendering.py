@@ -1,0 +1,120 @@
+"""Off-screen pictures: which GL is taken, what is drawn, what is said where there is none."""
+
+import os
+import subprocess
+import sys
+import textwrap
+
+import mujoco
+import numpy as np
+import pytest
+
+from dexgrasp_env import rendering
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera, show_options
+
+NEEDS_GL = pytest.mark.skipif(choose_gl() is None, reason="no GL library here")
+SCENE = """
+<mujoco>
+  <worldbody>
+    <light pos="0 0 2"/>
+    <camera name="above" pos="0.36 0 1.5" xyaxes="1 0 0 0 1 0"/>
+    <geom type="sphere" size="0.12" pos="0.36 0 0.24" rgba="1 0 0 1" group="{group}"/>
+  </worldbody>
+</mujoco>
+"""
+
+
+def scene(group=2):
+    model = mujoco.MjModel.from_xml_string(SCENE.format(group=group))
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    return model, data
+
+
+def test_a_named_backend_is_taken(monkeypatch):
+    for name in ("osmesa", "egl", "glfw"):
+        monkeypatch.setenv("MUJOCO_GL", name)
+        assert choose_gl() == name
+
+
+@pytest.mark.parametrize(
+    ("present", "expected"),
+    [
+        ((), None),
+        (("libOSMesa.so.8",), "osmesa"),
+        (("libEGL.so.1", "libGL.so.1"), "egl"),
+        (("libEGL.so.1", "libOSMesa.so.8"), "osmesa"),  # libEGL alone cannot make a context
+        (("libEGL.so.1",), None),
+    ],
+)
+def test_the_first_library_that_is_there(present, expected, monkeypatch):
+    def load(library):
+        if library not in present:
+            raise OSError(library)
+
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(rendering.ctypes, "CDLL", load)
+    assert choose_gl() == expected
+
+
+def test_without_gl_the_remedy_is_named(monkeypatch):
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    monkeypatch.setattr(rendering, "_loads", lambda *libraries: False)
+    with pytest.raises(InputError, match="install libosmesa6") as caught:
+        make_renderer(scene()[0], 32, 32)
+    assert "\n" not in str(caught.value)
+
+
+@NEEDS_GL
+def test_draws_what_is_there():
+    model, data = scene()
+    renderer = make_renderer(model, 96, 128)
+    picture = render(renderer, data, show_camera())
+    assert picture.shape == (96, 128, 3)
+    assert picture.dtype == np.uint8
+    red = (picture[..., 0] > 60) & (picture[..., 1] < 40)
+    assert 0.01 < red.mean() < 0.5
+    rows, columns = np.nonzero(red)
+    assert abs(rows.mean() - 48) < 8  # the camera looks at the ball
+    assert abs(columns.mean() - 64) < 8
+    np.testing.assert_array_equal(picture, render(renderer, data, show_camera()))
+    assert ((above := render(renderer, data, "above"))[..., 0] > 60).any()
+    assert not np.array_equal(above, picture)
+    renderer.close()
+
+
+@NEEDS_GL
+def test_collision_shapes_are_hidden():
+    model, data = scene(group=3)
+    renderer = make_renderer(model, 64, 64)
+    picture = render(renderer, data, show_camera())
+    assert not ((picture[..., 0] > 60) & (picture[..., 1] < 40)).any()
+    renderer.close()
+    np.testing.assert_array_equal(show_options().geomgroup, [1, 1, 1, 0, 0, 0])
+
+
+@NEEDS_GL
+def test_pictures_larger_than_the_models_buffer():
+    model, data = scene()
+    renderer = make_renderer(model, 500, 700)
+    assert render(renderer, data, show_camera()).shape == (500, 700, 3)
+    renderer.close()
+
+
+@NEEDS_GL
+def test_works_in_a_process_that_has_set_nothing():
+    """MuJoCo reads MUJOCO_GL at its import; here it is chosen after that."""
+    code = textwrap.dedent("""
+        import sys
+        import mujoco
+        from dexgrasp_env.rendering import make_renderer, render, show_camera
+        model = mujoco.MjModel.from_xml_string(sys.argv[1])
+        data = mujoco.MjData(model)
+        mujoco.mj_forward(model, data)
+        print(render(make_renderer(model, 48, 64), data, show_camera()).std() > 5)
+    """)
+    env = {key: value for key, value in os.environ.items() if key not in ("MUJOCO_GL", "PYOPENGL_PLATFORM")}
+    command = [sys.executable, "-c", code, SCENE.format(group=2)]
+    out = subprocess.run(command, capture_output=True, text=True, env=env, check=True)
+    assert out.stdout.strip() == "True"
