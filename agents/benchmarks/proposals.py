@@ -11,8 +11,11 @@ import numpy as np
 
 from agents.bilevel import make_source, subject_from_cloud
 from agents.evaluation.statistics import wilson_interval
+from agents.planning.bilevel import solve
 from agents.planning.grasp import Grasp
 from agents.planning.planner import Plan, Planner
+from agents.planning.postures import atlas_postures
+from agents.planning.proposals import Proposals, ProposalSource
 from agents.planning.settings import PlannerSettings
 from agents.planning.subject import Subject
 from dexgrasp_env.errors import InputError
@@ -20,6 +23,7 @@ from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 SOURCES = ("cvae", "surface", "uniform")
 SETS = ("seen", "familiar", "novel")
+_SINGLE = 100  # proposals an object for `each_feasible`
 _QUICK, _FULL = (1, 3), (3, 4)  # scenes an object, seeds a scene
 
 
@@ -40,7 +44,7 @@ def run(quick: bool = False) -> dict[str, Any]:
 
     Returns:
         By set and source: `trials`, `verified` with its interval, medians of `tried` and `seconds` with bootstrap
-        intervals, `margin`, and over the verified grasps of one scene the mean distance of contact centroids
+        intervals, `margin`, `each_feasible` (single proposals that become a feasible configuration), and over the verified grasps of one scene the mean distance of contact centroids
         (`spread_cm`) and the mean angle between palms (`palm_degrees`).
     """
     scenes, seeds = _QUICK if quick else _FULL
@@ -63,8 +67,28 @@ def run(quick: bool = False) -> dict[str, Any]:
                 for scene, subject in subjects
                 for seed in range(seeds)
             ]
-            figures[f"{group} {name}"] = _figures(attempts)
+            shares = [_feasible(planner, make_source(name), subject) for _, subject in subjects]
+            figures[f"{group} {name}"] = _figures(attempts) | {"each_feasible": float(np.mean(shares))}
     return figures
+
+
+def _feasible(planner: Planner, source: ProposalSource, subject: Subject) -> float:
+    """Return the share of single proposals, fingers as given or else by lot, that become a feasible configuration."""
+    rng, settings = np.random.default_rng(0), replace(planner.settings, triples=_SINGLE, postures=_SINGLE)
+    found = source.propose(subject, settings, rng)
+    if found.failure:
+        return 0.0
+    order = (
+        np.tile(np.arange(3), (len(found.contacts), 1))
+        if found.assigned
+        else rng.permuted(np.tile(np.arange(3), (len(found.contacts), 1)), axis=1)
+    )
+    contacts, normals = (
+        np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
+    )
+    single = Proposals(contacts, normals, found.margins, assigned=True)
+    postures = atlas_postures(single, subject, planner.tree, settings)
+    return sum(solve(p.q, planner.tree, subject, settings).feasible for p in postures) / len(contacts)
 
 
 def _sources() -> dict[str, Any]:

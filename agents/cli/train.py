@@ -41,7 +41,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--latent", type=positive_int, default=6, metavar="N", help="size of the latent (default 6)"
     )
     cvae.add_argument(
-        "--kl-weight", type=positive_float, default=0.01, metavar="W", help="of the KL term (default 0.01)"
+        "--kl-weight", type=positive_float, default=0.05, metavar="W", help="of the KL term (default 0.05)"
     )
     cvae.add_argument(
         "--held-out-object", metavar="NAME", help="an object that is tested on and not trained on"

@@ -46,7 +46,7 @@ class TrainingSettings:
     clouds: int = 8
     grasps: int = 128
     rate: float = 1e-3
-    kl_weight: float = 0.01
+    kl_weight: float = 0.05
     warm_up: float = 0.2
     held_out_object: str | None = None
     held_out_poses: bool = True
