@@ -69,11 +69,17 @@ def failing(checks):
     return {name for name, c in checks.items() if not c.holds}
 
 
+def test_a_file_cannot_lower_the_bar_it_is_held_to(contents, check):
+    loosened = json.loads(json.dumps(contents["sugar_box"]))
+    loosened["thresholds"]["closure_margin"] = 0.0
+    assert "thresholds looser than ours" in failing(check(loosened))
+
+
 @pytest.mark.parametrize("name", MESHES)
 def test_every_check_of_a_planned_grasp_holds(name, contents, check):
     checks = check(contents[name])
     assert failing(checks) == set()
-    assert len(checks) == 27
+    assert len(checks) == 28
     claimed = contents[name]["certificate"]
     least = min(checks[f"clearance {kind}"].value for kind in ("hand_object", "hand_table"))
     # The planner's spheres cover the true shapes: it never claims more room than there is.

@@ -40,12 +40,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo and print outcome and times."""
-    from agents.cli.output import note, print_json
+    from agents.cli.output import make_folder, note, print_json
     from agents.cli.plan import describe, scene_settings, write_results
     from agents.evaluation.trial import jsonable
     from agents.planning.target import attempt_target
     from dexgrasp_env.rendering import choose_gl
 
+    make_folder(args.out)
     note("compiling and placing the object (the first run takes longer)")
     settings = scene_settings(args)
     if choose_gl() is not None:
@@ -55,7 +56,6 @@ def run(args: argparse.Namespace) -> int:
     began = time.perf_counter()
     attempt = attempt_target(args.object, args.agent, args.seed, **settings)
     result = attempt.as_json()
-    args.out.mkdir(parents=True, exist_ok=True)
     _cloud_picture(args.out / "cloud.png", attempt)
     if result["grasp"] is not None:
         write_results(args.out, attempt, result)

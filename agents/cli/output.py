@@ -5,7 +5,10 @@ import os
 import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from pathlib import Path
 from typing import Any, TextIO
+
+from dexgrasp_env.errors import InputError
 
 _json_stream: TextIO | None = None
 
@@ -53,3 +56,18 @@ def print_json(content: Mapping[str, Any]) -> None:
 def note(message: str) -> None:
     """Print a line for people on standard error."""
     print(message, file=sys.stderr, flush=True)
+
+
+def make_folder(path: Path) -> Path:
+    """Make a folder for results, before the work that fills it.
+
+    Raises:
+        InputError: if it cannot be made.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise InputError(f"cannot write to {path}: {error.strerror or error}") from None
+    if not os.access(path, os.W_OK):
+        raise InputError(f"cannot write to {path}: name a folder that can be written to")
+    return path

@@ -37,10 +37,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Plan, print, and write what was asked for."""
-    from agents.cli.output import note, print_json
+    from agents.cli.output import make_folder, note, print_json
     from agents.evaluation.trial import jsonable
     from agents.planning.target import plan_target
 
+    if args.out is not None:
+        make_folder(args.out)
     note("compiling the planner and placing the object (the first run takes longer)")
     attempt = plan_target(args.target, args.agent, args.seed, **scene_settings(args))
     result = attempt.as_json()
@@ -68,7 +70,6 @@ def write_results(folder: Path, attempt: Any, result: dict[str, Any]) -> None:
     from agents.planning.grasp_file import write_grasp
     from agents.planning.picture import grasp_picture
 
-    folder.mkdir(parents=True, exist_ok=True)
     write_grasp(folder / "grasp.json", result["grasp"])
     grasp_picture(
         folder / "grasp.png", attempt.grasp, attempt.subject, f"{attempt.name}: planned from what was seen"

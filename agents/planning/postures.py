@@ -30,6 +30,7 @@ _PALM_CENTRE = np.array([-0.0093, 0.0, -0.0475])  # of the palm's box in the pal
 _PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness and some
 _PALM_HEIGHT = 0.06  # m of the palm's centre above the table
 _ARM_TOLERANCE = 2e-3  # m
+_REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
 _JOINT_TORQUE = 0.7  # Nm
 _STRONG = 18.0  # N of the thumb, from where more strength is no merit
 
@@ -137,7 +138,8 @@ def atlas_postures(
         scores > 0.0, scores + np.minimum(margins, 0.5) + 2.0 * np.minimum(strength / _STRONG, 1.0), -np.inf
     )
     found = 0
-    for k in np.argsort(-total, kind="stable"):
+    # Where the arm does not reach at all, it should not be asked about every posture there is.
+    for k in np.argsort(-total, kind="stable")[: _REACH_ATTEMPTS * settings.postures]:
         if found == settings.postures or not np.isfinite(total[k]):
             return
         q = HOME.copy()

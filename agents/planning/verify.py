@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from agents.geometry.exact import ExactDistance
 from agents.physics.conic import conic_margin, conic_residual
 from agents.planning.grasp_file import GraspRecord
+from agents.planning.settings import PlannerSettings
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import LOWER, TORQUE, UPPER
 from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.names import GRASP_FINGERS
+from dexgrasp_env.scene.constants import FRICTION
 
 Array = NDArray[np.float64]
 _LENGTH, _FORCE = 2e-5, 0.02  # tolerances: m of lengths (file digits, triangle soup), N of force balance
@@ -54,12 +56,24 @@ def verify(record: GraspRecord) -> list[Check]:
     distance, normals = ExactDistance.from_mesh(hull).distance_gradient(tips)
     contacts = tips - distance[:, None] * normals
     return [
+        _threshold_check(record),
         *_contact_checks(record, distance, normals, contacts),
         *_limit_checks(record),
         *_clearance_checks(record, model, data),
         *_closure_checks(record, contacts, normals),
         *_force_checks(record, model, data, contacts, normals),
     ]
+
+
+def _threshold_check(record: GraspRecord) -> Check:
+    """The file's own thresholds must be no looser than the project's: a grasp cannot move the bar it is held to."""
+    own, ours = record.settings, PlannerSettings()
+    looser = [
+        own.distance[0] < ours.distance[0], own.distance[1] > ours.distance[1], own.tip_radius != ours.tip_radius,
+        own.clearance < ours.clearance, own.closure_margin < ours.closure_margin,
+        max(own.friction, own.friction_hold) > FRICTION,
+    ]  # fmt: skip
+    return Check("thresholds looser than ours", float(sum(looser)), "0", not any(looser))
 
 
 def _scene(record: GraspRecord) -> tuple[mujoco.MjModel, mujoco.MjData, Any]:
