@@ -44,8 +44,9 @@ def run(quick: bool = False) -> dict[str, Any]:
 
     Returns:
         By set and source: `trials`, `verified` with its interval, medians of `tried` and `seconds` with bootstrap
-        intervals, `margin`, `each_feasible` (single proposals that become a feasible configuration), and over the verified grasps of one scene the mean distance of contact centroids
-        (`spread_cm`) and the mean angle between palms (`palm_degrees`).
+        intervals, `margin`, `each_feasible` (single proposals that become feasible), and over the verified grasps
+        of one scene the mean distance of contact centroids (`spread_cm`) and the mean angle between palms
+        (`palm_degrees`).
     """
     scenes, seeds = _QUICK if quick else _FULL
     first = replace(
@@ -74,7 +75,7 @@ def run(quick: bool = False) -> dict[str, Any]:
 
 def _feasible(planner: Planner, source: ProposalSource, subject: Subject) -> float:
     """Return the share of single proposals, fingers as given or else by lot, that become a feasible configuration."""
-    rng, settings = np.random.default_rng(0), replace(planner.settings, triples=_SINGLE, postures=_SINGLE)
+    rng, settings = np.random.default_rng(0), replace(planner.settings, triples=_SINGLE, postures=10**6)
     found = source.propose(subject, settings, rng)
     if found.failure:
         return 0.0

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from agents.learning.network import Cvae
 
 Array = NDArray[np.float64]
-LATENTS = 512
+LATENTS = 1024
 _LEAST_DISTANCE = 0.03  # m between contacts, as of the surface's triples
 _APART = 0.006  # m, mean distance of the fingertips of two proposals
 _NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
@@ -73,9 +73,12 @@ def decode(network: "Cvae", subject: Subject, count: int, rng: Generator) -> Arr
     centre = centre_of(points)
     cloud = np.concatenate([SCALE * (points - centre), normals], axis=1).astype(np.float32)
     latent = rng.standard_normal((count, network.settings.latent)).astype(np.float32)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # a few milliseconds: waking other threads costs more
     with torch.no_grad():
         feature = network.cloud(torch.from_numpy(cloud)[None]).expand(count, -1)
         grasps = network.decode(feature, torch.from_numpy(latent)).numpy().astype(float)
+    torch.set_num_threads(threads)
     return grasps[:, :9].reshape(count, 3, 3) / SCALE + centre
 
 
