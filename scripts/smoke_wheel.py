@@ -22,6 +22,12 @@ FILES = [
     ("robot", "allegro.xml"),
     ("robot", "shells"),
     ("rest_poses", "sugar_box.json"),
+    ("weights", "cvae.safetensors"),
+]
+    ("robot", "panda.xml"),
+    ("robot", "allegro.xml"),
+    ("robot", "shells"),
+    ("rest_poses", "sugar_box.json"),
 ]
 
 
