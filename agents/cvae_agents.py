@@ -61,7 +61,9 @@ class CvaeKinematicsAgent(BilevelAgent):
         super().__init__("surface", settings, mount, with_closure=False, starts="oriented")
 
     def _make(self, mount: str) -> Planner:
-        return Planner(self.settings, self._learned, mount, starts="oriented", with_closure=False)
+        # The first feasible grasp (section 3.3): how firmly it holds is not asked.
+        first = replace(self.settings, candidates=1, firm_load=0.0)
+        return Planner(first, self._learned, mount, starts="oriented", with_closure=False)
 
 
 class RawPlanner(Planner):
