@@ -1,5 +1,6 @@
 """Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel programme -> certified grasp -> actions."""
 
+import importlib.util
 import time
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -16,7 +17,7 @@ from agents.planning.subject import Subject
 from dexgrasp_env.errors import InputError, unknown_name
 
 NO_CLOUD, NO_HULL = "empty_cloud", "cloud_has_no_volume"
-SOURCES = ("surface", "uniform", "cvae")
+SOURCES = ("auto", "surface", "cvae", "uniform")
 
 
 class BilevelAgent(Agent):
@@ -29,13 +30,14 @@ class BilevelAgent(Agent):
     }
 
     def __init__(
-        self, proposals: str = "surface", settings: PlannerSettings | None = None, mount: str = "palm_normal",
+        self, proposals: str = "auto", settings: PlannerSettings | None = None, mount: str = "palm_normal",
         with_closure: bool = True, starts: str = "atlas",
     ) -> None:  # fmt: skip
         """Prepare the planner.
 
         Args:
-            proposals: `surface` (all triples of surface points), `cvae` (learned; needs torch) or `uniform`.
+            proposals: `surface` (all triples of surface points), `cvae` (learned; needs torch), `uniform`, or `auto`:
+                `cvae` where torch is installed, else `surface`.
             settings: thresholds and budgets of the planner.
             mount: of the hand.
             with_closure: see `Planner`.
@@ -98,6 +100,8 @@ def make_source(name: str) -> ProposalSource:
     Raises:
         InputError: for an unknown name, or for `cvae` where torch is not installed.
     """
+    if name == "auto":
+        name = "cvae" if _installed("torch") and _installed("safetensors") else "surface"
     if name == "surface":
         return SurfaceProposals()
     if name == "uniform":
@@ -109,6 +113,13 @@ def make_source(name: str) -> ProposalSource:
 
         return CvaeProposals()
     raise unknown_name("proposals", name, SOURCES)
+
+
+def _installed(package: str) -> bool:
+    try:
+        return importlib.util.find_spec(package) is not None
+    except ModuleNotFoundError:
+        return False
 
 
 def subject_from_cloud(observation: Observation) -> tuple[Subject | None, str | None]:

@@ -14,6 +14,7 @@ _DESCRIPTIONS = {
     "perception": "depth to segmented cloud, time and accuracy",
     "kinematics": "kinematics and clearances against MuJoCo",
     "planning": "seconds to a certified grasp",
+    "proposals": "learned, exhaustive and uniform proposals: tries and seconds to a verified grasp",
     "batch": "many environments at once against one",
 }
 

@@ -79,12 +79,12 @@ class Planner:
     ) -> bool:  # fmt: skip
         """Try proposals batch by batch; whether one became a grasp that can be carried out.
 
-        A firm grasp is taken at once. Weaker ones wait for the end of the round, and those whose squeeze falls short of
-        the assumed weight go to `feeble`, for when there is nothing better.
+        A firm grasp is taken at once. Weaker ones wait until there are `settings.patience` to choose from, and those
+        whose squeeze falls short of the assumed weight go to `feeble`, for when there is nothing better.
         """
         weak: list[Grasp] = []
         solutions = self._solutions(proposals, subject, settings, plan, clock)
-        while batch := list(islice(solutions, settings.candidates)):
+        for batch in iter(lambda: list(islice(solutions, settings.candidates)), []):
             batch.sort(key=lambda solution: -_merit(solution, subject))
             for solution in batch:
                 grasp = self._certifier.certify(solution, subject, plan)
@@ -95,6 +95,8 @@ class Planner:
                     (weak if grasp.certificate.load >= 1.0 else feeble).append(grasp)
                 elif self._carry_out(grasp, subject, start, plan, clock):
                     return True
+            if len(weak) >= settings.patience and self._any(weak, subject, start, plan, clock):
+                return True
         return self._any(weak, subject, start, plan, clock)
 
     def _any(

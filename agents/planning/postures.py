@@ -125,8 +125,10 @@ def atlas_postures(
     atlas: HandAtlas = hand_atlas()
     reach = settings.tip_radius + 0.5 * sum(settings.distance)
     orders = _ASSIGNMENTS[:1] if proposals.assigned else _ASSIGNMENTS
-    centres = (proposals.contacts + reach * proposals.normals)[:, orders].reshape(-1, 3, 3)
-    inward = -proposals.normals[:, orders].reshape(-1, 3, 3)
+    centres = np.ascontiguousarray(
+        (proposals.contacts + reach * proposals.normals)[:, orders].reshape(-1, 3, 3)
+    )
+    inward = np.ascontiguousarray(-proposals.normals[:, orders].reshape(-1, 3, 3))
     _, near = atlas.search.query(triangle_sides(centres), _NEIGHBOURS, distance_upper_bound=_SIDE_TOLERANCE)
     distance = subject.distance
     scores, which, rotations, positions = _best_placements(

@@ -31,6 +31,7 @@ class PlannerSettings:
         loads: what the squeeze is made for, firmest first: share of the assumed mass, and acceleration in any direction
             that must be resisted, in multiples of gravity. The first that the joint torques allow is taken.
         firm_load: load (share of the weight, and what it resists beyond) from which a grasp is taken at once.
+        patience: grasps that bear the weight, but not the firm load, after which the firmest of them is taken.
         torque_share: share of the joint torque limits that the squeeze may use.
     """
 
@@ -55,6 +56,7 @@ class PlannerSettings:
     friction_hold: float = 0.6
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     firm_load: float = 2.0
+    patience: int = 8
     torque_share: float = 0.95
 
     def broadened(self, factor: float) -> "PlannerSettings":
