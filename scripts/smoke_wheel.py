@@ -24,11 +24,6 @@ FILES = [
     ("rest_poses", "sugar_box.json"),
     ("weights", "cvae.safetensors"),
 ]
-    ("robot", "panda.xml"),
-    ("robot", "allegro.xml"),
-    ("robot", "shells"),
-    ("rest_poses", "sugar_box.json"),
-]
 
 
 def main() -> None:
