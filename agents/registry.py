@@ -9,11 +9,11 @@ from agents.base import Agent, Report
 from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
-    "random": "agents.random_policy:RandomAgent",
-    "hardcoded": "agents.hardcoded:HardcodedAgent",
-    "cvae": "agents.cvae_agents:CvaeAgent",
-    "cvae_kinematics": "agents.cvae_agents:CvaeKinematicsAgent",
-    "bilevel": "agents.bilevel:BilevelAgent",
+    "random": "agents.policies.random:RandomAgent",
+    "hardcoded": "agents.policies.hardcoded:HardcodedAgent",
+    "cvae": "agents.policies.ablations:CvaeAgent",
+    "cvae_kinematics": "agents.policies.ablations:CvaeKinematicsAgent",
+    "bilevel": "agents.policies.bilevel:BilevelAgent",
 }
 """Name -> module and class; imported when asked for, some need torch."""
 
@@ -27,7 +27,7 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     Args:
         name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
             too; or a Stable-Baselines3 checkpoint, `path.zip` or `algorithm:path.zip`, only from people you
-            trust (see `agents.checkpoint`).
+            trust (see `agents.policies.checkpoint`).
         kwargs: of the class.
 
     Raises:
@@ -36,7 +36,7 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
     if name.endswith(".zip"):
-        from agents.checkpoint import CheckpointAgent
+        from agents.policies.checkpoint import CheckpointAgent
 
         return CheckpointAgent(name, **kwargs)
     if ":" not in name:

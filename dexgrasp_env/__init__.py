@@ -11,4 +11,4 @@ __all__ = ["InputError"]
 __version__ = "0.1.0"
 
 # The entry point is a string so that specs serialise. 300 control steps at 20 Hz are 15 s.
-register(id="DexGrasp/Lift-v0", entry_point="dexgrasp_env.lift.env:LiftEnv", max_episode_steps=300)
+register(id="DexGrasp/Lift-v0", entry_point="dexgrasp_env.tasks.lift:LiftEnv", max_episode_steps=300)

@@ -6,9 +6,9 @@ No BLAS: a batch of one and a batch of many give the same bits.
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dexgrasp_env.arrays import Array
+
 _CONJUGATE = np.array([1.0, -1.0, -1.0, -1.0])
 
 

@@ -11,11 +11,11 @@ import trimesh
 
 import dexgrasp_env  # noqa: F401
 from agents import Agent, make_agent
-from agents.hardcoded import HardcodedAgent, short_axis
+from agents.policies.hardcoded import HardcodedAgent, short_axis
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.lift.control import normalise
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.tasks.control import normalise
 
 
 def surface_cloud(env, observation, seed=0):

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from agents import make_agent
-from agents.bilevel import BilevelAgent, make_source, subject_from_cloud
+from agents.evaluation.attempt import attempt_target, plan_target
 from agents.evaluation.trial import public_info
 from agents.execution.guarded import GuardedExecution
 from agents.kinematics.forward import body_frames, tip_positions
 from agents.kinematics.tree import robot_tree
-from agents.planning.target import attempt_target, plan_target
+from agents.policies.bilevel import BilevelAgent, make_source, target_from_cloud
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.lift.control import denormalise
 from dexgrasp_env.robot.limits import LOWER, UPPER
+from dexgrasp_env.tasks.control import denormalise
 
 TREE = robot_tree()
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
@@ -64,10 +64,10 @@ def test_plans_on_what_was_seen_not_on_the_truth(attempt):
     """The hull is the cloud's: near the true box, but not it; nothing of pose or mass is in the public info."""
     true = attempt.env.unwrapped.simulation.object.mesh.copy()
     true.apply_transform(attempt.T_world_object)
-    seen = attempt.subject.hull.vertices
+    seen = attempt.grasp_target.hull.vertices
     np.testing.assert_allclose(seen.min(0), true.bounds[0], atol=0.02)
     np.testing.assert_allclose(seen.max(0), true.bounds[1], atol=0.02)
-    assert attempt.subject.mass != attempt.env.unwrapped.simulation.object.mass
+    assert attempt.grasp_target.mass != attempt.env.unwrapped.simulation.object.mass
     info = public_info(attempt.env, {"object_height": 1.0, "perception_failure": None})
     assert "object_height" not in info
 
@@ -141,9 +141,9 @@ def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
 
 def test_points_that_are_not_numbers_are_left_out(attempt):
     cloud, mask = attempt.observation["cloud"].copy(), attempt.observation["cloud_mask"].copy()
-    whole, _ = subject_from_cloud(attempt.observation)
+    whole, _ = target_from_cloud(attempt.observation)
     cloud[np.flatnonzero(mask)[::7]] = np.nan
-    holed, failure = subject_from_cloud({**attempt.observation, "cloud": cloud})
+    holed, failure = target_from_cloud({**attempt.observation, "cloud": cloud})
     assert failure is None
     assert np.abs(holed.hull.bounds - whole.hull.bounds).max() < 0.01
 
@@ -268,7 +268,7 @@ def test_works_without_torch_and_the_same_in_another_process(attempt):
                     raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
         sys.meta_path.insert(0, Absent())
-        from agents.planning.target import attempt_target
+        from agents.evaluation.attempt import attempt_target
         made = attempt_target("sugar_box", seed=0)
         assert made.agent.report.failure is None, made.agent.report
         made.agent.act(made.observation)

@@ -12,17 +12,17 @@ import trimesh  # noqa: E402
 
 from agents import make_agent  # noqa: E402
 from agents.cli.main import main  # noqa: E402
+from agents.grasp.target import GraspTarget  # noqa: E402
 from agents.learning.batches import SCALE, split, training_batch  # noqa: E402
+from agents.learning.cvae_source import CvaeProposals, on_surface  # noqa: E402
 from agents.learning.dataset import read_dataset  # noqa: E402
 from agents.learning.generate import generate  # noqa: E402
 from agents.learning.network import Cvae, NetworkSettings, losses, rotation_of  # noqa: E402
-from agents.learning.proposals import CvaeProposals, on_surface  # noqa: E402
 from agents.learning.settings import DatasetSettings  # noqa: E402
 from agents.learning.training import TrainingSettings, train  # noqa: E402
 from agents.learning.weights import read_weights, write_weights  # noqa: E402
 from agents.planning.planner import Planner  # noqa: E402
 from agents.planning.settings import PlannerSettings  # noqa: E402
-from agents.planning.subject import Subject  # noqa: E402
 from dexgrasp_env.errors import InputError  # noqa: E402
 
 NETWORK = NetworkSettings(latent=3, points=64, local=16, cloud=32, hidden=32)
@@ -46,7 +46,7 @@ def trained(data, tmp_path_factory):
 def box(size=(0.06, 0.09, 0.1), at=(0.5, 0.05)):
     mesh = trimesh.creation.box(size)
     mesh.apply_translation([*at, size[2] / 2])
-    return Subject.of(mesh)
+    return GraspTarget.of(mesh)
 
 
 def tensors(data, step=0):
@@ -156,18 +156,18 @@ def test_damaged_weights_are_refused(trained, tmp_path):
 
 
 def test_proposals_are_the_same_for_the_same_seed():
-    source, subject = CvaeProposals(latents=64, ranked=False), box()
-    a, b, c = (source.propose(subject, PlannerSettings(), np.random.default_rng(s)) for s in (1, 1, 2))
+    source, target = CvaeProposals(latents=64, ranked=False), box()
+    a, b, c = (source.propose(target, PlannerSettings(), np.random.default_rng(s)) for s in (1, 1, 2))
     assert a.assigned
     np.testing.assert_array_equal(a.contacts, b.contacts)
     assert a.contacts.shape != c.contacts.shape or (a.contacts != c.contacts).any()
 
 
 def test_fingertips_are_put_on_the_surface_above_the_table():
-    subject, settings = box(), PlannerSettings()
+    target, settings = box(), PlannerSettings()
     tips = np.random.default_rng(0).uniform([0.42, -0.03, -0.02], [0.58, 0.13, 0.13], (200, 3, 3))
-    contacts, normals, usable = on_surface(tips, subject, settings)
-    assert np.abs(subject.distance.distance(contacts.reshape(-1, 3))).max() < 1e-6
+    contacts, normals, usable = on_surface(tips, target, settings)
+    assert np.abs(target.distance.distance(contacts.reshape(-1, 3))).max() < 1e-6
     np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-9)
     assert 0 < usable.sum() < 200
     assert contacts[usable][:, :, 2].min() > settings.table_clearance
@@ -182,7 +182,7 @@ def test_shipped_weights_propose_closure_and_lead_to_a_grasp():
 
 
 def test_shipped_weights_say_where_they_come_from():
-    from agents.learning.proposals import shipped_weights
+    from agents.learning.cvae_source import shipped_weights
 
     model, note = read_weights(shipped_weights())
     assert note["losses"]["test"]["fingertip_cm"] < 1.0

@@ -10,13 +10,13 @@ import numpy as np
 import pytest
 
 from agents.cli.main import main
+from agents.kinematics.forward import finger_jacobians  # noqa: F401  (compiles once for all tests)
 from agents.learning.dataset import read_dataset
 from agents.learning.generate import Job, generate, make
 from agents.learning.info import check_sample, summary
 from agents.learning.rest_scene import placed, rest_scene, turn
 from agents.learning.settings import DatasetSettings
 from agents.learning.shards import FIELDS, complete, read_manifest
-from agents.planning.grasp import finger_jacobians  # noqa: F401  (compiles once for all tests)
 from agents.planning.proposals import closure_sweep
 from dexgrasp_env.errors import InputError
 
@@ -53,7 +53,7 @@ def test_every_rest_pose_has_its_grasps_and_they_pass_independent_checks(made):
 def test_contacts_lie_on_the_object_in_its_rest_frame(made):
     pose, scene = read_dataset(made)[0], rest_scene("gelatin_box", 0, SETTINGS)
     contacts = pose.grasps["contacts"].reshape(-1, 3).astype(float)
-    assert np.abs(scene.subject.distance.distance(contacts)).max() < 1e-5
+    assert np.abs(scene.grasp_target.distance.distance(contacts)).max() < 1e-5
     assert contacts[:, 2].min() > 0.0
 
 
@@ -73,8 +73,8 @@ def test_placing_moves_the_distance_with_the_object():
     scene, placement = rest_scene("gelatin_box", 0, SETTINGS), np.array([0.5, -0.1, 1.1])
     queries = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
     moved = queries @ turn(1.1).T + [0.5, -0.1, 0.0]
-    there, out = placed(scene.subject, placement).distance.distance_gradient(moved)
-    here, straight = scene.subject.distance.distance_gradient(queries)
+    there, out = placed(scene.grasp_target, placement).distance.distance_gradient(moved)
+    here, straight = scene.grasp_target.distance.distance_gradient(queries)
     np.testing.assert_allclose(there, here, atol=1e-12)
     np.testing.assert_allclose(out, straight @ turn(1.1).T, atol=1e-9)
 

@@ -14,17 +14,18 @@ import pytest
 
 from agents.base import Agent, Report
 from agents.evaluation import paper
-from agents.evaluation.bench import Cell
+from agents.evaluation.evaluate import evaluate, object_labels, plan_cells
 from agents.evaluation.protocol import agent_settings, get_protocol, trial_seeds
-from agents.evaluation.report import write_report
-from agents.evaluation.runner import evaluate, object_labels, plan_cells
+from agents.evaluation.report.build import write_report
+from agents.evaluation.report.tables import render_summary
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.statistics import mcnemar, quantiles, wilson_interval
 from agents.evaluation.store import TrialStore, read_rows
 from agents.evaluation.summary import present_sets, summarise, summarise_agent
-from agents.evaluation.tables import render_summary
-from agents.evaluation.trial import jsonable, run_trial
+from agents.evaluation.trial import run_trial
+from agents.evaluation.trial_runner import TrialSpec
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 
@@ -373,7 +374,7 @@ def test_cells_and_labels(tmp_path):
     cells = plan_cells(settings, tmp_path, videos=1)
     assert len(cells) == 24
     assert sum(cell.video is not None for cell in cells) == 8
-    assert cells[0] == Cell("a", "soda", "soda", 0, str(tmp_path / "videos" / "a-soda-0.mp4"))
+    assert cells[0] == TrialSpec("a", "soda", "soda", 0, str(tmp_path / "videos" / "a-soda-0.mp4"))
 
 
 def test_identity_changes_with_the_content(tmp_path):

@@ -6,17 +6,18 @@ import trimesh
 
 from agents.execution.cartesian import shift_palm
 from agents.execution.collision import CollisionChecker, densify
-from agents.execution.motion import GraspMotion, NoPath
+from agents.execution.motion import NoPath
 from agents.execution.sampling import plan_arm
 from agents.execution.script import make_script
 from agents.execution.timing import ACCELERATION, round_corners, time_path, within_limits
 from agents.geometry.convex import ConvexDistance
+from agents.grasp.grasp import GraspMotion
 from agents.kinematics.palm_ik import palm_frame, solve_palm
 from agents.kinematics.tree import robot_tree
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.lift.control import denormalise
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.tasks.control import denormalise
 
 TREE = robot_tree()
 

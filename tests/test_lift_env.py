@@ -20,20 +20,20 @@ from gymnasium.utils.env_checker import check_env
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.lift import control, rewards
-from dexgrasp_env.lift.control import ACTION_SIZE, CONTROL_MODES, MAX_STEP
-from dexgrasp_env.lift.env import LiftEnv
-from dexgrasp_env.lift.observations import OBS_MODES, object_observation, robot_observation
-from dexgrasp_env.lift.randomisation import Variation, apply_variation
-from dexgrasp_env.lift.rewards import REWARD_MODES, WEIGHTS, dense_reward, reward_terms, sparse_reward
-from dexgrasp_env.lift.simulation import Simulation, ramp
-from dexgrasp_env.lift.state import LiftState, ObjectConstants
-from dexgrasp_env.lift.success import Progress, advance, diverged, object_lost
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import choose_gl
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.scene.build import build_scene
+from dexgrasp_env.tasks import control, rewards
+from dexgrasp_env.tasks.control import ACTION_SIZE, CONTROL_MODES, MAX_STEP
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.observations import OBS_MODES, object_observation, robot_observation
+from dexgrasp_env.tasks.randomisation import Variation, apply_variation
+from dexgrasp_env.tasks.rewards import REWARD_MODES, WEIGHTS, dense_reward, reward_terms, sparse_reward
+from dexgrasp_env.tasks.simulation import Simulation, ramp
+from dexgrasp_env.tasks.state import LiftState, ObjectConstants
+from dexgrasp_env.tasks.success import Progress, advance, diverged, object_lost
 
 ID = "DexGrasp/Lift-v0"
 NEEDS_GL = {"rgbd"}
@@ -541,7 +541,7 @@ def test_model_is_compiled_once_and_never_written_to():
 
 
 def build_like(simulation):
-    from dexgrasp_env.perception.cameras import default_cameras
+    from dexgrasp_env.sensing.cameras import default_cameras
 
     return build_scene(simulation.object, cameras=default_cameras())
 

@@ -162,9 +162,9 @@ def test_presented_poses_of_the_sandwich():
 
     for name, height in (("sandwich_upright", 0.12), ("sandwich_side", 0.07)):
         model = load_object(name)
-        tall = np.ptp((model.mesh.vertices @ quat_to_matrix(model.presented).T)[:, 2])
+        tall = np.ptp((model.mesh.vertices @ quat_to_matrix(model.fixed_pose).T)[:, 2])
         assert tall == pytest.approx(height, abs=1e-9)
-    assert load_object("pear").presented is None
+    assert load_object("pear").fixed_pose is None
 
 
 def test_hash_follows_the_content_and_nothing_else():

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from agents.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.accuracy import measure_accuracy, object_geoms
-from dexgrasp_env.perception.cameras import default_cameras
-from dexgrasp_env.perception.perceive import Perception
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
-from dexgrasp_env.perception.sensor import SensorModel
+from dexgrasp_env.sensing.cameras import default_cameras
+from dexgrasp_env.sensing.perception import Perception
+from dexgrasp_env.sensing.sensor import SensorModel
 
 GEOM = mujoco.mjtGeom
 SHAPES = {"box": [0.03, 0.045, 0.08], "cylinder": [0.033, 0.05, 0], "sphere": [0.038, 0, 0]}
@@ -182,7 +182,7 @@ def test_bad_settings_are_refused():
 
 def test_importing_perception_brings_no_numba_torch_or_gl():
     code = (
-        "import sys, dexgrasp_env.perception.perceive, dexgrasp_env.perception.accuracy;"
+        "import sys, dexgrasp_env.sensing.perception, agents.benchmarks.cloud_accuracy;"
         "import dexgrasp_env.perception.picture;"
         "print([m for m in ('numba', 'torch', 'OpenGL', 'mujoco', 'matplotlib') if m in sys.modules])"
     )

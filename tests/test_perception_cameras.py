@@ -5,11 +5,12 @@ import numpy as np
 import pytest
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.backends import make_backend
-from dexgrasp_env.perception.cameras import Camera, CameraIntrinsics, add_cameras, default_cameras
+from dexgrasp_env.perception.camera import Camera, CameraIntrinsics
 from dexgrasp_env.perception.cloud import deproject
-from dexgrasp_env.perception.raycast import RayBackend
-from dexgrasp_env.perception.sensor import SensorModel, incidence
+from dexgrasp_env.sensing.backends import make_backend
+from dexgrasp_env.sensing.cameras import add_cameras, default_cameras
+from dexgrasp_env.sensing.raycast import RayBackend
+from dexgrasp_env.sensing.sensor import SensorModel, incidence
 
 GEOM = mujoco.mjtGeom
 

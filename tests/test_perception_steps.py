@@ -5,17 +5,24 @@ import numpy as np
 import pytest
 import trimesh
 
-from dexgrasp_env.perception.accuracy import covered_share, surface_distance
-from dexgrasp_env.perception.cameras import default_cameras
-from dexgrasp_env.perception.cloud import Cloud, crop, gather, remove_flying
-from dexgrasp_env.perception.downsample import downsample, pad
+from agents.benchmarks.cloud_accuracy import covered_share, surface_distance
+from dexgrasp_env.perception.cloud import (
+    Cloud,
+    crop,
+    downsample,
+    gather,
+    largest_cluster,
+    pad,
+    remove_flying,
+    remove_outliers,
+)
 from dexgrasp_env.perception.hull import cloud_hull
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import estimate_normals, smooth
-from dexgrasp_env.perception.outliers import largest_cluster, remove_outliers
 from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, remove_plane
 from dexgrasp_env.perception.robot import RobotShape, remove_robot, robot_geoms
+from dexgrasp_env.sensing.cameras import default_cameras
 
 GEOM = mujoco.mjtGeom
 

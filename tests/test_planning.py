@@ -8,19 +8,19 @@ import pytest
 import trimesh
 
 from agents.geometry.exact import ExactDistance
+from agents.grasp.target import GraspTarget
 from agents.kinematics.clearance import clearance_rows
 from agents.kinematics.forward import body_frames, tip_positions
+from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import robot_tree
 from agents.physics.conic import conic_margin, conic_residual
 from agents.physics.wrench import solve_wrench_qp
 from agents.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
-from agents.planning.bilevel import MOVED, bounds_of
+from agents.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
 from agents.planning.postures import atlas_postures, oriented_postures
-from agents.planning.programme import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
 from agents.planning.proposals import SurfaceProposals, UniformProposals
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
-from agents.planning.tip_ik import solve_tips
+from agents.planning.sqp import MOVED, bounds_of
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec
@@ -33,11 +33,11 @@ FRICTIONLESS = PlannerSettings(friction=0.01)
 
 
 def standing(mesh, x=0.5, y=0.0, yaw=0.4):
-    """A subject on the table."""
+    """A grasp_target on the table."""
     mesh.apply_transform(trimesh.transformations.rotation_matrix(yaw, [0, 0, 1]))
     low, high = mesh.bounds
     mesh.apply_translation([x - (low + high)[0] / 2, y - (low + high)[1] / 2, -low[2]])
-    return Subject.of(mesh)
+    return GraspTarget.of(mesh)
 
 
 def stone(seed=1):
@@ -63,13 +63,13 @@ def tips_by_mujoco(q):
     return np.array([DATA.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS])
 
 
-def propose(subject, settings=SETTINGS, seed=0, source=None):
-    return (source or SurfaceProposals()).propose(subject, settings, np.random.default_rng(seed))
+def propose(grasp_target, settings=SETTINGS, seed=0, source=None):
+    return (source or SurfaceProposals()).propose(grasp_target, settings, np.random.default_rng(seed))
 
 
 @pytest.fixture(scope="module")
 def proposals():
-    return {name: propose(subject) for name, subject in SUBJECTS.items()}
+    return {name: propose(grasp_target) for name, grasp_target in SUBJECTS.items()}
 
 
 # Proposals
@@ -77,11 +77,11 @@ def proposals():
 
 @pytest.mark.parametrize("name", SUBJECTS)
 def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
-    found, subject = proposals[name], SUBJECTS[name]
+    found, grasp_target = proposals[name], SUBJECTS[name]
     assert found.failure is None
     assert 0 < len(found.contacts) <= SETTINGS.triples
     points, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
-    exact = ExactDistance.from_mesh(subject.hull)
+    exact = ExactDistance.from_mesh(grasp_target.hull)
     assert np.abs(exact.distance(points)).max() < 1e-6
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
@@ -121,17 +121,17 @@ def test_proposals_are_varied_and_reproducible(proposals):
 
 
 @pytest.mark.parametrize(
-    ("subject", "settings", "reason"),
+    ("grasp_target", "settings", "reason"),
     [
         (standing(trimesh.creation.box((0.3, 0.2, 0.002))), SETTINGS, "no_surface_above_table"),
         (SUBJECTS["tetrahedron"], FRICTIONLESS, "no_closure_triple"),
     ],
 )
-def test_no_proposals_with_the_reason(subject, settings, reason):
-    found = propose(subject, settings)
+def test_no_proposals_with_the_reason(grasp_target, settings, reason):
+    found = propose(grasp_target, settings)
     assert found.failure == reason
     assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, subject, TREE, settings)) == []
+    assert list(atlas_postures(found, grasp_target, TREE, settings)) == []
 
 
 def test_uniform_proposals_are_not_judged():
@@ -150,14 +150,14 @@ def test_uniform_proposals_are_not_judged():
 
 def test_subject_assumptions_and_bad_input():
     box = trimesh.creation.box((0.05, 0.08, 0.12))
-    assert Subject.of(box).mass == pytest.approx(900 * 0.05 * 0.08 * 0.12, rel=1e-6)
-    assert Subject.of(trimesh.creation.box((0.3, 0.3, 0.3))).mass == 0.65
-    known = Subject.of(box, mass=0.2, centre=np.array([0.0, 0.01, 0.02]))
+    assert GraspTarget.of(box).mass == pytest.approx(900 * 0.05 * 0.08 * 0.12, rel=1e-6)
+    assert GraspTarget.of(trimesh.creation.box((0.3, 0.3, 0.3))).mass == 0.65
+    known = GraspTarget.of(box, mass=0.2, centre=np.array([0.0, 0.01, 0.02]))
     assert known.mass == 0.2
     np.testing.assert_array_equal(known.centre, [0, 0.01, 0.02])
     for mass in (0.0, -1.0, np.nan, np.inf):
         with pytest.raises(InputError, match="mass"):
-            Subject.of(box, mass=mass)
+            GraspTarget.of(box, mass=mass)
 
 
 # Atlas and starting postures
@@ -183,9 +183,9 @@ def test_atlas_postures_are_what_mujoco_says():
 
 @pytest.mark.parametrize("name", ["box", "ball"])
 def test_starting_postures_are_near_their_contacts(name, proposals):
-    found, subject = proposals[name], SUBJECTS[name]
+    found, grasp_target = proposals[name], SUBJECTS[name]
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, subject, TREE, SETTINGS))
+    postures = list(atlas_postures(found, grasp_target, TREE, SETTINGS))
     assert 10 < len(postures) <= SETTINGS.postures
     assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
     for posture in postures:
@@ -200,11 +200,11 @@ def test_starting_postures_are_near_their_contacts(name, proposals):
 
 
 def test_oriented_postures_say_how_far_they_miss(proposals):
-    found, subject = proposals["ball"], SUBJECTS["ball"]
+    found, grasp_target = proposals["ball"], SUBJECTS["ball"]
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
     total = 0
     for k in range(6):
-        postures = oriented_postures(k, found, subject, TREE, SETTINGS)
+        postures = oriented_postures(k, found, grasp_target, TREE, SETTINGS)
         assert len(postures) <= SETTINGS.initial_orientations
         assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
         targets = found.contacts[k] + reach * found.normals[k]
@@ -258,9 +258,9 @@ def near_contact(name, proposals, count, seed=0):
         yield np.clip(q, LOWER, UPPER)
 
 
-def rows_at(q, subject, settings=SETTINGS):
+def rows_at(q, grasp_target, settings=SETTINGS):
     at = evaluate(
-        q, TREE, subject.distance.triangles, subject.distance.planes, bounds_of(settings, 0.5), True
+        q, TREE, grasp_target.distance.triangles, grasp_target.distance.planes, bounds_of(settings, 0.5), True
     )
     keys = [tuple(label) for label in at.labels.tolist()]
     least = {}
@@ -332,7 +332,7 @@ def test_clearance_rows_are_shifted_by_what_is_asked_for(proposals):
 
 def test_the_programme_and_the_clearances_are_of_one_compilation(proposals):
     """Compiled code is cached by file: a stale copy of the clearances inside the programme would differ here."""
-    subject, values, rows = SUBJECTS["box"], np.empty(160), np.empty((160, 23))
+    grasp_target, values, rows = SUBJECTS["box"], np.empty(160), np.empty((160, 23))
     labels = np.empty((160, 3), np.int64)
     for q in near_contact("box", proposals, 5):
         R, p = body_frames(q, TREE)
@@ -340,8 +340,8 @@ def test_the_programme_and_the_clearances_are_of_one_compilation(proposals):
             TREE,
             R,
             p,
-            subject.distance.triangles,
-            subject.distance.planes,
+            grasp_target.distance.triangles,
+            grasp_target.distance.planes,
             0.02,
             True,
             True,
@@ -349,7 +349,7 @@ def test_the_programme_and_the_clearances_are_of_one_compilation(proposals):
             rows,
             labels,
         )
-        at, _ = rows_at(q, subject)
+        at, _ = rows_at(q, grasp_target)
         np.testing.assert_allclose(at.values[FIXED_ROWS:], values[:n] - SETTINGS.clearance, atol=1e-12)
 
 

@@ -8,14 +8,14 @@ import pytest
 import trimesh
 
 from agents.execution.collision import CollisionChecker
+from agents.grasp.target import GraspTarget
 from agents.kinematics.tree import robot_tree
-from agents.planning.bilevel import TOLERANCE, bounds_of, solve
+from agents.planning.constraints import evaluate
 from agents.planning.planner import Planner
 from agents.planning.postures import atlas_postures
-from agents.planning.programme import evaluate
 from agents.planning.proposals import SurfaceProposals, UniformProposals
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
+from agents.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 
 TREE, SETTINGS = robot_tree(), PlannerSettings()
@@ -24,7 +24,7 @@ TREE, SETTINGS = robot_tree(), PlannerSettings()
 def lying(size, at=(0.5, 0.0)):
     mesh = trimesh.creation.box(size)
     mesh.apply_translation([*at, size[2] / 2])
-    return Subject.of(mesh)
+    return GraspTarget.of(mesh)
 
 
 BOX = lying((0.05, 0.08, 0.12))
@@ -140,7 +140,7 @@ def test_a_plan_without_start_has_no_script():
 
 
 @pytest.mark.parametrize(
-    ("subject", "settings", "reasons"),
+    ("grasp_target", "settings", "reasons"),
     [
         (PLATE, SETTINGS, {"no_surface_above_table"}),
         (FAR, SETTINGS, {"no_reachable_posture"}),
@@ -149,9 +149,9 @@ def test_a_plan_without_start_has_no_script():
         (BOX, replace(SETTINGS, closure_margin=0.999), {"closure_margin"}),
     ],
 )
-def test_impossible_tasks_end_with_a_reason_and_within_the_budget(subject, settings, reasons):
+def test_impossible_tasks_end_with_a_reason_and_within_the_budget(grasp_target, settings, reasons):
     began = time.perf_counter()
-    plan = Planner(settings).plan(subject, 0, HOME)
+    plan = Planner(settings).plan(grasp_target, 0, HOME)
     assert time.perf_counter() - began < 20
     assert plan.grasp is None
     assert plan.script is None

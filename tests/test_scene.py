@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.robot.limits import HOME, LOWER, TORQUE, UPPER
 from dexgrasp_env.robot.names import JOINTS, TIP_GEOMS
 from dexgrasp_env.scene.arena import set_physics
@@ -126,7 +127,7 @@ def test_an_object_at_rest_stays(name):
     scene = build_scene(model)
     data = mujoco.MjData(scene)
     data.qpos[:23] = data.ctrl[:] = HOME
-    pose = max(model.rest_poses, key=lambda pose: pose.probability)
+    pose = max(rest_poses(model), key=lambda pose: pose.probability)
     data.qpos[23:30] = [0.5, 0.0, pose.height, *pose.quat_wxyz]
     for _ in range(100):
         mujoco.mj_step(scene, data)

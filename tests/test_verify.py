@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 import trimesh
 
+from agents.grasp.file import grasp_json, read_grasp, write_grasp
+from agents.grasp.target import GraspTarget
+from agents.grasp.verify import verify
 from agents.kinematics.tree import robot_tree
-from agents.planning.grasp_file import grasp_json, read_grasp, write_grasp
 from agents.planning.planner import Planner
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
-from agents.planning.verify import verify
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.limits import LOWER, UPPER
@@ -48,10 +48,10 @@ MESHES = {
 def contents():
     found = {}
     for seed, (name, make) in enumerate(MESHES.items()):
-        subject = Subject.of(make(name), mass=0.2)
-        plan = Planner().plan(subject, seed)
+        grasp_target = GraspTarget.of(make(name), mass=0.2)
+        plan = Planner().plan(grasp_target, seed)
         assert plan.grasp is not None, (name, plan.reason)
-        found[name] = grasp_json(name, plan.grasp, subject, SETTINGS)
+        found[name] = grasp_json(name, plan.grasp, grasp_target, SETTINGS)
     return found
 
 

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     import mujoco
 
     from dexgrasp_env.objects.model import ObjectModel
-    from dexgrasp_env.perception.sensor import SensorModel
+    from dexgrasp_env.sensing.sensor import SensorModel
 
 OBJECT = "sugar_box"
 BUDGET_MS = 60.0
@@ -29,7 +29,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     Args:
         quick: fewer repetitions.
     """
-    from dexgrasp_env.perception.perceive import Perception
+    from dexgrasp_env.sensing.perception import Perception
 
     repeats = 5 if quick else 31
     model, data, _ = _scene(OBJECT, np.random.default_rng(0), 0)
@@ -75,10 +75,10 @@ def accuracy(
 
 
 def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) -> dict[str, Any]:
-    from dexgrasp_env.perception.accuracy import measure_accuracy, object_geoms
-    from dexgrasp_env.perception.backends import VISUAL_GROUPS
-    from dexgrasp_env.perception.perceive import Perception
+    from agents.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
     from dexgrasp_env.poses import pose_matrix
+    from dexgrasp_env.sensing.groups import VISUAL_GROUPS
+    from dexgrasp_env.sensing.perception import Perception
 
     rng = np.random.default_rng((seed, pose))
     model, data, shape = _scene(name, rng, pose)
@@ -115,13 +115,14 @@ def _scene(
     """Return a scene, the robot at home and the object at rest: pose n takes its n-th rest pose."""
     import mujoco
 
-    from dexgrasp_env.lift.placement import Placement
     from dexgrasp_env.objects.load import load_object
+    from dexgrasp_env.objects.rest_poses import rest_poses
     from dexgrasp_env.robot.limits import HOME
     from dexgrasp_env.scene.build import build_scene
+    from dexgrasp_env.tasks.placement import Placement
 
     shape = load_object(name)
-    rest = "likely" if shape.presented is not None else pose % len(shape.rest_poses)
+    rest = "likely" if shape.fixed_pose is not None else pose % len(rest_poses(shape))
     model = build_scene(shape)
     data = mujoco.MjData(model)
     data.qpos[:23] = HOME
@@ -132,12 +133,17 @@ def _scene(
 
 def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> dict[str, Callable[[], object]]:
     """Return each step as a call on the results of the steps before it."""
-    from dexgrasp_env.perception.cloud import crop, gather, remove_flying
-    from dexgrasp_env.perception.downsample import downsample
+    from dexgrasp_env.perception.cloud import (
+        crop,
+        downsample,
+        gather,
+        largest_cluster,
+        remove_flying,
+        remove_outliers,
+    )
     from dexgrasp_env.perception.hull import cloud_hull
     from dexgrasp_env.perception.level import level_views, view_corrections
     from dexgrasp_env.perception.normals import smooth
-    from dexgrasp_env.perception.outliers import largest_cluster, remove_outliers
     from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
     from dexgrasp_env.perception.robot import remove_robot
 
@@ -181,7 +187,7 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
 def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:
     import mujoco
 
-    from dexgrasp_env.perception.backends import VISUAL_GROUPS, group_mask
+    from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
 
     mask = group_mask(VISUAL_GROUPS)
     casts = [

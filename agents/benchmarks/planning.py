@@ -13,10 +13,10 @@ import numpy as np
 from tqdm import tqdm
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
-from agents.bilevel import BilevelAgent
 from agents.evaluation.statistics import wilson_interval
-from agents.planning.grasp_file import grasp_json, record_of
-from agents.planning.verify import verify
+from agents.grasp.file import grasp_json, record_of
+from agents.grasp.verify import verify
+from agents.policies.bilevel import BilevelAgent
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 PAPER_SECONDS = 14.40
@@ -59,8 +59,13 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
         "failure": report.failure,
     }
     row["stages"] = report.details.get("stages", {})
-    if report.failure is None and plan is not None and plan.grasp is not None and agent.subject is not None:
-        record = record_of(grasp_json(name, plan.grasp, agent.subject, agent.settings))
+    if (
+        report.failure is None
+        and plan is not None
+        and plan.grasp is not None
+        and agent.grasp_target is not None
+    ):
+        record = record_of(grasp_json(name, plan.grasp, agent.grasp_target, agent.settings))
         row["broken"] = [check.name for check in verify(record) if not check.holds]
         row["margin"], row["tried"] = plan.grasp.certificate.closure_margin, plan.tried
     return row

@@ -9,15 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from agents.bilevel import make_source, subject_from_cloud
 from agents.evaluation.statistics import wilson_interval
-from agents.planning.bilevel import solve
-from agents.planning.grasp import Grasp
+from agents.grasp.grasp import Grasp
+from agents.grasp.target import GraspTarget
 from agents.planning.planner import Plan, Planner
 from agents.planning.postures import atlas_postures
 from agents.planning.proposals import Proposals, ProposalSource
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
+from agents.planning.sqp import solve
+from agents.policies.bilevel import make_source, target_from_cloud
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
@@ -56,27 +56,25 @@ def run(quick: bool = False) -> dict[str, Any]:
     figures: dict[str, Any] = {}
     for group in SETS:
         subjects = [
-            (f"{name}-{k}", subject)
+            (f"{name}-{k}", target)
             for name in OBJECT_SETS[group]
             for k in range(scenes)
-            if (subject := _perceived(name, 1000 + k)) is not None
+            if (target := _perceived(name, 1000 + k)) is not None
         ]
         for name, planner in planners.items():
             planner.plan(subjects[0][1], 0)  # compile, read weights
             attempts = [
-                _attempt(planner, scene, subject, seed)
-                for scene, subject in subjects
-                for seed in range(seeds)
+                _attempt(planner, scene, target, seed) for scene, target in subjects for seed in range(seeds)
             ]
-            shares = [_feasible(planner, make_source(name), subject) for _, subject in subjects]
+            shares = [_feasible(planner, make_source(name), target) for _, target in subjects]
             figures[f"{group} {name}"] = _figures(attempts) | {"each_feasible": float(np.mean(shares))}
     return figures
 
 
-def _feasible(planner: Planner, source: ProposalSource, subject: Subject) -> float:
+def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> float:
     """Return the share of single proposals, fingers as given or else by lot, that become a feasible configuration."""
     rng, settings = np.random.default_rng(0), replace(planner.settings, triples=_SINGLE, postures=10**6)
-    found = source.propose(subject, settings, rng)
+    found = source.propose(target, settings, rng)
     if found.failure:
         return 0.0
     order = (
@@ -88,8 +86,8 @@ def _feasible(planner: Planner, source: ProposalSource, subject: Subject) -> flo
         np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
     )
     single = Proposals(contacts, normals, found.margins, assigned=True)
-    postures = atlas_postures(single, subject, planner.tree, settings)
-    return sum(solve(p.q, planner.tree, subject, settings).feasible for p in postures) / len(contacts)
+    postures = atlas_postures(single, target, planner.tree, settings)
+    return sum(solve(p.q, planner.tree, target, settings).feasible for p in postures) / len(contacts)
 
 
 def _sources() -> dict[str, Any]:
@@ -102,7 +100,7 @@ def _sources() -> dict[str, Any]:
     return found
 
 
-def _perceived(name: str, seed: int) -> Subject | None:
+def _perceived(name: str, seed: int) -> GraspTarget | None:
     """Return the hull of an object as the depth cameras see it."""
     import gymnasium as gym
 
@@ -117,30 +115,30 @@ def _perceived(name: str, seed: int) -> Subject | None:
     )
     try:
         observation, _ = env.reset(seed=seed)
-        return subject_from_cloud(observation)[0]
+        return target_from_cloud(observation)[0]
     finally:
         env.close()
 
 
-def _attempt(planner: Planner, scene: str, subject: Subject, seed: int) -> Attempt:
+def _attempt(planner: Planner, scene: str, target: GraspTarget, seed: int) -> Attempt:
     began = time.perf_counter()
-    plan: Plan = planner.plan(subject, seed)
+    plan: Plan = planner.plan(target, seed)
     seconds = time.perf_counter() - began
-    good = plan.grasp is not None and _verified(plan.grasp, subject, planner.settings)
+    good = plan.grasp is not None and _verified(plan.grasp, target, planner.settings)
     return Attempt(scene, good, plan.tried, seconds, plan.seconds.get("proposals", 0.0), plan.grasp)
 
 
-def _verified(grasp: Grasp, subject: Subject, settings: PlannerSettings) -> bool:
+def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> bool:
     import json
     import tempfile
     from pathlib import Path
 
-    from agents.planning.grasp_file import grasp_json, read_grasp
-    from agents.planning.verify import verify
+    from agents.grasp.file import grasp_json, read_grasp
+    from agents.grasp.verify import verify
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "grasp.json"
-        path.write_text(json.dumps(grasp_json("hull", grasp, subject, settings)))
+        path.write_text(json.dumps(grasp_json("hull", grasp, target, settings)))
         return all(check.holds for check in verify(read_grasp(path)))
 
 

@@ -12,14 +12,13 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.lift.simulation import Simulation, ramp
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.simulation import Simulation, ramp
 
-Array = NDArray[np.float64]
 _TURN = 5  # control steps
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
@@ -67,7 +66,7 @@ def _record_random(name: str, steps: int) -> Recording:
 
 def _record_grasp(name: str, steps: int) -> Recording | None:
     """The hard-coded agent's motion, planned from the true surface; None where it finds none."""
-    from agents.hardcoded import HardcodedAgent
+    from agents.policies.hardcoded import HardcodedAgent
 
     env = gym.make("DexGrasp/Lift-v0", objects=name, control_mode="joint_position")
     agent = HardcodedAgent()

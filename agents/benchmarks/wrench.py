@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.physics.checks import Array, rms_radius
+from agents.physics.checks import rms_radius
 from agents.physics.closure import (
     BAND,
     FORCE_BOUND,
@@ -29,6 +29,7 @@ from agents.physics.closure import (
 )
 from agents.physics.margin import margins
 from agents.physics.wrench import grasp_map, pyramid_rows, restore_feasible, solve_wrench_qp
+from dexgrasp_env.arrays import Array
 
 MU = 0.5
 POINTS = 256

@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Run a benchmark and print its figures."""
     from agents.benchmarks.registry import run_benchmark
     from agents.cli.output import note, print_json
-    from agents.evaluation.trial import jsonable
+    from dexgrasp_env.files import jsonable
 
     note(f"benchmark {args.name}: this takes a while; close what else is busy")
     if args.accuracy:
@@ -57,7 +57,7 @@ def _accuracy(name: str, quick: bool) -> dict[str, Any]:
 
 def render(figures: Mapping[str, Any]) -> str:
     """Return nested figures as tables: cases down, quantities across; cases that measure the same share a table."""
-    from agents.evaluation.text import text_table
+    from agents.evaluation.report.text import text_table
 
     cases = {name: _flat(value) for name, value in figures.items() if isinstance(value, Mapping) and value}
     loose = [f"{name}: {_number(value)}" for name, value in figures.items() if not isinstance(value, Mapping)]

@@ -124,7 +124,7 @@ def check_machine() -> list[Finding]:
 
 
 def _check_cache() -> Finding:
-    from dexgrasp_env.cache import cache_dir, write_atomically
+    from dexgrasp_env.files import cache_dir, write_atomically
 
     try:
         folder = cache_dir()

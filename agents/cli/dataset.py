@@ -115,7 +115,7 @@ def _info(args: argparse.Namespace) -> int:
 
 def _print(args: argparse.Namespace, figures: dict[str, Any]) -> int:
     from agents.cli.output import print_json
-    from agents.evaluation.text import text_table
+    from agents.evaluation.report.text import text_table
 
     if args.json:
         print_json(figures)

@@ -42,8 +42,8 @@ def run(args: argparse.Namespace) -> int:
     """Run the demo and print outcome and times."""
     from agents.cli.output import make_folder, note, print_json
     from agents.cli.plan import describe, scene_settings, write_results
-    from agents.evaluation.trial import jsonable
-    from agents.planning.target import attempt_target
+    from agents.evaluation.attempt import attempt_target
+    from dexgrasp_env.files import jsonable
     from dexgrasp_env.rendering import choose_gl
 
     make_folder(args.out)
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
             )
         )
     else:
-        print(_tell(attempt.name, outcome, args.out))
+        print(_outcome_text(attempt.name, outcome, args.out))
     return 0 if outcome["is_success"] else 1
 
 
@@ -135,7 +135,7 @@ def _cloud_picture(path: Path, attempt: Any) -> None:
     if not len(points):
         return
     true = attempt.env.unwrapped.simulation.object.mesh
-    hull = None if attempt.subject is None else attempt.subject.hull
+    hull = None if attempt.grasp_target is None else attempt.grasp_target.hull
     cloud_picture(
         path,
         points,
@@ -146,7 +146,7 @@ def _cloud_picture(path: Path, attempt: Any) -> None:
     )
 
 
-def _tell(name: str, outcome: dict[str, Any], folder: Path) -> str:
+def _outcome_text(name: str, outcome: dict[str, Any], folder: Path) -> str:
     files = ", ".join(sorted(f.name for f in folder.iterdir()))
     if outcome["is_success"]:
         stable = "firmly" if outcome["is_stable"] else "but it moved in the hand"

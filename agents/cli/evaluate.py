@@ -66,7 +66,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables or JSON; 3 if a worker died, with what was finished kept."""
     from agents.cli.output import note
-    from agents.evaluation.runner import evaluate
+    from agents.evaluation.evaluate import evaluate
     from agents.evaluation.settings import EvaluationSettings
     from agents.evaluation.workers import WorkerDiedError
 
@@ -91,7 +91,7 @@ def _print(args: argparse.Namespace, folder: Path, code: int) -> int:
     import json
 
     from agents.cli.output import print_json
-    from agents.evaluation.tables import render_summary
+    from agents.evaluation.report.tables import render_summary
 
     path = folder / "summary.json"
     if path.is_file():

@@ -26,7 +26,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Print a table, or one JSON object."""
     from agents.cli.output import print_json
-    from agents.evaluation.text import left_table
+    from agents.evaluation.report.text import left_table
 
     rows = {"objects": list_objects, "envs": list_envs, "agents": list_agents}[args.what]()
     if args.json:
@@ -70,10 +70,10 @@ def list_envs() -> list[dict[str, Any]]:
     import gymnasium as gym
 
     import dexgrasp_env  # noqa: F401  (registers the environments)
-    from dexgrasp_env.lift.control import CONTROL_MODES
-    from dexgrasp_env.lift.observations import OBS_MODES
-    from dexgrasp_env.lift.rewards import REWARD_MODES
     from dexgrasp_env.robot.mounts import MOUNTS
+    from dexgrasp_env.tasks.control import CONTROL_MODES
+    from dexgrasp_env.tasks.observations import OBS_MODES
+    from dexgrasp_env.tasks.rewards import REWARD_MODES
 
     choices = {
         "obs_mode": list(OBS_MODES),

@@ -38,8 +38,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Plan, print, and write what was asked for."""
     from agents.cli.output import make_folder, note, print_json
-    from agents.evaluation.trial import jsonable
-    from agents.planning.target import plan_target
+    from agents.evaluation.attempt import plan_target
+    from dexgrasp_env.files import jsonable
 
     if args.out is not None:
         make_folder(args.out)
@@ -67,12 +67,15 @@ def scene_settings(args: argparse.Namespace) -> dict[str, Any]:
 
 def write_results(folder: Path, attempt: Any, result: dict[str, Any]) -> None:
     """Write grasp.json and grasp.png."""
-    from agents.planning.grasp_file import write_grasp
-    from agents.planning.picture import grasp_picture
+    from agents.grasp.file import write_grasp
+    from agents.grasp.picture import grasp_picture
 
     write_grasp(folder / "grasp.json", result["grasp"])
     grasp_picture(
-        folder / "grasp.png", attempt.grasp, attempt.subject, f"{attempt.name}: planned from what was seen"
+        folder / "grasp.png",
+        attempt.grasp,
+        attempt.grasp_target,
+        f"{attempt.name}: planned from what was seen",
     )
 
 

@@ -27,7 +27,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Write the report and print it."""
     from agents.cli.output import note, print_json
-    from agents.evaluation.report import read_agents, write_report
+    from agents.evaluation.report.build import read_agents, write_report
 
     out = args.out or args.folders[0]
     text = write_report(args.folders, out)

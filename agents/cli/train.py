@@ -13,7 +13,7 @@ _EPILOG = """examples:
 
 A run that was interrupted goes on when the same command is given again, on a CPU to the same bits. The folder of --out
 holds cvae.safetensors (the weights of the least test loss), checkpoint.safetensors, run.json, curve.jsonl, curves.png
-and tensorboard/. Weights are read by `agents.learning.proposals.CvaeProposals`."""
+and tensorboard/. Weights are read by `agents.learning.cvae_source.CvaeProposals`."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -29,8 +29,8 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from agents.cli.output import print_json
-    from agents.planning.grasp_file import read_grasp
-    from agents.planning.verify import verify
+    from agents.grasp.file import read_grasp
+    from agents.grasp.verify import verify
 
     record = read_grasp(args.grasp)
     checks = verify(record)

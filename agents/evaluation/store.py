@@ -5,8 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, TextIO
 
-from dexgrasp_env.cache import write_atomically
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import write_atomically
 
 Key = tuple[str, str, int]  # agent, object, trial
 

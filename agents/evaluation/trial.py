@@ -1,11 +1,9 @@
 """One trial: one agent, one object, one scene."""
 
-import math
-import sys
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, is_dataclass
+from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import gymnasium as gym
@@ -13,6 +11,7 @@ import numpy as np
 
 from agents.evaluation.protocol import TrialSeeds
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import jsonable
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 NOT_HELD = {
@@ -162,27 +161,3 @@ def _ask(method: Any, *arguments: Any) -> Any:
 def _record(env: gym.Env[Any, Any], frames: FrameSink | None) -> None:
     if frames is not None:
         frames.add(env)
-
-
-def jsonable(value: Any) -> Any:
-    """Return a value as JSON can hold it: arrays as lists, NaN and infinities as None, the unknown as text."""
-    if value is None or isinstance(value, bool | str):
-        return value
-    if isinstance(value, np.generic | np.ndarray):
-        return jsonable(value.tolist())
-    if isinstance(value, int | float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, Mapping):
-        return {str(key): jsonable(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set):
-        return [jsonable(item) for item in value]
-    if is_dataclass(value) and not isinstance(value, type):
-        return jsonable(asdict(value))
-    return str(value)
-
-
-def complain(text: str) -> None:
-    """Print on standard error without spoiling a progress bar."""
-    from tqdm import tqdm
-
-    tqdm.write(text, file=sys.stderr)

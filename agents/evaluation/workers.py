@@ -11,10 +11,10 @@ from contextlib import contextmanager
 from multiprocessing import connection
 from typing import Any
 
-from agents.evaluation.bench import Bench, Cell, thread_limits
 from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.trial_runner import TrialRunner, TrialSpec, thread_limits
 
-_bench: Bench | None = None
+_bench: TrialRunner | None = None
 
 
 class WorkerDiedError(RuntimeError):
@@ -22,7 +22,7 @@ class WorkerDiedError(RuntimeError):
 
 
 def run_cells(
-    settings: EvaluationSettings, cells: Sequence[Cell], workers: int, bench: Bench
+    settings: EvaluationSettings, cells: Sequence[TrialSpec], workers: int, bench: TrialRunner
 ) -> Iterator[dict[str, Any]]:
     """Yield the rows of the cells as they are finished.
 
@@ -54,7 +54,9 @@ def run_cells(
                 child.terminate()
 
 
-def _as_finished(pool: ProcessPoolExecutor, cells: Sequence[Cell], ahead: int) -> Iterator[dict[str, Any]]:
+def _as_finished(
+    pool: ProcessPoolExecutor, cells: Sequence[TrialSpec], ahead: int
+) -> Iterator[dict[str, Any]]:
     waiting: set[Future[dict[str, Any]]] = set()
     for cell in cells:
         waiting.add(pool.submit(_run, cell))
@@ -71,7 +73,7 @@ def _start(settings: EvaluationSettings) -> None:
     global _bench
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
-    _bench = Bench(settings)
+    _bench = TrialRunner(settings)
 
 
 def _exit_with_parent() -> None:
@@ -81,7 +83,7 @@ def _exit_with_parent() -> None:
         os._exit(1)
 
 
-def _run(cell: Cell) -> dict[str, Any]:
+def _run(cell: TrialSpec) -> dict[str, Any]:
     assert _bench is not None, "the initializer has run"
     return _bench.run(cell)
 

@@ -1,15 +1,14 @@
 """The way from where the robot stands to the pregrasp: straight, else over a hover, else sampled."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.execution.cartesian import shift_palm
 from agents.execution.collision import CollisionChecker
 from agents.execution.motion import NoPath
 from agents.execution.sampling import plan_arm
 from agents.kinematics.palm_ik import palm_frame
+from dexgrasp_env.arrays import Array
 
-Array = NDArray[np.float64]
 _SPACING = 0.01  # m between points of a straight motion of the palm
 _HOVERS = ((0.0, 0.15), (0.0, 0.10), (0.08, 0.08), (0.12, 0.0), (0.08, 0.0), (0.05, 0.12))
 """Where the last straight stretch may begin: m back along the palm's normal, and m up."""

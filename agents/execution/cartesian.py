@@ -2,12 +2,11 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from agents.kinematics.forward import add_row, add_turn_row, forward, to_world
 from agents.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
 
-Array = NDArray[np.float64]
 _TURN_SCALE = 0.15  # m a radian
 _DAMPING = 1e-4
 _CORRECTIONS = 4  # steps of Newton at every point; two are enough away from singularities

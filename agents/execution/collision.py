@@ -11,9 +11,9 @@ from agents.geometry.convex import ConvexDistance
 from agents.kinematics.clearance import OBJECT, SELF, clearance_rows
 from agents.kinematics.forward import forward
 from agents.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.names import BODIES
 
-Array = NDArray[np.float64]
 _MAX_ROWS = 128
 _CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
 _OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm

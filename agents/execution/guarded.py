@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from agents.execution.script import ActionScript
 from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from agents.kinematics.tree import RobotTree
-from dexgrasp_env.lift.control import normalise
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.tasks.control import normalise
 
-Array = NDArray[np.float64]
 HAND_STIFFNESS = 10.0  # Nm/rad
 _FINGER_COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
 _TOUCH_LAG = 0.0018  # m that a tip stays behind its set-point when it has touched: about 2 N

@@ -3,11 +3,10 @@
 from collections.abc import Callable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.execution.collision import CollisionChecker
+from dexgrasp_env.arrays import Array
 
-Array = NDArray[np.float64]
 _RANGE = 0.6  # rad: longest branch of the trees
 _TRIES = 3000  # growths of the trees; counted, not timed, so that a slow machine finds the same path
 _RESOLUTION = 0.002  # of the space's extent: about 0.03 rad between checked states

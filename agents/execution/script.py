@@ -8,14 +8,15 @@ from numpy.typing import NDArray
 from agents.execution.approach import plan_approach
 from agents.execution.cartesian import shift_palm
 from agents.execution.collision import CollisionChecker
-from agents.execution.motion import GraspMotion, NoPath
+from agents.execution.motion import NoPath
 from agents.execution.timing import smooth_step, time_path
 from agents.geometry.convex import ConvexDistance
+from agents.grasp.grasp import GraspMotion
 from agents.kinematics.tree import RobotTree, robot_tree
-from dexgrasp_env.lift.control import MAX_STEP, normalise
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.tasks.control import MAX_STEP, normalise
 
-Array = NDArray[np.float64]
 _SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
 _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
 _LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift

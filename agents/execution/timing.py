@@ -4,13 +4,12 @@ import logging
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.execution.collision import CollisionChecker
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import ARM_ACCELERATION, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-Array = NDArray[np.float64]
 _HAND_ACCELERATION = 60.0  # rad/s^2; ours, the maker states none
 ACCELERATION = np.concatenate([ARM_ACCELERATION, np.full(16, _HAND_ACCELERATION)])
 _BLENDS = (0.3, 0.15, 0.06)  # rad along the path: how far before a corner the turn begins, widest first

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from agents.geometry.convex_kernel import convex_distance
 from agents.kinematics.forward import add_row, to_world
 from agents.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
 
-Array = NDArray[np.float64]
 OBJECT, TABLE, SELF = 0, 1, 2
 _EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
 KINDS = ("hand_object", "hand_table", "self")

@@ -6,9 +6,9 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.names import GRASP_FINGERS
 
-Array = NDArray[np.float64]
 _COLLISION_GROUP = 3
 _LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
 _TIPS = tuple(f"{finger}_tip" for finger in GRASP_FINGERS)

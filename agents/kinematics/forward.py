@@ -2,11 +2,9 @@
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from agents.kinematics.tree import RobotTree
-
-Array = NDArray[np.float64]
+from dexgrasp_env.arrays import Array
 
 
 @njit(cache=True, error_model="numpy", fastmath=False)
@@ -129,3 +127,9 @@ def body_frames(q: Array, tree: RobotTree) -> tuple[Array, Array]:
     R, p = np.empty((len(tree.parent), 3, 3)), np.empty((len(tree.parent), 3))
     forward(np.ascontiguousarray(q, dtype=float), tree, R, p)
     return R, p
+
+
+def finger_jacobians(q: Array, tree: RobotTree) -> Array:
+    """Return the linear Jacobians (3, 3, 16) of the tip centres by the hand's joints."""
+    R, p = body_frames(q, tree)
+    return tip_jacobian(tree, R, p, tip_positions(tree, R, p))[:, :, 7:]

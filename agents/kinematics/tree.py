@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.kinematics.cover import body_spheres, box_edges
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.names import ARM_BODIES, BODIES, GRASP_FINGERS, HAND_BODIES, JOINTS
 
-Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 
 

@@ -8,10 +8,10 @@ from numpy.typing import NDArray
 
 from agents.learning.dataset import PoseGrasps
 from agents.learning.rest_scene import turn
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
 
-Array = NDArray[np.float64]
 SPLITS = ("train", "test", "held_out_poses", "held_out_object")
 SCALE = 10.0
 CROPPED = 0.002

@@ -21,9 +21,10 @@ from agents.learning.shards import (
     write_shard,
 )
 from agents.planning.postures import _NEIGHBOURS, _SIDE_TOLERANCE
-from dexgrasp_env.cache import content_hash, write_atomically
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash, write_atomically
 from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.objects.rest_poses import rest_poses
 
 BACKENDS = ("loky", "threading", "ray")
 
@@ -63,7 +64,7 @@ def generate(
     jobs = [
         Job(target, pose, chunk)
         for target in settings.objects
-        for pose in range(len(load_target(target, settings).rest_poses))
+        for pose in range(len(rest_poses(load_target(target, settings))))
         for chunk in range(-1, settings.chunks)
     ]
     left = [job for job in jobs if not complete(_path(folder, job), key)]
@@ -137,7 +138,7 @@ def _identity(settings: DatasetSettings) -> dict[str, Any]:
             raise InputError(f"two objects are called {name!r}: rename one of the files")
         objects[name] = {
             "content_hash": model.content_hash,
-            "rest_poses": len(model.rest_poses),
+            "rest_poses": len(rest_poses(model)),
             "mass": model.mass,
         }
     fixed = {

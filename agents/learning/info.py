@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from agents.grasp.target import GraspTarget
 from agents.learning.dataset import PoseGrasps, read_dataset
 from agents.learning.rest_scene import placed
 from agents.learning.shards import read_manifest
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
 from dexgrasp_env.poses import quat_to_matrix
 
 _BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
@@ -70,7 +70,7 @@ def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
     Returns:
         `checked`, `passed`, and how often each check failed.
     """
-    from agents.planning.verify import verify
+    from agents.grasp.verify import verify
 
     poses, failures, passed = read_dataset(folder), Counter[str](), 0
     owner = np.repeat(np.arange(len(poses)), [len(p) for p in poses])
@@ -102,26 +102,26 @@ def _tuples(value: Any) -> Any:
 def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     import trimesh
 
+    from agents.grasp.file import GraspRecord
     from agents.learning.rest_scene import turn
-    from agents.planning.grasp_file import GraspRecord
     from dexgrasp_env.robot.mounts import MOUNTS
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
     hull = trimesh.convex.convex_hull(pose.scene["hull"])
-    subject = placed(
-        Subject.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
+    target = placed(
+        GraspTarget.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
     )
     R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
     arrays = {name: g["q"] for name in ("q", "pregrasp", "grasp", "squeeze")}
     arrays |= {
         "contacts": g["contacts"] @ R.T + shift, "normals": g["normals"] @ R.T, "forces": g["forces"] @ R.T,
-        "centre": subject.centre,
+        "centre": target.centre,
     }  # fmt: skip
     share = settings.loads[max(int(g["load"]), 0)][0]
     certificate = {"distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"])}
-    vertices = subject.distance.triangles.reshape(-1, 3)
+    vertices = target.distance.triangles.reshape(-1, 3)
     return GraspRecord(
-        pose.name, next(iter(MOUNTS)), arrays, vertices, share * subject.mass, settings, certificate, None
+        pose.name, next(iter(MOUNTS)), arrays, vertices, share * target.mass, settings, certificate, None
     )
 
 

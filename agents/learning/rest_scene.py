@@ -12,16 +12,17 @@ from numpy.typing import NDArray
 
 from agents.geometry.convex import ConvexDistance
 from agents.geometry.normals import surface_samples
+from agents.grasp.target import GraspTarget
 from agents.learning.settings import DatasetSettings
 from agents.physics.closure import closure_sweep
 from agents.planning.proposals import graspable_points
-from agents.planning.subject import Subject
-from dexgrasp_env.cache import content_hash
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.load import load_object, object_name
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.poses import pose_matrix
 
-Array = NDArray[np.float64]
 LEAST_DISTANCE = 0.03
 """m between contacts."""
 CLOUD = 2048
@@ -35,7 +36,7 @@ class RestScene:
     Attributes:
         name: of the object.
         pose: index of the rest pose, likeliest first.
-        subject: hull, distance, centre of mass and mass.
+        grasp_target: hull, distance, centre of mass and mass.
         quat_wxyz: (4,) and
         height: of the object's frame in the rest frame.
         probability: of the pose when dropped.
@@ -48,7 +49,7 @@ class RestScene:
 
     name: str
     pose: int
-    subject: Subject
+    grasp_target: GraspTarget
     quat_wxyz: Array
     height: float
     probability: float
@@ -76,13 +77,13 @@ def load_target(target: str, settings: DatasetSettings) -> ObjectModel:
 def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     """Prepare an object in a rest pose: steps 2 to 4 of section 1.3."""
     model = load_target(target, settings)
-    rest, name = model.rest_poses[pose], object_name(target)
+    rest, name = rest_poses(model)[pose], object_name(target)
     T = pose_matrix(np.array([0.0, 0.0, rest.height]), np.array(rest.quat_wxyz))
     mesh = model.mesh.copy()
     mesh.apply_transform(T)
-    subject = Subject.of(mesh, mass=model.mass, centre=T[:3, 3].copy())
+    grasp_target = GraspTarget.of(mesh, mass=model.mass, centre=T[:3, 3].copy())
     rng = rng_of(settings, name, pose)
-    points, normals = graspable_points(subject, settings.planner, rng)
+    points, normals = graspable_points(grasp_target, settings.planner, rng)
     n = len(points)
     some = n >= 3
     triples = (
@@ -92,12 +93,12 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     )
     gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
     decided = round(float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
-    samples = surface_samples(subject.hull, CLOUD, rng)
+    samples = surface_samples(grasp_target.hull, CLOUD, rng)
     cloud = np.concatenate([samples.points, samples.normals], axis=1)
     return RestScene(
         name,
         pose,
-        subject,
+        grasp_target,
         np.array(rest.quat_wxyz),
         rest.height,
         rest.probability,
@@ -115,15 +116,15 @@ def turn(yaw: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def placed(subject: Subject, placement: Array) -> Subject:
-    """Return the subject at a placement (x m, y m, yaw rad) for the optimiser, which looks at distances alone.
+def placed(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
+    """Return the grasp_target at a placement (x m, y m, yaw rad) for the optimiser, which looks at distances alone.
 
     NB: `hull` stays where it was; moving a mesh costs more than solving.
     """
     R, shift = turn(float(placement[2])), np.array([placement[0], placement[1], 0.0])
-    old = subject.distance
+    old = grasp_target.distance
     planes = old.planes.copy()
     planes[:, :3] = old.planes[:, :3] @ R.T
     planes[:, 3] -= planes[:, :3] @ shift
     moved = ConvexDistance(np.ascontiguousarray(old.triangles @ R.T + shift), planes, old.error)
-    return replace(subject, distance=moved, centre=R @ subject.centre + shift)
+    return replace(grasp_target, distance=moved, centre=R @ grasp_target.centre + shift)

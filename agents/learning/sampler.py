@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.kinematics.forward import body_frames
+from agents.grasp.target import GraspTarget
+from agents.kinematics.forward import body_frames, finger_jacobians
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from agents.learning.settings import DatasetSettings
 from agents.physics.forces import holding_forces
 from agents.planning.atlas import hand_atlas, triangle_sides
-from agents.planning.bilevel import Solution, solve
-from agents.planning.grasp import finger_jacobians
+from agents.planning.constraints import FIXED_ROWS
 from agents.planning.postures import (
     _ASSIGNMENTS,
     _NEIGHBOURS,
@@ -27,13 +27,12 @@ from agents.planning.postures import (
     _best_placements,
     reach_palm,
 )
-from agents.planning.programme import FIXED_ROWS
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
+from agents.planning.sqp import Solution, solve
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.limits import HOME
 
-Array = NDArray[np.float64]
 BATCH = 48  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
 REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
@@ -90,7 +89,7 @@ def _try(
     settings: PlannerSettings, rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Try all six assignments of some triples, and add what is feasible."""
-    atlas, distance = hand_atlas(), scene.subject.distance
+    atlas, distance = hand_atlas(), scene.grasp_target.distance
     ordered = triples[:, _ASSIGNMENTS].reshape(-1, 3)
     reach = settings.tip_radius + 0.5 * sum(settings.distance)
     normals = scene.normals[ordered]
@@ -110,14 +109,14 @@ def _try(
         if placement is None:
             continue
         found.counts["reached_by_arm"] += 1
-        subject = placed(scene.subject, placement)
-        solution = solve(q, tree, subject, settings)
+        grasp_target = placed(scene.grasp_target, placement)
+        solution = solve(q, tree, grasp_target, settings)
         if not solution.feasible:
             found.blocked[str(solution.blocking).split(":")[0]] += 1
             continue
         use[ordered[k]] += 1
         found.counts["feasible"] += 1
-        _add(solution, placement, ordered[k], subject, tree, settings, found)
+        _add(solution, placement, ordered[k], grasp_target, tree, settings, found)
 
 
 def _reach(q: Array, R: Array, p: Array, tree: RobotTree, rng: np.random.Generator) -> Array | None:
@@ -135,14 +134,14 @@ def _reach(q: Array, R: Array, p: Array, tree: RobotTree, rng: np.random.Generat
 
 
 def _add(
-    solution: Solution, placement: Array, triple: NDArray[np.int32], subject: Subject, tree: RobotTree,
+    solution: Solution, placement: Array, triple: NDArray[np.int32], grasp_target: GraspTarget, tree: RobotTree,
     settings: PlannerSettings, found: Found,
 ) -> None:  # fmt: skip
     at, back = solution.evaluation, turn(-placement[2])
     shift = np.array([placement[0], placement[1], 0.0])
     R, p = body_frames(solution.q, tree)
     palm_R, palm_p = R[tree.palm] @ tree.palm_rotation, p[tree.palm] + R[tree.palm] @ tree.palm_offset
-    load, fraction, squeeze = _hold(solution, subject, tree, settings)
+    load, fraction, squeeze = _hold(solution, grasp_target, tree, settings)
     found.counts["holding"] += load >= 0
     clearances = at.values[FIXED_ROWS:]
     found.add(
@@ -157,13 +156,14 @@ def _add(
 
 
 def _hold(
-    solution: Solution, subject: Subject, tree: RobotTree, settings: PlannerSettings
+    solution: Solution, grasp_target: GraspTarget, tree: RobotTree, settings: PlannerSettings
 ) -> tuple[int, float, Array]:
     """Return the firmest of the planner's loads that the grasp holds (-1: none), the torque share and the forces."""
     at, J = solution.evaluation, finger_jacobians(solution.q, tree)
     for level, (share, disturbance) in enumerate(settings.loads):
         hold = holding_forces(
-            at.contacts, at.normals, settings.friction_hold, share * subject.mass, subject.centre, jacobians=J,
+            at.contacts, at.normals, settings.friction_hold, share * grasp_target.mass, grasp_target.centre,
+            jacobians=J,
             torque_limits=settings.torque_share * TORQUE_LIMIT, f_min=settings.least_press, safety=1.0,
             disturbance=disturbance,
         )  # fmt: skip

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from agents.learning.rest_scene import RestScene
 from agents.learning.sampler import COUNTS, Found
 from agents.learning.settings import SCHEMA
-from dexgrasp_env.cache import write_atomically
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import write_atomically
 
 Arrays = dict[str, NDArray[Any]]
 FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
@@ -62,8 +62,8 @@ def write_pose(path: Path, scene: RestScene, key: str) -> None:
     write_arrays(path, {
         "cloud": scene.cloud.astype("float32"), "points": scene.points.astype("float32"),
         "normals": scene.normals.astype("float32"),
-        "hull": np.asarray(scene.subject.hull.vertices), "centre": scene.subject.centre,
-        "mass": np.array(scene.subject.mass), "quat_wxyz": scene.quat_wxyz, "height": np.array(scene.height),
+        "hull": np.asarray(scene.grasp_target.hull.vertices), "centre": scene.grasp_target.centre,
+        "mass": np.array(scene.grasp_target.mass), "quat_wxyz": scene.quat_wxyz, "height": np.array(scene.height),
         "probability": np.array(scene.probability), "triples": np.array([scene.decided, len(scene.triples)]),
         "key": _text(key),
     })  # fmt: skip

@@ -15,8 +15,8 @@ from agents.learning.dataset import read_dataset
 from agents.learning.network import Cvae, Losses, NetworkSettings, losses
 from agents.learning.shards import read_manifest
 from agents.learning.weights import load_state, save_state, write_weights
-from dexgrasp_env.cache import write_atomically
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import write_atomically
 
 STEPS_PER_EPOCH = 50
 _MEASURED = 20  # steps that tell how many epochs fit into the minutes

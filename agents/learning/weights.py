@@ -7,8 +7,8 @@ from typing import Any
 import torch
 
 from agents.learning.network import Cvae, NetworkSettings
-from dexgrasp_env.cache import write_atomically
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import write_atomically
 
 SCHEMA = 1
 

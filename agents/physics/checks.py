@@ -3,11 +3,10 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
-Array = NDArray[np.float64]
 Numbers = Any
 """Whatever numpy turns into numbers: public functions take it and check it."""
 

@@ -12,7 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.physics.checks import Array, Numbers, check_array, check_positive, check_unit
+from agents.physics.checks import Numbers, check_array, check_positive, check_unit
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 _S14, _S10, _S140 = 14.0**0.5, 10.0**0.5, 140.0**0.5

@@ -17,9 +17,10 @@ from typing import NamedTuple
 import numpy as np
 
 from agents.physics.active_set import SOLVED, solve_qp
-from agents.physics.checks import Array, Numbers, check_array, check_contacts, check_positive, rms_radius
+from agents.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import tangent_basis
 from agents.physics.wrench import grasp_map
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 FACES = 8

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from agents.physics.checks import Array, Numbers, check_array, check_contacts, check_positive, rms_radius
+from agents.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import cone_edges
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 

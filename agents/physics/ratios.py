@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from agents.physics.checks import Array, Numbers, check_array
+from agents.physics.checks import Numbers, check_array
+from dexgrasp_env.arrays import Array
 
 
 class Ratios(NamedTuple):

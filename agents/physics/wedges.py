@@ -6,8 +6,8 @@ No checks and no allocation: these kernels run millions of times a second.
 import numpy as np
 from numba import njit
 
-from agents.physics.checks import Array
 from agents.physics.cones import basis_of
+from dexgrasp_env.arrays import Array
 
 
 @njit(cache=True)

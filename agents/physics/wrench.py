@@ -14,8 +14,9 @@ import numpy as np
 from numba import njit
 
 from agents.physics.active_set import SOLVED, solve_qp
-from agents.physics.checks import Array, Numbers, check_array, check_contacts, check_positive, rms_radius
+from agents.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import basis_into, basis_pullback, tangent_basis
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 
 REGULARISER = 1e-9

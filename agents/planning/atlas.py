@@ -9,15 +9,14 @@ from functools import lru_cache
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from agents.kinematics.forward import forward, tip_positions
 from agents.kinematics.tree import RobotTree, robot_tree
-from dexgrasp_env.cache import cache_dir, content_hash
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.files import cache_dir, content_hash
 from dexgrasp_env.robot.limits import HOME
 
-Array = NDArray[np.float64]
 _VERSION = 4
 _SAMPLES = 400_000
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move

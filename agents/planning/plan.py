@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from agents.execution.script import ActionScript
-from agents.planning.grasp import Grasp
+from agents.grasp.grasp import Grasp
 
 Item = TypeVar("Item")
 

@@ -5,24 +5,23 @@ from functools import lru_cache
 from itertools import islice
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.execution.motion import NoPath
 from agents.execution.script import make_script
+from agents.grasp.grasp import Grasp
+from agents.grasp.target import GraspTarget
 from agents.kinematics.tree import RobotTree, robot_tree
-from agents.planning.bilevel import Solution, solve
 from agents.planning.certifier import Certifier
-from agents.planning.grasp import Grasp
 from agents.planning.plan import Clock, Plan
 from agents.planning.postures import Posture, atlas_postures, oriented_postures
-from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals, placement_risk
+from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals, contact_sensitivity
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
+from agents.planning.sqp import Solution, solve
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HOME
 
 __all__ = ["Plan", "Planner", "warm_up"]
 
-Array = NDArray[np.float64]
 NO_POSTURE, BUDGET = "no_reachable_posture", "time_budget"
 
 
@@ -47,76 +46,76 @@ class Planner:
         self._source, self._starts, self._with_closure = source or SurfaceProposals(), starts, with_closure
         self._certifier = Certifier(self.tree, self.settings, mount, with_closure)
 
-    def plan(self, subject: Subject, seed: int = 0, start: Array | None = None) -> Plan:
+    def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> Plan:
         """Return the first grasp that passes everything, with its script if `start` is given.
 
         Args:
-            subject: the object.
+            target: the object.
             seed: of the proposals.
             start: (23,) rad, set-points the robot approaches from; None plans the grasp alone.
         """
         plan, rng = Plan(), np.random.default_rng(seed)
         clock = Clock(plan)
-        feeble: list[Grasp] = []
+        below_weight: list[Grasp] = []
         for breadth in self.settings.breadths:
             if self._out_of_time(plan):
                 break
             settings = self.settings.broadened(breadth)
-            proposals = self._source.propose(subject, settings, rng)
+            proposals = self._source.propose(target, settings, rng)
             plan.rounds += 1
             clock.lap("proposals")
             plan.reason = proposals.failure
-            if self._try_all(proposals, subject, settings, start, plan, clock, feeble):
+            if self._try_all(proposals, target, settings, start, plan, clock, below_weight):
                 return plan
-        if self._any(feeble, subject, start, plan, clock):
+        if self._any(below_weight, target, start, plan, clock):
             return plan
         plan.reason = plan.commonest() or plan.reason or NO_POSTURE
         return plan
 
     def _try_all(
-        self, proposals: Proposals, subject: Subject, settings: PlannerSettings, start: Array | None, plan: Plan,
-        clock: Clock, feeble: list[Grasp],
+        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, start: Array | None, plan: Plan,
+        clock: Clock, below_weight: list[Grasp],
     ) -> bool:  # fmt: skip
         """Try proposals batch by batch; whether one became a grasp that can be carried out.
 
         A firm grasp is taken at once. Weaker ones wait until there are `settings.patience` to choose from, and those
-        whose squeeze falls short of the assumed weight go to `feeble`, for when there is nothing better.
+        whose squeeze falls short of the assumed weight go to `below_weight`, for when there is nothing better.
         """
-        weak: list[Grasp] = []
-        solutions = self._solutions(proposals, subject, settings, plan, clock)
+        bearing: list[Grasp] = []
+        solutions = self._solutions(proposals, target, settings, plan, clock)
         for batch in iter(lambda: list(islice(solutions, settings.candidates)), []):
-            batch.sort(key=lambda solution: -_merit(solution, subject))
+            batch.sort(key=lambda solution: -_merit(solution, target))
             for solution in batch:
-                grasp = self._certifier.certify(solution, subject, plan)
+                grasp = self._certifier.certify(solution, target, plan)
                 clock.lap("certificate")
                 if grasp is None:
                     continue
                 if grasp.certificate.load < settings.firm_load:
-                    (weak if grasp.certificate.load >= 1.0 else feeble).append(grasp)
-                elif self._carry_out(grasp, subject, start, plan, clock):
+                    (bearing if grasp.certificate.load >= 1.0 else below_weight).append(grasp)
+                elif self._carry_out(grasp, target, start, plan, clock):
                     return True
-            if len(weak) >= settings.patience and self._any(weak, subject, start, plan, clock):
+            if len(bearing) >= settings.patience and self._any(bearing, target, start, plan, clock):
                 return True
-        return self._any(weak, subject, start, plan, clock)
+        return self._any(bearing, target, start, plan, clock)
 
     def _any(
-        self, grasps: list[Grasp], subject: Subject, start: Array | None, plan: Plan, clock: Clock
+        self, grasps: list[Grasp], target: GraspTarget, start: Array | None, plan: Plan, clock: Clock
     ) -> bool:
         """Whether one of the grasps can be carried out; the firmest that can goes into `plan`."""
         firmest = sorted(
             grasps, key=lambda grasp: -grasp.certificate.load - 0.5 * grasp.certificate.closure_margin
         )
-        return any(self._carry_out(grasp, subject, start, plan, clock) for grasp in firmest)
+        return any(self._carry_out(grasp, target, start, plan, clock) for grasp in firmest)
 
     def _solutions(
-        self, proposals: Proposals, subject: Subject, settings: PlannerSettings, plan: Plan, clock: Clock
+        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, plan: Plan, clock: Clock
     ) -> Iterator[Solution]:
         """Yield feasible configurations until postures or time run out; note in `plan` what blocked the others."""
-        for posture in clock.laps("postures", self._postures(proposals, subject, settings)):
+        for posture in clock.laps("postures", self._postures(proposals, target, settings)):
             if self._out_of_time(plan):
                 return
             plan.tried += 1
-            solution = solve(posture.q, self.tree, subject, self.settings, with_margin=self._with_closure)
+            solution = solve(posture.q, self.tree, target, self.settings, with_margin=self._with_closure)
             clock.lap("bilevel")
             if solution.feasible:
                 yield solution
@@ -124,12 +123,12 @@ class Planner:
                 plan.block(str(solution.blocking), solution.violation)
 
     def _carry_out(
-        self, grasp: Grasp, subject: Subject, start: Array | None, plan: Plan, clock: Clock
+        self, grasp: Grasp, target: GraspTarget, start: Array | None, plan: Plan, clock: Clock
     ) -> bool:
         """Whether the grasp can be approached; its script goes into `plan`."""
         try:
             if start is not None:
-                plan.script = make_script(start, grasp.motion, subject.distance, self.mount)
+                plan.script = make_script(start, grasp.motion, target.distance, self.mount)
             plan.grasp, plan.reason = grasp, None
             return True
         except NoPath as blocked:
@@ -139,15 +138,15 @@ class Planner:
             clock.lap("approach")
 
     def _postures(
-        self, proposals: Proposals, subject: Subject, settings: PlannerSettings
+        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
     ) -> Iterator[Posture]:
         if not len(proposals.contacts):
             return
         if self._starts == "atlas":
-            yield from atlas_postures(proposals, subject, self.tree, settings)
+            yield from atlas_postures(proposals, target, self.tree, settings)
             return
         for k in range(len(proposals.contacts)):
-            yield from oriented_postures(k, proposals, subject, self.tree, settings)
+            yield from oriented_postures(k, proposals, target, self.tree, settings)
 
     def _out_of_time(self, plan: Plan) -> bool:
         over = self.settings.seconds is not None and plan.total_seconds > self.settings.seconds
@@ -156,10 +155,10 @@ class Planner:
         return over
 
 
-def _merit(solution: Solution, subject: Subject) -> float:
+def _merit(solution: Solution, target: GraspTarget) -> float:
     """Which of several feasible configurations bears errors best: its margin, less what places its contacts at risk."""
     at = solution.evaluation
-    return min(at.margin, 0.8) - float(placement_risk(at.contacts[None], at.normals[None], subject)[0])
+    return min(at.margin, 0.8) - float(contact_sensitivity(at.contacts[None], at.normals[None], target)[0])
 
 
 @lru_cache(maxsize=8)
@@ -170,4 +169,4 @@ def warm_up(mount: str = "palm_normal") -> None:
     box = trimesh.creation.box(
         (0.05, 0.07, 0.06), transform=trimesh.transformations.translation_matrix((0.5, 0.0, 0.03))
     )
-    Planner(mount=mount).plan(Subject.of(box), 0, np.array(HOME))
+    Planner(mount=mount).plan(GraspTarget.of(box), 0, np.array(HOME))

@@ -12,17 +12,17 @@ from numba import njit
 from numpy.typing import NDArray
 
 from agents.geometry.convex_kernel import convex_distance
+from agents.grasp.target import GraspTarget
 from agents.kinematics.forward import forward, tip_jacobian, tip_positions
 from agents.kinematics.palm_ik import solve_palm
+from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
 from agents.planning.atlas import HandAtlas, hand_atlas, triangle_sides
 from agents.planning.proposals import Proposals
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
-from agents.planning.tip_ik import solve_tips
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HOME
 
-Array = NDArray[np.float64]
 _ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
 _NEIGHBOURS = 16  # postures of the atlas looked at for each assignment
 _SIDE_TOLERANCE = 0.012  # m
@@ -119,7 +119,7 @@ def _best_placements(
 
 
 def atlas_postures(
-    proposals: Proposals, subject: Subject, tree: RobotTree, settings: PlannerSettings
+    proposals: Proposals, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
 ) -> Iterator[Posture]:
     """Yield postures from the atlas, best first, with the arm solved; at most `settings.postures`."""
     atlas: HandAtlas = hand_atlas()
@@ -130,7 +130,7 @@ def atlas_postures(
     )
     inward = np.ascontiguousarray(-proposals.normals[:, orders].reshape(-1, 3, 3))
     _, near = atlas.search.query(triangle_sides(centres), _NEIGHBOURS, distance_upper_bound=_SIDE_TOLERANCE)
-    distance = subject.distance
+    distance = target.distance
     scores, which, rotations, positions = _best_placements(
         centres, inward, near, atlas.tips, atlas.axes, atlas.pads, distance.triangles, distance.planes
     )
@@ -187,12 +187,12 @@ def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
 
 
 def oriented_postures(
-    proposal: int, proposals: Proposals, subject: Subject, tree: RobotTree, settings: PlannerSettings
+    proposal: int, proposals: Proposals, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
 ) -> list[Posture]:
     """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
     reach = settings.tip_radius + 0.5 * sum(settings.distance)
     targets = proposals.contacts[proposal] + reach * proposals.normals[proposal]
-    top = subject.hull.vertices[:, 2].max()
+    top = target.hull.vertices[:, 2].max()
     postures = []
     for k in range(settings.initial_orientations):
         yaw = 2.0 * np.pi * k / settings.initial_orientations

@@ -9,12 +9,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from agents.geometry.normals import surface_samples
+from agents.grasp.target import GraspTarget
 from agents.physics.closure import closure_sweep
 from agents.physics.margin import margins
 from agents.planning.settings import PlannerSettings
-from agents.planning.subject import Subject
+from dexgrasp_env.arrays import Array
 
-Array = NDArray[np.float64]
 _LEAST_DISTANCE = 0.03  # m between contacts: two fingertips are wider than this
 _JUDGED = 12  # times as many feasible triples have their margin computed as are proposed
 _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
@@ -49,16 +49,16 @@ class ProposalSource(ABC):
     """A source of contact triples."""
 
     @abstractmethod
-    def propose(self, subject: Subject, settings: PlannerSettings, rng: Generator) -> Proposals:
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return proposals for an object, best first."""
 
 
 class SurfaceProposals(ProposalSource):
     """All triples of sampled surface points, judged for closure, ranked by margin and by nearness to the centre."""
 
-    def propose(self, subject: Subject, settings: PlannerSettings, rng: Generator) -> Proposals:
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` triples, varied as well as good."""
-        points, normals = graspable_points(subject, settings, rng)
+        points, normals = graspable_points(target, settings, rng)
         if len(points) < 3:
             return Proposals.none(_NO_SURFACE)
         triples = closure_sweep(points, normals, settings.friction, _LEAST_DISTANCE)
@@ -68,49 +68,49 @@ class SurfaceProposals(ProposalSource):
         if len(triples) > judged:
             triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
-        worth = margins(contacts, at, settings.friction)[0]
-        score = np.minimum(worth, 0.7) - placement_risk(contacts, at, subject)
+        margin = margins(contacts, at, settings.friction)[0]
+        score = np.minimum(margin, 0.7) - contact_sensitivity(contacts, at, target)
         chosen = _varied(triples, score, settings.triples)
-        return Proposals(contacts[chosen], at[chosen], worth[chosen])
+        return Proposals(contacts[chosen], at[chosen], margin[chosen])
 
 
 class UniformProposals(ProposalSource):
     """Triples drawn uniformly, not judged at all: what the other sources must beat."""
 
-    def propose(self, subject: Subject, settings: PlannerSettings, rng: Generator) -> Proposals:
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return `settings.triples` triples."""
-        points, normals = graspable_points(subject, settings, rng)
+        points, normals = graspable_points(target, settings, rng)
         if len(points) < 3:
             return Proposals.none(_NO_SURFACE)
         triples = np.argsort(rng.random((settings.triples, len(points))), axis=1)[:, :3]
         return Proposals(points[triples], normals[triples], np.full(len(triples), np.nan))
 
 
-def graspable_points(subject: Subject, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
+def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
     """Sample points (N, 3) m and outward normals (N, 3) that a fingertip can reach above the table.
 
     The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges.
     """
-    samples = surface_samples(subject.hull, settings.surface_points, rng)
+    samples = surface_samples(target.hull, settings.surface_points, rng)
     reach = settings.tip_radius + 0.5 * sum(settings.distance)
     centres = samples.points + reach * samples.normals
     above = (samples.points[:, 2] > settings.table_clearance) & (
         centres[:, 2] > settings.tip_radius + settings.clearance
     )
-    distance, gradient = subject.distance.distance_gradient(centres[above])
+    distance, gradient = target.distance.distance_gradient(centres[above])
     return centres[above] - distance[:, None] * gradient, gradient
 
 
-def placement_risk(contacts: Array, normals: Array, subject: Subject) -> Array:
+def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) -> Array:
     """Return what K triples (K, 3, 3) risk, in units of closure margin, if the surface is not quite where it was seen.
 
     Gravity turns contacts far from the centre of mass. A contact off the object's middle height, or whose normal points
     up, squeezes the object out of the hand if the true surface curves away.
     """
-    size = float(np.linalg.norm(np.ptp(subject.hull.vertices, axis=0)))
-    height = float(subject.hull.vertices[:, 2].max())
-    offset = np.linalg.norm(contacts.mean(1) - subject.centre, axis=1) / size
-    uneven = np.abs(contacts[:, :, 2] - subject.centre[2]).max(1) / height
+    size = float(np.linalg.norm(np.ptp(target.hull.vertices, axis=0)))
+    height = float(target.hull.vertices[:, 2].max())
+    offset = np.linalg.norm(contacts.mean(1) - target.centre, axis=1) / size
+    uneven = np.abs(contacts[:, :, 2] - target.centre[2]).max(1) / height
     return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)
 
 

@@ -31,7 +31,7 @@ class ObjectSpec:
         mass: kilograms.
         rgba: colour.
         approximate: whether size and mass are our guess at the paper's object.
-        presented: wxyz of the one pose it is presented in, or None for its rest poses.
+        fixed_pose: wxyz of the one pose it is presented in, or None for its rest poses.
     """
 
     name: str
@@ -41,7 +41,7 @@ class ObjectSpec:
     mass: float
     rgba: tuple[float, float, float, float]
     approximate: bool = True
-    presented: tuple[float, float, float, float] | None = None
+    fixed_pose: tuple[float, float, float, float] | None = None
 
     def build(self) -> ObjectModel:
         """Return the object."""
@@ -51,9 +51,9 @@ class ObjectSpec:
             if self.approximate
             else ()
         )
-        presented = None if self.presented is None else np.array(self.presented)
+        fixed_pose = None if self.fixed_pose is None else np.array(self.fixed_pose)
         return centred_model(
-            self.name, shape.mesh, shape.parts, self.mass, presented=presented, rgba=self.rgba, notes=notes
+            self.name, shape.mesh, shape.parts, self.mass, fixed_pose=fixed_pose, rgba=self.rgba, notes=notes
         )
 
 
@@ -94,9 +94,9 @@ _SPECS = (
                {"diameter": 0.050, "height": 0.090, "cap_diameter": 0.052, "cap_height": 0.018}, 0.080,
                (0.9, 0.5, 0.2, 1.0)),
     ObjectSpec("sandwich_upright", "triangular prism on a leg", shapes.prism, _WEDGE, 0.180, _WEDGE_RGBA,
-               presented=(1.0, 0.0, 0.0, 0.0)),
+               fixed_pose=(1.0, 0.0, 0.0, 0.0)),
     ObjectSpec("sandwich_side", "triangular prism on its side", shapes.prism, _WEDGE, 0.180, _WEDGE_RGBA,
-               presented=(_SQUARE_ROOT_HALF, _SQUARE_ROOT_HALF, 0.0, 0.0)),
+               fixed_pose=(_SQUARE_ROOT_HALF, _SQUARE_ROOT_HALF, 0.0, 0.0)),
     ObjectSpec("massage_ball", "ball with rigid spikes", shapes.spiked_ball,
                {"diameter": 0.075, "spike": 0.007, "radius": 0.004, "count": 32}, 0.120,
                (0.45, 0.3, 0.7, 1.0)),

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from dexgrasp_env.cache import cache_dir, content_hash, write_atomically
+from dexgrasp_env.files import cache_dir, content_hash, write_atomically
 from dexgrasp_env.objects.model import reduced_hull
 from dexgrasp_env.objects.parts import MAX_VERTICES, ContactPart
 from dexgrasp_env.objects.repair import closed_gently, simplified

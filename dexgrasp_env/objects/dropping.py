@@ -6,9 +6,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.parts import support_height
-from dexgrasp_env.poses import Array, matrix_to_quat
+from dexgrasp_env.poses import matrix_to_quat
 
 if TYPE_CHECKING:
     import mujoco

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import trimesh
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.parts import MAX_VERTICES, ContactPart, hull_part
-from dexgrasp_env.poses import Array
 
 _SIDES = 40
 _TOLERANCE = 5e-4

@@ -9,15 +9,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dexgrasp_env.cache import content_hash
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.parts import ContactPart
-from dexgrasp_env.poses import Array
 
 if TYPE_CHECKING:
     import trimesh
-
-    from dexgrasp_env.objects.rest_poses import RestPose
 
 _HULL_VERTICES = 200
 
@@ -34,7 +32,7 @@ class ObjectModel:
         inertia: (3, 3) kg m^2 about the centre of mass, axes of the object frame. The mass is spread evenly
             over the volume of the mesh.
         friction: sliding coefficient of its surface.
-        presented: (4,) wxyz of the one pose it is presented in, or None: then any of `rest_poses`.
+        fixed_pose: (4,) wxyz of the one pose it is presented in, or None: then any of `rest_poses`.
         rgba: colour it is drawn in.
         notes: what was done to it or assumed of it, one sentence each.
     """
@@ -45,7 +43,7 @@ class ObjectModel:
     mass: float
     inertia: Array
     friction: float = 0.7
-    presented: Array | None = None
+    fixed_pose: Array | None = None
     rgba: tuple[float, float, float, float] = (0.75, 0.55, 0.3, 1.0)
     notes: tuple[str, ...] = ()
 
@@ -90,13 +88,6 @@ class ObjectModel:
         """Convex hull of the mesh with at most about 200 vertices, from inside."""
         return reduced_hull(np.asarray(self.mesh.vertices), _HULL_VERTICES)
 
-    @cached_property
-    def rest_poses(self) -> tuple[RestPose, ...]:
-        """The poses it comes to rest in when dropped, likeliest first."""
-        from dexgrasp_env.objects.rest_poses import rest_poses
-
-        return rest_poses(self)
-
     def scaled(self, factor: float) -> ObjectModel:
         """Return a copy `factor` times as large in every direction, of the same density."""
         if not (np.isfinite(factor) and factor > 0):
@@ -124,7 +115,7 @@ def centred_model(
     parts: Sequence[ContactPart],
     mass: float,
     *,
-    presented: Array | None = None,
+    fixed_pose: Array | None = None,
     rgba: tuple[float, float, float, float] = (0.75, 0.55, 0.3, 1.0),
     notes: tuple[str, ...] = (),
 ) -> ObjectModel:
@@ -135,7 +126,7 @@ def centred_model(
         mesh: watertight surface, metres.
         parts: convex parts in the frame of the mesh.
         mass: kilograms.
-        presented: (4,) wxyz of the pose it is presented in, or None.
+        fixed_pose: (4,) wxyz of the pose it is presented in, or None.
         rgba: colour.
         notes: what was done to it.
     """
@@ -145,7 +136,7 @@ def centred_model(
     inertia = np.array(centred.moment_inertia) * (mass / centred.volume)
     inertia = 0.5 * (inertia + inertia.T)
     moved = tuple(part.translated(-centre) for part in parts)
-    return ObjectModel(name, centred, moved, mass, inertia, presented=presented, rgba=rgba, notes=notes)
+    return ObjectModel(name, centred, moved, mass, inertia, fixed_pose=fixed_pose, rgba=rgba, notes=notes)
 
 
 def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:

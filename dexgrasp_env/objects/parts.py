@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
-from dexgrasp_env.poses import Array, quat_conjugate, rotate
+from dexgrasp_env.poses import quat_conjugate, rotate
 
 if TYPE_CHECKING:
     import trimesh

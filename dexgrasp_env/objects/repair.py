@@ -8,8 +8,8 @@ from __future__ import annotations
 import numpy as np
 import trimesh
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.shapes import from_manifold, union
-from dexgrasp_env.poses import Array
 
 MOST_FACES = 20_000
 _CRUMB = 0.01

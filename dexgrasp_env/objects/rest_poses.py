@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.cache import cache_dir, write_atomically
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import cache_dir, write_atomically
 from dexgrasp_env.objects.dropping import drop, stays
 from dexgrasp_env.objects.model import ObjectModel, fibonacci_directions
 from dexgrasp_env.objects.parts import support_height
-from dexgrasp_env.poses import Array
 
 DROPS = 240
 MERGE_ANGLE = np.deg2rad(16.0)
@@ -46,6 +47,7 @@ class RestPose:
         return np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
 
 
+@lru_cache(maxsize=64)
 def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     """Return the rest poses, likeliest first: shipped ones, cached ones, or dropped for now and cached."""
     for path in (_shipped(model.name), _cached(model)):

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from dexgrasp_env.cache import cache_dir, content_hash, write_atomically
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import cache_dir, content_hash, write_atomically
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair

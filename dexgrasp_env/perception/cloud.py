@@ -1,12 +1,13 @@
-"""Depth images to points in the robot base frame."""
+"""Depth images to points in the robot base frame, and fewer of them."""
 
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from dexgrasp_env.perception.cameras import Camera
-from dexgrasp_env.poses import Array
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.perception.camera import Camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,3 +110,54 @@ def remove_flying(depths: NDArray, tolerance: float = 0.015, neighbours: int = 3
                 if (dv, du) != (1, 1):
                     support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < tolerance
     return np.where(support >= neighbours, z, np.float32(np.inf))
+
+
+def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Cloud:
+    """Return the points with at least `least` others within `radius` metres (Open3D's radius filter)."""
+    if len(cloud) <= least:
+        return cloud.select(np.zeros(len(cloud), bool))
+    from dexgrasp_env.perception.kernels import count_neighbours
+
+    return cloud.select(count_neighbours(np.ascontiguousarray(cloud.points), radius) >= least)
+
+
+def largest_cluster(cloud: Cloud, link: float = 0.015) -> Cloud:
+    """Return the largest set of points linked by steps of at most `link` metres."""
+    if not len(cloud):
+        return cloud
+    from dexgrasp_env.perception.kernels import cluster
+
+    labels = cluster(np.ascontiguousarray(cloud.points), link)
+    return cloud.select(labels == np.bincount(labels).argmax())
+
+
+def downsample(points: Array, count: int, rng: Generator, pool: int = 3) -> NDArray[np.int64]:
+    """Return the indices of an even subset: farthest point sampling in a random pool of `pool * count`
+    points.
+
+    Args:
+        points: (M, 3) m.
+        count: how many are wanted.
+        rng: draws the pool and the first point.
+        pool: how many candidates to a chosen point, at most; bounds the cost.
+
+    Returns:
+        (min(M, count),) indices without repetition; all of them, in order, when there are no more than
+        wanted.
+    """
+    if len(points) <= count:
+        return np.arange(len(points))
+    candidates = np.arange(len(points))
+    if len(points) > pool * count:
+        candidates = np.sort(rng.choice(len(points), pool * count, replace=False))
+    from dexgrasp_env.perception.kernels import farthest_points
+
+    first = int(rng.integers(len(candidates)))
+    return candidates[farthest_points(np.ascontiguousarray(points[candidates]), count, first)]
+
+
+def pad(rows: NDArray, count: int) -> NDArray:
+    """Return `rows` (M, ...) as (count, ...), zeros after the last."""
+    padded = np.zeros((count, *rows.shape[1:]), rows.dtype)
+    padded[: len(rows)] = rows[:count]
+    return padded

@@ -4,7 +4,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from dexgrasp_env.arrays import Array
+
 Index = NDArray[np.int64]
 
 

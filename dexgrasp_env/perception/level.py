@@ -7,9 +7,9 @@ each camera follow from it; x, y and yaw cannot.
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
 from dexgrasp_env.perception.plane import Plane, refine_plane
-from dexgrasp_env.poses import Array
 
 
 def view_corrections(

@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.poses import Array
 
 
 def estimate_normals(

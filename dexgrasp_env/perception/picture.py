@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.poses import Array
+from dexgrasp_env.arrays import Array
 
 if TYPE_CHECKING:
     import trimesh

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.poses import Array
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.poses import Array
 
 if TYPE_CHECKING:
     import mujoco

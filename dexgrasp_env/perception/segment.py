@@ -8,12 +8,19 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.cameras import Camera
-from dexgrasp_env.perception.cloud import Cloud, crop, gather, remove_flying
-from dexgrasp_env.perception.downsample import downsample, pad
+from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.perception.cloud import (
+    Cloud,
+    crop,
+    downsample,
+    gather,
+    largest_cluster,
+    pad,
+    remove_flying,
+    remove_outliers,
+)
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
-from dexgrasp_env.perception.outliers import largest_cluster, remove_outliers
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,

@@ -5,7 +5,7 @@ Sources: the maker's tables of the Franka Emika Panda (FER) and of the Allegro H
 
 import numpy as np
 
-from dexgrasp_env.poses import Array
+from dexgrasp_env.arrays import Array
 
 
 def _table(*values: float) -> Array:

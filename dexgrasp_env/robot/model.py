@@ -5,7 +5,6 @@ import itertools
 import mujoco
 
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.robot.menagerie import check_visuals
 from dexgrasp_env.robot.mounts import Mount, find_mount
 
 FLANGE_OFFSET = 0.107
@@ -14,20 +13,18 @@ _ADAPTER_END = 0.122
 _PREFIX = "hand/"
 
 
-def robot_spec(mount: str = "palm_normal", visuals: str = "primitives") -> mujoco.MjSpec:
+def robot_spec(mount: str = "palm_normal") -> mujoco.MjSpec:
     """Build the Panda with the Allegro hand, base at the origin, names as in `names`.
 
     Args:
         mount: how the hand sits on the flange, a key of `mounts.MOUNTS`.
-        visuals: what is shown, a member of `menagerie.VISUALS`; only `primitives` can be shown so far.
 
     Returns:
         A specification that can be compiled as it is or attached to a scene.
 
     Raises:
-        InputError: if the mount or the visuals are not known, or the visuals cannot be shown.
+        InputError: if the mount is not known.
     """
-    check_visuals(visuals)
     placement = find_mount(mount)
     arm = mujoco.MjSpec.from_file(str(asset_path("robot", "panda.xml")))
     hand = mujoco.MjSpec.from_file(str(asset_path("robot", "allegro.xml")))

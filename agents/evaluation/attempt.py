@@ -1,0 +1,104 @@
+"""Planning for a named object as it lies in front of the cameras: what `dexgrasp plan` and `dexgrasp demo` do."""
+
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+from numpy.typing import NDArray
+
+import dexgrasp_env  # noqa: F401  (registers the environment)
+from agents.base import Agent
+from agents.evaluation.trial import public_info
+from agents.grasp.file import SCHEMA, grasp_json
+from agents.grasp.grasp import Grasp
+from agents.grasp.target import GraspTarget
+from agents.planning.settings import PlannerSettings
+from agents.registry import make_agent
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import pose_matrix
+
+
+@dataclass
+class Attempt:
+    """One planning attempt, with the environment it was made in.
+
+    Attributes:
+        name: of the object.
+        env: reset, not yet stepped.
+        agent: has planned.
+        observation: the first one.
+        T_world_object: (4, 4) true pose; for files and pictures, the agent has not seen it.
+    """
+
+    name: str
+    env: gym.Env[Any, Any]
+    agent: Agent
+    observation: dict[str, NDArray[Any]]
+    T_world_object: Array
+
+    @property
+    def grasp(self) -> Grasp | None:
+        """The certified grasp, or None."""
+        plan = getattr(self.agent, "plan", None)
+        return None if plan is None else plan.grasp
+
+    @property
+    def grasp_target(self) -> GraspTarget | None:
+        """What the agent took the object for."""
+        return getattr(self.agent, "grasp_target", None)
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the object that `dexgrasp plan --json` prints."""
+        report, grasp = self.agent.report, self.grasp
+        reason = report.failure
+        content: dict[str, Any] | None = None
+        if grasp is not None and self.grasp_target is not None and reason is None:
+            settings = getattr(self.agent, "settings", None) or PlannerSettings()
+            content = grasp_json(self.name, grasp, self.grasp_target, settings, self.T_world_object)
+        return {
+            "schema": SCHEMA,
+            "object": self.name,
+            "success": content is not None,
+            "reason": reason,
+            "planning_seconds": report.planning_seconds,
+            "stages": report.details.get("stages", {}),
+            "blocked": report.details.get("blocked", {}),
+            "grasp": content,
+            "certificate": None if content is None else content["certificate"],
+        }
+
+
+def plan_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_settings: Any) -> Attempt:
+    """Like `attempt_target`, for agents that make certified plans.
+
+    Raises:
+        InputError: for an unknown target or agent, or an agent that makes no certified plans.
+    """
+    if not hasattr(make_agent(agent_name), "plan"):
+        raise InputError(
+            f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
+        )
+    return attempt_target(target, agent_name, seed, **env_settings)
+
+
+def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_settings: Any) -> Attempt:
+    """Put an object on the table, look at it, and let an agent plan.
+
+    Args:
+        target: name of the catalogue or path of a mesh.
+        agent_name: see `registry`.
+        seed: of the scene and of the agent.
+        **env_settings: more arguments of `gym.make`, e.g. mesh_scale, mount, render_mode.
+
+    Raises:
+        InputError: for an unknown target or agent.
+    """
+    agent = make_agent(agent_name)
+    env = gym.make("DexGrasp/Lift-v0", objects=target, **(dict(agent.env_settings) | env_settings))
+    observation, info = env.reset(seed=seed)
+    simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
+    pose = pose_matrix(simulation.data.qpos[23:26].copy(), simulation.data.qpos[26:30].copy())
+    agent.seed(seed)
+    agent.reset(observation, public_info(env, info))
+    return Attempt(simulation.object.name, env, agent, observation, pose)

@@ -1,0 +1,73 @@
+"""Inverse kinematics from three fingertip positions, hand on arm, compiled (damped least squares).
+
+Clearances are left to the bilevel programme; here the tips go to their targets within the joint range, from several
+starting postures.
+"""
+
+import numpy as np
+from numba import njit
+
+from agents.kinematics.forward import forward, tip_jacobian, tip_positions
+from agents.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
+
+_DAMPING = 1e-4
+_POSTURE = 0.02  # share of the way back to the start in the null space, per step
+
+
+@njit(cache=True, error_model="numpy")
+def solve_tips(
+    q: Array, targets: Array, tree: RobotTree, iterations: int, tolerance: float, fingers_only: bool = False
+) -> float:
+    """Move `q` (23,), in place, so that the tip centres meet `targets`; return the largest miss, m.
+
+    Args:
+        q: (23,) rad, start and result; joints stay within their range, the ring finger stays.
+        targets: (3, 3) m, tip sphere centres of thumb, index, middle, robot base frame.
+        tree: the robot.
+        iterations: at most so many steps.
+        tolerance: m, of the largest miss.
+        fingers_only: keep the arm where it is.
+    """
+    nb = tree.parent.shape[0]
+    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    start = q.copy()
+    J, e = np.empty((9, 23)), np.empty(9)
+    miss = 1e9
+    for k in range(iterations + 1):
+        forward(q, tree, R, p)
+        tips = tip_positions(tree, R, p)
+        miss = 0.0
+        for i in range(3):
+            squared = 0.0
+            for r in range(3):
+                e[3 * i + r] = targets[i, r] - tips[i, r]
+                squared += e[3 * i + r] ** 2
+            miss = max(miss, np.sqrt(squared))
+        if miss < tolerance or k == iterations:
+            return miss
+        blocks = tip_jacobian(tree, R, p, tips)
+        for i in range(3):
+            for r in range(3):
+                J[3 * i + r] = blocks[i, r]
+        if fingers_only:
+            J[:, :7] = 0.0
+        _freeze_blocked(J, e, q, tree)
+        inverse = J.T @ np.linalg.inv(J @ J.T + _DAMPING * np.eye(9))
+        pull = _POSTURE * (start - q)
+        step = inverse @ e + pull - inverse @ (J @ pull)
+        largest = np.abs(step).max()
+        if largest > 0.3:
+            step *= 0.3 / largest
+        for j in range(23):
+            q[j] = min(max(q[j] + step[j], tree.lower[j]), tree.upper[j])
+    return miss
+
+
+@njit(cache=True, error_model="numpy")
+def _freeze_blocked(J: Array, e: Array, q: Array, tree: RobotTree) -> None:
+    """Take joints out that stand at a limit and are pushed further."""
+    push = J.T @ e
+    for j in range(23):
+        if (q[j] <= tree.lower[j] and push[j] < 0.0) or (q[j] >= tree.upper[j] and push[j] > 0.0):
+            J[:, j] = 0.0

@@ -1,0 +1,172 @@
+"""Learned proposals: latents drawn in one batch, decoded, put on the hull, and judged in one batch."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from agents.grasp.target import GraspTarget
+from agents.learning.batches import CROPPED, SCALE, centre_of
+from agents.physics.margin import margins
+from agents.planning.proposals import Proposals, ProposalSource
+from agents.planning.settings import PlannerSettings
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+
+if TYPE_CHECKING:
+    from agents.learning.network import Cvae
+
+LATENTS = 1024
+_LEAST_DISTANCE = 0.03  # m between contacts, as of the surface's triples
+_APART = 0.006  # m, mean distance of the fingertips of two proposals
+_NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
+
+
+class CvaeProposals(ProposalSource):
+    """Fingertips decoded from latents, each assigned to its finger."""
+
+    def __init__(self, weights: Path | None = None, latents: int = LATENTS, ranked: bool = True) -> None:
+        """Prepare; weights are read at the first use.
+
+        Args:
+            weights: of `dexgrasp train cvae`; the shipped ones by default.
+            latents: drawn for an object.
+            ranked: judge closure, drop proposals without it, best first; False leaves them as they are drawn.
+
+        Raises:
+            InputError: without torch, or without weights.
+        """
+        _need_torch()
+        self._path = weights or shipped_weights()
+        self._latents, self._ranked = latents, ranked
+
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return up to `settings.triples` proposals; the same for the same generator."""
+        tips = decode(_network(str(self._path)), target, self._latents, rng)
+        contacts, normals, usable = on_surface(tips, target, settings)
+        contacts, normals = contacts[usable], normals[usable]
+        if not len(contacts):
+            return Proposals.none(_NO_SURFACE)
+        if not self._ranked:
+            first = slice(settings.triples)
+            return Proposals(
+                contacts[first], normals[first], np.full(len(contacts[first]), np.nan), assigned=True
+            )
+        margin = margins(contacts, normals, settings.friction)[0]
+        closed = margin > 0.0
+        if not closed.any():
+            return Proposals.none(_NO_CLOSURE)
+        contacts, normals, margin = contacts[closed], normals[closed], margin[closed]
+        chosen = _varied(contacts, _score(contacts, normals, margin, target), settings.triples)
+        return Proposals(contacts[chosen], normals[chosen], margin[chosen], assigned=True)
+
+
+def decode(network: "Cvae", target: GraspTarget, count: int, rng: Generator) -> Array:
+    """Return fingertips (count, 3, 3) m, robot base frame, of latents from the prior."""
+    import torch
+
+    points, normals = hull_cloud(target, 2 * network.settings.points, rng)
+    centre = centre_of(points)
+    cloud = np.concatenate([SCALE * (points - centre), normals], axis=1).astype(np.float32)
+    latent = rng.standard_normal((count, network.settings.latent)).astype(np.float32)
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)  # a few milliseconds: waking other threads costs more
+    with torch.no_grad():
+        feature = network.cloud(torch.from_numpy(cloud)[None]).expand(count, -1)
+        grasps = network.decode(feature, torch.from_numpy(latent)).numpy().astype(float)
+    torch.set_num_threads(threads)
+    return grasps[:, :9].reshape(count, 3, 3) / SCALE + centre
+
+
+def hull_cloud(target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:
+    """Return about `count` points (N, 3) m of the hull above the table and their normals, even shares of the area.
+
+    Plain sampling will do where a maximum over points is all that is taken, and costs a tenth of blue noise.
+    """
+    triangles = target.distance.triangles
+    sides = triangles[:, 1:] - triangles[:, :1]
+    normal = np.cross(sides[:, 0], sides[:, 1])
+    doubled = np.linalg.norm(normal, axis=1)
+    share = np.cumsum(doubled) / doubled.sum()
+    face = np.minimum(np.searchsorted(share, (np.arange(count) + rng.random(count)) / count), len(share) - 1)
+    u = rng.random((count, 2))
+    u = np.where(u.sum(1, keepdims=True) > 1.0, 1.0 - u, u)
+    points = triangles[face, 0] + u[:, :1] * sides[face, 0] + u[:, 1:] * sides[face, 1]
+    seen = points[:, 2] > CROPPED
+    return points[seen], (normal / np.maximum(doubled, 1e-12)[:, None])[face[seen]]
+
+
+def on_surface(
+    tips: Array, target: GraspTarget, settings: PlannerSettings
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Put fingertips (K, 3, 3) on the hull.
+
+    Returns:
+        Contacts (K, 3, 3), normals (K, 3, 3) as a fingertip feels them (smooth over edges), and which are usable: above
+        the table and apart from each other.
+    """
+    reach = settings.tip_radius + 0.5 * sum(settings.distance)
+    flat = tips.reshape(-1, 3)
+    away, out = target.distance.distance_gradient(flat)
+    centres = flat + (reach - away)[:, None] * out
+    distance, normals = target.distance.distance_gradient(centres)
+    contacts = (centres - distance[:, None] * normals).reshape(tips.shape)
+    height = contacts[:, :, 2].min(1), centres.reshape(tips.shape)[:, :, 2].min(1)
+    usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
+    sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
+    return contacts, normals.reshape(tips.shape), usable & (sides.min(1) > _LEAST_DISTANCE)
+
+
+def _score(contacts: Array, normals: Array, margin: Array, target: GraspTarget) -> Array:
+    """Rank as the surface's triples are ranked: margin, nearness to the centre of mass, no upward normals."""
+    size = float(np.linalg.norm(np.ptp(target.hull.vertices, axis=0)))
+    offset = np.linalg.norm(contacts.mean(1) - target.centre, axis=1) / size
+    upward = np.maximum(normals[:, :, 2], 0.0).max(1)
+    return np.minimum(margin, 0.7) - 1.0 * offset - 0.8 * upward
+
+
+def _varied(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
+    """Take the best, leaving out what is nearly the same as one taken."""
+    near, chosen = np.zeros(len(contacts), bool), []
+    for k in np.argsort(-score, kind="stable"):
+        if near[k]:
+            continue
+        chosen.append(int(k))
+        if len(chosen) == count:
+            break
+        near |= np.linalg.norm(contacts - contacts[k], axis=-1).mean(1) < _APART
+    return np.array(chosen, dtype=np.int64)
+
+
+def shipped_weights() -> Path:
+    """Return the weights that come with the package.
+
+    Raises:
+        InputError: if they are not there.
+    """
+    try:
+        return asset_path("weights", "cvae.safetensors")
+    except FileNotFoundError:
+        raise InputError("the CVAE's weights are not there: train them with `dexgrasp train cvae`") from None
+
+
+def _need_torch() -> None:
+    try:
+        import torch  # noqa: F401
+        from safetensors import safe_open  # noqa: F401
+    except ImportError:
+        raise InputError(
+            "learned proposals need torch and safetensors: pip install 'dexgrasp[learn]'; "
+            "valid without are surface, uniform"
+        ) from None
+
+
+@lru_cache(maxsize=4)
+def _network(path: str) -> "Cvae":
+    from agents.learning.weights import read_weights
+
+    return read_weights(Path(path))[0]

@@ -1,0 +1,55 @@
+"""Set-points of the joint servos that open around a grasp, touch, and press."""
+
+import numpy as np
+
+from agents.grasp.grasp import GraspMotion
+from agents.grasp.target import GraspTarget
+from agents.kinematics.forward import body_frames, finger_jacobians, tip_positions
+from agents.kinematics.tip_ik import solve_tips
+from agents.kinematics.tree import RobotTree
+from agents.planning.settings import PlannerSettings
+from dexgrasp_env.arrays import Array
+
+HAND_STIFFNESS = 10.0  # Nm/rad, the hand's position servos
+_OPENING = (0.025, 0.035, 0.018, 0.012)  # m that the tips back off along the normals, first choice first
+
+
+def grasp_motion(
+    q: Array,
+    normals: Array,
+    forces: Array,
+    target: GraspTarget,
+    tree: RobotTree,
+    settings: PlannerSettings,
+    opening: float,
+) -> GraspMotion:
+    """Return the set-points of a grasp.
+
+    The squeeze is exact for position servos: at rest on the surface a servo whose set-point is J^T f / kp further in
+    presses with f.
+
+    Args:
+        q: (23,) rad, the grasp.
+        normals: (3, 3) out of the object.
+        forces: (3, 3) N on the object.
+        target: the object.
+        tree: the robot.
+        settings: of the planner.
+        opening: m that the tips back off before they close.
+    """
+    R, p = body_frames(q, tree)
+    tips = tip_positions(tree, R, p)
+    distance, _ = target.distance.distance_gradient(tips)
+    touching, pregrasp = q.copy(), q.copy()
+    to_surface = (settings.tip_radius - distance)[:, None] * normals
+    solve_tips(touching, tips + to_surface, tree, 30, 1e-5, True)
+    solve_tips(pregrasp, tips + to_surface + opening * normals, tree, 40, 1e-4, True)
+    torque = np.einsum("frj,fr->j", finger_jacobians(touching, tree), forces)
+    squeeze = touching.copy()
+    squeeze[7:] = np.clip(touching[7:] + torque / HAND_STIFFNESS, tree.lower[7:], tree.upper[7:])
+    return GraspMotion(pregrasp, touching, squeeze)
+
+
+def openings() -> tuple[float, ...]:
+    """Return the openings to try, m."""
+    return _OPENING

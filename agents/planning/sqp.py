@@ -1,0 +1,168 @@
+"""The bilevel programme, solved by sequential quadratic programming with a trust region.
+
+min |dq|^2 subject to the linearised constraints of `programme`, softened so that every subproblem has a solution; a
+step is kept if it lowers the sum of violations. The lower problem enters through its value and its gradient (envelope
+theorem). It ends with a feasible configuration, or with the constraint that blocks and by how much.
+"""
+
+from dataclasses import dataclass
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.grasp.target import GraspTarget
+from agents.kinematics.clearance import KINDS
+from agents.kinematics.tree import RobotTree
+from agents.planning.constraints import Bounds, Evaluation, evaluate
+from agents.planning.settings import PlannerSettings
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
+
+MOVED = np.r_[0:15, 19:23]  # the ring finger (15..18) stays
+_SOFT, _IMMUTABLE_BOUND = 8, 0
+_SOFTNESS = (
+    1e-7  # weight of |dq|^2 against violations: small enough that a feasible step is found where there is one
+)
+_TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
+TOLERANCE = 1e-6  # m: a constraint violated by less is met
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the optimiser ended.
+
+    Attributes:
+        q: (23,) rad.
+        evaluation: constraints there.
+        feasible: whether all hold.
+        blocking: the worst constraint, None if feasible.
+        violation: by how much, m (cosines and margins in their own unit).
+        iterations: steps taken.
+    """
+
+    q: Array
+    evaluation: Evaluation
+    feasible: bool
+    blocking: str | None
+    violation: float
+    iterations: int
+
+
+def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> Bounds:
+    """Return the thresholds, tightened by `slack` m so that rounding elsewhere cannot break them."""
+    low, high = settings.tip_radius + settings.distance[0], settings.tip_radius + settings.distance[1]
+    return Bounds(
+        low + slack,
+        high - slack,
+        margin,
+        settings.pad_cosine,
+        -0.25,
+        settings.clearance + slack,
+        settings.friction,
+    )
+
+
+def solve(
+    q: Array, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, *, with_margin: bool = True
+) -> Solution:
+    """Make a configuration feasible.
+
+    Args:
+        q: (23,) rad, start.
+        tree: the robot.
+        target: the object.
+        settings: thresholds and the budget of iterations.
+        with_margin: whether wrench closure is asked for.
+    """
+    solver = _Solver(tree, target, settings, with_margin)
+    return solver.run(np.array(q, dtype=float))
+
+
+class _Solver:
+    def __init__(
+        self, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, with_margin: bool
+    ) -> None:
+        self._tree, self._subject, self._settings, self._with_margin = tree, target, settings, with_margin
+        self._low = tree.lower[MOVED] + settings.joint_margin
+        self._high = tree.upper[MOVED] - settings.joint_margin
+        self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
+        self._modest = bounds_of(settings, settings.closure_margin + 0.02, slack=1e-4)
+        self._least = bounds_of(settings, settings.closure_margin)
+
+    def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
+        distance = self._subject.distance
+        return evaluate(q, self._tree, distance.triangles, distance.planes, bounds, self._with_margin)
+
+    def run(self, q: Array) -> Solution:
+        """Work towards the margin aimed at; where that is too much, towards the least one."""
+        q[MOVED] = np.clip(q[MOVED], self._low, self._high)
+        steps = 0
+        for goal in (self._goal, self._modest):
+            q, used = self._descend(q, goal, self._settings.iterations - steps)
+            steps += used
+            solution = self._solution(q, steps)
+            if solution.feasible or not self._with_margin:
+                break
+        return solution
+
+    def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, int]:
+        now, trust, steps = self.evaluate(q, goal), _TRUST, 0
+        merit = _merit(now.values)
+        while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
+            steps += 1
+            step = self._step(q, now, trust)
+            trial = q.copy()
+            trial[MOVED] = np.clip(q[MOVED] + step, self._low, self._high)
+            evaluation = self.evaluate(trial, goal)
+            reached = _merit(evaluation.values)
+            if reached < merit - 1e-9:
+                trust = min(2.0 * trust, _MOST_TRUST) if reached < 0.5 * merit else trust
+                q, now, merit = trial, evaluation, reached
+            else:
+                trust *= 0.4
+        return q, steps
+
+    def _step(self, q: Array, now: Evaluation, trust: float) -> Array:
+        A = np.ascontiguousarray(now.rows[:, MOVED])
+        lower = np.maximum(self._low - q[MOVED], -trust)
+        upper = np.minimum(self._high - q[MOVED], trust)
+        n, m = len(MOVED), len(now.values)
+        sense = np.zeros(n + m, dtype=np.int32)
+        sense[n:] = _SOFT
+        x, _, flag, _ = daqp.solve(
+            np.eye(n), np.zeros(n), A, np.concatenate([upper, np.full(m, 1e30)]),
+            np.concatenate([lower, -now.values]), sense, rho_soft=_SOFTNESS, iter_limit=500,
+        )  # fmt: skip
+        return x if flag > 0 else np.clip(x, lower, upper) * 0.5
+
+    def _solution(self, q: Array, steps: int) -> Solution:
+        """Judge by the least that is accepted, not by what was aimed at."""
+        final = self.evaluate(q, self._least)
+        worst = int(np.argmin(final.values))
+        violation = max(0.0, -float(final.values[worst]))
+        feasible = violation <= TOLERANCE
+        return Solution(
+            q, final, feasible, None if feasible else _name(final.labels[worst]), violation, steps
+        )
+
+
+def _merit(values: Array) -> float:
+    return float(-np.minimum(values, 0.0).sum())
+
+
+def _name(label: NDArray[np.int64]) -> str:
+    """Name a constraint in words that can be counted."""
+    kind, a, b = (int(v) for v in label)
+    if kind < 0:
+        row = -1 - kind
+        if row == 6:
+            return "closure_margin"
+        group = (
+            ("distance_min", "distance_max")[row // 3]
+            if row < 6
+            else ("fingertip_axis", "fingertip_pad")[(row - 7) // 3]
+        )
+        return f"{group}:{GRASP_FINGERS[row % 3 if row < 6 else (row - 7) % 3]}"
+    other = f":{BODIES[b]}" if b >= 0 else ""
+    return f"clearance_{KINDS[kind]}:{BODIES[a]}{other}"

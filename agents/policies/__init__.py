@@ -1,0 +1,1 @@
+"""Policies of the environment: random, hard-coded, the planner, its ablations, trained checkpoints."""

@@ -1,0 +1,160 @@
+"""Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel programme -> certified grasp -> actions."""
+
+import importlib.util
+import time
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.base import Agent, Observation, Report
+from agents.execution.guarded import GuardedExecution
+from agents.grasp.target import GraspTarget
+from agents.planning.planner import Plan, Planner, warm_up
+from agents.planning.proposals import ProposalSource, SurfaceProposals
+from agents.planning.settings import PlannerSettings
+from dexgrasp_env.errors import InputError, unknown_name
+
+NO_CLOUD, NO_HULL = "empty_cloud", "cloud_has_no_volume"
+SOURCES = ("auto", "surface", "cvae", "uniform")
+
+
+class BilevelAgent(Agent):
+    """Plans once from the cloud at reset and carries the grasp out; it is told nothing of the object's pose or mass."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {
+        "obs_mode": "pointcloud",
+        "control_mode": "joint_position",
+        "observe": "reset",
+    }
+
+    def __init__(
+        self, proposals: str = "auto", settings: PlannerSettings | None = None, mount: str = "palm_normal",
+        with_closure: bool = True, starts: str = "atlas",
+    ) -> None:  # fmt: skip
+        """Prepare the planner.
+
+        Args:
+            proposals: `surface` (all triples of surface points), `cvae` (learned; needs torch), `uniform`, or `auto`:
+                `cvae` where torch is installed, else `surface`.
+            settings: thresholds and budgets of the planner.
+            mount: of the hand.
+            with_closure: see `Planner`.
+            starts: see `Planner`.
+        """
+        self.settings = settings or PlannerSettings()
+        self._source = make_source(proposals)
+        self._with_closure, self._starts = with_closure, starts
+        self._planner = self._make(mount)
+        self._seed = 0
+        self.plan: Plan | None = None
+        self.grasp_target: GraspTarget | None = None
+        self._execution: GuardedExecution | None = None
+
+    def _make(self, mount: str) -> Planner:
+        warm_up(mount)
+        return Planner(
+            self.settings, self._source, mount, starts=self._starts, with_closure=self._with_closure
+        )
+
+    def seed(self, seed: int) -> None:
+        """Seed the proposals of the next episode."""
+        self._seed = int(seed)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Plan from the cloud of the first observation."""
+        if info.get("mount", self._planner.mount) != self._planner.mount:
+            self._planner = self._make(str(info["mount"]))
+        self._execution, self.plan, self.grasp_target = None, None, None
+        began = time.perf_counter()
+        if info.get("perception_failure"):
+            self.report = Report(failure=str(info["perception_failure"]), planning_seconds=0.0)
+            return
+        self.grasp_target, failure = target_from_cloud(observation)
+        if self.grasp_target is None:
+            self.report = Report(failure=failure, planning_seconds=time.perf_counter() - began)
+            return
+        hull_seconds = time.perf_counter() - began
+        start = np.asarray(observation["joint_targets"], dtype=float)
+        self.plan = self._planner.plan(self.grasp_target, self._seed, start)
+        grasp, script = self.plan.grasp, self.plan.script
+        if grasp is not None and script is not None:
+            self._execution = GuardedExecution(script, grasp.normals, grasp.forces, self._planner.tree)
+        self.report = Report(
+            failure=None if self._execution else f"no_grasp:{self.plan.reason}",
+            planning_seconds=time.perf_counter() - began,
+            details=_details(self.plan, hull_seconds),
+        )
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the next set-points."""
+        if self._execution is None:
+            raise InputError("this agent has no plan: reset() says why in report.failure")
+        return self._execution.action(observation["joint_positions"])
+
+
+def make_source(name: str) -> ProposalSource:
+    """Return a source of proposals by its name.
+
+    Raises:
+        InputError: for an unknown name, or for `cvae` where torch is not installed.
+    """
+    if name == "auto":
+        name = "cvae" if _installed("torch") and _installed("safetensors") else "surface"
+    if name == "surface":
+        return SurfaceProposals()
+    if name == "uniform":
+        from agents.planning.proposals import UniformProposals
+
+        return UniformProposals()
+    if name == "cvae":
+        from agents.learning.cvae_source import CvaeProposals
+
+        return CvaeProposals()
+    raise unknown_name("proposals", name, SOURCES)
+
+
+def _installed(package: str) -> bool:
+    try:
+        return importlib.util.find_spec(package) is not None
+    except ModuleNotFoundError:
+        return False
+
+
+def target_from_cloud(observation: Observation) -> tuple[GraspTarget | None, str | None]:
+    """Return the object of a point-cloud observation, or the reason why there is none."""
+    from dexgrasp_env.perception.hull import cloud_hull
+    from dexgrasp_env.perception.plane import Plane
+
+    points = np.asarray(observation["cloud"], dtype=float)[np.asarray(observation["cloud_mask"], dtype=bool)]
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 4:
+        return None, NO_CLOUD
+    table = np.asarray(observation["table_plane"], dtype=float)
+    plane = Plane(table[:3], float(table[3]), float(table[4]), 0) if np.linalg.norm(table[:3]) > 0.5 else None
+    hull = cloud_hull(points, plane)
+    if hull is None:
+        return None, NO_HULL
+    try:
+        return GraspTarget.of(hull), None
+    except InputError:
+        return None, NO_HULL
+
+
+def _details(plan: Plan, hull_seconds: float) -> dict[str, Any]:
+    details: dict[str, Any] = {
+        "stages": {"hull": hull_seconds} | plan.seconds,
+        # The columns of Table 6: where contacts come from, how a hand gets there, what makes it feasible.
+        "stage_seconds": {
+            "cvae": plan.seconds.get("proposals", 0.0),
+            "ik": plan.seconds.get("postures", 0.0),
+            "bilevel": plan.seconds.get("bilevel", 0.0) + plan.seconds.get("certificate", 0.0),
+        },
+        "stage_repeats": {"cvae": plan.rounds, "ik": plan.tried, "bilevel": plan.tried},
+        "postures_tried": plan.tried,
+        "blocked": {reason: count for reason, (count, _) in plan.blocked.items()},
+    }
+    if plan.grasp is not None:
+        details["certificate"] = plan.grasp.certificate.as_json()
+    return details

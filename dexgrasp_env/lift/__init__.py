@@ -1,1 +1,0 @@
-"""Lift-v0: pick the object up and hold it."""

@@ -1,0 +1,124 @@
+"""A calibrated depth camera as data: intrinsics and mounting.
+
+The camera frame is the optical frame of OpenCV: x right, y down, z forward along the optical axis. Pixel
+(u, v) has its centre at u, v; the image of a point (x, y, z) is u = fx x / z + cx, v = fy y / z + cy.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+
+
+@dataclass(frozen=True)
+class CameraIntrinsics:
+    """A pinhole camera without distortion: image size and focal lengths in pixels."""
+
+    width: int = 160
+    height: int = 120
+    fx: float = 172.0
+    fy: float = 172.0
+    cx: float = 79.5
+    cy: float = 59.5
+
+    def __post_init__(self) -> None:
+        if self.width < 8 or self.height < 8:
+            raise InputError(
+                f"camera image {self.width} x {self.height} is too small: valid are 8 x 8 pixels and more"
+            )
+        if not (self.fx > 0 and self.fy > 0):
+            raise InputError(f"focal lengths must be positive: got fx = {self.fx}, fy = {self.fy}")
+
+    @classmethod
+    def from_fovy(cls, fovy: float, width: int = 160, height: int = 120) -> "CameraIntrinsics":
+        """Return square pixels and a centred principal point for a vertical field of view in degrees."""
+        if not 1.0 <= fovy <= 170.0:
+            raise InputError(f"fovy {fovy} is out of range: valid are 1 to 170 degrees")
+        focal = 0.5 * height / np.tan(np.radians(0.5 * fovy))
+        return cls(width, height, focal, focal, 0.5 * (width - 1), 0.5 * (height - 1))
+
+    @property
+    def fovy(self) -> float:
+        """Vertical field of view, degrees."""
+        return float(np.degrees(2.0 * np.arctan(0.5 * self.height / self.fy)))
+
+    def directions(self) -> Array:
+        """Rays of the pixels in the optical frame, (H, W, 3), scaled to z = 1: a point is depth times ray."""
+        u, v = np.meshgrid(
+            (np.arange(self.width) - self.cx) / self.fx, (np.arange(self.height) - self.cy) / self.fy
+        )
+        return np.stack([u, v, np.ones_like(u)], axis=-1)
+
+
+@dataclass(frozen=True, eq=False)
+class Camera:
+    """A camera and its pose.
+
+    Attributes:
+        name: of the MJCF camera.
+        T_world_camera: (4, 4) pose of the optical frame in the robot base frame, metres.
+        intrinsics: the pinhole model.
+    """
+
+    name: str
+    T_world_camera: Array
+    intrinsics: CameraIntrinsics = field(default_factory=CameraIntrinsics)
+
+    def __post_init__(self) -> None:
+        T = np.asarray(self.T_world_camera, dtype=float)
+        if T.shape != (4, 4) or not np.isfinite(T).all():
+            raise InputError(
+                f"camera {self.name!r}: T_world_camera must be a finite 4 x 4 matrix, got shape {T.shape}"
+            )
+        if not np.allclose(T[:3, :3] @ T[:3, :3].T, np.eye(3), atol=1e-6) or np.linalg.det(T[:3, :3]) < 0:
+            raise InputError(
+                f"camera {self.name!r}: the rotation of T_world_camera must be orthonormal and right-handed"
+            )
+        object.__setattr__(self, "T_world_camera", T)
+
+    @classmethod
+    def look_at(
+        cls,
+        name: str,
+        position: Iterable[float],
+        target: Iterable[float],
+        intrinsics: CameraIntrinsics | None = None,
+    ) -> "Camera":
+        """Return a camera at `position` looking at `target`, rows level; both (3,) m, robot base frame."""
+        eye, forward = np.array(list(position), float), np.array(list(target), float)
+        forward = forward - eye
+        if np.linalg.norm(forward) < 1e-6:
+            raise InputError(f"camera {name!r}: position and target coincide")
+        forward /= np.linalg.norm(forward)
+        up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
+        right = np.cross(forward, up)
+        right /= np.linalg.norm(right)
+        T = np.eye(4)
+        T[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
+        T[:3, 3] = eye
+        return cls(name, T, intrinsics or CameraIntrinsics())
+
+    @property
+    def position(self) -> Array:
+        """Optical centre in the robot base frame, (3,) m."""
+        return self.T_world_camera[:3, 3]
+
+    @property
+    def rotation(self) -> Array:
+        """(3, 3) rotation of the optical frame in the robot base frame."""
+        return self.T_world_camera[:3, :3]
+
+    def moved(self, T_camera_believed: Array) -> "Camera":
+        """Return the camera with its pose multiplied on the right by a (4, 4) transform."""
+        return replace(self, T_world_camera=self.T_world_camera @ T_camera_believed)
+
+    def project(self, points: Array) -> tuple[Array, Array]:
+        """Return pixel coordinates (..., 2) and depths (...) of world points (..., 3)."""
+        local = (np.asarray(points) - self.position) @ self.rotation
+        depth = local[..., 2]
+        i = self.intrinsics
+        uv = np.stack([i.fx * local[..., 0] / depth + i.cx, i.fy * local[..., 1] / depth + i.cy], axis=-1)
+        return uv, depth

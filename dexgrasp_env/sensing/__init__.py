@@ -1,0 +1,1 @@
+"""Simulated depth cameras: their sensor model, and ray and GL backends."""

@@ -1,0 +1,93 @@
+"""Cameras, sensor and pipeline tied to one scene."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.robot import RobotShape
+from dexgrasp_env.perception.segment import SegmentationSettings, SegmentedCloud, segment
+from dexgrasp_env.sensing.backends import make_backend
+from dexgrasp_env.sensing.cameras import default_cameras
+from dexgrasp_env.sensing.groups import VISUAL_GROUPS
+from dexgrasp_env.sensing.sensor import SensorModel
+
+if TYPE_CHECKING:
+    import mujoco
+    import trimesh
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """What the cell sees.
+
+    Attributes:
+        depths: (cameras, H, W) m as measured, inf where nothing.
+        cameras: where the calibration believes the cameras to be.
+        cloud: the object, or the reason why there is none.
+    """
+
+    depths: NDArray[np.float32]
+    cameras: tuple[Camera, ...]
+    cloud: SegmentedCloud
+
+    def hull(self) -> "trimesh.Trimesh | None":
+        """Return the cloud's convex hull down to the table, robot base frame, or None without a cloud."""
+        return cloud_hull(self.cloud.valid_points, self.cloud.plane)
+
+
+class Perception:
+    """Four depth cameras (by default) that watch the table of one model."""
+
+    def __init__(
+        self,
+        model: "mujoco.MjModel",
+        *,
+        cameras: tuple[Camera, ...] | None = None,
+        sensor: SensorModel | None = None,
+        settings: SegmentationSettings | None = None,
+        backend: str = "auto",
+        groups: tuple[int, ...] = VISUAL_GROUPS,
+    ) -> None:
+        """Prepare the backend.
+
+        Args:
+            model: robot, table and object.
+            cameras: where they truly are; `default_cameras()`.
+            sensor: `SensorModel.realistic()`.
+            settings: of the pipeline.
+            backend: see `make_backend`.
+            groups: the geom groups that cameras see.
+        """
+        self.cameras = default_cameras() if cameras is None else tuple(cameras)
+        self.sensor = SensorModel.realistic() if sensor is None else sensor
+        self.settings = settings or SegmentationSettings()
+        self.backend = make_backend(backend, model, self.cameras, groups)
+        self.robot = RobotShape(model)
+        self.believed = self.cameras
+
+    def reset(self, rng: Generator) -> None:
+        """Calibrate the cameras anew; once an episode."""
+        self.believed = self.sensor.calibrate(self.cameras, rng)
+
+    def measure(self, data: "mujoco.MjData", rng: Generator) -> NDArray[np.float32]:
+        """Return the measured depth images, (cameras, H, W) m. `data` needs current kinematics."""
+        return self.sensor.measure(self.backend.render(data), self.cameras, rng)
+
+    def observe(self, data: "mujoco.MjData", rng: Generator) -> Observation:
+        """Measure and segment. `data` needs current kinematics."""
+        depths = self.measure(data, rng)
+        cloud = segment(depths, self.believed, rng, self.settings, self.robot, data)
+        return Observation(depths, self.believed, cloud)
+
+    def render_rgb(self, data: "mujoco.MjData") -> NDArray[np.uint8]:
+        """Return colour images, (cameras, H, W, 3); only with the backend "gl"."""
+        return self.backend.render_rgb(data)
+
+    def close(self) -> None:
+        """Free the backend."""
+        self.backend.close()

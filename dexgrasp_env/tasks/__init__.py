@@ -1,0 +1,1 @@
+"""The tasks: pick an object up and hold it."""

@@ -1,0 +1,107 @@
+"""Domain randomisation: mass, friction and size of the object, written into a compiled model."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.random import Generator
+
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.tasks.placement import check_range
+
+_MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One draw. `mass` and `size` are factors, `friction` is the sliding coefficient itself."""
+
+    mass: float = 1.0
+    friction: float = 0.7
+    size: float = 1.0
+
+
+@dataclass(frozen=True)
+class Randomisation:
+    """Ranges drawn from at every reset; None leaves a quantity as it is.
+
+    Attributes:
+        mass: range of the factor on the object's mass.
+        friction: range of the sliding friction coefficient of every contact.
+        size: range of the factor on the object's lengths (mass follows with its cube before `mass` applies).
+    """
+
+    mass: tuple[float, float] | None = None
+    friction: tuple[float, float] | None = None
+    size: tuple[float, float] | None = None
+
+    @classmethod
+    def of(cls, value: "Randomisation | Mapping[str, Any] | None") -> "Randomisation":
+        """Return a randomisation from a mapping of its attributes.
+
+        Raises:
+            InputError: for an unknown key or a range that is not positive.
+        """
+        if value is None or isinstance(value, Randomisation):
+            return value or cls()
+        names = [field.name for field in fields(cls)]
+        for key in value:
+            if key not in names:
+                raise unknown_name("randomisation", key, names)
+        ranges = {
+            key: check_range(f"randomisation {key}", value[key]) for key in value if value[key] is not None
+        }
+        for key, (low, _) in ranges.items():
+            if low <= 0.0:
+                raise InputError(f"randomisation {key} = {value[key]!r}: valid are positive numbers")
+        return cls(**ranges)
+
+    def sample(self, rng: Generator, friction: float) -> Variation:
+        """Draw a variation; `friction` is the coefficient where none is drawn."""
+        u = rng.random(3)
+
+        def draw(bounds: tuple[float, float] | None, u: float, default: float) -> float:
+            return default if bounds is None else bounds[0] + (bounds[1] - bounds[0]) * u
+
+        return Variation(
+            draw(self.mass, u[0], 1.0), draw(self.friction, u[1], friction), draw(self.size, u[2], 1.0)
+        )
+
+
+def apply_variation(model: mujoco.MjModel, base: mujoco.MjModel, variation: Variation) -> None:
+    """Write a variation of the compiled model `base` into `model`, a copy of it; nothing is compiled."""
+    _set_friction(model, variation.friction)
+    _set_size(model, base, variation.size)
+    body = model.body("object").id
+    factor = variation.mass * variation.size**3
+    model.body_mass[body] = base.body_mass[body] * factor
+    model.body_inertia[body] = base.body_inertia[body] * factor * variation.size**2
+    mujoco.mj_setConst(model, mujoco.MjData(model))
+
+
+def _set_friction(model: mujoco.MjModel, friction: float) -> None:
+    contact = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
+    model.geom_friction[contact, 0] = friction
+    model.pair_friction[:, :2] = friction
+
+
+def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:
+    """Scale geoms, meshes and bounding volumes of the object about its centre of mass."""
+    body = model.body("object").id
+    geoms = np.flatnonzero(model.geom_bodyid == body)
+    for field in ("geom_size", "geom_pos", "geom_rbound", "geom_aabb"):
+        getattr(model, field)[geoms] = getattr(base, field)[geoms] * size
+    boxes = _bvh_rows(model.body_bvhadr[body], model.body_bvhnum[body])
+    for mesh in {int(model.geom_dataid[g]) for g in geoms if model.geom_type[g] == _MESH}:
+        rows = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
+        model.mesh_vert[rows] = base.mesh_vert[rows] * size
+        model.mesh_pos[mesh] = base.mesh_pos[mesh] * size
+        boxes |= _bvh_rows(model.mesh_bvhadr[mesh], model.mesh_bvhnum[mesh])
+    indices = sorted(boxes)
+    model.bvh_aabb[indices] = base.bvh_aabb[indices] * size
+
+
+def _bvh_rows(address: int, number: int) -> set[int]:
+    return set(range(address, address + number)) if address >= 0 else set()

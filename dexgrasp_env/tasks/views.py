@@ -1,0 +1,178 @@
+"""What cameras add to observations, and pictures for people."""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import fields
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.sensing.backends import DepthBackend, make_backend
+from dexgrasp_env.sensing.cameras import default_cameras
+from dexgrasp_env.sensing.perception import Perception
+from dexgrasp_env.sensing.sensor import SensorModel
+from dexgrasp_env.tasks.randomisation import Variation
+from dexgrasp_env.tasks.simulation import Simulation
+
+
+class Views:
+    """Camera observations of the environment; builds nothing until a mode asks for it."""
+
+    def __init__(
+        self, obs_mode: str, observe: str, sensor: Mapping[str, Any] | str, render_size: tuple[int, int]
+    ) -> None:
+        self._obs_mode, self._at_every_step = obs_mode, observe == "step"
+        self._render_size = render_size
+        self._sensor = sensor_model(sensor)
+        self._perceptions: dict[int, tuple[Variation, Perception]] = {}
+        self._colour_key: tuple[int, float] | None = None
+        self._colour_backend: DepthBackend | None = None
+        self._held: dict[str, NDArray[Any]] = {}
+        self._held_info: dict[str, Any] = {}
+        self._renderer: mujoco.Renderer | None = None
+        self._viewer: Any = None
+        self._shown: tuple[int, float] | None = None
+        intrinsics = default_cameras()[0].intrinsics
+        self.image_shape = (len(default_cameras()), intrinsics.height, intrinsics.width)
+
+    def observe(
+        self, simulation: Simulation, rng: Generator, at_reset: bool
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return the camera part of an observation and of the info.
+
+        With `observe="reset"` the views of the reset are repeated for the whole episode.
+        """
+        if self._obs_mode == "state":
+            return {}, {}
+        if at_reset or self._at_every_step:
+            perception = self._perception(simulation)
+            if at_reset:
+                perception.reset(rng)
+            self._held, self._held_info = self._look(perception, simulation, rng)
+        # Copies: callers keep what they are given, and may write to it.
+        return {key: value.copy() for key, value in self._held.items()}, copy.deepcopy(self._held_info)
+
+    def _look(
+        self, perception: Perception, simulation: Simulation, rng: Generator
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": None}
+        if self._obs_mode == "pointcloud":
+            cloud = perception.observe(simulation.data, rng).cloud
+            info["perception_failure"] = cloud.reason
+            seen = cloud.plane
+            plane = np.zeros(5) if seen is None else np.array([*seen.normal, seen.offset, seen.rms])
+            return {
+                "cloud": cloud.points.astype(np.float32),
+                "cloud_normals": cloud.normals.astype(np.float32),
+                "cloud_mask": cloud.mask.astype(np.int8),
+                "table_plane": plane.astype(np.float32),
+            }, info
+        depth = perception.measure(simulation.data, rng)
+        views: dict[str, NDArray[Any]] = {
+            "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
+        }
+        if self._obs_mode == "rgbd":
+            views["rgb"] = self._colour(simulation).render_rgb(simulation.data)
+        return views, info
+
+    def _perception(self, simulation: Simulation) -> Perception:
+        """The cell of this simulation; made anew when a variation has changed the object's size."""
+        known = self._perceptions.get(id(simulation))
+        if known is None or known[0].size != simulation.variation.size:
+            known = (simulation.variation, Perception(simulation.model, sensor=self._sensor))
+            self._perceptions[id(simulation)] = known
+        return known[1]
+
+    def _colour(self, simulation: Simulation) -> DepthBackend:
+        """The GL backend of this simulation; one context at a time, which holds the meshes in their size."""
+        if self._colour_backend is None or self._colour_key != _shape_key(simulation):
+            if self._colour_backend is not None:
+                self._colour_backend.close()
+            self._colour_backend = make_backend("gl", simulation.model, default_cameras())
+            self._colour_key = _shape_key(simulation)
+        return self._colour_backend
+
+    def render(self, mode: str | None, simulation: Simulation) -> Any:
+        """Render the scene in a mode of `LiftEnv.metadata`."""
+        if mode is None:
+            raise InputError("render() needs a render_mode: pass render_mode='rgb_array' to gym.make")
+        if mode == "human":
+            return self._show(simulation)
+        from dexgrasp_env.rendering import make_renderer, render, show_camera
+
+        if self._renderer is None or self._shown != _shape_key(simulation):
+            self.close()
+            self._renderer = make_renderer(simulation.model, *self._render_size)
+            self._shown = _shape_key(simulation)
+        if mode == "depth_array":
+            self._renderer.enable_depth_rendering()
+        picture = render(self._renderer, simulation.data, show_camera())
+        self._renderer.disable_depth_rendering()
+        return picture
+
+    def _show(self, simulation: Simulation) -> None:
+        if self._viewer is None or self._shown != _shape_key(simulation):
+            self.close()
+            self._viewer, self._shown = (
+                _open_viewer(simulation.model, simulation.data),
+                _shape_key(simulation),
+            )
+        self._viewer.sync()
+
+    def close(self) -> None:
+        """Free the renderer and close the window."""
+        if self._renderer is not None:
+            self._renderer.close()
+        if self._viewer is not None:
+            self._viewer.close()
+        if self._colour_backend is not None:
+            self._colour_backend.close()
+        self._renderer = self._viewer = self._shown = self._colour_backend = self._colour_key = None
+
+
+def _shape_key(simulation: Simulation) -> tuple[int, float]:
+    """What a GL context depends on: meshes are uploaded when it is made, in the size of the episode."""
+    return id(simulation.model), simulation.variation.size
+
+
+def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
+    """Return what an agent needs to use depth images: poses as calibrated and pinhole parameters in pixels."""
+    lenses = [camera.intrinsics for camera in cameras]
+    return {
+        "perception_T_world_camera": np.stack([camera.T_world_camera for camera in cameras]),
+        "perception_intrinsics": np.array([[lens.fx, lens.fy, lens.cx, lens.cy] for lens in lenses]),
+    }
+
+
+def sensor_model(value: Mapping[str, Any] | str) -> SensorModel:
+    """Return the sensor model of a name or of a mapping of `SensorModel`'s settings.
+
+    Raises:
+        InputError: for an unknown name or setting, or a value out of range.
+    """
+    if isinstance(value, SensorModel):
+        return value
+    if isinstance(value, str):
+        if value not in ("realistic", "none"):
+            raise unknown_name("sensor", value, ["realistic", "none", "a mapping of SensorModel's settings"])
+        return SensorModel.realistic() if value == "realistic" else SensorModel.none()
+    names = [field.name for field in fields(SensorModel)]
+    for key in value:
+        if key not in names:
+            raise unknown_name("sensor setting", key, names)
+    return SensorModel(**value)
+
+
+def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
+    import os
+
+    if not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")):
+        raise InputError("render_mode 'human' needs a screen: none is here, use 'rgb_array'")
+    import mujoco.viewer
+
+    return mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
