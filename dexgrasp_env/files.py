@@ -1,23 +1,92 @@
 """Files: the user's cache, content hashes, atomic writes, values as JSON holds them."""
 
 import hashlib
+import io
 import math
 import os
-import tempfile
-from collections.abc import Mapping
+import secrets
+import sys
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, is_dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import platformdirs
 
+Arrays = dict[str, np.ndarray]
+Layout = Mapping[str, tuple[int | None, ...]]
+_DIGEST = 32  # bytes of a SHA-256
+
 
 def cache_dir() -> Path:
-    """Return the cache folder (`DEXGRASP_CACHE` overrides it), made if it is not there."""
-    path = Path(os.environ.get("DEXGRASP_CACHE") or platformdirs.user_cache_dir("dexgrasp"))
-    path.mkdir(parents=True, exist_ok=True)
-    return path
+    """Return the cache folder (`DEXGRASP_CACHE` overrides it); it is made when something is written to it."""
+    return Path(
+        os.path.expanduser(os.environ.get("DEXGRASP_CACHE") or platformdirs.user_cache_dir("dexgrasp"))
+    )
+
+
+def cached_arrays(name: str, layout: Layout, make: Callable[[], Arrays]) -> Arrays:
+    """Return the arrays of a cache file, made now where it is missing, damaged or of another layout.
+
+    Several processes may make the same file at once: each replaces it as a whole. A cache that cannot be
+    written is done without, with a note on standard error.
+
+    Args:
+        name: of the file in the cache, named after a hash of all that the arrays depend on.
+        layout: name of each array and its shape, None for any number; numbers must be finite.
+        make: called for the arrays that are not there.
+    """
+    path = cache_dir() / name
+    arrays = _read_cached(path)
+    if arrays is None or not _fits(arrays, layout):
+        arrays = make()
+        _write_cached(path, arrays)
+    return arrays
+
+
+def _read_cached(path: Path) -> Arrays | None:
+    """Return what a file of `_write_cached` holds; nothing is parsed unless every bit is as written."""
+    try:
+        content = path.read_bytes()
+    except OSError:
+        return None
+    payload, digest = content[:-_DIGEST], content[-_DIGEST:]
+    if hashlib.sha256(payload).digest() != digest:
+        return None
+    with np.load(io.BytesIO(payload), allow_pickle=False) as file:
+        return {name: file[name] for name in file.files}
+
+
+def _write_cached(path: Path, arrays: Arrays) -> None:
+    """Write an npz file with the hash of its bytes behind it."""
+    buffer = io.BytesIO()
+    np.savez(buffer, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+    payload = buffer.getvalue()
+    try:
+        write_atomically(path, payload + hashlib.sha256(payload).digest())
+    except OSError as error:
+        _note_unwritable(str(cache_dir()), error.strerror or str(error))
+
+
+def _fits(arrays: Arrays, layout: Layout) -> bool:
+    return arrays.keys() == layout.keys() and all(
+        array.ndim == len(layout[name])
+        and all(want in (None, side) for side, want in zip(array.shape, layout[name], strict=True))
+        and (array.dtype.kind not in "fc" or bool(np.isfinite(array).all()))
+        for name, array in arrays.items()
+    )
+
+
+@cache
+def _note_unwritable(folder: str, reason: str) -> None:
+    """Say once a process that nothing is kept."""
+    print(
+        f"note: the cache {folder!r} cannot be written ({reason}): going on without it, which takes longer; "
+        "DEXGRASP_CACHE names another folder",
+        file=sys.stderr,
+    )
 
 
 def content_hash(*parts: object) -> str:
@@ -33,15 +102,18 @@ def content_hash(*parts: object) -> str:
 
 
 def write_atomically(path: Path, data: bytes) -> None:
-    """Write a file so that a killed process leaves the old one or the new one, never half of it."""
+    """Write a file so that a killed process leaves the old one or the new one, never half of it.
+
+    Its mode is what the umask leaves of 0666, as of any new file.
+    """
     path.parent.mkdir(parents=True, exist_ok=True)
-    handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=path.name)
+    temporary = path.parent / f".{secrets.token_hex(8)}.tmp"
     try:
-        with os.fdopen(handle, "wb") as file:
+        with open(temporary, "xb") as file:
             file.write(data)
         os.replace(temporary, path)
     except BaseException:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
         raise
 
 

@@ -13,9 +13,9 @@ import numpy as np
 import pytest
 
 from agents.base import Agent, Report
-from agents.evaluation.report import paper
 from agents.evaluation.evaluate import evaluate, object_labels, plan_cells
 from agents.evaluation.protocol import agent_settings, get_protocol, trial_seeds
+from agents.evaluation.report import paper
 from agents.evaluation.report.build import write_report
 from agents.evaluation.report.tables import render_summary
 from agents.evaluation.settings import EvaluationSettings

@@ -1,7 +1,5 @@
 """Rest poses of shapes whose answer is known."""
 
-import json
-
 import mujoco
 import numpy as np
 import pytest
@@ -109,8 +107,8 @@ def test_poses_are_cached_and_a_damaged_cache_is_replaced(tmp_path):
     model = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")
     poses = rest_poses(model)
     (path,) = (tmp_path / "rest_poses").iterdir()
-    assert json.loads(path.read_text())["contact_hash"] == model.contact_hash
+    whole = path.read_bytes()
     path.write_text("{broken")
     again = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")
     assert rest_poses(again) == poses
-    assert json.loads(path.read_text())["schema"]
+    assert path.read_bytes() == whole

@@ -126,14 +126,14 @@ def check_machine() -> list[Finding]:
 def _check_cache() -> Finding:
     from dexgrasp_env.files import cache_dir, write_atomically
 
+    folder = cache_dir()
     try:
-        folder = cache_dir()
         write_atomically(folder / "doctor", b"")
         (folder / "doctor").unlink()
     except OSError as error:
-        where = error.filename or "the cache"
+        problem = f"the cache {str(folder)!r} cannot be written: {error.strerror}"
         return Finding(
-            "error", f"cannot write to {where}: {error.strerror}", "set DEXGRASP_CACHE to a writable folder"
+            "warning", problem, "set DEXGRASP_CACHE to a writable folder; all works without, slower"
         )
     return Finding("info", f"cache {folder} can be written")
 

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from agents.kinematics.forward import forward, tip_positions
 from agents.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.files import cache_dir, content_hash
+from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.robot.limits import HOME
 
 _VERSION = 4
@@ -48,15 +48,9 @@ def hand_atlas(seed: int = 0) -> HandAtlas:
     """Return the atlas, sampled with `seed` and kept in the cache."""
     tree = robot_tree()
     key = content_hash(_VERSION, _SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
-    path = cache_dir() / f"hand_atlas_{key}.npz"
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            joints = file["joints"]
-    except (OSError, ValueError, KeyError):
-        joints = _sample(tree, seed)
-        temporary = path.with_suffix(f".{np.random.SeedSequence().entropy}.npz")
-        np.savez(temporary, joints=joints)
-        temporary.replace(path)
+    joints = cached_arrays(
+        f"hand_atlas_{key}.npz", {"joints": (None, 16)}, lambda: {"joints": _sample(tree, seed)}
+    )["joints"]
     tips, axes, pads = _tip_frames(_whole(joints), tree)
     return HandAtlas(joints, tips, axes, pads, KDTree(triangle_sides(tips)))
 

@@ -5,18 +5,16 @@ Run as `python -m dexgrasp_env.objects.decompose IN.npz OUT.npz`.
 
 from __future__ import annotations
 
-import io
 import os
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import trimesh
 
-from dexgrasp_env.files import cache_dir, content_hash, write_atomically
+from dexgrasp_env.files import Arrays, cached_arrays, content_hash
 from dexgrasp_env.objects.model import reduced_hull
 from dexgrasp_env.objects.parts import MAX_VERTICES, ContactPart
 from dexgrasp_env.objects.repair import closed_gently, simplified
@@ -28,7 +26,8 @@ _VERTICES = 64
 _THRESHOLD = 0.05
 _FACES = 3000
 _TIMEOUT = 180.0
-_VERSION = 1
+_VERSION = 2
+_LAYOUT = {"points": (None, 3), "counts": (None,)}
 
 
 def convex_parts(
@@ -42,17 +41,18 @@ def convex_parts(
     hull = mesh.convex_hull
     if mesh.volume > CONVEX * hull.volume:
         return (_part(np.asarray(hull.vertices)),), ()
-    path = cache_dir() / "parts" / f"{_key(mesh)}.npz"
-    pieces = _read(path)
-    if not pieces:
-        data = _run(mesh, timeout)
-        if data is None:
-            return (_part(np.asarray(hull.vertices)),), (
-                "could not be split into convex parts: in contact its convex hull stands in",
-            )
-        write_atomically(path, data)
-        pieces = _read(path)
+    try:
+        found = cached_arrays(f"parts/{_key(mesh)}.npz", _LAYOUT, lambda: _run(mesh, timeout))
+    except _DecompositionError:
+        return (_part(np.asarray(hull.vertices)),), (
+            "could not be split into convex parts: in contact its convex hull stands in",
+        )
+    pieces = np.split(found["points"], np.cumsum(found["counts"])[:-1])
     return tuple(map(_part, pieces)), (f"split into {len(pieces)} convex parts",)
+
+
+class _DecompositionError(Exception):
+    """The other process failed."""
 
 
 def decompose(vertices: np.ndarray, faces: np.ndarray) -> list[np.ndarray]:
@@ -91,21 +91,8 @@ def _key(mesh: trimesh.Trimesh) -> str:
     )
 
 
-def _read(path: Path) -> list[np.ndarray]:
-    """Vertices of the parts in a file; none if it is missing or damaged."""
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return [data[f"part_{index}"] for index in range(len(data.files))]
-    except (OSError, ValueError, KeyError, EOFError):
-        return []
-    except Exception as error:  # a damaged archive raises zipfile and zlib errors
-        if type(error).__module__ in ("zipfile", "zlib"):
-            return []
-        raise
-
-
-def _run(mesh: trimesh.Trimesh, timeout: float) -> bytes | None:
-    """Decompose in another process; return its output file, or None if it failed."""
+def _run(mesh: trimesh.Trimesh, timeout: float) -> Arrays:
+    """Decompose in another process: points (n, 3) of all parts, and how many are whose."""
     with tempfile.TemporaryDirectory(prefix="dexgrasp") as folder:
         given, made = Path(folder, "in.npz"), Path(folder, "out.npz")
         coarse = _coarse(mesh)
@@ -116,19 +103,19 @@ def _run(mesh: trimesh.Trimesh, timeout: float) -> bytes | None:
         env = {**os.environ, "PYTHONPATH": paths, "OMP_NUM_THREADS": "1"}
         try:
             done = subprocess.run(command, env=env, capture_output=True, timeout=timeout, check=False)
-        except (subprocess.TimeoutExpired, OSError):
-            return None
-        return made.read_bytes() if done.returncode == 0 and made.is_file() else None
+        except (subprocess.TimeoutExpired, OSError) as error:
+            raise _DecompositionError from error
+        if done.returncode != 0 or not made.is_file():
+            raise _DecompositionError(done.stderr.decode(errors="replace"))
+        with np.load(made, allow_pickle=False) as data:
+            return {name: data[name] for name in data.files}
 
 
 def main(given: str, made: str) -> None:
     """Decompose the mesh of one file into another file."""
     with np.load(given, allow_pickle=False) as data:
         parts = decompose(data["vertices"], data["faces"])
-    buffer = io.BytesIO()
-    arrays: dict[str, Any] = {f"part_{index}": points for index, points in enumerate(parts)}
-    np.savez(buffer, **arrays)
-    write_atomically(Path(made), buffer.getvalue())
+    np.savez(made, points=np.concatenate(parts), counts=[len(points) for points in parts])
 
 
 if __name__ == "__main__":

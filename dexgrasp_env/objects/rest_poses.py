@@ -13,7 +13,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import cache_dir, write_atomically
+from dexgrasp_env.files import Arrays, cached_arrays, write_atomically
 from dexgrasp_env.objects.dropping import drop, stays
 from dexgrasp_env.objects.model import ObjectModel, fibonacci_directions
 from dexgrasp_env.objects.parts import support_height
@@ -50,13 +50,12 @@ class RestPose:
 @lru_cache(maxsize=64)
 def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     """Return the rest poses, likeliest first: shipped ones, cached ones, or dropped for now and cached."""
-    for path in (_shipped(model.name), _cached(model)):
-        poses = read_poses(path, model.contact_hash) if path else None
-        if poses:
-            return poses
-    poses = find_rest_poses(model)
-    write_poses(_cached(model), model, poses)
-    return poses
+    shipped = _shipped(model.name)
+    poses = read_poses(shipped, model.contact_hash) if shipped else None
+    if poses:
+        return poses
+    name = f"rest_poses/{model.contact_hash}-{_SCHEMA}.npz"
+    return _poses(cached_arrays(name, _LAYOUT, lambda: _arrays(find_rest_poses(model))))
 
 
 def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, ...]:
@@ -141,8 +140,17 @@ def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> No
     write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
 
 
-def _cached(model: ObjectModel) -> Path:
-    return cache_dir() / "rest_poses" / f"{model.contact_hash}.json"
+_LAYOUT = {"quat_wxyz": (None, 4), "height": (None,), "probability": (None,)}
+
+
+def _arrays(poses: Sequence[RestPose]) -> Arrays:
+    return {name: np.array([getattr(pose, name) for pose in poses]) for name in _LAYOUT}
+
+
+def _poses(arrays: Arrays) -> tuple[RestPose, ...]:
+    w, x, y, z = arrays["quat_wxyz"].T.tolist()
+    quats = zip(w, x, y, z, strict=True)
+    return tuple(map(RestPose, quats, arrays["height"].tolist(), arrays["probability"].tolist()))
 
 
 def _shipped(name: str) -> Path | None:

@@ -16,7 +16,7 @@ import numpy as np
 import trimesh
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import cache_dir, content_hash, write_atomically
+from dexgrasp_env.files import Arrays, cached_arrays, content_hash
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair
@@ -26,7 +26,7 @@ DENSITY = 400.0
 """kg/m^3 where no mass is given: everyday things, hollow or half full."""
 MASS_RANGE = (0.02, 1.0)
 _LARGEST, _SMALLEST, _HAND = 2.0, 0.005, 0.12
-_VERSION = 1
+_VERSION = 2
 
 
 @dataclass(frozen=True)
@@ -153,21 +153,21 @@ def _check_size(mesh: trimesh.Trimesh, name: str) -> None:
 def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     """Return the repaired surface and what was done, from the cache where it is known."""
     key = content_hash(np.asarray(raw.vertices), np.asarray(raw.faces, dtype=np.int64), _VERSION)
-    path = cache_dir() / "meshes" / f"{key}.npz"
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            return trimesh.Trimesh(data["vertices"], data["faces"], process=False), tuple(
-                map(str, data["notes"])
-            )
-    except Exception:
-        path.unlink(missing_ok=True)
-    mesh, notes = repair(raw)
-    if not mesh.volume > 1e-4 * mesh.convex_hull.volume:
-        raise InputError(f"mesh {name!r} encloses no volume: close its surface or give it a thickness")
-    buffer = io.BytesIO()
-    np.savez(buffer, vertices=mesh.vertices, faces=mesh.faces, notes=np.array(notes, dtype=str))
-    write_atomically(path, buffer.getvalue())
-    return mesh, notes
+
+    def make() -> Arrays:
+        mesh, notes = repair(raw)
+        if not mesh.volume > 1e-4 * mesh.convex_hull.volume:
+            raise InputError(f"mesh {name!r} encloses no volume: close its surface or give it a thickness")
+        return {
+            "vertices": np.asarray(mesh.vertices),
+            "faces": np.asarray(mesh.faces),
+            "notes": np.array(notes, str),
+        }
+
+    layout = {"vertices": (None, 3), "faces": (None, 3), "notes": (None,)}
+    found = cached_arrays(f"meshes/{key}.npz", layout, make)
+    mesh = trimesh.Trimesh(found["vertices"], found["faces"], process=False)
+    return mesh, tuple(found["notes"].tolist())
 
 
 def _size_notes(mesh: trimesh.Trimesh) -> tuple[str, ...]:

@@ -1,0 +1,133 @@
+"""The cache, hashes and atomic writes under damage, races and full disks."""
+
+import os
+import stat
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dexgrasp_env import files
+from dexgrasp_env.files import cached_arrays, write_atomically
+
+LAYOUT = {"points": (None, 3), "names": (None,)}
+
+
+def made() -> files.Arrays:
+    return {"points": np.arange(12.0).reshape(4, 3), "names": np.array(["a", "bc"])}
+
+
+def refuse() -> files.Arrays:
+    raise AssertionError("made again")
+
+
+@pytest.fixture
+def cache(tmp_path, monkeypatch) -> Path:
+    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "cache"))
+    files._note_unwritable.cache_clear()
+    return tmp_path / "cache"
+
+
+def assert_same(arrays: files.Arrays) -> None:
+    assert arrays.keys() == made().keys()
+    for name, array in made().items():
+        np.testing.assert_array_equal(arrays[name], array)
+
+
+def test_what_was_made_is_read_back(cache):
+    assert_same(cached_arrays("a/b.npz", LAYOUT, made))
+    assert_same(cached_arrays("a/b.npz", LAYOUT, refuse))
+    assert [path.name for path in (cache / "a").iterdir()] == ["b.npz"]
+
+
+def test_every_damage_is_noticed_and_replaced(cache):
+    cached_arrays("b.npz", LAYOUT, made)
+    whole = (cache / "b.npz").read_bytes()
+    rng = np.random.default_rng(0)
+    damages = [b"", whole[:-1], whole[: len(whole) // 2], whole + b"x", b"\0" * len(whole)]
+    for place in rng.integers(0, len(whole), 40):
+        flipped = bytearray(whole)
+        flipped[place] ^= 1 << int(rng.integers(8))
+        damages.append(bytes(flipped))
+    for damage in damages:
+        (cache / "b.npz").write_bytes(damage)
+        assert_same(cached_arrays("b.npz", LAYOUT, made))
+        assert (cache / "b.npz").read_bytes() == whole
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"points": np.zeros((4, 2)), "names": np.array(["a"])},
+        {"points": np.zeros(3), "names": np.array(["a"])},
+        {"points": np.full((1, 3), np.nan), "names": np.array(["a"])},
+        {"points": np.zeros((1, 3))},
+    ],
+)
+def test_whole_files_of_wrong_content_are_replaced(cache, wrong):
+    cached_arrays("b.npz", {name: array.shape for name, array in wrong.items()}, lambda: wrong)
+    assert_same(cached_arrays("b.npz", LAYOUT, made))
+    assert_same(cached_arrays("b.npz", LAYOUT, refuse))
+
+
+def test_objects_are_never_pickled(cache):
+    with pytest.raises(ValueError, match="allow_pickle"):
+        cached_arrays("b.npz", {"a": (None,)}, lambda: {"a": np.array([{}], dtype=object)})
+    assert not list(cache.rglob("*"))
+
+
+@pytest.mark.parametrize("obstacle", ["file in the way", "full disk"])
+def test_a_cache_that_cannot_be_written_is_done_without(cache, obstacle, monkeypatch, capsys):
+    if obstacle == "file in the way":
+        cache.write_text("")
+    else:
+        monkeypatch.setattr(files, "write_atomically", _full)
+    for name in ("a.npz", "b.npz"):
+        assert_same(cached_arrays(name, LAYOUT, made))
+    said = capsys.readouterr()
+    assert said.out == ""
+    assert said.err.count("cannot be written") == 1
+    assert "DEXGRASP_CACHE" in said.err
+
+
+def _full(path: Path, data: bytes) -> None:
+    raise OSError(28, "No space left on device")
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_litter(tmp_path, monkeypatch):
+    write_atomically(tmp_path / "a", b"old")
+    monkeypatch.setattr(os, "replace", lambda *_: _full(tmp_path, b""))
+    with pytest.raises(OSError, match="No space"):
+        write_atomically(tmp_path / "a", b"new")
+    assert [path.read_bytes() for path in tmp_path.iterdir()] == [b"old"]
+
+
+@pytest.mark.parametrize(("mask", "mode"), [(0o022, 0o644), (0o027, 0o640), (0o077, 0o600)])
+def test_files_have_the_mode_of_the_umask(tmp_path, mask, mode):
+    before = os.umask(mask)
+    try:
+        write_atomically(tmp_path / "deep" / "a", b"x")
+    finally:
+        os.umask(before)
+    assert stat.S_IMODE((tmp_path / "deep" / "a").stat().st_mode) == mode
+
+
+def test_the_longest_name_a_file_may_have_can_be_written(tmp_path):
+    write_atomically(tmp_path / ("a" * 255), b"x")
+    assert (tmp_path / ("a" * 255)).read_bytes() == b"x"
+
+
+def test_processes_that_race_for_a_first_file_all_get_it(cache):
+    code = (
+        "import numpy as np; from dexgrasp_env.files import cached_arrays\n"
+        "for k in range(200):\n"
+        "    a = cached_arrays(f'{k}.npz', {'a': (None,)}, lambda: {'a': np.full(1000, k)})['a']\n"
+        "    assert len(a) == 1000 and (a == k).all()\n"
+    )
+    racers = [subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE) for _ in range(2)]
+    for racer in racers:
+        assert racer.communicate()[1] == b""
+        assert racer.returncode == 0
+    assert len(list(cache.iterdir())) == 200
