@@ -34,15 +34,9 @@ def test_sweep_is_the_decision_of_every_triple():
     swept = closure_sweep(points, normals, 0.5, length_scale=scale)
     assert swept.dtype == np.int32
     np.testing.assert_array_equal(swept, triples[decided & apart])
-    np.testing.assert_array_equal(
-        swept, closure_sweep(points, normals, 0.5, length_scale=scale, parallel=True)
-    )
     count = closure_count(points, normals, 0.5, length_scale=scale)
     assert count.feasible == len(swept)
     assert count.triples == len(triples)
-    np.testing.assert_array_equal(
-        decided, closure_decide(points[triples], normals[triples], 0.5, scale, parallel=True)
-    )
 
 
 def test_order_and_frame_do_not_matter_away_from_the_edge():

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
+from oracles import cone_distance
 
-from agents.physics.cones import cone_distance
 from agents.physics.forces import holding_forces
 from agents.physics.wrench import grasp_map
 from dexgrasp_env.errors import InputError

@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
+from oracles import pyramid_violation
 
 from agents.physics.active_set import SOLVED, solve_qp
 from agents.physics.closure import closure_decide
-from agents.physics.cones import pyramid_violation
 from agents.physics.conic import _bracket, _cutting_planes, conic_residual
-from agents.physics.wrench import grasp_map, residual_gradient, solve_wrench_qp
+from agents.physics.wrench import grasp_map, solve_wrench_qp
 from dexgrasp_env.errors import InputError
 
 
@@ -64,24 +64,6 @@ def test_unknown_solver_and_bad_contacts():
         solve_wrench_qp(np.zeros((0, 3)), np.zeros((0, 3)), 0.5)
     with pytest.raises(InputError, match="normals"):
         solve_wrench_qp(np.eye(3), np.eye(3)[:2], 0.5)
-
-
-@pytest.mark.parametrize("contacts", [2, 3, 4])
-def test_residual_gradient_against_finite_differences(contacts):
-    rng = np.random.default_rng(contacts)
-    setting, h = {"center": np.zeros(3), "length_scale": 0.05}, 1e-6
-    for _ in range(30):
-        p, n = 0.05 * rng.normal(size=(contacts, 3)), rng.normal(size=(contacts, 3))
-        n /= np.linalg.norm(n, axis=1, keepdims=True)
-        _, dp, dn = residual_gradient(p, n, 0.5, **setting)
-        move, turn = 0.05 * rng.normal(size=p.shape), np.cross(rng.normal(size=p.shape), n)
-        ends = []
-        for s in (h, -h):
-            m = n + s * turn
-            m /= np.linalg.norm(m, axis=1, keepdims=True)
-            ends.append(residual_gradient(p + s * move, m, 0.5, **setting)[0])
-        numeric = (ends[0] - ends[1]) / (2 * h)
-        assert abs(numeric - (dp * move).sum() - (dn * turn).sum()) < 1e-5 * (1 + abs(numeric))
 
 
 def test_conic_residual_is_bracketed_and_both_methods_agree():

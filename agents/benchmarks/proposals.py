@@ -12,6 +12,7 @@ import numpy as np
 from agents.evaluation.statistics import wilson_interval
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
+from agents.physics.metrics import ferrari_canny
 from agents.planning.planner import Plan, Planner
 from agents.planning.postures import atlas_postures
 from agents.planning.proposals import Proposals, ProposalSource
@@ -44,9 +45,9 @@ def run(quick: bool = False) -> dict[str, Any]:
 
     Returns:
         By set and source: `trials`, `verified` with its interval, medians of `tried` and `seconds` with bootstrap
-        intervals, `margin`, `each_feasible` (single proposals that become feasible), and over the verified grasps
-        of one scene the mean distance of contact centroids (`spread_cm`) and the mean angle between palms
-        (`palm_degrees`).
+        intervals, of the closure `margin` and of Ferrari and Canny's `epsilon` [N], `each_feasible` (single
+        proposals that become feasible), and over the verified grasps of one scene the mean distance of contact
+        centroids (`spread_cm`) and the mean angle between palms (`palm_degrees`).
     """
     scenes, seeds = _QUICK if quick else _FULL
     first = replace(
@@ -150,10 +151,15 @@ def _figures(attempts: list[Attempt]) -> dict[str, Any]:
         "trials": len(attempts), "verified": len(good) / len(attempts), "verified_low": low, "verified_high": high,
         **_median("tried", [a.tried for a in good]), **_median("seconds", [a.seconds for a in good]),
         **_median("margin", [a.grasp.certificate.closure_margin for a in good if a.grasp]),
+        **_median("epsilon", [_epsilon(a.grasp) for a in good if a.grasp]),
         "mean_tried": float(np.mean([a.tried for a in attempts])),
         "proposal_seconds": float(np.median([a.proposal_seconds for a in attempts])),
         "spread_cm": spread, "palm_degrees": angle,
     }  # fmt: skip
+
+
+def _epsilon(grasp: Grasp) -> float:
+    return ferrari_canny(grasp.contacts, grasp.normals, PlannerSettings().friction)
 
 
 def _median(name: str, values: list[float]) -> dict[str, float | None]:

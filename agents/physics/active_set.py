@@ -173,13 +173,3 @@ def solve_qp(H: Array, g: Array, A: Array, b: Array, x: Array, multipliers: Arra
             _drop(J, R, active, u, q, out)
             q -= 1
     return LIMIT
-
-
-@njit(cache=True)
-def solve_qp_batch(H: Array, g: Array, A: Array, b: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-    """Solve K programmes: x (K, n), multipliers (K, m), status of H (K, n, n), g (K, n), A (K, m, n), b."""
-    K, m, n = A.shape
-    x, multipliers, status = np.zeros((K, n)), np.zeros((K, m)), np.zeros(K, np.int64)
-    for k in range(K):
-        status[k] = solve_qp(H[k], g[k], A[k], b[k], x[k], multipliers[k])
-    return x, multipliers, status

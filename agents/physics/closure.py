@@ -18,7 +18,7 @@ forces with a small residual, or a wrench that separates.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit, prange
+from numba import njit
 from numpy.typing import NDArray
 
 from agents.physics.active_set import SOLVED, solve_qp
@@ -175,14 +175,6 @@ def _decide_range(points: Array, normals: Array, mu: float, scale: Array, out: N
         out[k] = _decide_one(corners, frames, tables, mu, scale[k])
 
 
-@njit(cache=True, parallel=True)
-def _decide_parallel(points: Array, normals: Array, mu: float, scale: Array, out: NDArray[np.uint8]) -> None:
-    chunks = (points.shape[0] + 1023) // 1024
-    for c in prange(chunks):
-        part = slice(1024 * c, 1024 * c + 1024)
-        _decide_range(points[part], normals[part], mu, scale[part], out[part])
-
-
 @njit(cache=True)
 def _sweep_row(
     i: int,
@@ -249,21 +241,6 @@ def _sweep(
         _sweep_row(i, points, frames, tables, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
 
 
-@njit(cache=True, parallel=True)
-def _sweep_parallel(
-    points: Array,
-    frames: Array,
-    tables: tuple[Array, Array, Array],
-    mu: float,
-    scale: float,
-    near: float,
-    out: NDArray[np.uint8],
-) -> None:
-    n = points.shape[0]
-    for i in prange(n - 2):
-        _sweep_row(i, points, frames, tables, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
-
-
 @njit(cache=True)
 def _collect(out: NDArray[np.uint8], n: int, count: int) -> Triples:
     triples = np.empty((count, 3), np.int32)
@@ -292,7 +269,6 @@ def _scan(
     mu: float,
     min_distance: float,
     length_scale: float | None,
-    parallel: bool,
 ) -> tuple[int, NDArray[np.uint8]]:
     points, normals = check_contacts(points, normals)
     if len(points) > 2048:
@@ -308,8 +284,7 @@ def _scan(
     frames_into(normals, frames)
     tables = (np.zeros((n, n, 3)), np.zeros((n, n, 3)), np.zeros((n, n)))
     chord_tables(points, frames, *tables)
-    sweep = _sweep_parallel if parallel else _sweep
-    sweep(points, frames, tables, check_positive("mu", mu), scale, min_distance**2, out)
+    _sweep(points, frames, tables, check_positive("mu", mu), scale, min_distance**2, out)
     return n, out
 
 
@@ -319,7 +294,6 @@ def closure_sweep(
     mu: float,
     min_distance: float = 0.03,
     length_scale: float | None = None,
-    parallel: bool = False,
 ) -> Triples:
     """Return every feasible triple of contact points (the module's text says what feasible means).
 
@@ -329,12 +303,11 @@ def closure_sweep(
         mu: friction coefficient of Eq. 2's pyramid.
         min_distance: triples with two points nearer than this [m] are left out.
         length_scale: divides torques [m]; None is the rms radius of all points about their centroid.
-        parallel: use all cores; the answer is the same.
 
     Returns:
         (M, 3) int32 indices, i < j < k, in lexicographic order.
     """
-    n, out = _scan(points, normals, mu, min_distance, length_scale, parallel)
+    n, out = _scan(points, normals, mu, min_distance, length_scale)
     return _collect(out, n, int((out & 1).sum()))
 
 
@@ -344,10 +317,9 @@ def closure_count(
     mu: float,
     min_distance: float = 0.03,
     length_scale: float | None = None,
-    parallel: bool = False,
 ) -> SweepCount:
     """Count what `closure_sweep` would return, without listing it."""
-    _, out = _scan(points, normals, mu, min_distance, length_scale, parallel)
+    _, out = _scan(points, normals, mu, min_distance, length_scale)
     return SweepCount(len(out), int((out & 1).sum()), int((out >> 1).sum()))
 
 
@@ -356,7 +328,6 @@ def closure_decide(
     normals: Numbers,
     mu: float,
     length_scale: float | Array | None = None,
-    parallel: bool = False,
 ) -> NDArray[np.bool_]:
     """Decide K triples.
 
@@ -365,7 +336,6 @@ def closure_decide(
         normals: (K, 3, 3) unit, out of the object.
         mu: friction coefficient of Eq. 2's pyramid.
         length_scale: divides torques [m], one or (K,); None is each triple's rms radius about its centroid.
-        parallel: use all cores; the answer is the same.
 
     Returns:
         (K,) booleans: True where Eq. 4's least value is below TOLERANCE.
@@ -381,7 +351,7 @@ def closure_decide(
         if not (np.isfinite(scale).all() and (scale > 0).all()):
             raise InputError("length_scale must be finite and above 0")
     out = np.zeros(len(points), np.uint8)
-    (_decide_parallel if parallel else _decide_range)(points, normals, check_positive("mu", mu), scale, out)
+    _decide_range(points, normals, check_positive("mu", mu), scale, out)
     return (out & 1).astype(bool)
 
 

@@ -1,30 +1,21 @@
-"""How far a grasp is from losing closure: the min-weight metric, with gradients.
+"""How far a grasp is from losing force closure, with gradients.
 
-**Min-weight** (Shaw Cortez; FRoGGeR, 2023). With contact i's cone replaced by its edges e_ij (pressing
-force 1 each) and their wrenches w_ij, let l be the largest number such that weights alpha_ij >= l with sum
-alpha = 1 and sum alpha_ij w_ij = 0 exist. The value is (number of edges) x l: at most 1, positive inside
-closure, negative outside, so it has a slope on both sides of the edge. It depends neither on the length
-scale of torques nor on their reference point (both are invertible maps of the wrenches); the arguments are
-there for conditioning or for symmetry.
+The **margin** is the min-weight metric (Shaw Cortez; FRoGGeR, 2023) taken to the exact cone (Eq. 1). Forces
+in equilibrium at three contacts are the internal forces of their triangle (see `closure`); with N_i the
+pressing and f_t,i the tangential part of each,
 
-For three contacts and four inscribed edges (+-mu t1, +-mu t2) the LP shrinks to three variables. The
-largest least weight of a force with pressing part N and tangential parts u, v is (N - (|u| + |v|) / mu) /
-4, and forces in equilibrium are the internal forces of the triangle (see `closure`), so
+    margin = 3 max over internal forces, with sum N_i = 1, of min_i [N_i - |f_t,i| / mu].
 
-    value = 3 max over internal forces, with sum N_i = 1, of min_i [N_i - (|u_i| + |v_i|) / mu].
+It is at most 1, positive inside closure and negative outside, so it has a slope on both sides of the edge,
+and it depends neither on a length scale of torques, nor on their reference point, nor on a tangent basis.
+Inscribed pyramids, with |u| + |v| for |f_t|, would give min-weight itself, which is never above it.
 
-With |f_t| instead of |u| + |v| this is the same margin for the **exact cone**, `cone_margin`: it needs no
-tangent basis, and is what a planner should use. min_weight <= cone_margin; the median ratio of random
-closed grasps is 0.67.
-
-Both have a plateau: where two contacts alone can hold each other and the third only breaks the balance, the
+It has a plateau: where two contacts alone can hold each other and the third only breaks the balance, the
 best is to press with the third not at all, and the value is 0 with a zero gradient (3 to 5 % of random
-grasps). Eq. 4's residual (`wrench.residual_gradient`) has a slope there.
+grasps). Eq. 4's residual has a slope there.
 
-Gradients come from the envelope theorem: the partial derivative of the Lagrangian at the optimum. The
-inscribed pyramid turns with the tangent basis of `cones`, which is a smooth function of the normal, and its
-derivative is part of the gradient. Gradients by normals are tangent to the sphere (the normal stays a unit
-vector).
+Gradients come from the envelope theorem: the partial derivative of the Lagrangian at the optimum. Those by
+normals are tangent to the sphere (the normal stays a unit vector).
 """
 
 import numpy as np
@@ -35,11 +26,10 @@ from agents.physics.checks import (
     Array,
     Numbers,
     check_array,
-    check_contacts,
     check_positive,
     check_unit,
 )
-from agents.physics.cones import basis_of, basis_pullback
+from agents.physics.cones import basis_of
 
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
@@ -170,10 +160,8 @@ def _start(s: Array, d: Array, m: int, B: NDArray[np.int64]) -> None:
 
 
 @njit(cache=True)
-def _margin(
-    points: Array, normals: Array, mu: float, exact: bool, dp: Array, dn: Array, forces: Array
-) -> float:
-    """The value of `min_weight` or `cone_margin`; writes gradients and the optimal forces, all (3, 3)."""
+def _margin(points: Array, normals: Array, mu: float, dp: Array, dn: Array, forces: Array) -> float:
+    """The value of `cone_margin`; writes gradients and the optimal forces, all (3, 3)."""
     dp[:] = 0.0
     dn[:] = 0.0
     forces[:] = 0.0
@@ -201,11 +189,8 @@ def _margin(
     m = 0
     for i in range(3):
         for face in range(4):
-            # unit directions for the exact cone, the diagonals of length sqrt 2 for the inscribed pyramid
-            cu[m] = 1.0 - 2.0 * (face % 2)
-            cv[m] = 1.0 - 2.0 * (face // 2)
-            if exact:
-                cu[m], cv[m] = cu[m] * 0.5**0.5, cv[m] * 0.5**0.5
+            cu[m] = (1.0 - 2.0 * (face % 2)) * 0.5**0.5
+            cv[m] = (1.0 - 2.0 * (face // 2)) * 0.5**0.5
             owner[m] = i
             for k in range(3):
                 q[k] = -normals[i, k] - (cu[m] * T[i, 0, k] + cv[m] * T[i, 1, k]) / mu
@@ -217,8 +202,6 @@ def _margin(
         return UNDEFINED
     for _ in range(45):
         _forces(X, x0, Q, y, forces)
-        if not exact:
-            break
         cut = False
         for i in range(3):
             press, u, v = 0.0, 0.0, 0.0
@@ -238,7 +221,7 @@ def _margin(
             break
     if owner[B[0]] < 0 or owner[B[1]] < 0 or owner[B[2]] < 0 or 3.0 * y[2] <= UNDEFINED:
         return UNDEFINED
-    _gradients(points, normals, mu, T, forces, y[2], lam, B, owner, cu, cv, exact, dp, dn)
+    _gradients(points, normals, mu, T, forces, y[2], lam, B, owner, cu, cv, dp, dn)
     return 3.0 * y[2]
 
 
@@ -267,7 +250,6 @@ def _gradients(
     owner: NDArray[np.int64],
     cu: Array,
     cv: Array,
-    exact: bool,
     dp: Array,
     dn: Array,
 ) -> None:
@@ -299,16 +281,13 @@ def _gradients(
             dn[i, k] = 3.0 * (value - weight[i]) * forces[i, k]
             g1[k] = -3.0 * U[i, 0] * forces[i, k]
             g2[k] = -3.0 * U[i, 1] * forces[i, k]
-        if exact:
-            # the direction of friction is free: only its turning out of the tangent plane counts
-            out1 = out2 = 0.0
-            for k in range(3):
-                out1 += g1[k] * normals[i, k]
-                out2 += g2[k] * normals[i, k]
-            for k in range(3):
-                dn[i, k] -= out1 * T[i, 0, k] + out2 * T[i, 1, k]
-        else:
-            basis_pullback(normals[i], g1, g2, dn[i])
+        # the direction of friction is free: only its turning out of the tangent plane counts
+        out1 = out2 = 0.0
+        for k in range(3):
+            out1 += g1[k] * normals[i, k]
+            out2 += g2[k] * normals[i, k]
+        for k in range(3):
+            dn[i, k] -= out1 * T[i, 0, k] + out2 * T[i, 1, k]
         radial = 0.0
         for k in range(3):
             radial += dn[i, k] * normals[i, k]
@@ -335,74 +314,45 @@ def _internal(points: Array, forces: Array, x: Array) -> None:
 
 
 @njit(cache=True)
-def min_weight(
-    points: Array, normals: Array, mu: float, center: Array, length_scale: float
-) -> tuple[float, Array, Array]:
-    """Min-weight of a three-contact grasp with inscribed four-edge pyramids, and its gradients; no checks.
-
-    Args:
-        points: (3, 3) metres.
-        normals: (3, 3) unit, out of the object.
-        mu: friction coefficient.
-        center: (3,) and `length_scale`: not used, the value does not depend on them (the module's text
-            says why).
-
-    Returns:
-        value (at most 1; > 0: closure), d value / d points (3, 3) [1/m], d value / d normals (3, 3).
-        Contacts on a
-        line, or unable to press, give `UNDEFINED` and zeros.
-    """
-    dp, dn, forces = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    value = _margin(points, normals, mu, False, dp, dn, forces)
-    return value, dp, dn
-
-
-@njit(cache=True)
 def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array, Array]:
-    """Like `min_weight`, in the exact cone (Eq. 1): free of the tangent basis, to about 1e-9; no checks.
+    """Return the margin of closure of three contacts to about 1e-9, and its gradients; no checks.
 
     A value r says: contact forces exist that balance and press 1 N in all, and each contact has
     |f_t| <= mu (N_i - r / 3): it presses r / 3 more than friction needs.
+
+    Args:
+        points: (3, 3) metres. normals: (3, 3) unit, out of the object. mu: friction coefficient.
+
+    Returns:
+        value (at most 1; > 0: closure), d value / d points (3, 3) [1/m], d value / d normals (3, 3).
+        Contacts on a line, or unable to press, give `UNDEFINED` and zeros.
     """
     dp, dn, forces = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    value = _margin(points, normals, mu, True, dp, dn, forces)
+    value = _margin(points, normals, mu, dp, dn, forces)
     return value, dp, dn
 
 
 @njit(cache=True)
 def _batch(
-    points: Array, normals: Array, mu: float, exact: bool, values: Array, dp: Array, dn: Array, forces: Array
+    points: Array, normals: Array, mu: float, values: Array, dp: Array, dn: Array, forces: Array
 ) -> None:
     for k in range(points.shape[0]):
-        values[k] = _margin(points[k], normals[k], mu, exact, dp[k], dn[k], forces[k])
+        values[k] = _margin(points[k], normals[k], mu, dp[k], dn[k], forces[k])
 
 
-def margins(
-    points: Numbers, normals: Numbers, mu: float, exact: bool = True
-) -> tuple[Array, Array, Array, Array]:
+def margins(points: Numbers, normals: Numbers, mu: float) -> tuple[Array, Array, Array, Array]:
     """Margins of K three-contact grasps.
 
     Args:
         points: (K, 3, 3) metres. normals: (K, 3, 3) unit, out of the object. mu: friction coefficient.
-        exact: `cone_margin` (True) or `min_weight`.
 
     Returns:
-        values (K,), d/d points (K, 3, 3), d/d normals (K, 3, 3), the forces at the optimum (K, 3, 3),
-        which balance
-        and press 1 N in all.
+        values (K,) as `cone_margin` says, d/d points (K, 3, 3), d/d normals (K, 3, 3), the forces at the
+        optimum (K, 3, 3), which balance and press 1 N in all.
     """
     points = check_array("points", points, (None, 3, 3))
     normals = check_array("normals", normals, (len(points), 3, 3))
     check_unit(normals)
     values, dp, dn, forces = np.empty(len(points)), *(np.empty_like(points) for _ in range(3))
-    _batch(points, normals, check_positive("mu", mu), exact, values, dp, dn, forces)
+    _batch(points, normals, check_positive("mu", mu), values, dp, dn, forces)
     return values, dp, dn, forces
-
-
-def margin_gradient(
-    points: Numbers, normals: Numbers, mu: float, exact: bool = False
-) -> tuple[float, Array, Array]:
-    """Value and gradients (3, 3), (3, 3) of one three-contact grasp; `margins` says more."""
-    points, normals = check_contacts(points, normals, 3)
-    values, dp, dn, _ = margins(points[None], normals[None], mu, exact)
-    return float(values[0]), dp[0], dn[0]

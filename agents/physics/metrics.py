@@ -1,48 +1,10 @@
-"""Measures of a grasp for evaluation: exact, any number of contacts and edges, not fast."""
+"""The measure of a grasp that others report: Ferrari and Canny's epsilon."""
 
 import numpy as np
 
 from agents.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import cone_edges
-from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-
-
-def edge_wrenches(
-    points: Array,
-    normals: Array,
-    mu: float,
-    edges: int = 4,
-    center: Array | None = None,
-    length_scale: float | None = None,
-) -> Array:
-    """Wrenches (N * edges, 6) of the inscribed pyramids' edges, each pressing 1, about `center`."""
-    center = points.mean(0) if center is None else center
-    scale = rms_radius(points) if length_scale is None else length_scale
-    force = cone_edges(normals, mu, edges)
-    torque = np.cross((points - center)[:, None], force) / scale
-    return np.concatenate([force, torque], axis=-1).reshape(-1, 6)
-
-
-def min_weight_lp(points: Numbers, normals: Numbers, mu: float, edges: int = 4) -> float:
-    """Min-weight of any number of contacts and edges, by HiGHS: exact, slow (a millisecond or two).
-
-    Returns:
-        Min-weight as `margin` defines it; -inf where no affine combination of the wrenches vanishes.
-    """
-    from scipy.optimize import linprog
-
-    points, normals = check_contacts(points, normals)
-    W = edge_wrenches(points, normals, check_positive("mu", mu), edges)
-    m = len(W)
-    A_eq = np.zeros((7, m + 1))
-    A_eq[:6, :m], A_eq[6, :m] = W.T, 1.0
-    A_ub = np.hstack([-np.eye(m), np.ones((m, 1))])
-    cost = np.r_[np.zeros(m), -1.0]
-    answer = linprog(
-        cost, A_ub, np.zeros(m), A_eq, np.r_[np.zeros(6), 1.0], bounds=(None, None), method="highs"
-    )
-    return float(-answer.fun * m) if answer.status == 0 else -np.inf
 
 
 def ferrari_canny(
@@ -57,8 +19,8 @@ def ferrari_canny(
 
     Args:
         points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
-        center: (3,) torque reference; None is the centroid of the contacts. Unlike min-weight, epsilon
-            depends on it.
+        center: (3,) torque reference; None is the centroid of the contacts. Unlike the closure margin,
+            epsilon depends on it.
         torque_scale: length that divides torques [m]; None is the contacts' rms radius.
         edges: edges of each inscribed pyramid; an edge presses 1 N.
 
@@ -72,10 +34,12 @@ def ferrari_canny(
     scale = rms_radius(points) if torque_scale is None else check_positive("torque_scale", torque_scale)
     if len(points) < 2:
         raise InputError(f"epsilon needs at least 2 contacts, got {len(points)}")
-    W = edge_wrenches(points, normals, check_positive("mu", mu), edges, reference, scale)
-    if np.linalg.matrix_rank(W - W[0], tol=1e-9) < 6:
+    force = cone_edges(normals, check_positive("mu", mu), edges)
+    torque = np.cross((points - reference)[:, None], force) / scale
+    wrenches = np.concatenate([force, torque], axis=-1).reshape(-1, 6)
+    if np.linalg.matrix_rank(wrenches - wrenches[0], tol=1e-9) < 6:
         return 0.0
     try:
-        return max(0.0, float(-ConvexHull(W).equations[:, -1].max()))
+        return max(0.0, float(-ConvexHull(wrenches).equations[:, -1].max()))
     except QhullError:
         return 0.0

@@ -11,11 +11,9 @@ import warnings
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 
-from agents.physics.active_set import SOLVED, solve_qp
 from agents.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
-from agents.physics.cones import basis_into, basis_pullback, tangent_basis
+from agents.physics.cones import tangent_basis
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 
@@ -123,102 +121,3 @@ def solve_wrench_qp(
     return WrenchSolution(
         float(wrench @ wrench), forces, "solved" if answer.found else f"{solver} found no solution"
     )
-
-
-@njit(cache=True)
-def wrench_residual(
-    points: Array,
-    normals: Array,
-    mu: float,
-    f_min: float,
-    center: Array,
-    length_scale: float,
-    regulariser: float,
-) -> tuple[float, Array, Array, Array]:
-    """Eq. 4's least value plus `regulariser` |f|^2, and its gradients by the envelope theorem; no checks.
-
-    Args:
-        points: (N, 3). normals: (N, 3). mu: friction. f_min: least pressing force [N].
-        center: (3,) torque reference, held fixed. length_scale: held fixed.
-        regulariser: at least 1e-10; the forces are unique, and the gradient smooth, for any positive value.
-
-    Returns:
-        value, d/d points (N, 3), d/d normals (N, 3; tangent to the sphere), forces (N, 3). NaN where the
-        solver failed.
-    """
-    n = points.shape[0]
-    G, A, b = np.zeros((6, 3 * n)), np.zeros((5 * n, 3 * n)), np.zeros(5 * n)
-    T = np.zeros((n, 2, 3))
-    for i in range(n):
-        basis_into(normals[i], T[i, 0], T[i, 1])
-        b[5 * i] = f_min
-        for k in range(3):
-            c = 3 * i + k
-            G[k, c] = 1.0
-            after, before = (k + 1) % 3, (k + 2) % 3
-            G[3 + after, c] = (points[i, before] - center[before]) / length_scale
-            G[3 + before, c] = -(points[i, after] - center[after]) / length_scale
-            A[5 * i, c] = -normals[i, k]
-            for j in range(2):
-                A[5 * i + 1 + 2 * j, c] = T[i, j, k] - mu * normals[i, k]
-                A[5 * i + 2 + 2 * j, c] = -T[i, j, k] - mu * normals[i, k]
-    H = np.zeros((3 * n, 3 * n))
-    for r in range(3 * n):
-        for c in range(3 * n):
-            for k in range(6):
-                H[r, c] += 2.0 * G[k, r] * G[k, c]
-        H[r, r] += 2.0 * regulariser
-    f, multipliers = np.empty(3 * n), np.empty(5 * n)
-    dp, dn = np.zeros((n, 3)), np.zeros((n, 3))
-    if solve_qp(H, np.zeros(3 * n), A, b, f, multipliers) != SOLVED:
-        return np.nan, dp, dn, dp
-    w = np.zeros(6)
-    value = 0.0
-    for c in range(3 * n):
-        value += regulariser * f[c] * f[c]
-        for k in range(6):
-            w[k] += G[k, c] * f[c]
-    for k in range(6):
-        value += w[k] * w[k]
-    forces = f.reshape(n, 3)
-    g1, g2 = np.empty(3), np.empty(3)
-    for i in range(n):
-        m = multipliers[5 * i : 5 * i + 5]
-        press = m[0] + mu * (m[1] + m[2] + m[3] + m[4])
-        for k in range(3):
-            after, before = (k + 1) % 3, (k + 2) % 3
-            dp[i, k] = (
-                2.0 / length_scale * (forces[i, after] * w[3 + before] - forces[i, before] * w[3 + after])
-            )
-            dn[i, k] = press * forces[i, k]
-            g1[k] = (m[2] - m[1]) * forces[i, k]
-            g2[k] = (m[4] - m[3]) * forces[i, k]
-        basis_pullback(normals[i], g1, g2, dn[i])
-        radial = 0.0
-        for k in range(3):
-            radial += dn[i, k] * normals[i, k]
-        for k in range(3):
-            dn[i, k] -= radial * normals[i, k]
-    return value, dp, dn, forces
-
-
-def residual_gradient(
-    points: Numbers,
-    normals: Numbers,
-    mu: float,
-    f_min: float = 1.0,
-    length_scale: float | None = None,
-    center: Numbers = None,
-    regulariser: float = 1e-8,
-) -> tuple[float, Array, Array]:
-    """Return Eq. 4's value and its gradients by points (N, 3) and normals (N, 3).
-
-    The torque reference and the length scale count as constants, also where they default to the contacts'
-    own. The
-    value includes `regulariser` |f|^2. Raises InputError as `solve_wrench_qp`.
-    """
-    points, normals, mu, f_min, about, scale = _setting(points, normals, mu, f_min, center, length_scale)
-    value, dp, dn, _ = wrench_residual(
-        points, normals, mu, f_min, about, scale, check_positive("regulariser", regulariser)
-    )
-    return float(value), dp, dn

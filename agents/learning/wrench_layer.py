@@ -1,11 +1,13 @@
-"""Eq. 4 as a differentiable layer (Amos and Kolter, 2017: OptNet), batched, in double precision on the CPU.
+"""Eq. 4, the lower level of the bilevel optimisation, as a differentiable layer: batched, double precision, CPU.
 
-The forces of Eq. 4 are not unique: `regulariser` |f|^2 makes them so, and is what the gradients are of. The
-forward pass is the active-set QP of this package; the backward pass differentiates the KKT system at the
-solution, with inactive constraints left out. Where a constraint is active with a zero multiplier the
-derivative does not exist and one side's is returned. Derivatives of derivatives are refused.
+Section 2.1 of the supplementary builds the bilevel optimisation from OptNet (Amos and Kolter, 2017), and this
+is that layer, for learning through the lower level. The planner needs no layer: by the envelope theorem the
+gradients of a margin are those of its Lagrangian (`agents.physics.margin`), without torch.
 
-The only module of this package that imports torch.
+The forces of Eq. 4 are not unique: `regulariser` |f|^2 makes them so, and is what the gradients are of. DAQP
+solves the programmes forward; the backward pass differentiates the KKT system at the solution, with inactive
+constraints left out. Where a constraint is active with a zero multiplier the derivative does not exist and
+one side's is returned. Derivatives of derivatives are refused.
 """
 
 from typing import Any
@@ -15,8 +17,8 @@ import torch
 from torch import Tensor
 from torch.autograd.function import once_differentiable
 
-from agents.physics.active_set import SOLVED, solve_qp_batch
 from agents.physics.cones import C1, C2, POLE, C
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 
@@ -25,13 +27,9 @@ class _QpForces(torch.autograd.Function):
 
     @staticmethod
     def forward(ctx: Any, H: Tensor, A: Tensor, b: Tensor) -> Tensor:  # type: ignore[override]
-        arrays = [np.ascontiguousarray(t.detach().numpy()) for t in (H, A, b)]
-        x, multipliers, status = solve_qp_batch(
-            arrays[0], np.zeros(arrays[0].shape[:2]), arrays[1], arrays[2]
-        )
-        if (status != SOLVED).any():
-            raise RuntimeError(f"the QP of batch entry {int((status != SOLVED).argmax())} was not solved")
-        f, lam = torch.from_numpy(x), torch.from_numpy(multipliers)
+        arrays = (t.detach().numpy() for t in (H, A, b))
+        solved = [_solve(*one) for one in zip(*arrays, strict=True)]
+        f, lam = (torch.from_numpy(np.array(part)) for part in zip(*solved, strict=True))
         ctx.save_for_backward(H, A, f, lam)
         return f
 
@@ -50,6 +48,19 @@ class _QpForces(torch.autograd.Function):
         dH = 0.5 * (df[:, :, None] * f[:, None] + f[:, :, None] * df[:, None])
         dA = -dlam[:, :, None] * f[:, None] - (lam * active)[:, :, None] * df[:, None]
         return dH, dA, dlam
+
+
+def _solve(H: Array, A: Array, b: Array) -> tuple[Array, Array]:
+    """Return the solution (n,) and the multipliers (m,) >= 0 of one programme."""
+    import daqp
+
+    above, sense = np.full(len(b), 1e30), np.zeros(len(b), np.int32)
+    x, _, flag, info = daqp.solve(
+        np.ascontiguousarray(H), np.zeros(len(H)), A, above, b, sense, primal_tol=1e-12
+    )
+    if flag < 1:
+        raise RuntimeError(f"the QP was not solved: DAQP's exit flag is {flag}")
+    return x, np.maximum(-np.asarray(info["lam"]), 0.0)
 
 
 def tangent_basis(normals: Tensor) -> tuple[Tensor, Tensor]:

@@ -1,0 +1,80 @@
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from oracles import directional_error, pyramid_violation  # noqa: E402
+
+from agents.learning.wrench_layer import tangent_basis as torch_basis  # noqa: E402
+from agents.learning.wrench_layer import wrench_layer  # noqa: E402
+from agents.physics.cones import tangent_basis  # noqa: E402
+from agents.physics.wrench import solve_wrench_qp  # noqa: E402
+from dexgrasp_env.errors import InputError  # noqa: E402
+
+
+def contacts(B, N=3, seed=0):
+    rng = np.random.default_rng(seed)
+    points, normals = 0.05 * rng.normal(size=(B, N, 3)), rng.normal(size=(B, N, 3))
+    return torch.tensor(points, requires_grad=True), torch.tensor(normals, requires_grad=True)
+
+
+def layer(points, normals, mu):
+    return wrench_layer(points, torch.nn.functional.normalize(normals, dim=-1), mu)
+
+
+@pytest.mark.parametrize("contact_count", [2, 3, 4])
+def test_gradcheck(contact_count):
+    points, normals = contacts(3, contact_count)
+    mu = torch.tensor([0.4, 0.5, 0.6], dtype=torch.float64, requires_grad=True)
+    assert torch.autograd.gradcheck(layer, (points, normals, mu))
+
+
+def test_basis_is_that_of_the_package():
+    normals = torch.nn.functional.normalize(contacts(1, 50)[1].detach()[0], dim=-1)
+    for ours, theirs in zip(torch_basis(normals), tangent_basis(normals.numpy()), strict=True):
+        np.testing.assert_allclose(ours.numpy(), theirs, atol=1e-12)
+
+
+def test_it_solves_eq_4():
+    points, normals = contacts(40, seed=3)
+    unit = torch.nn.functional.normalize(normals.detach(), dim=-1)
+    forces, residual = wrench_layer(points, unit, 0.5, regulariser=1e-8)
+    for p, n, f, value in zip(*(t.detach().numpy() for t in (points, unit, forces, residual)), strict=True):
+        assert value == pytest.approx(
+            solve_wrench_qp(p, n, 0.5, length_scale=0.05).residual, rel=1e-4, abs=1e-6
+        )
+        assert pyramid_violation(f, n, 0.5).max() < 1e-8
+
+
+def test_slope_of_the_residual_is_that_of_the_lower_level():
+    """The upper level of the bilevel optimisation sees how Eq. 4's least value changes with the fingertips."""
+
+    def least(p, n):
+        n = n / np.linalg.norm(n, axis=1, keepdims=True)
+        return solve_wrench_qp(p, n, 0.5, length_scale=0.05, center=np.zeros(3)).residual
+
+    rng, errors = np.random.default_rng(4), []
+    for points, normals in zip(*contacts(30, seed=4), strict=True):
+        p, n = points.detach().requires_grad_(), torch.nn.functional.normalize(normals.detach(), dim=-1)
+        n.requires_grad_()
+        wrench_layer(p[None], n[None], 0.5, center=torch.zeros(3), regulariser=1e-7)[1].sum().backward()
+        arrays = p.detach().numpy(), n.detach().numpy()
+        moves = 0.05 * rng.normal(size=(3, 3)), np.cross(rng.normal(size=(3, 3)), arrays[1])
+        errors.append(directional_error(least, arrays, (p.grad.numpy(), n.grad.numpy()), moves, 1e-5))
+    assert np.median(errors) < 1e-3
+    assert np.percentile(errors, 80) < 1e-2
+
+
+def test_second_derivatives_are_refused():
+    points, normals = contacts(2)
+    (gradient,) = torch.autograd.grad(layer(points, normals, 0.5)[1].sum(), points, create_graph=True)
+    with pytest.raises(RuntimeError, match="twice"):
+        gradient.sum().backward()
+
+
+def test_bad_input():
+    points, normals = contacts(2)
+    with pytest.raises(InputError, match="shape"):
+        wrench_layer(points[0], normals[0], 0.5)
+    with pytest.raises(InputError, match="finite"):
+        wrench_layer(points * float("nan"), normals, 0.5)
