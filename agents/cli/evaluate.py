@@ -2,14 +2,20 @@
 
 import argparse
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from agents.cli.options import add_json, add_mesh, add_scene, natural_int, positive_int
+from agents.cli.options import add_json, add_mesh, add_scene, natural_int, positive_int, share
+
+if TYPE_CHECKING:
+    from agents.evaluation.settings import EvaluationSettings
 
 _EPILOG = """examples:
   dexgrasp evaluate --agents random hardcoded --objects seen familiar --trials 3 --seed 0
   dexgrasp evaluate --agents bilevel --objects all20 --trials 6 --workers 8 --out runs/tables
   dexgrasp evaluate --agents my_package.policies:MyPolicy --objects sugar_box --video 1
   dexgrasp evaluate --agents bilevel --objects scan.stl --mesh-scale 0.001 --mesh-mass 0.3
+  dexgrasp evaluate --agents bilevel hardcoded --objects all20 --power 0.05      how many trials would it take?
+  dexgrasp evaluate --agents bilevel hardcoded --objects all20 --trials 50 --stop-early
 
 Every agent meets the same scenes: trial k of an object depends on --seed, the object and k alone. A run that was
 interrupted goes on when the same command is given again. The folder of --out then holds trials.jsonl (a line a trial),
@@ -58,9 +64,28 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="K",
         help="record the first K trials of every agent and object",
     )
+    add_statistics(parser)
     add_scene(parser)
     add_mesh(parser)
     add_json(parser)
+
+
+def add_statistics(parser: argparse.ArgumentParser) -> None:
+    """Add `--power`, `--expect` and `--stop-early`."""
+    group = parser.add_argument_group("statistics")
+    group.add_argument(
+        "--power", type=share, metavar="DIFF",
+        help="run nothing: say how many trials it takes to see a difference of DIFF (0.05: five points)",
+    )  # fmt: skip
+    group.add_argument(
+        "--expect", type=share, default=0.95, metavar="RATE",
+        help="with --power: the better agent's rate (default 0.95)",
+    )  # fmt: skip
+    group.add_argument(
+        "--stop-early", type=share, metavar="LEVEL", nargs="?", const=0.05,
+        help="stop once all agents are told apart; equals are called different with a chance of at most LEVEL "
+        "(default 0.05), however often one looks",
+    )  # fmt: skip
 
 
 def run(args: argparse.Namespace) -> int:
@@ -74,10 +99,12 @@ def run(args: argparse.Namespace) -> int:
         args.agents, args.objects, trials=args.trials, seed=args.seed, protocol=args.protocol, mount=args.mount,
         friction=args.friction, mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
     )  # fmt: skip
+    if args.power is not None:
+        return _print_power(args, settings)
     folder = args.out or settings.default_folder()
     note(f"results go to {folder}")
     try:
-        evaluate(settings, folder, workers=args.workers, videos=args.video)
+        evaluate(settings, folder, workers=args.workers, videos=args.video, stop_level=args.stop_early)
     except (KeyboardInterrupt, WorkerDiedError) as stop:
         what = str(stop) or "interrupted"
         note(
@@ -85,6 +112,18 @@ def run(args: argparse.Namespace) -> int:
         )
         return _print(args, folder, code=3)
     return _print(args, folder, code=0)
+
+
+def _print_power(args: argparse.Namespace, settings: "EvaluationSettings") -> int:
+    from agents.cli.output import print_json
+    from agents.evaluation.power import power_figures, power_sentences
+
+    figures = power_figures(args.power, args.expect, len(settings.agents), len(settings.objects))
+    if args.json:
+        print_json({"schema": 1, "power": figures})
+    else:
+        print("\n".join(power_sentences(figures)))
+    return 0
 
 
 def _print(args: argparse.Namespace, folder: Path, code: int) -> int:

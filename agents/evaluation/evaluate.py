@@ -1,10 +1,11 @@
 """Every agent on every object: what is not there yet is run, and each trial is kept as soon as it ends."""
 
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
+from agents.evaluation.sequential import decided_after
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.store import TrialStore
 from agents.evaluation.summary import summarise
@@ -15,7 +16,13 @@ from dexgrasp_env.objects.catalogue import CATALOGUE
 
 
 def evaluate(
-    settings: EvaluationSettings, folder: Path, *, workers: int = 1, videos: int = 0, progress: bool = True
+    settings: EvaluationSettings,
+    folder: Path,
+    *,
+    workers: int = 1,
+    videos: int = 0,
+    progress: bool = True,
+    stop_level: float | None = None,
 ) -> dict[str, Any]:
     """Run an evaluation, or what is missing of it, and return its summary (also `summary.json` in the folder).
 
@@ -25,6 +32,8 @@ def evaluate(
         workers: processes.
         videos: how many trials of each agent and object are recorded.
         progress: whether to draw a progress bar on standard error.
+        stop_level: end as soon as every pair of agents is told apart at this level, by the test of `sequential`; the
+            summary then is of the whole rounds up to there. None runs every trial.
 
     Raises:
         InputError: for wrong settings, or a folder that holds another evaluation.
@@ -37,11 +46,22 @@ def evaluate(
     if videos:
         check_rendering()
     store = TrialStore(folder, settings.identity())
-    cells = [cell for cell in plan_cells(settings, folder, videos) if _key(cell) not in store.finished]
+    planned = plan_cells(settings, folder, videos)
+    if stop_level is not None:
+        planned = sorted(
+            planned, key=lambda cell: cell.trial
+        )  # round by round, so that it can stop between rounds
+    keys = [_key(cell) for cell in planned]
+
+    def stopped_after() -> int | None:
+        return None if stop_level is None else decided_after(keys, store.rows, settings.agents, stop_level)
+
+    cells = [cell for cell in planned if _key(cell) not in store.finished]
     try:
-        _run(settings, cells, store, workers, bench, progress)
+        if stopped_after() is None:
+            _run(settings, cells, store, workers, bench, progress, stopped_after)
     finally:
-        summary = summarise(settings, store.rows)
+        summary = summarise(settings, store.rows, stopped_after=stopped_after(), stop_level=stop_level)
         store.write_json("summary.json", summary)
         store.close()
         bench.close()
@@ -86,6 +106,7 @@ def _run(
     workers: int,
     bench: TrialRunner,
     progress: bool,
+    stopped_after: Callable[[], int | None],
 ) -> None:
     from tqdm import tqdm
 
@@ -105,6 +126,8 @@ def _run(
             bar.set_postfix_str(_success_so_far(store.rows), refresh=False)
             bar.update()
             _warn_once(row, errors)
+            if stopped_after() is not None:
+                return
 
 
 def _success_so_far(rows: Sequence[dict[str, Any]]) -> str:

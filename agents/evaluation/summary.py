@@ -6,11 +6,19 @@ from itertools import combinations
 from typing import Any
 
 from agents.evaluation.settings import EvaluationSettings, versions
-from agents.evaluation.statistics import mcnemar, quantiles, wilson_interval
+from agents.evaluation.statistics import (
+    Counts,
+    mcnemar,
+    object_interval,
+    quantiles,
+    success_within,
+    wilson_interval,
+)
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
 Row = Mapping[str, Any]
 SCHEMA = 1
+_TRIES = (1, 2, 3)  # success within so many tries, each a fresh scene and a fresh plan
 TEST_SETS = ("seen", "familiar", "novel")
 DISTANCE_BOUNDS_CM = (-0.68, -0.32)  # supplementary, section 1.2
 _RATIOS = ("force_ratio_percent", "torque_ratio_percent")
@@ -18,8 +26,23 @@ _MARGINS = ("closure_margin", "min_clearance_m", "joint_limit_margin_rad", "max_
 _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
 
 
-def summarise(settings: EvaluationSettings, rows: Sequence[Row]) -> dict[str, Any]:
-    """Return the summary of the trials that are there; `complete` says whether these are all."""
+def summarise(
+    settings: EvaluationSettings,
+    rows: Sequence[Row],
+    *,
+    stopped_after: int | None = None,
+    stop_level: float | None = None,
+) -> dict[str, Any]:
+    """Return the summary of the trials that are there; `complete` says whether these are all.
+
+    Args:
+        settings: of the evaluation.
+        rows: finished trials.
+        stopped_after: trials a cell after which it was decided; later ones, begun before that was known, do not count.
+        stop_level: of the sequential test; None where there was none.
+    """
+    if stopped_after is not None:
+        rows = [row for row in rows if row["trial"] < stopped_after]
     ordered = sorted(rows, key=lambda row: (settings.agents.index(row["agent"]), row["object"], row["trial"]))
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
     return {
@@ -27,7 +50,13 @@ def summarise(settings: EvaluationSettings, rows: Sequence[Row]) -> dict[str, An
         "protocol": settings.protocol,
         "seed": settings.seed,
         "versions": versions(),
-        "complete": len(rows) == len(settings.agents) * len(settings.objects) * settings.trials,
+        "complete": stopped_after is not None
+        or len(rows) == len(settings.agents) * len(settings.objects) * settings.trials,
+        **(
+            {}
+            if stop_level is None
+            else {"sequential": {"level": stop_level, "stopped_after": stopped_after}}
+        ),
         "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
         "paired": [compare(a, by_agent[a], b, by_agent[b]) for a, b in combinations(settings.agents, 2)],
     }
@@ -40,9 +69,15 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
         name: [row for row in rows if row["object"] in names] for name, names in present_sets(objects).items()
     }
     times = [row["planning_seconds"] for row in rows if row["planning_seconds"] is not None]
+    counts = object_counts(rows)
     return {
         **count(rows),
-        "by_set": {name: count(own) for name, own in members.items()},
+        "ci95_objects": list(object_interval(counts)),
+        "within_tries": {str(k): p for k in _TRIES if (p := success_within(counts, k)) is not None},
+        "by_set": {
+            name: {**count(own), "ci95_objects": list(object_interval(object_counts(own)))}
+            for name, own in members.items()
+        },
         "by_object": {name: _bare_count([row for row in rows if row["object"] == name]) for name in objects},
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
         "planning_seconds": quantiles(times, **_QUARTILES, p90=0.9),
@@ -50,6 +85,15 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
         "constraints": summarise_constraints(rows, members),
         "stages": summarise_stages(rows, members),
     }
+
+
+def object_counts(rows: Sequence[Row]) -> Counts:
+    """Return object -> (successes, trials)."""
+    counts: dict[str, tuple[int, int]] = {}
+    for row in rows:
+        k, n = counts.get(row["object"], (0, 0))
+        counts[row["object"]] = k + bool(row["success"]), n + 1
+    return counts
 
 
 def count(rows: Sequence[Row]) -> dict[str, Any]:

@@ -1,0 +1,186 @@
+"""Statistics: coverage of intervals, power, sequential tests, success within k tries, all by simulation."""
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest
+
+from agents.evaluation import evaluate as evaluate_module
+from agents.evaluation.power import paired_power, paired_trials, power_figures, unpaired_trials
+from agents.evaluation.sequential import capital, decided_after, is_decided
+from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.statistics import (
+    mcnemar,
+    object_difference_interval,
+    object_interval,
+    paired_difference_interval,
+    success_within,
+    wilson_interval,
+)
+from dexgrasp_env.errors import InputError
+
+
+def test_wilson_at_the_ends():
+    assert wilson_interval(381, 381)[0] > 0.99 > wilson_interval(380, 380)[0] - 1e-3
+    low, high = wilson_interval(119, 120)
+    assert (round(100 * low), round(100 * high)) == (95, 100)
+
+
+def test_paired_difference_covers_as_it_says():
+    rng, inside = np.random.default_rng(0), []
+    shares = np.array([0.80, 0.12, 0.04, 0.04])  # both, only a, only b, neither: difference 0.08
+    for both, only_a, only_b, neither in rng.multinomial(60, shares, 500).tolist():
+        low, high = paired_difference_interval(both, only_a, only_b, neither)
+        inside.append(low <= 0.08 <= high)
+    assert 0.92 < np.mean(inside) < 0.99
+
+
+def test_paired_difference_at_the_ends():
+    assert paired_difference_interval(0, 0, 0, 0) == (-1.0, 1.0)
+    low, high = paired_difference_interval(20, 0, 0, 0)
+    assert -0.2 < low < 0.0 < high < 0.2
+    a, b = paired_difference_interval(10, 6, 1, 3), paired_difference_interval(10, 1, 6, 3)
+    assert a == pytest.approx((-b[1], -b[0]))
+
+
+def test_object_interval_covers_new_objects_and_wilson_does_not():
+    """Objects differ (a beta distribution), trials on one object go together."""
+    rng, truth = np.random.default_rng(1), 0.8
+    by_object, by_trial = [], []
+    for _ in range(80):
+        rates = rng.beta(1.6, 0.4, 20)
+        k = rng.binomial(10, rates)
+        low, high = object_interval({str(i): (int(k[i]), 10) for i in range(20)})
+        by_object.append(low <= truth <= high)
+        low, high = wilson_interval(int(k.sum()), 200)
+        by_trial.append(low <= truth <= high)
+    assert np.mean(by_object) > 0.87
+    assert np.mean(by_trial) < 0.80
+
+
+def test_object_interval_where_all_objects_agree():
+    assert object_interval({str(i): (6, 6) for i in range(20)}) == wilson_interval(20, 20)
+    assert object_interval({"a": (1, 3)}) == wilson_interval(0, 1)
+    assert object_interval({}) == (0.0, 1.0)
+    assert object_difference_interval({"a": (1, 2)}, {"a": (2, 2)}) == (-1.0, 1.0)
+
+
+def test_object_difference_sees_what_one_object_cannot_show():
+    a = {str(i): (5, 5) for i in range(10)}
+    one_bad = {**a, "0": (0, 5)}
+    low, high = object_difference_interval(a, one_bad)
+    assert low == 0.0  # one object alone: new objects may show no difference
+    assert high > 0.2
+    assert object_difference_interval(a, {k: (2, 5) for k in a}) == pytest.approx((0.6, 0.6))
+
+
+def test_power_of_mcnemar_is_what_simulation_says():
+    n, difference, discordant = 120, 0.10, 0.14
+    rng, seen = np.random.default_rng(2), 0
+    for a, b, _ in rng.multinomial(n, [0.12, 0.02, 0.86], 1500).tolist():
+        seen += a + b > 0 and binomtest(a, a + b, 0.5).pvalue <= 0.05
+    assert paired_power(n, difference, discordant) == pytest.approx(seen / 1500, abs=0.035)
+
+
+def test_trials_needed():
+    assert 760 < unpaired_trials(0.99, 0.02) < 780
+    n = paired_trials(0.05, 0.09)
+    assert paired_power(n, 0.05, 0.09) >= 0.8 > paired_power(n - 12, 0.05, 0.09)
+    figures = power_figures(0.05, 0.95, agents=2, objects=20)
+    assert figures["paired_scenes_at_least"] < figures["paired_scenes_at_most"]
+    assert figures["trials_in_all"] == 2 * 20 * figures["trials_an_object"]
+    with pytest.raises(InputError, match="0 < difference"):
+        power_figures(0.5, 0.4, agents=2, objects=1)
+
+
+def test_capital_is_a_martingale():
+    for a, b in [(0, 0), (3, 1), (10, 2)]:
+        assert 0.5 * (capital(a + 1, b) + capital(a, b + 1)) == pytest.approx(capital(a, b))
+    assert capital(0, 0) == 1.0
+
+
+def test_sequential_test_keeps_its_error_rate_at_any_number_of_looks():
+    """1,000 runs of 400 discordant scenes between equals, looked at after every one."""
+    heads = np.random.default_rng(3).random((1000, 400)) < 0.5
+    a = heads.cumsum(1)
+    b = np.arange(1, 401) - a
+    table = {(i, n - i): is_decided(i, n - i) for n in range(1, 401) for i in range(n + 1)}
+    wrong = np.mean([any(table[pair] for pair in zip(*row, strict=True)) for row in zip(a, b, strict=True)])
+    assert wrong <= 0.05
+    naive = np.mean([any(_mcnemar(i, n - i) for n, i in enumerate(row[:60], 1)) for row in a[:200].tolist()])
+    assert naive > 0.10  # what looking again and again at a p-value does
+
+
+def _mcnemar(a, b, cache={}):  # noqa: B006
+    if (a, b) not in cache:
+        cache[a, b] = binomtest(a, a + b, 0.5).pvalue <= 0.05
+    return cache[a, b]
+
+
+def test_sequential_test_sees_a_difference():
+    rng = np.random.default_rng(4)
+    times = []
+    for _ in range(200):
+        heads = (rng.random(400) < 0.8).cumsum()
+        n = next((n for n, k in enumerate(heads.tolist(), 1) if is_decided(k, n - k)), None)
+        times.append(n)
+    assert None not in times
+    assert np.median(times) < 45
+
+
+def _row(agent, k, success, target="o"):
+    return {"agent": agent, "object": target, "trial": k, "success": success}
+
+
+def test_decided_after_looks_at_whole_rounds_only():
+    planned = [(agent, target, k) for k in range(20) for agent in "ab" for target in "op"]
+    rows = [_row(agent, k, agent == "a", target) for agent, target, k in planned]
+    n = decided_after(planned, rows, "ab", 0.05)
+    assert is_decided(2 * n, 0)
+    assert not is_decided(2 * (n - 1), 0)
+    assert decided_after(planned, rows[::-1], "ab", 0.05) == n
+    early = [row for row in rows if not (row["trial"] == n - 1 and row["agent"] == "b")]
+    assert decided_after(planned, early, "ab", 0.05) is None
+    assert decided_after(planned, rows, "a", 0.05) is None
+    assert decided_after(planned, [_row(a, k, True, t) for a, t, k in planned], "ab", 0.05) is None
+
+
+def test_success_within_tries():
+    counts = {"a": (2, 4), "b": (4, 4)}
+    assert success_within(counts, 1) == pytest.approx(0.75)
+    assert success_within(counts, 2) == pytest.approx(0.5 * (1 - 1 / 6 + 1.0))
+    assert success_within(counts, 4) == pytest.approx(1.0)
+    assert success_within(counts, 5) is None
+    assert success_within({"a": (0, 5)}, 3) == 0.0
+
+
+def test_mcnemar_without_discordant_scenes():
+    assert mcnemar({1: True, 2: False}, {1: True, 2: False})["p_value"] == 1.0
+
+
+def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeypatch):
+    """The physics is left out; what comes after the decision, begun by other workers, must not count."""
+    asked = []
+
+    def run_cells(settings, cells, workers, bench):
+        for cell in cells:
+            asked.append(cell)
+            yield {
+                "agent": cell.agent, "object": cell.label, "trial": cell.trial, "success": cell.agent == "hardcoded",
+                "stable": True, "reason": None, "planning_seconds": None, "details": {}, "error": None,
+            }  # fmt: skip
+
+    monkeypatch.setattr(evaluate_module, "run_cells", run_cells)
+    settings = EvaluationSettings.of(["hardcoded", "random"], ["gelatin_box"], trials=30)
+    summary = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05, progress=False)
+    n = summary["sequential"]["stopped_after"]
+    assert is_decided(n, 0)
+    assert not is_decided(n - 1, 0)
+    assert len(asked) == 2 * n < 60
+    assert summary["complete"]
+    assert summary["agents"]["random"]["trials"] == n
+    again = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05, progress=False)
+    assert again == summary
+    assert len(asked) == 2 * n
+    whole = evaluate_module.evaluate(settings, tmp_path, progress=False)
+    assert whole["agents"]["random"]["trials"] == 30
+    assert "sequential" not in whole
