@@ -318,7 +318,7 @@ def test_summary_has_the_documented_form(finished):
     } <= set(agent)
     assert (agent["trials"], agent["by_object"]["sugar_box"]) == (4, {"trials": 2, "successes": 0})
     assert set(agent["by_set"]) == {"seen", "ycb6"}
-    assert set(agent["by_set"]["seen"]) == {"trials", "successes", "rate", "ci95"}
+    assert {"trials", "successes", "rate", "ci95"} <= set(agent["by_set"]["seen"])
     assert sum(agent["failures"].values()) == 4 - agent["successes"]
 
 
