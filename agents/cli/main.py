@@ -20,7 +20,8 @@ OK, ANSWER_IS_NO, BAD_INPUT, INTERRUPTED, INTERNAL_ERROR = 0, 1, 2, 3, 70
 COMMANDS = {
     name: f"agents.cli.{name}"
     for name in (
-        "demo", "list", "plan", "verify", "evaluate", "report", "dataset", "train", "benchmark", "view", "doctor",
+        "demo", "list", "plan", "verify", "evaluate", "compare", "report", "dataset", "train", "benchmark", "view",
+        "doctor",
     )
 }  # fmt: skip
 """Command -> module with `add_parser(subparsers)` and `run(args) -> int`; a module that is not there is left out."""

@@ -1,0 +1,67 @@
+"""`dexgrasp compare`: paired comparison of two agents of an evaluation."""
+
+import json
+
+import pytest
+
+from agents.cli.main import main
+from agents.evaluation.comparison import compare_rows
+
+
+def row(agent, target, trial, success, **more):
+    return {
+        "agent": agent, "object": target, "trial": trial, "scene_seed": 7 * trial, "success": success,
+        "reason": None if success else "dropped", **more,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rows = [row("x", "pear", k, True) for k in range(8)] + [row("y", "pear", k, k < 2) for k in range(9)]
+    rows += [row(a, "lego", 0, a == "y") for a in "xy"]
+    (tmp_path / "trials.jsonl").write_text("".join(json.dumps(r) + "\n" for r in rows))
+    return tmp_path
+
+
+def test_compare_counts_only_scenes_that_both_met(folder, capsys):
+    assert main(["compare", str(folder), "x", "y", "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert [found[k] for k in ("scenes", "both", "only_a", "only_b", "neither")] == [9, 2, 6, 1, 0]
+    assert found["p_value"] == pytest.approx(2 * (1 + 7) / 2**7)
+    assert found["by_object"]["pear"]["difference"] == pytest.approx(0.75)
+    assert found["ci95"][0] < found["difference"] == pytest.approx(5 / 9) < found["ci95"][1]
+    assert {d["solved_by"] for d in found["discordant"] if d["object"] == "lego"} == {"y"}
+    assert len(found["discordant"]) == 7
+    assert "by_protocol" not in found
+
+
+def test_compare_is_antisymmetric(folder, capsys):
+    main(["compare", str(folder), "x", "y", "--json"])
+    one = json.loads(capsys.readouterr().out)
+    main(["compare", str(folder), "y", "x", "--json"])
+    other = json.loads(capsys.readouterr().out)
+    assert other["difference"] == -one["difference"]
+    assert other["ci95"] == pytest.approx([-one["ci95"][1], -one["ci95"][0]])
+    assert other["p_value"] == one["p_value"]
+
+
+def test_other_scene_seeds_and_protocols_are_other_scenes():
+    a = [row("x", "pear", 0, True), row("x", "pear", 1, True, protocol="heavy")]
+    b = [row("y", "pear", 0, False) | {"scene_seed": 5}, row("y", "pear", 1, False, protocol="lift")]
+    assert compare_rows(a + b, "x", "y")["scenes"] == 0
+    both = [row(n, "pear", 0, True, protocol=p) for n in "xy" for p in ("heavy", "lift")]
+    assert set(compare_rows(both, "x", "y")["by_protocol"]) == {"heavy", "lift"}
+
+
+def test_table_and_mistakes(folder, capsys):
+    assert main(["compare", str(folder), "x", "y"]) == 0
+    out = capsys.readouterr().out
+    assert "+75.0" in out
+    assert "dropped" in out
+    for arguments, words in [
+        ((str(folder), "x", "z"), "valid are x, y"),
+        ((str(folder), "x", "x"), "against itself"),
+        ((str(folder / "no"), "x", "y"), "no evaluation"),
+    ]:
+        assert main(["compare", *arguments]) == 2
+        assert words in capsys.readouterr().err
