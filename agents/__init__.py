@@ -1,12 +1,10 @@
 """Agents: planners and policies that act in the environments."""
 
-from typing import Any
-
 __all__ = ["Agent", "Report", "make_agent"]
 _HOMES = {"Agent": "agents.base", "Report": "agents.base", "make_agent": "agents.registry"}
 
 
-def __getattr__(name: str) -> Any:
+def __getattr__(name: str) -> object:
     """Import what is asked for, and neither torch nor numba before that."""
     if name not in _HOMES:
         raise AttributeError(f"module 'agents' has no attribute {name!r}")

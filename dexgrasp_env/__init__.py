@@ -3,6 +3,14 @@
 Importing the package registers the environments; it brings no torch, no numba and no GL.
 """
 
+import sys
+
+if sys.argv[:1] == ["-m"] and "dexgrasp_env" in sys.orig_argv:
+    # `python -m dexgrasp_env`: what asks the command to stop waits until it can listen.
+    import signal
+
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+
 from gymnasium.envs.registration import register
 
 from dexgrasp_env.errors import InputError

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 
+_OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing,
+_ANY = ("enable", "enabled", "on", "true", "1")  # and for whatever there is
 _REMEDY = (
     "no off-screen GL library works here: install libosmesa6, or libegl1 with libgl1 (Debian names); "
     "everything but pictures and videos runs without"
@@ -26,13 +28,28 @@ def _loads(*libraries: str) -> bool:
 
 
 def choose_gl() -> str | None:
-    """Return the backend that MUJOCO_GL names, else the first that this machine has, else None."""
-    if os.environ.get("MUJOCO_GL"):
-        return os.environ["MUJOCO_GL"]
+    """Return the backend that MUJOCO_GL names, else the first that this machine has, else None.
+
+    The command line puts MUJOCO_GL aside as DEXGRASP_GL, as a bad value would fail `import mujoco`.
+    """
+    wish = (os.environ.get("DEXGRASP_GL") or os.environ.get("MUJOCO_GL") or "").lower().strip()
+    if wish and wish not in _ANY:
+        return wish
     # libegl1 alone cannot make a context: it needs libGL as well.
     if _loads("libEGL.so.1", "libGL.so.1"):
         return "egl"
     return "osmesa" if _loads("libOSMesa.so.8") else None
+
+
+def rendering_fault() -> str | None:
+    """Return why nothing can be drawn here, with the remedy in one line; None where drawing works."""
+    try:
+        with make_renderer(mujoco.MjModel.from_xml_string("<mujoco/>"), 16, 16) as renderer:
+            renderer.update_scene(mujoco.MjData(renderer.model))
+            renderer.render()
+    except Exception as error:
+        return " ".join(str(error).split())
+    return None
 
 
 def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
@@ -46,16 +63,28 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
     backend = choose_gl()
     if backend is None:
         raise InputError(_REMEDY)
-    if not os.environ.get("MUJOCO_GL"):
-        os.environ["MUJOCO_GL"] = backend
-        os.environ.setdefault("PYOPENGL_PLATFORM", backend)
-        _reload_context_module()
+    if backend in _OFF:
+        raise InputError(f"MUJOCO_GL={backend} turns drawing off: unset it, or set it to egl or osmesa")
     model.vis.global_.offwidth = max(model.vis.global_.offwidth, width)
     model.vis.global_.offheight = max(model.vis.global_.offheight, height)
     try:
+        _use(backend)
         return mujoco.Renderer(model, height, width)
     except Exception as error:
         raise InputError(f"{_REMEDY} (MUJOCO_GL={backend}: {error})") from error
+
+
+def _use(backend: str) -> None:
+    """Have MuJoCo draw with a backend, unless it does; where it cannot, the environment stays as it was."""
+    if os.environ.get("MUJOCO_GL"):
+        return
+    os.environ["MUJOCO_GL"] = backend
+    os.environ.setdefault("PYOPENGL_PLATFORM", backend)
+    try:
+        _reload_context_module()
+    except BaseException:
+        del os.environ["MUJOCO_GL"], os.environ["PYOPENGL_PLATFORM"]
+        raise
 
 
 def _reload_context_module() -> None:

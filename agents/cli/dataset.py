@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
+from agents import interrupt
 from agents.cli.options import add_json, add_mesh, natural_int, positive_int
 
 _EPILOG = """examples:
@@ -90,6 +91,7 @@ def _generate(args: argparse.Namespace) -> int:
         try:
             generate(settings, args.out, args.workers, args.backend, show)
         except KeyboardInterrupt:
+            interrupt.acknowledge()
             note(
                 f"dexgrasp dataset: interrupted; finished files are kept in {args.out}: "
                 "the same command goes on from there"

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from agents import interrupt
 from agents.cli.options import add_json, add_mesh, add_scene, natural_int, positive_int, share
 
 if TYPE_CHECKING:
@@ -106,6 +107,7 @@ def run(args: argparse.Namespace) -> int:
     try:
         evaluate(settings, folder, workers=args.workers, videos=args.video, stop_level=args.stop_early)
     except (KeyboardInterrupt, WorkerDiedError) as stop:
+        interrupt.acknowledge()
         what = str(stop) or "interrupted"
         note(
             f"dexgrasp evaluate: {what}; finished trials are kept in {folder}: the same command goes on from there"

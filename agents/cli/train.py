@@ -5,6 +5,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
+from agents import interrupt
 from agents.cli.options import add_json, natural_int, positive_float, positive_int
 
 _EPILOG = """examples:
@@ -91,6 +92,7 @@ def _cvae(args: argparse.Namespace) -> int:
                 args.data, args.out, settings, minutes=args.minutes, device=args.device, progress=show
             )
         except KeyboardInterrupt:
+            interrupt.acknowledge()
             note(
                 f"dexgrasp train: interrupted; the last checkpoint is kept in {args.out}: "
                 "the same command goes on from there"

@@ -12,6 +12,7 @@ from agents.evaluation.summary import summarise
 from agents.evaluation.trial_runner import TrialRunner, TrialSpec
 from agents.evaluation.video import check_rendering
 from agents.evaluation.workers import run_cells
+from agents.interrupt import held, kept
 from dexgrasp_env.objects.catalogue import CATALOGUE
 
 
@@ -59,12 +60,14 @@ def evaluate(
     cells = [cell for cell in planned if _key(cell) not in store.finished]
     try:
         if stopped_after() is None:
-            _run(settings, cells, store, workers, bench, progress, stopped_after)
+            with kept():
+                _run(settings, cells, store, workers, bench, progress, stopped_after)
     finally:
-        summary = summarise(settings, store.rows, stopped_after=stopped_after(), stop_level=stop_level)
-        store.write_json("summary.json", summary)
-        store.close()
-        bench.close()
+        with held():
+            summary = summarise(settings, store.rows, stopped_after=stopped_after(), stop_level=stop_level)
+            store.write_json("summary.json", summary)
+            store.close()
+            bench.close()
     return summary
 
 
@@ -122,7 +125,8 @@ def _run(
     ) as bar:
         errors: set[tuple[str, str]] = set()
         for row in run_cells(settings, cells, workers, bench):
-            store.append(row)
+            with held():
+                store.append(row)
             bar.set_postfix_str(_success_so_far(store.rows), refresh=False)
             bar.update()
             _warn_once(row, errors)

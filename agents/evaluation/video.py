@@ -44,9 +44,8 @@ def check_rendering() -> None:
     Raises:
         InputError: with the remedy, where nothing renders.
     """
-    from dexgrasp_env.rendering import choose_gl
+    from dexgrasp_env.rendering import rendering_fault
 
-    if choose_gl() is None:
-        raise InputError(
-            "--video needs off-screen rendering, and no GL library is here: see `dexgrasp doctor`"
-        )
+    fault = rendering_fault()
+    if fault is not None:
+        raise InputError(f"--video: {fault} (see `dexgrasp doctor`)")

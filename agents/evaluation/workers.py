@@ -2,7 +2,6 @@
 
 import multiprocessing
 import os
-import signal
 import threading
 from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -13,6 +12,7 @@ from typing import Any
 
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.trial_runner import TrialRunner, TrialSpec, thread_limits
+from agents.interrupt import not_inherited
 
 _bench: TrialRunner | None = None
 
@@ -59,7 +59,8 @@ def _as_finished(
 ) -> Iterator[dict[str, Any]]:
     waiting: set[Future[dict[str, Any]]] = set()
     for cell in cells:
-        waiting.add(pool.submit(_run, cell))
+        with not_inherited():  # submitting starts the processes
+            waiting.add(pool.submit(_run, cell))
         if len(waiting) >= ahead:
             done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
             yield from (future.result() for future in done)
@@ -69,9 +70,8 @@ def _as_finished(
 
 
 def _start(settings: EvaluationSettings) -> None:
-    """Set a worker up: Ctrl-C is the parent's to handle, and without a parent there is nothing to do."""
+    """Set a worker up: without a parent there is nothing to do."""
     global _bench
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_exit_with_parent, daemon=True).start()
     _bench = TrialRunner(settings)
 

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from agents.interrupt import held
 from agents.learning.batches import Batch, PoseSplit, split, test_batches, training_batch
 from agents.learning.dataset import read_dataset
 from agents.learning.network import Cvae, Losses, NetworkSettings, losses
@@ -110,7 +111,8 @@ def train(
         state.epoch, calls = state.epoch + 1, calls + 1
         state.curve.append(row)
         state.seconds += time.perf_counter() - began
-        _keep(out, model, optimiser, state, settings, key)
+        with held():
+            _keep(out, model, optimiser, state, settings, key)
         _log(board, row)
         if progress:
             progress(state)

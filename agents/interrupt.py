@@ -1,0 +1,148 @@
+"""SIGINT and SIGTERM as one request to stop: raised where it is safe, asked for again where it was swallowed.
+
+Libraries swallow exceptions while they are imported (trimesh wraps its imports in `except BaseException`) or crash, and
+destructors and callbacks of native code swallow them too. A request that comes during an import therefore ends the
+process on the spot, or waits where results are `kept`; one that was raised is raised again until somebody says
+`acknowledge`. This module imports nothing heavy: it comes before everything else.
+"""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from types import FrameType
+
+EXIT_CODE = 3
+_SIGNALS = (signal.SIGINT, signal.SIGTERM)
+_RETRY = 0.05  # s until it is tried again while it may not be raised
+_PATIENCE = 3.0  # s until a request that was raised, and not acknowledged, is raised again
+_DEBOUNCE = 1.0  # s: `timeout` and terminals send one wish to stop twice
+
+_active = False  # whether requests may be raised
+_requested = False
+_held = 0  # depth of `held`
+_kept = 0  # depth of `kept`
+
+
+def catch() -> None:
+    """From now on the two signals raise KeyboardInterrupt in the main thread; the second one ends the process."""
+    global _active
+    _active = True
+    signal.signal(signal.SIGALRM, _on_signal)
+    sys.unraisablehook = _unraisable
+    _watch_for_the_second()
+    for number in _SIGNALS:
+        signal.signal(number, _on_signal)
+    # `python -m dexgrasp_env` blocks them while the package is imported.
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _SIGNALS)
+
+
+def stop() -> None:
+    """End the catching: the exit code is decided, and what comes now is too late to change it."""
+    global _active
+    _active = False
+    for number in _SIGNALS:
+        signal.signal(number, signal.SIG_IGN)
+    acknowledge()
+
+
+def acknowledge() -> None:
+    """The request has been understood: do not raise it again."""
+    signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+def requested() -> bool:
+    """Whether somebody wants this process to stop."""
+    return _requested
+
+
+@contextmanager
+def kept() -> Iterator[None]:
+    """Work whose results are to be summed up when it is interrupted."""
+    global _kept
+    _kept += 1
+    try:
+        yield
+    finally:
+        _kept -= 1
+
+
+@contextmanager
+def held() -> Iterator[None]:
+    """Let what saves results finish; a request that comes meanwhile is raised afterwards."""
+    global _held
+    _held += 1
+    try:
+        yield
+    finally:
+        _held -= 1
+
+
+@contextmanager
+def not_inherited() -> Iterator[None]:
+    """Start processes that Ctrl-C leaves alone: it is their parent's to tell them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def _on_signal(number: int, frame: FrameType | None) -> None:
+    global _requested
+    if not _active or (number == signal.SIGALRM and not _requested):
+        return
+    _requested = True
+    importing = _importing(frame)
+    if importing and not _kept:
+        _exit("interrupted")
+    if importing or _held:
+        signal.setitimer(signal.ITIMER_REAL, _RETRY)
+        return
+    signal.setitimer(signal.ITIMER_REAL, _PATIENCE)
+    raise KeyboardInterrupt
+
+
+def _importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _unraisable(args: "sys.UnraisableHookArgs") -> None:
+    """Python drops what a destructor or a callback raises: an interrupt is wanted again."""
+    if args.exc_type is KeyboardInterrupt:
+        signal.setitimer(signal.ITIMER_REAL, _RETRY)
+    else:
+        sys.__unraisablehook__(args)
+
+
+def _watch_for_the_second() -> None:
+    """Handlers wait for native code to return; this thread does not."""
+    reader, writer = os.pipe()
+    os.set_blocking(writer, False)
+    signal.set_wakeup_fd(writer, warn_on_full_buffer=False)
+    threading.Thread(target=_watch, args=(reader,), daemon=True).start()
+
+
+def _watch(reader: int) -> None:
+    first: float | None = None
+    while _active:
+        for number in os.read(reader, 64):
+            now = time.monotonic()
+            if number not in _SIGNALS or not _active:
+                continue
+            if first is None:
+                first = now
+            elif now - first > _DEBOUNCE:
+                _exit("stopped at once")
+
+
+def _exit(message: str) -> None:
+    os.write(2, f"dexgrasp: {message}\n".encode())
+    os._exit(EXIT_CODE)
