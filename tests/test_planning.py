@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.geometry.exact import ExactDistance
+from agents.geometry.exact import closest_on_mesh
 from agents.grasp.target import GraspTarget
 from agents.kinematics.clearance import clearance_rows
 from agents.kinematics.forward import body_frames, tip_positions
@@ -81,12 +81,12 @@ def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
     assert found.failure is None
     assert 0 < len(found.contacts) <= SETTINGS.triples
     points, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
-    exact = ExactDistance.from_mesh(grasp_target.hull)
-    assert np.abs(exact.distance(points)).max() < 1e-6
+    assert np.abs(closest_on_mesh(grasp_target.hull, points).distances).max() < 1e-6
     np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
     # The tip that touches there: its centre stands off by its radius, and the sphere is above the table.
-    np.testing.assert_allclose(exact.distance(points + reach * normals), reach, atol=1e-6)
+    standing = closest_on_mesh(grasp_target.hull, points + reach * normals).distances
+    np.testing.assert_allclose(standing, reach, atol=1e-6)
     assert (points[:, 2] + reach * normals[:, 2]).min() > SETTINGS.tip_radius
     apart = [
         np.linalg.norm(found.contacts[:, i] - found.contacts[:, j], axis=1)
@@ -301,12 +301,11 @@ def test_gradient_of_every_row_is_its_difference(name, proposals):
 
 @pytest.mark.parametrize("name", ["box", "stone"])
 def test_values_of_the_fixed_rows_by_another_way(name, proposals):
-    exact = ExactDistance.from_mesh(SUBJECTS[name].hull)
     bounds = bounds_of(SETTINGS, 0.5)
     for q in near_contact(name, proposals, 10, seed=1):
         at, _ = rows_at(q, SUBJECTS[name])
         tips = tips_by_mujoco(q)
-        distance, normals = exact.distance_gradient(tips)
+        distance, _, normals = closest_on_mesh(SUBJECTS[name].hull, tips)
         np.testing.assert_allclose(at.distances, distance, atol=1e-7)
         np.testing.assert_allclose(at.contacts, tips - distance[:, None] * normals, atol=1e-6)
         np.testing.assert_allclose(at.values[:3], distance - bounds.low, atol=1e-7)

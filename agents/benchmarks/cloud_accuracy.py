@@ -96,10 +96,10 @@ def measure_accuracy(
 
 def surface_distance(points: Array, mesh: "trimesh.Trimesh", T_world_object: Array) -> Array:
     """Return distances (M,) m of world points (M, 3) to the surface of a mesh at a pose."""
-    from agents.benchmarks.triangles import surface_distances
+    from agents.geometry.exact import closest_on_mesh
 
     local = (points - T_world_object[:3, 3]) @ T_world_object[:3, :3]
-    return surface_distances(np.ascontiguousarray(local, float), np.ascontiguousarray(mesh.triangles, float))
+    return np.abs(closest_on_mesh(mesh, local).distances)
 
 
 def covered_share(points: Array, visible: Array, radius: float = COVER_RADIUS) -> float:

@@ -12,9 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.geometry.convex import ConvexDistance
-from agents.geometry.exact import ExactDistance
+from agents.geometry.exact import closest_on_mesh
 from agents.geometry.grid import GridDistance
-from agents.geometry.normals import surface_samples
+from agents.geometry.samples import surface_samples
 
 if TYPE_CHECKING:
     import trimesh
@@ -31,7 +31,7 @@ def run(quick: bool = False) -> dict[str, Any]:
 
     Errors are against the analytic solid (`analytic`) and against the triangles (`mesh`); points lie 10 mm
     inside to 20 mm outside the surface. `ratio` is trimesh's time over the method's, which includes the
-    gradient; None where trimesh lacks its optional `rtree`.
+    gradient.
 
     Args:
         quick: fewer points and repetitions.
@@ -84,25 +84,27 @@ def _measure(
     mesh: trimesh.Trimesh, analytic: Callable[[NDArray], NDArray], count: int, repeats: int, slow_count: int
 ) -> dict[str, Any]:
     """Return the figures of one solid."""
+    from trimesh.proximity import signed_distance
+
     rng = np.random.default_rng(0)
     surface = surface_samples(mesh, count, rng)
     points = surface.points + rng.uniform(-0.01, 0.02, (count, 1)) * surface.normals
-    exact, truth = ExactDistance.from_mesh(mesh), analytic(points)
-    methods: dict[str, Any] = {"exact": exact, "grid": GridDistance.from_mesh(mesh)}
+    truth, some = analytic(points), points[:slow_count]
+    methods: dict[str, Any] = {"grid": GridDistance.from_mesh(mesh)}
     if mesh.is_convex:
         methods["convex"] = ConvexDistance.from_mesh(mesh)
         methods[f"convex_{CONVEX_FACES}"] = ConvexDistance.from_mesh(mesh, CONVEX_FACES)
-    slow = _trimesh_time(mesh, points[:slow_count])
-    on_mesh = exact.distance(points)
+    slow = _time(lambda: signed_distance(mesh, some), slow_count, 1)
+    on_mesh = closest_on_mesh(mesh, some).distances
     result: dict[str, Any] = {"faces": len(mesh.faces), "trimesh": {"us": slow}}
     for name, method in methods.items():
         us = _time(partial(method.distance_gradient, points), count, repeats)
         found = method.distance(points)
         result[name] = {
             "us": us,
-            "ratio": None if slow is None else slow / us,
+            "ratio": slow / us,
             "analytic": _errors(found - truth),
-            "mesh": _errors(found - on_mesh),
+            "mesh": _errors(found[:slow_count] - on_mesh),
         }
     return result
 
@@ -126,16 +128,6 @@ def _time(call: Callable[[], object], count: int, repeats: int) -> float:
         call()
         times.append(time.perf_counter() - start)
     return 1e6 * float(np.median(times)) / count
-
-
-def _trimesh_time(mesh: trimesh.Trimesh, points: NDArray) -> float | None:
-    """Return trimesh's time [us a point]; None without its optional dependency."""
-    from trimesh.proximity import signed_distance
-
-    try:
-        return _time(lambda: signed_distance(mesh, points), len(points), 1)
-    except ModuleNotFoundError:
-        return None
 
 
 if __name__ == "__main__":

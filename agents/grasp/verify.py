@@ -11,7 +11,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from agents.geometry.exact import ExactDistance
+from agents.geometry.exact import closest_on_mesh
 from agents.grasp.file import GraspRecord
 from agents.physics.conic import conic_margin, conic_residual
 from agents.planning.settings import PlannerSettings
@@ -52,8 +52,7 @@ def verify(record: GraspRecord) -> list[Check]:
     data.qpos[:23] = record.arrays["q"]
     mujoco.mj_forward(model, data)
     tips = np.array([data.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS])
-    distance, normals = ExactDistance.from_mesh(hull).distance_gradient(tips)
-    contacts = tips - distance[:, None] * normals
+    distance, contacts, normals = closest_on_mesh(hull, tips)
     return [
         _threshold_check(record),
         *_contact_checks(record, distance, normals, contacts),

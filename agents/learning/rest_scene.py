@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.geometry.convex import ConvexDistance
-from agents.geometry.normals import surface_samples
+from agents.geometry.samples import surface_samples
 from agents.grasp.target import GraspTarget
 from agents.learning.settings import DatasetSettings
 from agents.physics.closure import closure_sweep

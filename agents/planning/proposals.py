@@ -8,7 +8,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from agents.geometry.normals import surface_samples
+from agents.geometry.samples import surface_samples
 from agents.grasp.target import GraspTarget
 from agents.physics.closure import closure_sweep
 from agents.physics.margin import margins

@@ -1,4 +1,4 @@
-"""Evenly spread points of a surface and smooth normals there."""
+"""Evenly spread points of a surface, with the normals of their faces."""
 
 from __future__ import annotations
 
@@ -59,42 +59,6 @@ def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | in
     return SurfaceSamples(points[kept], normals[faces[kept]], faces[kept])
 
 
-def smooth_normals(
-    mesh: trimesh.Trimesh, points: NDArray, normals: NDArray, radius: float, density: int = 24
-) -> NDArray:
-    """Return unit normals (n, 3) averaged over the surface within a radius of each point.
-
-    Surface is weighted by its area, by (1 - (r / radius)^2)^2 and by the cosine between the normals where
-    that is positive. Blunt edges and facets are smoothed; edges of 90 degrees stay sharp, and the far side
-    of a thin wall does not count.
-
-    Args:
-        mesh: triangles [m].
-        points: (n, 3) points of the surface [m].
-        normals: (n, 3) outward unit normals of their faces.
-        radius: [m], above 0.
-        density: surface points looked at within the radius of a point of a flat surface.
-
-    Raises:
-        InputError: `radius` not above 0, or a mesh without area.
-    """
-    if not radius > 0:
-        raise InputError(f"radius is {radius} m: valid are lengths above 0")
-    triangles, flat, areas = _face_data(mesh)
-    count = int(np.clip(density * areas.sum() / (np.pi * radius**2), 1000, 400_000))
-    around, faces = _place(triangles, areas, _even(count))
-    near = cKDTree(around).query_ball_point(points, radius, return_sorted=True)
-    owner = np.repeat(np.arange(len(points)), [len(found) for found in near])
-    index = np.concatenate([np.asarray(found, dtype=np.int64) for found in near])
-    offsets = around[index] - points[owner]
-    weights = (1.0 - (offsets * offsets).sum(-1) / radius**2) ** 2
-    weights *= np.maximum((flat[faces[index]] * normals[owner]).sum(-1), 0.0)
-    total = 1e-9 * normals  # alone where nothing lies within the radius
-    for k in range(3):
-        total[:, k] += np.bincount(owner, weights * flat[faces[index], k], len(points))
-    return total / np.sqrt((total * total).sum(-1, keepdims=True))
-
-
 def _face_data(mesh: trimesh.Trimesh) -> tuple[NDArray, NDArray, NDArray]:
     """Return triangles (F, 3, 3), unit normals (F, 3) and areas (F,)."""
     triangles = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
@@ -114,13 +78,6 @@ def _place(triangles: NDArray, areas: NDArray, uniform: NDArray) -> tuple[NDArra
     corners = triangles[faces]
     share = root * uniform[:, 2:3]
     return (1.0 - root) * corners[:, 0] + (root - share) * corners[:, 1] + share * corners[:, 2], faces
-
-
-def _even(count: int) -> NDArray:
-    """Return numbers (count, 3) in [0, 1): equal shares of the area, and the R2 sequence within the faces."""
-    index = np.arange(count)
-    within = (0.5 + index[:, None] * np.array([0.7548776662466927, 0.5698402909980532])) % 1.0
-    return np.column_stack([(index + 0.5) / count, within])
 
 
 def _thin(points: NDArray, normals: NDArray, n: int, reach: float) -> NDArray:
