@@ -12,7 +12,7 @@ from agents import make_agent
 from agents.evaluation.attempt import attempt_target, plan_target
 from agents.evaluation.trial import public_info
 from agents.execution.guarded import GuardedExecution
-from agents.kinematics.forward import body_frames, tip_positions
+from agents.kinematics.forward import fingertips
 from agents.kinematics.tree import robot_tree
 from agents.policies.bilevel import BilevelAgent, make_source, target_from_cloud
 from dexgrasp_env.errors import InputError
@@ -39,8 +39,7 @@ def agent():
 
 
 def tips(q):
-    R, p = body_frames(q, TREE)
-    return tip_positions(TREE, R, p)
+    return fingertips(q, TREE)
 
 
 def test_reports_a_plan(attempt):

@@ -56,7 +56,7 @@ def test_far_and_near_points_of_many_faces_agree_with_every_triangle(can):
 )
 def test_features_of_the_box(box, p, feature, distance, gradient):
     g, point = np.empty(3), np.empty(3)
-    d, code, _ = closest_feature(np.array(p), box.triangles, box.planes, g, point)
+    d, code, _ = closest_feature(np.array(p), box.obstacle, g, point)
     assert feature_of(code) == feature
     assert d == pytest.approx(distance)
     np.testing.assert_allclose(g, gradient, atol=1e-12)
@@ -70,7 +70,7 @@ def test_gradient_and_hessian_agree_with_finite_differences(name, request):
     agree = []
     for p in scatter(np.random.default_rng(2), 400):
         g, H = np.empty(3), np.empty((3, 3))
-        d = convex_distance_hessian(p, shape.triangles, shape.planes, g, H)
+        d = convex_distance_hessian(p, shape.obstacle, g, H)
         if d < 1e-3:
             continue
         ahead, behind = shape.distance_gradient(p + step), shape.distance_gradient(p - step)
@@ -91,7 +91,7 @@ def test_compiled_function_and_batch_give_the_same_bits(can):
     points, g = scatter(np.random.default_rng(5), 50), np.empty(3)
     distances, gradients = can.distance_gradient(points)
     for p, d, expected in zip(points, distances, gradients, strict=True):
-        assert convex_distance(p, can.triangles, can.planes, g) == d
+        assert convex_distance(p, can.obstacle, g) == d
         np.testing.assert_array_equal(g, expected)
 
 

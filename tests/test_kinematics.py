@@ -8,8 +8,8 @@ import pytest
 import trimesh
 
 from agents.geometry.convex import ConvexDistance
-from agents.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows
-from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from agents.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
+from agents.kinematics.forward import body_frames, fingertips, tip_jacobian
 from agents.kinematics.palm_ik import palm_frame, solve_palm
 from agents.kinematics.tree import robot_tree
 from agents.planning.postures import reach_palm
@@ -71,14 +71,11 @@ def around_the_object(rng, count):
 
 def clearances(q, tips_touch=True):
     """Rows by (kind, body, body): the least of a pair's."""
-    R, p = body_frames(q, TREE)
-    values, rows, labels = np.empty(160), np.empty((160, 23)), np.empty((160, 3), np.int64)
-    n = clearance_rows(
-        TREE, R, p, SHAPE.triangles, SHAPE.planes, NEAR, True, tips_touch, values, rows, labels
-    )
+    rows = empty_rows(160)
+    n = clearance_rows(TREE, body_frames(q, TREE), SHAPE.obstacle, NEAR, tips_touch, rows)
     assert n < 120  # far from the room that callers give
     least = {}
-    for value, row, label in zip(values[:n], rows[:n], labels[:n], strict=True):
+    for value, row, label in zip(rows.values[:n], rows.gradients[:n], rows.labels[:n], strict=True):
         key = tuple(int(v) for v in label)
         if value < least.get(key, (1.0,))[0]:
             least[key] = value, row
@@ -120,7 +117,7 @@ def test_frames_and_tips_are_mujocos(mount):
         np.testing.assert_allclose(p, data.xpos[ids], atol=1e-12)
         np.testing.assert_allclose(R.reshape(-1, 9), data.xmat[ids], atol=1e-12)
         tips = [data.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS]
-        np.testing.assert_allclose(tip_positions(tree, R, p), tips, atol=1e-12)
+        np.testing.assert_allclose(fingertips(q, tree), tips, atol=1e-12)
         R_palm, p_palm = palm_frame(q, tree)
         np.testing.assert_allclose(R_palm.ravel(), data.site("palm").xmat, atol=1e-12)
         np.testing.assert_allclose(p_palm, data.site("palm").xpos, atol=1e-12)
@@ -131,8 +128,7 @@ def test_tip_jacobians_are_mujocos(mount):
     tree, J = robot_tree(mount), np.zeros((3, 23))
     for q in anywhere(np.random.default_rng(1), 40):
         model, data = placed(q, mount)
-        R, p = body_frames(q, tree)
-        ours = tip_jacobian(tree, R, p, tip_positions(tree, R, p))
+        ours = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree))
         for i, finger in enumerate(GRASP_FINGERS):
             mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
             np.testing.assert_allclose(ours[i], J, atol=1e-12)

@@ -9,8 +9,8 @@ import trimesh
 
 from agents.geometry.exact import closest_on_mesh
 from agents.grasp.target import GraspTarget
-from agents.kinematics.clearance import clearance_rows
-from agents.kinematics.forward import body_frames, tip_positions
+from agents.kinematics.clearance import clearance_rows, empty_rows
+from agents.kinematics.forward import body_frames, fingertips
 from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import robot_tree
 from agents.physics.conic import conic_margin, conic_residual
@@ -331,25 +331,11 @@ def test_clearance_rows_are_shifted_by_what_is_asked_for(proposals):
 
 def test_the_programme_and_the_clearances_are_of_one_compilation(proposals):
     """Compiled code is cached by file: a stale copy of the clearances inside the programme would differ here."""
-    grasp_target, values, rows = SUBJECTS["box"], np.empty(160), np.empty((160, 23))
-    labels = np.empty((160, 3), np.int64)
+    grasp_target, rows = SUBJECTS["box"], empty_rows(160)
     for q in near_contact("box", proposals, 5):
-        R, p = body_frames(q, TREE)
-        n = clearance_rows(
-            TREE,
-            R,
-            p,
-            grasp_target.distance.triangles,
-            grasp_target.distance.planes,
-            0.02,
-            True,
-            True,
-            values,
-            rows,
-            labels,
-        )
+        n = clearance_rows(TREE, body_frames(q, TREE), grasp_target.distance.obstacle, 0.02, True, rows)
         at, _ = rows_at(q, grasp_target)
-        np.testing.assert_allclose(at.values[FIXED_ROWS:], values[:n] - SETTINGS.clearance, atol=1e-12)
+        np.testing.assert_allclose(at.values[FIXED_ROWS:], rows.values[:n] - SETTINGS.clearance, atol=1e-12)
 
 
 def test_the_programme_repeats_itself_bit_for_bit(proposals):
@@ -360,6 +346,5 @@ def test_the_programme_repeats_itself_bit_for_bit(proposals):
 
 
 def test_tip_positions_follow_the_names():
-    R, p = body_frames(HOME, TREE)
     assert [BODIES[b] for b in TREE.tip_body] == [f"{finger}_distal" for finger in GRASP_FINGERS]
-    np.testing.assert_allclose(tip_positions(TREE, R, p), tips_by_mujoco(HOME), atol=1e-12)
+    np.testing.assert_allclose(fingertips(HOME, TREE), tips_by_mujoco(HOME), atol=1e-12)

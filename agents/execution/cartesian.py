@@ -3,7 +3,7 @@
 import numpy as np
 from numba import njit
 
-from agents.kinematics.forward import add_row, add_turn_row, forward, to_world
+from agents.kinematics.forward import add_row, add_turn_row, empty_frames, forward, to_world
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
@@ -29,18 +29,18 @@ def shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]:
 
 @njit(cache=True, error_model="numpy")
 def _shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]:
-    nb, palm = tree.parent.shape[0], tree.palm
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    frames, palm = empty_frames(tree), tree.palm
+    R, p = frames.R, frames.p
     start, point, unit, row = np.empty(3), np.empty(3), np.zeros(3), np.empty(23)
     J, e = np.empty((6, 7)), np.empty(6)
-    forward(q, tree, R, p)
+    forward(q, tree, frames)
     to_world(R[palm], p[palm], tree.palm_offset, start)
     turn = R[palm].copy()
     path, now, worst = np.empty((shifts.shape[0], 23)), q.copy(), 0.0
     for i in range(shifts.shape[0]):
         error = 0.0
         for step in range(_CORRECTIONS + 1):
-            forward(now, tree, R, p)
+            forward(now, tree, frames)
             to_world(R[palm], p[palm], tree.palm_offset, point)
             D = turn @ R[palm].T
             for r in range(3):
@@ -55,10 +55,10 @@ def _shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]
                 unit[:] = 0.0
                 unit[r] = 1.0
                 row[:] = 0.0
-                add_row(row, palm, point, unit, 1.0, tree, R, p)
+                add_row(row, palm, point, unit, 1.0, tree, frames)
                 J[r] = row[:7]
                 row[:] = 0.0
-                add_turn_row(row, palm, unit, 1.0, tree, R)
+                add_turn_row(row, palm, unit, 1.0, tree, frames)
                 J[3 + r] = _TURN_SCALE * row[:7]
             change = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)
             for j in range(7):

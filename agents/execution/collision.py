@@ -7,9 +7,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.geometry.convex import ConvexDistance
-from agents.kinematics.clearance import OBJECT, SELF, clearance_rows
-from agents.kinematics.forward import forward
+from agents.geometry.convex import NOTHING, ConvexDistance, Obstacle
+from agents.kinematics.clearance import OBJECT, SELF, clearance_rows, empty_rows
+from agents.kinematics.forward import body_frames, empty_frames, forward
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.names import BODIES
@@ -46,11 +46,7 @@ class CollisionChecker:
             margin: clearance to keep, m.
         """
         self.tree, self.margin = tree, margin
-        self._with_object = obstacle is not None
-        self._triangles, self._planes = np.zeros((1, 3, 3)), np.zeros((1, 4))
-        if obstacle is not None:
-            self._triangles = np.ascontiguousarray(obstacle.triangles)
-            self._planes = np.ascontiguousarray(obstacle.planes)
+        self._obstacle = NOTHING if obstacle is None else obstacle.obstacle
         bodies = len(tree.parent)
         # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
         self._needed = np.full((bodies, bodies + 2), margin)
@@ -68,16 +64,9 @@ class CollisionChecker:
 
     def clearances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
-        bodies = len(self.tree.parent)
-        R, p = np.empty((bodies, 3, 3)), np.empty((bodies, 3))
-        values, rows = np.empty(_MAX_ROWS), np.empty((_MAX_ROWS, 23))
-        labels = np.empty((_MAX_ROWS, 3), np.int64)
-        forward(np.ascontiguousarray(q, dtype=float), self.tree, R, p)
-        count = clearance_rows(
-            self.tree, R, p, self._triangles, self._planes, self.margin, self._with_object, False,
-            values, rows, labels,
-        )  # fmt: skip
-        return values[:count], labels[:count]
+        rows, frames = empty_rows(_MAX_ROWS), body_frames(q, self.tree)
+        count = clearance_rows(self.tree, frames, self._obstacle, self.margin, False, rows)
+        return rows.values[:count], rows.labels[:count]
 
     def free(self, q: Array) -> bool:
         """Whether `q` (23,) rad is free."""
@@ -97,9 +86,8 @@ class CollisionChecker:
         dense = densify(path, _CHECK_STEP)
         label = np.empty(3, np.int64)
         index, value = _first_contact(
-            dense, self.tree, self._triangles, self._planes, self._needed - slack, self.margin,
-            self._with_object, label,
-        )  # fmt: skip
+            dense, self.tree, self._obstacle, self._needed - slack, self.margin, label
+        )
         if index < 0:
             return None
         other = BODIES[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
@@ -118,16 +106,13 @@ def densify(path: Array, step: float) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def _first_contact(
-    path: Array, tree: RobotTree, triangles: Array, planes: Array, needed: Array, margin: float,
-    with_object: bool, label: NDArray[np.int64],
-) -> tuple[int, float]:  # fmt: skip
-    nb = tree.parent.shape[0]
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
-    values, rows = np.empty(_MAX_ROWS), np.empty((_MAX_ROWS, 23))
-    labels = np.empty((_MAX_ROWS, 3), np.int64)
+    path: Array, tree: RobotTree, obstacle: Obstacle, needed: Array, margin: float, label: NDArray[np.int64]
+) -> tuple[int, float]:
+    nb, frames, rows = tree.parent.shape[0], empty_frames(tree), empty_rows(_MAX_ROWS)
+    values, labels = rows.values, rows.labels
     for i in range(path.shape[0]):
-        forward(path[i], tree, R, p)
-        n = clearance_rows(tree, R, p, triangles, planes, margin, with_object, False, values, rows, labels)
+        forward(path[i], tree, frames)
+        n = clearance_rows(tree, frames, obstacle, margin, False, rows)
         for k in range(n):
             kind, body, other = labels[k, 0], labels[k, 1], labels[k, 2]
             column = other if kind == SELF else nb + (0 if kind == OBJECT else 1)

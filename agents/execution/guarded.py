@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.execution.script import ActionScript
-from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from agents.kinematics.forward import finger_jacobians, fingertips
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.tasks.control import normalise
@@ -54,8 +54,7 @@ class GuardedExecution:
         return np.maximum(np.linalg.norm(closed - open_, axis=1), 1e-3)
 
     def _tips(self, q: Array) -> Array:
-        R, p = body_frames(q, self._tree)
-        return tip_positions(self._tree, R, p)
+        return fingertips(q, self._tree)
 
     def action(self, joint_positions: Array) -> NDArray[np.float32]:
         """Return the next `joint_position` action for measured joint positions (23,) rad."""
@@ -91,8 +90,7 @@ class GuardedExecution:
         return self._targets
 
     def _start_squeeze(self, q: Array) -> None:
-        R, p = body_frames(q, self._tree)
-        J = tip_jacobian(self._tree, R, p, tip_positions(self._tree, R, p))[:, :, 7:]
+        J = finger_jacobians(q, self._tree)
         self._pressed = self._targets.copy()
         torque = np.einsum("frj,fr->j", J, self._forces)
         for columns in _FINGER_COLUMNS:

@@ -1,7 +1,6 @@
 """Convex polyhedra from points or meshes, simplified on request, and their signed distance.
 
-The compiled functions of `convex_kernel` can be had from here; they take a polyhedron's `triangles` and
-`planes`.
+The compiled functions of `convex_kernel` can be had from here; they take a polyhedron's `obstacle`.
 """
 
 from __future__ import annotations
@@ -14,6 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
 from agents.geometry.convex_kernel import (
+    NOTHING,
+    Obstacle,
     closest_feature,
     convex_distance,
     convex_distance_hessian,
@@ -25,7 +26,9 @@ if TYPE_CHECKING:
     import trimesh
 
 __all__ = [
+    "NOTHING",
     "ConvexDistance",
+    "Obstacle",
     "closest_feature",
     "convex_distance",
     "convex_distance_hessian",
@@ -76,6 +79,11 @@ class ConvexDistance:
         """Build the convex hull of a mesh's vertices; the arguments and errors are those of `from_points`."""
         return cls.from_points(mesh.vertices, max_faces)
 
+    @property
+    def obstacle(self) -> Obstacle:
+        """The polyhedron as compiled code takes it."""
+        return Obstacle(self.triangles, self.planes)
+
     def distance(self, points: ArrayLike) -> NDArray:
         """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
         return self.distance_gradient(points)[0]
@@ -84,14 +92,14 @@ class ConvexDistance:
         """Return the signed distances (N,) [m] of points (N, 3) and their unit gradients (N, 3)."""
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         gradients = np.empty_like(queries)
-        return convex_distances(queries, self.triangles, self.planes, gradients), gradients
+        return convex_distances(queries, self.obstacle, gradients), gradients
 
     def closest(self, points: ArrayLike) -> NDArray:
         """Return the closest points (N, 3) [m] of the surface to points (N, 3)."""
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         closest, gradient = np.empty_like(queries), np.empty(3)
         for query, point in zip(queries, closest, strict=True):
-            closest_feature(query, self.triangles, self.planes, gradient, point)
+            closest_feature(query, self.obstacle, gradient, point)
         return closest
 
 
@@ -135,15 +143,15 @@ def _simplify(vertices: NDArray, max_faces: int) -> tuple[NDArray, NDArray, floa
     axes = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 3)
     chosen = list(dict.fromkeys((vertices @ axes.T).argmax(axis=0).tolist()))[: max_faces // 2 + 2]
     gradients = np.empty_like(vertices)
-    best = _hull(vertices[chosen])[:2]
+    best = Obstacle(*_hull(vertices[chosen])[:2])
     while True:
-        distances = convex_distances(vertices, *best, gradients)
+        distances = convex_distances(vertices, best, gradients)
         farthest = int(distances.argmax())
         error = max(float(distances[farthest]), 0.0)
         if error <= 1e-9 or len(chosen) == len(vertices):
             return *best, error
         chosen.append(farthest)
-        trial = _hull(vertices[chosen])[:2]
-        if len(trial[0]) > max_faces:
+        trial = Obstacle(*_hull(vertices[chosen])[:2])
+        if len(trial.planes) > max_faces:
             return *best, error
         best = trial

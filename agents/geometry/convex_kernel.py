@@ -1,13 +1,12 @@
 """Exact signed distance to a convex polyhedron, with gradient, closest point and Hessian.
 
-The functions are compiled and may be called from compiled code. A polyhedron is two arrays, `triangles` (F,
-3, 3) and `planes` (F, 4), the outward unit normal and offset of each triangle: n . x + offset <= 0 inside.
-Source: Eq. (3).
+The functions are compiled and may be called from compiled code. Source: Eq. (3).
 """
 
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -17,6 +16,16 @@ from agents.geometry.triangle import EDGE, FACE, closest_on_triangle, feature_of
 
 INCIDENT = 1e-9
 """A face within this of a point [m] counts as holding it; far below any feature size, far above rounding."""
+
+
+class Obstacle(NamedTuple):
+    """A convex polyhedron; one without faces (`NOTHING`) stands for no obstacle."""
+
+    triangles: NDArray  # (F, 3, 3) corners, counter-clockwise seen from outside, m
+    planes: NDArray  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
+
+
+NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)))
 
 
 @njit(cache=True, error_model="numpy")
@@ -32,7 +41,7 @@ def _farthest_plane(px: float, py: float, pz: float, planes: NDArray) -> tuple[f
 
 @njit(cache=True, error_model="numpy")
 def _walk(
-    px: float, py: float, pz: float, triangles: NDArray, planes: NDArray, start: int
+    px: float, py: float, pz: float, obstacle: Obstacle, start: int
 ) -> tuple[float, float, float, float, int, int]:
     """Descend from a face that p sees to the closest point; return squared distance, point, code, face.
 
@@ -40,6 +49,7 @@ def _walk(
     enough to try the seen faces that hold the present point. When a whole round brings no gain, the point
     is the closest.
     """
+    triangles, planes = obstacle.triangles, obstacle.planes
     face, count = start, planes.shape[0]
     cx, cy, cz, code = closest_on_triangle(px, py, pz, triangles[start])
     best = (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2
@@ -60,14 +70,13 @@ def _walk(
 
 @njit(cache=True, error_model="numpy")
 def closest_feature(
-    p: NDArray, triangles: NDArray, planes: NDArray, gradient_out: NDArray, point_out: NDArray
+    p: NDArray, obstacle: Obstacle, gradient_out: NDArray, point_out: NDArray
 ) -> tuple[float, int, int]:
     """Return the signed distance, the closest feature's code and a face that holds it.
 
     Args:
         p: (3,) point [m].
-        triangles: (F, 3, 3) outward triangles [m].
-        planes: (F, 4) unit normals and offsets.
+        obstacle: the polyhedron, with at least one face.
         gradient_out: (3,) receives the unit gradient: the face's normal inside, (p - closest) / distance
             outside.
         point_out: (3,) receives the closest point of the surface [m].
@@ -75,13 +84,13 @@ def closest_feature(
     Returns:
         Signed distance [m] (negative inside), feature code (see `triangle.FACE_CODE`), face index.
     """
-    px, py, pz = p[0], p[1], p[2]
+    px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
     bound, face = _farthest_plane(px, py, pz, planes)
     code, distance = 0, bound
     gx, gy, gz = planes[face, 0], planes[face, 1], planes[face, 2]
     cx, cy, cz = px - bound * gx, py - bound * gy, pz - bound * gz
     if bound > 0.0:
-        squared, x, y, z, walked, holder = _walk(px, py, pz, triangles, planes, face)
+        squared, x, y, z, walked, holder = _walk(px, py, pz, obstacle, face)
         reached = math.sqrt(squared)
         # A point over an edge between coplanar triangles is over their face, where the plane itself is exact.
         if walked != 0 and reached - bound > 1e-12 * reached + 1e-15:
@@ -94,18 +103,18 @@ def closest_feature(
 
 
 @njit(cache=True, error_model="numpy")
-def convex_distance(p: NDArray, triangles: NDArray, planes: NDArray, gradient_out: NDArray) -> float:
+def convex_distance(p: NDArray, obstacle: Obstacle, gradient_out: NDArray) -> float:
     """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,).
 
     Outside, the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it is
     the normal of the nearest face. See `closest_feature` for the arguments.
     """
-    px, py, pz = p[0], p[1], p[2]
+    px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
     bound, face = _farthest_plane(px, py, pz, planes)
     gradient_out[0], gradient_out[1], gradient_out[2] = planes[face, 0], planes[face, 1], planes[face, 2]
     if bound <= 0.0:
         return bound
-    squared, x, y, z, code, _ = _walk(px, py, pz, triangles, planes, face)
+    squared, x, y, z, code, _ = _walk(px, py, pz, obstacle, face)
     reached = math.sqrt(squared)
     if code == 0 or reached - bound <= 1e-12 * reached + 1e-15:
         return bound
@@ -119,7 +128,7 @@ def convex_distance(p: NDArray, triangles: NDArray, planes: NDArray, gradient_ou
 
 @njit(cache=True, error_model="numpy")
 def convex_distance_hessian(
-    p: NDArray, triangles: NDArray, planes: NDArray, gradient_out: NDArray, hessian_out: NDArray
+    p: NDArray, obstacle: Obstacle, gradient_out: NDArray, hessian_out: NDArray
 ) -> float:
     """Return the signed distance [m] and write its gradient (3,) and exact Hessian (3, 3) [1/m].
 
@@ -127,7 +136,7 @@ def convex_distance_hessian(
     and inside, (I - n n' - t t') / d over edges and (I - n n') / d over vertices.
     """
     point = np.empty(3)
-    distance, code, face = closest_feature(p, triangles, planes, gradient_out, point)
+    distance, code, face = closest_feature(p, obstacle, gradient_out, point)
     hessian_out[:] = 0.0
     feature = feature_of(code)
     if feature == FACE:
@@ -136,7 +145,7 @@ def convex_distance_hessian(
         for k in range(3):
             hessian_out[i, k] = ((1.0 if i == k else 0.0) - gradient_out[i] * gradient_out[k]) / distance
     if feature == EDGE:
-        edge = triangles[face, code % 3] - triangles[face, code - 1]
+        edge = obstacle.triangles[face, code % 3] - obstacle.triangles[face, code - 1]
         scale = 1.0 / ((edge[0] ** 2 + edge[1] ** 2 + edge[2] ** 2) * distance)
         for i in range(3):
             for k in range(3):
@@ -145,9 +154,9 @@ def convex_distance_hessian(
 
 
 @njit(cache=True, error_model="numpy")
-def convex_distances(points: NDArray, triangles: NDArray, planes: NDArray, gradients_out: NDArray) -> NDArray:
+def convex_distances(points: NDArray, obstacle: Obstacle, gradients_out: NDArray) -> NDArray:
     """Return the signed distances (N,) [m] of points (N, 3) and write their gradients (N, 3)."""
     distances = np.empty(points.shape[0])
     for i in range(points.shape[0]):
-        distances[i] = convex_distance(points[i], triangles, planes, gradients_out[i])
+        distances[i] = convex_distance(points[i], obstacle, gradients_out[i])
     return distances

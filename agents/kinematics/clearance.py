@@ -4,12 +4,14 @@ Every clearance is a lower bound of the true one: spheres cover the robot from o
 than an activation distance only, at most one for a body and obstacle, or a pair of bodies.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.geometry.convex_kernel import convex_distance
-from agents.kinematics.forward import add_row, to_world
+from agents.geometry.convex_kernel import Obstacle, convex_distance
+from agents.kinematics.forward import Frames, add_row, to_world
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
@@ -19,51 +21,51 @@ KINDS = ("hand_object", "hand_table", "self")
 _TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 
 
+class Rows(NamedTuple):
+    """Room for clearances and their gradients."""
+
+    values: Array  # (K,) m
+    gradients: Array  # (K, 23) m/rad
+    labels: NDArray[np.int64]  # (K, 3): kind, body, other body (-1 for object and table)
+
+
+class Cover(NamedTuple):
+    """Where the covering spheres are, robot base frame."""
+
+    bounds: Array  # (nb, 3) m, centres of the spheres around whole bodies
+    centres: Array  # (ns, 3) m
+
+
+@njit(cache=True, error_model="numpy")
+def empty_rows(count: int) -> Rows:
+    """Return room for `count` clearances."""
+    return Rows(np.empty(count), np.empty((count, 23)), np.empty((count, 3), dtype=np.int64))
+
+
 @njit(cache=True, error_model="numpy")
 def clearance_rows(
-    tree: RobotTree,
-    R: Array,
-    p: Array,
-    triangles: Array,
-    planes: Array,
-    activation: float,
-    with_object: bool,
-    tips_touch: bool,
-    values: Array,
-    rows: Array,
-    labels: NDArray[np.int64],
+    tree: RobotTree, frames: Frames, obstacle: Obstacle, activation: float, tips_touch: bool, rows: Rows
 ) -> int:
     """Write clearances below `activation`, and their gradients; return how many.
 
     Args:
         tree: the robot.
-        R: (nb, 3, 3) and
-        p: (nb, 3) m, body frames from `forward`.
-        triangles: (F, 3, 3) and
-        planes: (F, 4), the convex object in the robot base frame.
+        frames: of its bodies.
+        obstacle: the object in the robot base frame, `NOTHING` where there is none.
         activation: m.
-        with_object: whether the object counts.
         tips_touch: whether the grasping tips may touch the object.
-        values: (K,) filled with clearances, m.
-        rows: (K, 23) filled with gradients, m/rad.
-        labels: (K, 3) filled with kind, body, other body (-1 for object and table).
+        rows: filled.
     """
-    n = 0
-    nb = tree.parent.shape[0]
-    centres = np.empty((tree.sphere_radius.shape[0], 3))
-    bounds = np.empty((nb, 3))
-    for b in range(nb):
-        to_world(R[b], p[b], tree.bound_centre[b], bounds[b])
-        for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
-            to_world(R[b], p[b], tree.sphere_centre[s], centres[s])
-    gradient, best_gradient, up = np.empty(3), np.empty(3), np.array([0.0, 0.0, 1.0])
-    for b in range(2, nb):
-        if tree.bound_radius[b] < 0.0 or n >= values.shape[0] - 2:
+    n, with_object, cover = 0, obstacle.planes.shape[0] > 0, _cover(tree, frames)
+    bounds, centres = cover.bounds, cover.centres
+    gradient, best_gradient = np.empty(3), np.empty(3)
+    for b in range(2, tree.parent.shape[0]):
+        if tree.bound_radius[b] < 0.0 or n >= rows.values.shape[0] - 2:
             continue
-        n = _table_row(tree, R, p, b, bounds, centres, activation, up, values, rows, labels, n)
+        n = _table_row(tree, frames, cover, b, activation, rows, n)
         if not with_object:
             continue
-        middle = convex_distance(bounds[b], triangles, planes, gradient)
+        middle = convex_distance(bounds[b], obstacle, gradient)
         if middle - tree.bound_radius[b] > activation:
             continue
         best, which, last, at_last = activation, -1, bounds[b], middle
@@ -76,35 +78,43 @@ def clearance_rows(
                 continue
             if at_last - need > 0.0 and _squared(centres[s], last) < (at_last - need) ** 2:
                 continue
-            at_last, last = convex_distance(centres[s], triangles, planes, gradient), centres[s]
+            at_last, last = convex_distance(centres[s], obstacle, gradient), centres[s]
             d = at_last - tree.sphere_radius[s]
             if d < best:
                 best, which = d, s
                 best_gradient[:] = gradient
         if which >= 0:
-            rows[n] = 0.0
-            add_row(rows[n], b, centres[which], best_gradient, 1.0, tree, R, p)
-            values[n], labels[n, 0], labels[n, 1], labels[n, 2] = best, OBJECT, b, -1
+            _start(rows, n, best, OBJECT, b, -1)
+            add_row(rows.gradients[n], b, centres[which], best_gradient, 1.0, tree, frames)
             n += 1
-    n = _palm_row(tree, R, p, activation, values, rows, labels, n)
-    return _self_rows(tree, R, p, bounds, centres, activation, values, rows, labels, n)
+    n = _palm_row(tree, frames, activation, rows, n)
+    return _self_rows(tree, frames, cover, activation, rows, n)
 
 
 @njit(cache=True, error_model="numpy")
-def _palm_row(
-    tree: RobotTree,
-    R: Array,
-    p: Array,
-    activation: float,
-    values: Array,
-    rows: Array,
-    labels: NDArray[np.int64],
-    n: int,
-) -> int:
+def _cover(tree: RobotTree, frames: Frames) -> Cover:
+    nb, R, p = tree.parent.shape[0], frames.R, frames.p
+    cover = Cover(np.empty((nb, 3)), np.empty((tree.sphere_radius.shape[0], 3)))
+    for b in range(nb):
+        to_world(R[b], p[b], tree.bound_centre[b], cover.bounds[b])
+        for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
+            to_world(R[b], p[b], tree.sphere_centre[s], cover.centres[s])
+    return cover
+
+
+@njit(cache=True, error_model="numpy")
+def _start(rows: Rows, n: int, value: float, kind: int, body: int, other: int) -> None:
+    """Begin row `n` with a gradient of nothing."""
+    rows.values[n], rows.gradients[n] = value, 0.0
+    rows.labels[n, 0], rows.labels[n, 1], rows.labels[n, 2] = kind, body, other
+
+
+@njit(cache=True, error_model="numpy")
+def _palm_row(tree: RobotTree, frames: Frames, activation: float, rows: Rows, n: int) -> int:
     """The thumb's medial link beside the palm: closer than covering spheres can tell, so edges against the true box."""
     best, inside = activation, np.zeros(3)
     point, local, direction, nearest = np.empty(3), np.empty(3), np.zeros(3), np.zeros(3)
-    palm, thumb = tree.palm, tree.thumb
+    R, p, palm, thumb = frames.R, frames.p, tree.palm, tree.thumb
     for k in range(tree.thumb_edges.shape[0]):
         to_world(R[thumb], p[thumb], tree.thumb_edges[k], point)
         squared, deepest, axis = 0.0, -1e9, 0
@@ -129,19 +139,18 @@ def _palm_row(
                 direction[r] += R[palm, r, c] * (part if local[c] > 0.0 else -part)
     if best >= activation:
         return n
-    rows[n] = 0.0
-    add_row(rows[n], thumb, nearest, direction, 1.0, tree, R, p)
-    add_row(rows[n], palm, nearest, direction, -1.0, tree, R, p)
-    values[n], labels[n, 0], labels[n, 1], labels[n, 2] = best, SELF, thumb, palm
+    _start(rows, n, best, SELF, thumb, palm)
+    add_row(rows.gradients[n], thumb, nearest, direction, 1.0, tree, frames)
+    add_row(rows.gradients[n], palm, nearest, direction, -1.0, tree, frames)
     return n + 1
 
 
 @njit(cache=True, error_model="numpy")
 def _table_row(
-    tree: RobotTree, R: Array, p: Array, b: int, bounds: Array, centres: Array, activation: float, up: Array,
-    values: Array, rows: Array, labels: NDArray[np.int64], n: int,
-) -> int:  # fmt: skip
-    if bounds[b, 2] - tree.bound_radius[b] > activation:
+    tree: RobotTree, frames: Frames, cover: Cover, b: int, activation: float, rows: Rows, n: int
+) -> int:
+    centres = cover.centres
+    if cover.bounds[b, 2] - tree.bound_radius[b] > activation:
         return n
     best, which = activation, -1
     for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
@@ -152,22 +161,18 @@ def _table_row(
             best, which = d, s
     if which < 0:
         return n
-    rows[n] = 0.0
-    add_row(rows[n], b, centres[which], up, 1.0, tree, R, p)
-    values[n], labels[n, 0], labels[n, 1], labels[n, 2] = best, TABLE, b, -1
+    _start(rows, n, best, TABLE, b, -1)
+    add_row(rows.gradients[n], b, centres[which], np.array([0.0, 0.0, 1.0]), 1.0, tree, frames)
     return n + 1
 
 
 @njit(cache=True, error_model="numpy")
-def _self_rows(
-    tree: RobotTree, R: Array, p: Array, bounds: Array, centres: Array, activation: float,
-    values: Array, rows: Array, labels: NDArray[np.int64], n: int,
-) -> int:  # fmt: skip
-    direction = np.empty(3)
+def _self_rows(tree: RobotTree, frames: Frames, cover: Cover, activation: float, rows: Rows, n: int) -> int:
+    bounds, centres, direction = cover.bounds, cover.centres, np.empty(3)
     for k in range(tree.pairs.shape[0]):
         a, b = tree.pairs[k, 0], tree.pairs[k, 1]
         reach = tree.bound_radius[a] + tree.bound_radius[b] + activation
-        if _squared(bounds[a], bounds[b]) > reach * reach or n >= values.shape[0]:
+        if _squared(bounds[a], bounds[b]) > reach * reach or n >= rows.values.shape[0]:
             continue
         best, first, second = activation, -1, -1
         for s in range(tree.sphere_first[a], tree.sphere_first[a + 1]):
@@ -183,10 +188,9 @@ def _self_rows(
             norm = np.sqrt(_squared(centres[first], centres[second])) + 1e-12
             for r in range(3):
                 direction[r] = (centres[first, r] - centres[second, r]) / norm
-            rows[n] = 0.0
-            add_row(rows[n], a, centres[first], direction, 1.0, tree, R, p)
-            add_row(rows[n], b, centres[second], direction, -1.0, tree, R, p)
-            values[n], labels[n, 0], labels[n, 1], labels[n, 2] = best, SELF, a, b
+            _start(rows, n, best, SELF, a, b)
+            add_row(rows.gradients[n], a, centres[first], direction, 1.0, tree, frames)
+            add_row(rows.gradients[n], b, centres[second], direction, -1.0, tree, frames)
             n += 1
     return n
 

@@ -1,5 +1,7 @@
 """Forward kinematics and Jacobians, compiled."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -7,16 +9,24 @@ from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
 
-@njit(cache=True, error_model="numpy", fastmath=False)
-def forward(q: Array, tree: RobotTree, R: Array, p: Array) -> None:
-    """Write the body frames in the robot base frame for joint positions `q` (23,) rad.
+class Frames(NamedTuple):
+    """Frames of all bodies, in the robot base frame."""
 
-    Args:
-        q: (23,) rad.
-        tree: the robot.
-        R: (nb, 3, 3), filled with rotations.
-        p: (nb, 3), filled with positions, m.
-    """
+    R: Array  # (nb, 3, 3)
+    p: Array  # (nb, 3) m
+
+
+@njit(cache=True, error_model="numpy")
+def empty_frames(tree: RobotTree) -> Frames:
+    """Return room for the frames of a robot."""
+    bodies = tree.parent.shape[0]
+    return Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
+
+
+@njit(cache=True, error_model="numpy", fastmath=False)
+def forward(q: Array, tree: RobotTree, frames: Frames) -> None:
+    """Write the body frames for joint positions `q` (23,) rad into `frames`."""
+    R, p = frames.R, frames.p
     for b in range(tree.parent.shape[0]):
         a, j = tree.parent[b], tree.joint[b]
         L = tree.rotation[b]
@@ -64,13 +74,13 @@ def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def add_row(
-    row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, R: Array, p: Array
+    row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
     """Add sign * direction . (Jacobian of a point of a body) to `row` (23,).
 
     The point and the direction (3,) are in the robot base frame.
     """
-    b = body
+    R, p, b = frames.R, frames.p, body
     while b >= 0:
         j = tree.joint[b]
         if j >= 0:
@@ -87,9 +97,11 @@ def add_row(
 
 
 @njit(cache=True, error_model="numpy")
-def add_turn_row(row: Array, body: int, direction: Array, sign: float, tree: RobotTree, R: Array) -> None:
+def add_turn_row(
+    row: Array, body: int, direction: Array, sign: float, tree: RobotTree, frames: Frames
+) -> None:
     """Add sign * direction . (angular Jacobian of a body) to `row` (23,)."""
-    b = body
+    R, b = frames.R, body
     while b >= 0:
         j = tree.joint[b]
         if j >= 0:
@@ -100,17 +112,17 @@ def add_turn_row(row: Array, body: int, direction: Array, sign: float, tree: Rob
 
 
 @njit(cache=True, error_model="numpy")
-def tip_positions(tree: RobotTree, R: Array, p: Array) -> Array:
-    """Return the tip sphere centres (3, 3) m of thumb, index, middle, from body frames."""
+def tip_positions(tree: RobotTree, frames: Frames) -> Array:
+    """Return the tip sphere centres (3, 3) m of thumb, index, middle."""
     tips = np.empty((3, 3))
     for i in range(3):
         b = tree.tip_body[i]
-        to_world(R[b], p[b], tree.tip_offset[i], tips[i])
+        to_world(frames.R[b], frames.p[b], tree.tip_offset[i], tips[i])
     return tips
 
 
 @njit(cache=True, error_model="numpy")
-def tip_jacobian(tree: RobotTree, R: Array, p: Array, tips: Array) -> Array:
+def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     """Return the linear Jacobians (3, 3, 23) of the tip centres: finger, coordinate, joint."""
     J = np.zeros((3, 3, 23))
     direction = np.zeros(3)
@@ -118,18 +130,23 @@ def tip_jacobian(tree: RobotTree, R: Array, p: Array, tips: Array) -> Array:
         for r in range(3):
             direction[:] = 0.0
             direction[r] = 1.0
-            add_row(J[i, r], tree.tip_body[i], tips[i], direction, 1.0, tree, R, p)
+            add_row(J[i, r], tree.tip_body[i], tips[i], direction, 1.0, tree, frames)
     return J
 
 
-def body_frames(q: Array, tree: RobotTree) -> tuple[Array, Array]:
-    """Return rotations (nb, 3, 3) and positions (nb, 3) m of all bodies at `q` (23,) rad, robot base frame."""
-    R, p = np.empty((len(tree.parent), 3, 3)), np.empty((len(tree.parent), 3))
-    forward(np.ascontiguousarray(q, dtype=float), tree, R, p)
-    return R, p
+def body_frames(q: Array, tree: RobotTree) -> Frames:
+    """Return the frames of all bodies at `q` (23,) rad."""
+    frames = empty_frames(tree)
+    forward(np.ascontiguousarray(q, dtype=float), tree, frames)
+    return frames
+
+
+def fingertips(q: Array, tree: RobotTree) -> Array:
+    """Return the tip sphere centres (3, 3) m of thumb, index, middle at `q` (23,) rad."""
+    return tip_positions(tree, body_frames(q, tree))
 
 
 def finger_jacobians(q: Array, tree: RobotTree) -> Array:
     """Return the linear Jacobians (3, 3, 16) of the tip centres by the hand's joints."""
-    R, p = body_frames(q, tree)
-    return tip_jacobian(tree, R, p, tip_positions(tree, R, p))[:, :, 7:]
+    frames = body_frames(q, tree)
+    return tip_jacobian(tree, frames, tip_positions(tree, frames))[:, :, 7:]

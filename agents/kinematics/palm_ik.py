@@ -3,7 +3,15 @@
 import numpy as np
 from numba import njit
 
-from agents.kinematics.forward import add_row, add_turn_row, forward, to_world
+from agents.kinematics.forward import (
+    Frames,
+    add_row,
+    add_turn_row,
+    body_frames,
+    empty_frames,
+    forward,
+    to_world,
+)
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
@@ -29,12 +37,12 @@ def solve_palm(
     Returns:
         Norm of the remaining error, m.
     """
-    nb = tree.parent.shape[0]
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    frames = empty_frames(tree)
+    R, p = frames.R, frames.p
     e, J, row, unit, point = np.empty(6), np.empty((6, 7)), np.empty(23), np.zeros(3), np.empty(3)
     error = 1e9
     for k in range(iterations + 1):
-        forward(q, tree, R, p)
+        forward(q, tree, frames)
         palm = tree.palm
         to_world(R[palm], p[palm], tree.palm_offset, point)
         now = R[palm] @ tree.palm_rotation
@@ -49,10 +57,10 @@ def solve_palm(
             unit[:] = 0.0
             unit[r] = 1.0
             row[:] = 0.0
-            add_row(row, palm, point, unit, 1.0, tree, R, p)
+            add_row(row, palm, point, unit, 1.0, tree, frames)
             J[r] = row[:7]
             row[:] = 0.0
-            add_turn_row(row, palm, unit, 1.0, tree, R)
+            add_turn_row(row, palm, unit, 1.0, tree, frames)
             J[3 + r] = _TURN_SCALE * row[:7]
         inverse = J.T @ np.linalg.inv(J @ J.T + _DAMPING * min(error, 0.1) * np.eye(6))
         middle = 0.5 * (tree.lower[:7] + tree.upper[:7]) - q[:7]
@@ -82,8 +90,10 @@ def _rotation_error(goal: Array, now: Array) -> Array:
 
 def palm_frame(q: Array, tree: RobotTree) -> tuple[Array, Array]:
     """Return rotation (3, 3) and position (3,) m of the palm frame at `q` (23,) rad."""
-    nb = len(tree.parent)
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
-    forward(np.ascontiguousarray(q, dtype=float), tree, R, p)
-    palm = tree.palm
-    return R[palm] @ tree.palm_rotation, p[palm] + R[palm] @ tree.palm_offset
+    return palm_of(body_frames(q, tree), tree)
+
+
+def palm_of(frames: Frames, tree: RobotTree) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) m of the palm frame from the bodies' frames."""
+    R, p = frames.R[tree.palm], frames.p[tree.palm]
+    return R @ tree.palm_rotation, p + R @ tree.palm_offset

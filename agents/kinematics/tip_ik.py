@@ -7,7 +7,7 @@ starting postures.
 import numpy as np
 from numba import njit
 
-from agents.kinematics.forward import forward, tip_jacobian, tip_positions
+from agents.kinematics.forward import empty_frames, forward, tip_jacobian, tip_positions
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
@@ -29,14 +29,13 @@ def solve_tips(
         tolerance: m, of the largest miss.
         fingers_only: keep the arm where it is.
     """
-    nb = tree.parent.shape[0]
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    frames = empty_frames(tree)
     start = q.copy()
     J, e = np.empty((9, 23)), np.empty(9)
     miss = 1e9
     for k in range(iterations + 1):
-        forward(q, tree, R, p)
-        tips = tip_positions(tree, R, p)
+        forward(q, tree, frames)
+        tips = tip_positions(tree, frames)
         miss = 0.0
         for i in range(3):
             squared = 0.0
@@ -46,7 +45,7 @@ def solve_tips(
             miss = max(miss, np.sqrt(squared))
         if miss < tolerance or k == iterations:
             return miss
-        blocks = tip_jacobian(tree, R, p, tips)
+        blocks = tip_jacobian(tree, frames, tips)
         for i in range(3):
             for r in range(3):
                 J[3 * i + r] = blocks[i, r]

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import body_frames, finger_jacobians
+from agents.kinematics.forward import finger_jacobians
+from agents.kinematics.palm_ik import palm_frame
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from agents.learning.settings import DatasetSettings
@@ -24,6 +25,8 @@ from agents.planning.postures import (
     _ASSIGNMENTS,
     _NEIGHBOURS,
     _SIDE_TOLERANCE,
+    Goals,
+    Tips,
     _best_placements,
     reach_palm,
 )
@@ -95,8 +98,9 @@ def _try(
     normals = scene.normals[ordered]
     centres = scene.points[ordered] + reach * normals
     _, near = atlas.search.query(triangle_sides(centres), _NEIGHBOURS, distance_upper_bound=_SIDE_TOLERANCE)
+    tips = Tips(atlas.tips, atlas.axes, atlas.pads)
     scores, which, rotations, positions = _best_placements(
-        centres, -normals, near, atlas.tips, atlas.axes, atlas.pads, distance.triangles, distance.planes
+        Goals(centres, -normals), near, tips, distance.obstacle
     )
     found.counts.update(triples_tried=len(triples), assignments_tried=len(ordered))
     for k in np.flatnonzero(scores > 0.0):
@@ -139,8 +143,7 @@ def _add(
 ) -> None:  # fmt: skip
     at, back = solution.evaluation, turn(-placement[2])
     shift = np.array([placement[0], placement[1], 0.0])
-    R, p = body_frames(solution.q, tree)
-    palm_R, palm_p = R[tree.palm] @ tree.palm_rotation, p[tree.palm] + R[tree.palm] @ tree.palm_offset
+    palm_R, palm_p = palm_frame(solution.q, tree)
     load, fraction, squeeze = _hold(solution, grasp_target, tree, settings)
     found.counts["holding"] += load >= 0
     clearances = at.values[FIXED_ROWS:]

@@ -18,6 +18,8 @@ Gradients come from the envelope theorem: the partial derivative of the Lagrangi
 normals are tangent to the sphere (the normal stays a unit vector).
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -34,6 +36,49 @@ from agents.physics.cones import basis_of
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
 _MAX_ROWS = 160
+
+
+class Grip(NamedTuple):
+    """Three contacts."""
+
+    points: Array  # (3, 3) m
+    normals: Array  # (3, 3) unit, out of the object
+    mu: float
+
+
+class Slopes(NamedTuple):
+    """Room for gradients of a margin and for the forces at its optimum."""
+
+    by_points: Array  # (3, 3) 1/m
+    by_normals: Array  # (3, 3)
+    forces: Array  # (3, 3) N
+
+
+class _Internal(NamedTuple):
+    """Internal forces x0 + Q^T y of unit pressing sum, over the chords of the triangle."""
+
+    X: Array  # (3, 3, 3): force at contact i of a unit internal force along chord j
+    x0: Array  # (3,)
+    Q: Array  # (2, 3)
+
+
+class _Cuts(NamedTuple):
+    """Faces of the cones: row k of contact `owner` bounds N - (u, v) . f_t / mu, in the plane d + s . y."""
+
+    T: Array  # (3, 2, 3) tangents of the contacts
+    owner: NDArray[np.int64]  # (_MAX_ROWS,), -1 for the artificial rows
+    u: Array  # (_MAX_ROWS,)
+    v: Array
+    s: Array  # (_MAX_ROWS, 2)
+    d: Array  # (_MAX_ROWS,)
+
+
+class _Optimum(NamedTuple):
+    """Where the simplex method ended."""
+
+    y: Array  # (3,): the plane's coordinates and the value
+    lam: Array  # (3,) weights of the basis
+    B: NDArray[np.int64]  # (3,) rows of the basis
 
 
 @njit(cache=True)
@@ -132,16 +177,20 @@ def _complete(N: Array, Q: Array) -> bool:
 
 
 @njit(cache=True)
-def _row(X: Array, i: int, q: Array, x0: Array, Q: Array, s: Array, d: Array, at: int) -> None:
-    """Append the row q . f_i as d + s . y, a function of the plane y of internal forces x0 + Q^T y."""
-    d[at] = s[at, 0] = s[at, 1] = 0.0
+def _cut(grip: Grip, internal: _Internal, cuts: _Cuts, k: int, i: int, u: float, v: float) -> None:
+    """Write row k: what contact i presses beyond what friction along (u, v) needs, a function of y."""
+    cuts.owner[k], cuts.u[k], cuts.v[k] = i, u, v
+    cuts.d[k] = cuts.s[k, 0] = cuts.s[k, 1] = 0.0
+    q = np.empty(3)
+    for c in range(3):
+        q[c] = -grip.normals[i, c] - (u * cuts.T[i, 0, c] + v * cuts.T[i, 1, c]) / grip.mu
     for j in range(3):
         r = 0.0
-        for k in range(3):
-            r += q[k] * X[i, j, k]
-        d[at] += r * x0[j]
-        s[at, 0] += r * Q[0, j]
-        s[at, 1] += r * Q[1, j]
+        for c in range(3):
+            r += q[c] * internal.X[i, j, c]
+        cuts.d[k] += r * internal.x0[j]
+        cuts.s[k, 0] += r * internal.Q[0, j]
+        cuts.s[k, 1] += r * internal.Q[1, j]
 
 
 @njit(cache=True)
@@ -160,117 +209,120 @@ def _start(s: Array, d: Array, m: int, B: NDArray[np.int64]) -> None:
 
 
 @njit(cache=True)
-def _margin(points: Array, normals: Array, mu: float, dp: Array, dn: Array, forces: Array) -> float:
-    """The value of `cone_margin`; writes gradients and the optimal forces, all (3, 3)."""
-    dp[:] = 0.0
-    dn[:] = 0.0
-    forces[:] = 0.0
-    X = np.zeros((3, 3, 3))
-    N, Q, x0 = np.zeros(3), np.empty((2, 3)), np.empty(3)
-    if not _chords(points, X):
+def _margin(grip: Grip, slopes: Slopes) -> float:
+    """The value of `cone_margin`; writes gradients and the optimal forces."""
+    for out in (slopes.by_points, slopes.by_normals, slopes.forces):
+        out[:] = 0.0
+    internal = _Internal(np.zeros((3, 3, 3)), np.empty(3), np.empty((2, 3)))
+    if not _span(grip, internal):
         return UNDEFINED
+    cuts = _empty_cuts(grip)
+    best = _Optimum(np.empty(3), np.empty(3), np.empty(3, np.int64))
+    m = _first_cuts(grip, internal, cuts)
+    _start(cuts.s, cuts.d, m, best.B)
+    m += 3
+    if not _max_min(cuts.s, cuts.d, m, best.B, best.y, best.lam):
+        return UNDEFINED
+    for _ in range(45):
+        _forces(internal, best.y, slopes.forces)
+        before = m
+        m = _more_cuts(grip, internal, cuts, best.y[2], slopes.forces, m)
+        if m == before or not _max_min(cuts.s, cuts.d, m, best.B, best.y, best.lam):
+            break
+    if cuts.owner[best.B].min() < 0 or 3.0 * best.y[2] <= UNDEFINED:
+        return UNDEFINED
+    _gradients(grip, cuts, best, slopes)
+    return 3.0 * best.y[2]
+
+
+@njit(cache=True)
+def _span(grip: Grip, internal: _Internal) -> bool:
+    """Write the internal forces whose pressing parts sum to 1; False where there are none."""
+    N = np.zeros(3)
+    if not _chords(grip.points, internal.X):
+        return False
     for j in range(3):
         for i in range(3):
             for k in range(3):
-                N[j] -= normals[i, k] * X[i, j, k]
-    if not _complete(N, Q):
-        return UNDEFINED
+                N[j] -= grip.normals[i, k] * internal.X[i, j, k]
+    if not _complete(N, internal.Q):
+        return False
     size = N[0] ** 2 + N[1] ** 2 + N[2] ** 2
     for j in range(3):
-        x0[j] = N[j] / size
+        internal.x0[j] = N[j] / size
+    return True
+
+
+@njit(cache=True)
+def _empty_cuts(grip: Grip) -> _Cuts:
     T = np.empty((3, 2, 3))
     for i in range(3):
         T[i, 0, 0], T[i, 0, 1], T[i, 0, 2], T[i, 1, 0], T[i, 1, 1], T[i, 1, 2] = basis_of(
-            normals[i, 0], normals[i, 1], normals[i, 2]
+            grip.normals[i, 0], grip.normals[i, 1], grip.normals[i, 2]
         )
-    s, d = np.empty((_MAX_ROWS, 2)), np.empty(_MAX_ROWS)
-    owner, cu, cv = np.full(_MAX_ROWS, -1), np.zeros(_MAX_ROWS), np.zeros(_MAX_ROWS)
-    q, y, lam, B = np.empty(3), np.empty(3), np.empty(3), np.empty(3, np.int64)
-    m = 0
+    owner, u, v = np.full(_MAX_ROWS, -1), np.zeros(_MAX_ROWS), np.zeros(_MAX_ROWS)
+    return _Cuts(T, owner, u, v, np.empty((_MAX_ROWS, 2)), np.empty(_MAX_ROWS))
+
+
+@njit(cache=True)
+def _first_cuts(grip: Grip, internal: _Internal, cuts: _Cuts) -> int:
+    """Write four rows a contact; return how many in all."""
     for i in range(3):
         for face in range(4):
-            cu[m] = (1.0 - 2.0 * (face % 2)) * 0.5**0.5
-            cv[m] = (1.0 - 2.0 * (face // 2)) * 0.5**0.5
-            owner[m] = i
-            for k in range(3):
-                q[k] = -normals[i, k] - (cu[m] * T[i, 0, k] + cv[m] * T[i, 1, k]) / mu
-            _row(X, i, q, x0, Q, s, d, m)
-            m += 1
-    _start(s, d, m, B)
-    m += 3
-    if not _max_min(s, d, m, B, y, lam):
-        return UNDEFINED
-    for _ in range(45):
-        _forces(X, x0, Q, y, forces)
-        cut = False
-        for i in range(3):
-            press, u, v = 0.0, 0.0, 0.0
-            for k in range(3):
-                press -= normals[i, k] * forces[i, k]
-                u += T[i, 0, k] * forces[i, k]
-                v += T[i, 1, k] * forces[i, k]
-            size = (u * u + v * v) ** 0.5
-            if press - size / mu < y[2] - 1e-12 * (1.0 + abs(y[2])) and size > 0.0 and m < _MAX_ROWS:
-                owner[m], cu[m], cv[m] = i, u / size, v / size
-                for k in range(3):
-                    q[k] = -normals[i, k] - (cu[m] * T[i, 0, k] + cv[m] * T[i, 1, k]) / mu
-                _row(X, i, q, x0, Q, s, d, m)
-                m += 1
-                cut = True
-        if not cut or not _max_min(s, d, m, B, y, lam):
-            break
-    if owner[B[0]] < 0 or owner[B[1]] < 0 or owner[B[2]] < 0 or 3.0 * y[2] <= UNDEFINED:
-        return UNDEFINED
-    _gradients(points, normals, mu, T, forces, y[2], lam, B, owner, cu, cv, dp, dn)
-    return 3.0 * y[2]
+            u, v = (1.0 - 2.0 * (face % 2)) * 0.5**0.5, (1.0 - 2.0 * (face // 2)) * 0.5**0.5
+            _cut(grip, internal, cuts, 4 * i + face, i, u, v)
+    return 12
 
 
 @njit(cache=True)
-def _forces(X: Array, x0: Array, Q: Array, y: Array, forces: Array) -> None:
+def _more_cuts(grip: Grip, internal: _Internal, cuts: _Cuts, value: float, forces: Array, m: int) -> int:
+    """Append a row where the forces leave the exact cone; return how many rows there are then."""
     for i in range(3):
+        press, u, v = 0.0, 0.0, 0.0
         for k in range(3):
-            forces[i, k] = 0.0
-    for j in range(3):
-        x = x0[j] + Q[0, j] * y[0] + Q[1, j] * y[1]
-        for i in range(3):
-            for k in range(3):
-                forces[i, k] += x * X[i, j, k]
+            press -= grip.normals[i, k] * forces[i, k]
+            u += cuts.T[i, 0, k] * forces[i, k]
+            v += cuts.T[i, 1, k] * forces[i, k]
+        size = (u * u + v * v) ** 0.5
+        if press - size / grip.mu < value - 1e-12 * (1.0 + abs(value)) and size > 0.0 and m < _MAX_ROWS:
+            _cut(grip, internal, cuts, m, i, u / size, v / size)
+            m += 1
+    return m
 
 
 @njit(cache=True)
-def _gradients(
-    points: Array,
-    normals: Array,
-    mu: float,
-    T: Array,
-    forces: Array,
-    value: float,
-    lam: Array,
-    B: NDArray[np.int64],
-    owner: NDArray[np.int64],
-    cu: Array,
-    cv: Array,
-    dp: Array,
-    dn: Array,
-) -> None:
+def _forces(internal: _Internal, y: Array, forces: Array) -> None:
+    forces[:] = 0.0
+    for j in range(3):
+        x = internal.x0[j] + internal.Q[0, j] * y[0] + internal.Q[1, j] * y[1]
+        for i in range(3):
+            for k in range(3):
+                forces[i, k] += x * internal.X[i, j, k]
+
+
+@njit(cache=True)
+def _gradients(grip: Grip, cuts: _Cuts, best: _Optimum, slopes: Slopes) -> None:
     """Envelope theorem: d value = sum_i (P_i . df_i + dP_i . f_i), P_i = sum_k lam_k q_k + value n_i.
 
     The multiplier of sum N_i = 1 is the value itself, as everything is homogeneous in the forces.
     """
+    normals, T, forces, value = grip.normals, cuts.T, slopes.forces, best.y[2]
+    dp, dn = slopes.by_points, slopes.by_normals
     P = np.zeros((3, 3))
     U = np.zeros((3, 2))
     weight = np.zeros(3)
     for a in range(3):
-        i, share = int(owner[B[a]]), max(lam[a], 0.0)
+        k, share = best.B[a], max(best.lam[a], 0.0)
+        i = int(cuts.owner[k])
         weight[i] += share
-        U[i, 0] += share * cu[B[a]] / mu
-        U[i, 1] += share * cv[B[a]] / mu
+        U[i, 0] += share * cuts.u[k] / grip.mu
+        U[i, 1] += share * cuts.v[k] / grip.mu
     for i in range(3):
         for k in range(3):
             P[i, k] = (value - weight[i]) * normals[i, k] - U[i, 0] * T[i, 0, k] - U[i, 1] * T[i, 1, k]
     # internal forces x_ij of the chords: recovered from the forces, f_i = sum_j x_ij (p_j - p_i)
     x = np.zeros((3, 3))
-    _internal(points, forces, x)
+    _internal(grip.points, forces, x)
     for i in range(3):
         for j in range(3):
             for k in range(3):
@@ -327,17 +379,16 @@ def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array,
         value (at most 1; > 0: closure), d value / d points (3, 3) [1/m], d value / d normals (3, 3).
         Contacts on a line, or unable to press, give `UNDEFINED` and zeros.
     """
-    dp, dn, forces = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
-    value = _margin(points, normals, mu, dp, dn, forces)
-    return value, dp, dn
+    slopes = Slopes(np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)))
+    return _margin(Grip(points, normals, mu), slopes), slopes.by_points, slopes.by_normals
 
 
 @njit(cache=True)
-def _batch(
-    points: Array, normals: Array, mu: float, values: Array, dp: Array, dn: Array, forces: Array
-) -> None:
-    for k in range(points.shape[0]):
-        values[k] = _margin(points[k], normals[k], mu, dp[k], dn[k], forces[k])
+def _batch(grips: Grip, values: Array, out: Slopes) -> None:
+    """Like `_margin`, where every array has K of them."""
+    for k in range(values.shape[0]):
+        grip = Grip(grips.points[k], grips.normals[k], grips.mu)
+        values[k] = _margin(grip, Slopes(out.by_points[k], out.by_normals[k], out.forces[k]))
 
 
 def margins(points: Numbers, normals: Numbers, mu: float) -> tuple[Array, Array, Array, Array]:
@@ -353,6 +404,6 @@ def margins(points: Numbers, normals: Numbers, mu: float) -> tuple[Array, Array,
     points = check_array("points", points, (None, 3, 3))
     normals = check_array("normals", normals, (len(points), 3, 3))
     check_unit(normals)
-    values, dp, dn, forces = np.empty(len(points)), *(np.empty_like(points) for _ in range(3))
-    _batch(points, normals, check_positive("mu", mu), values, dp, dn, forces)
-    return values, dp, dn, forces
+    values, out = np.empty(len(points)), Slopes(*(np.empty_like(points) for _ in range(3)))
+    _batch(Grip(points, normals, check_positive("mu", mu)), values, out)
+    return values, *out

@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from scipy.spatial import KDTree
 
-from agents.kinematics.forward import forward, tip_positions
+from agents.kinematics.forward import empty_frames, forward, tip_positions
 from agents.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import cached_arrays, content_hash
@@ -93,13 +93,13 @@ RING_ASIDE = np.array([-0.15, -0.1, 0.05, 0.05])
 
 @njit(cache=True)
 def _all_tips(q: Array, tree: RobotTree, tips: Array, axes: Array, pads: Array) -> None:
-    nb = tree.parent.shape[0]
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    frames = empty_frames(tree)
+    R, p = frames.R, frames.p
     for k in range(q.shape[0]):
-        forward(q[k], tree, R, p)
+        forward(q[k], tree, frames)
         palm = R[tree.palm] @ tree.palm_rotation
         origin = p[tree.palm] + R[tree.palm] @ tree.palm_offset
-        world = tip_positions(tree, R, p)
+        world = tip_positions(tree, frames)
         for i in range(3):
             tips[k, i] = palm.T @ (world[i] - origin)
             axes[k, i] = palm.T @ np.ascontiguousarray(R[tree.tip_body[i], :, 2])

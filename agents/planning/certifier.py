@@ -5,7 +5,7 @@ import numpy as np
 from agents.grasp.certificate import Certificate
 from agents.grasp.grasp import Grasp, GraspMotion
 from agents.grasp.target import GraspTarget
-from agents.kinematics.clearance import clearance_rows
+from agents.kinematics.clearance import clearance_rows, empty_rows
 from agents.kinematics.forward import body_frames, finger_jacobians
 from agents.kinematics.tree import RobotTree
 from agents.physics.forces import HoldingForces, holding_forces
@@ -85,10 +85,6 @@ class Certifier:
         return None
 
     def _clearance(self, q: Array, target: GraspTarget, tips_touch: bool) -> float:
-        R, p = body_frames(q, self.tree)
-        values, rows, labels = np.empty(160), np.empty((160, 23)), np.empty((160, 3), np.int64)
-        distance = target.distance
-        n = clearance_rows(
-            self.tree, R, p, distance.triangles, distance.planes, 0.02, True, tips_touch, values, rows, labels
-        )
-        return float(values[:n].min()) if n else 0.02
+        frames, rows = body_frames(q, self.tree), empty_rows(160)
+        n = clearance_rows(self.tree, frames, target.distance.obstacle, 0.02, tips_touch, rows)
+        return float(rows.values[:n].min()) if n else 0.02

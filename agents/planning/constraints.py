@@ -11,9 +11,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.geometry.convex_kernel import convex_distance_hessian
-from agents.kinematics.clearance import clearance_rows
-from agents.kinematics.forward import add_turn_row, forward, tip_jacobian, tip_positions
+from agents.geometry.convex_kernel import Obstacle, convex_distance_hessian
+from agents.kinematics.clearance import Rows, clearance_rows
+from agents.kinematics.forward import Frames, add_turn_row, empty_frames, forward, tip_jacobian, tip_positions
 from agents.kinematics.tree import RobotTree
 from agents.physics.margin import cone_margin
 from dexgrasp_env.arrays import Array
@@ -50,92 +50,92 @@ class Evaluation(NamedTuple):
     margin: float
 
 
+class _Touch(NamedTuple):
+    """How the three fingertips stand to the object."""
+
+    contacts: Array  # (3, 3) m, the surface's points nearest to the tip centres
+    normals: Array  # (3, 3) out of the object
+    distances: Array  # (3,) m, of the tip centres
+    hessians: Array  # (3, 3, 3) of the distances, 1/m
+    jacobians: Array  # (3, 3, 23) of the tip centres, m/rad
+
+
 @njit(cache=True, error_model="numpy")
-def evaluate(
-    q: Array, tree: RobotTree, triangles: Array, planes: Array, bounds: Bounds, with_margin: bool
-) -> Evaluation:
+def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with_margin: bool) -> Evaluation:
     """Evaluate all constraints and gradients at `q` (23,) rad.
 
     Args:
         q: (23,) rad.
         tree: the robot.
-        triangles: (F, 3, 3) and
-        planes: (F, 4), the object in the robot base frame.
+        obstacle: the object in the robot base frame.
         bounds: thresholds.
         with_margin: whether the closure margin counts (ablation `cvae_kinematics` leaves it out).
     """
-    nb = tree.parent.shape[0]
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
-    forward(q, tree, R, p)
-    tips = tip_positions(tree, R, p)
-    J = tip_jacobian(tree, R, p, tips)
-    values, rows = np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, 23))
-    labels = np.full((MAX_ROWS, 3), -1, dtype=np.int64)
+    frames = empty_frames(tree)
+    forward(q, tree, frames)
+    touch = _touch(tree, frames, obstacle)
+    rows = Rows(np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, 23)), np.full((MAX_ROWS, 3), -1, dtype=np.int64))
+    for i in range(3):
+        gradient = touch.normals[i] @ touch.jacobians[i]
+        rows.values[i], rows.gradients[i] = touch.distances[i] - bounds.low, gradient
+        rows.values[3 + i], rows.gradients[3 + i] = bounds.high - touch.distances[i], -gradient
+        _direction_rows(i, tree, frames, touch, bounds, rows)
+    margin = 1.0
+    if with_margin:
+        margin = _closure_row(touch, bounds, rows)
+    for k in range(FIXED_ROWS):
+        rows.labels[k, 0] = -1 - k
+    beyond = Rows(rows.values[FIXED_ROWS:], rows.gradients[FIXED_ROWS:], rows.labels[FIXED_ROWS:])
+    total = FIXED_ROWS + clearance_rows(tree, frames, obstacle, _ACTIVATION, True, beyond)
+    for k in range(FIXED_ROWS, total):
+        rows.values[k] -= bounds.clearance
+    return Evaluation(
+        rows.values[:total], rows.gradients[:total], rows.labels[:total],
+        touch.contacts, touch.normals, touch.distances, margin,
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _touch(tree: RobotTree, frames: Frames, obstacle: Obstacle) -> _Touch:
+    tips = tip_positions(tree, frames)
     contacts, normals, distances = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
     hessians = np.empty((3, 3, 3))
     for i in range(3):
-        d = convex_distance_hessian(tips[i], triangles, planes, normals[i], hessians[i])
-        distances[i] = d
-        contacts[i] = tips[i] - d * normals[i]
-        gradient = normals[i] @ J[i]
-        values[i], rows[i] = d - bounds.low, gradient
-        values[3 + i], rows[3 + i] = bounds.high - d, -gradient
-        _direction_rows(i, tree, R, J, normals, hessians, bounds, values, rows)
-    margin = 1.0
-    if with_margin:
-        margin, by_point, by_normal = cone_margin(contacts, normals, bounds.friction)
-        values[CLOSURE] = MARGIN_SCALE * (margin - bounds.margin)
-        for i in range(3):
-            n, H = normals[i], hessians[i]
-            # contact = tip - d n: a shift of the tip moves the contact along the surface and turns the normal.
-            g = by_point[i] - n * (n @ by_point[i]) - distances[i] * (H @ by_point[i]) + H @ by_normal[i]
-            rows[CLOSURE] += MARGIN_SCALE * (g @ J[i])
-    for k in range(FIXED_ROWS):
-        labels[k, 0] = -1 - k
-    n = clearance_rows(
-        tree,
-        R,
-        p,
-        triangles,
-        planes,
-        _ACTIVATION,
-        True,
-        True,
-        values[FIXED_ROWS:],
-        rows[FIXED_ROWS:],
-        labels[FIXED_ROWS:],
-    )
-    total = FIXED_ROWS + n
-    for k in range(FIXED_ROWS, total):
-        values[k] -= bounds.clearance
-    return Evaluation(values[:total], rows[:total], labels[:total], contacts, normals, distances, margin)
+        distances[i] = convex_distance_hessian(tips[i], obstacle, normals[i], hessians[i])
+        contacts[i] = tips[i] - distances[i] * normals[i]
+    return _Touch(contacts, normals, distances, hessians, tip_jacobian(tree, frames, tips))
+
+
+@njit(cache=True, error_model="numpy")
+def _closure_row(touch: _Touch, bounds: Bounds, rows: Rows) -> float:
+    """Row of the lower problem, by the envelope theorem; return the closure margin."""
+    margin, by_point, by_normal = cone_margin(touch.contacts, touch.normals, bounds.friction)
+    rows.values[CLOSURE] = MARGIN_SCALE * (margin - bounds.margin)
+    for i in range(3):
+        n, H = touch.normals[i], touch.hessians[i]
+        # contact = tip - d n: a shift of the tip moves the contact along the surface and turns the normal.
+        along = by_point[i] - n * (n @ by_point[i]) - touch.distances[i] * (H @ by_point[i])
+        g = along + H @ by_normal[i]
+        rows.gradients[CLOSURE] += MARGIN_SCALE * (g @ touch.jacobians[i])
+    return margin
 
 
 @njit(cache=True, error_model="numpy")
 def _direction_rows(
-    i: int,
-    tree: RobotTree,
-    R: Array,
-    J: Array,
-    normals: Array,
-    hessians: Array,
-    bounds: Bounds,
-    values: Array,
-    rows: Array,
+    i: int, tree: RobotTree, frames: Frames, touch: _Touch, bounds: Bounds, rows: Rows
 ) -> None:
     """Rows that keep the inward normal on the front (axis z) and on the pad's side (x) of a fingertip."""
-    body = tree.tip_body[i]
+    body, inward = tree.tip_body[i], -touch.normals[i]
     for row, column, threshold in ((FIRST_AXIS + i, 2, bounds.cosine), (FIRST_PAD + i, 0, bounds.pad_cosine)):
         direction = np.empty(3)
         for r in range(3):
-            direction[r] = R[body, r, column]
-        inward = -normals[i]
-        values[row] = ANGLE_SCALE * ((direction * inward).sum() - threshold)
+            direction[r] = frames.R[body, r, column]
+        rows.values[row] = ANGLE_SCALE * ((direction * inward).sum() - threshold)
         # d(a . m) = (w x a) . m + a . dm = w . (a x m) + a . dm
         turn = np.array([
             direction[1] * inward[2] - direction[2] * inward[1],
             direction[2] * inward[0] - direction[0] * inward[2],
             direction[0] * inward[1] - direction[1] * inward[0],
         ])  # fmt: skip
-        add_turn_row(rows[row], body, turn, ANGLE_SCALE, tree, R)
-        rows[row] -= ANGLE_SCALE * ((hessians[i] @ direction) @ J[i])
+        add_turn_row(rows.gradients[row], body, turn, ANGLE_SCALE, tree, frames)
+        rows.gradients[row] -= ANGLE_SCALE * ((touch.hessians[i] @ direction) @ touch.jacobians[i])

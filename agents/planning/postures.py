@@ -6,14 +6,15 @@ The way of section 3.3 starts from a palm above the object in six orientations a
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.geometry.convex_kernel import convex_distance
+from agents.geometry.convex_kernel import Obstacle, convex_distance
 from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import forward, tip_jacobian, tip_positions
+from agents.kinematics.forward import empty_frames, forward, tip_jacobian, tip_positions
 from agents.kinematics.palm_ik import solve_palm
 from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
@@ -44,6 +45,30 @@ class Posture:
     score: float
 
 
+class Goals(NamedTuple):
+    """Where fingertips are to go: K triples, or one."""
+
+    centres: Array  # (K, 3, 3) m, tip centres of thumb, index, middle, robot base frame
+    inward: Array  # (K, 3, 3) into the object
+
+
+class Tips(NamedTuple):
+    """Fingertips of N postures, or of one, in the palm frame; see `HandAtlas`."""
+
+    centres: Array  # (N, 3, 3) m
+    axes: Array  # (N, 3, 3)
+    pads: Array  # (N, 3, 3)
+
+
+class Placements(NamedTuple):
+    """Postures of the atlas put on K triples."""
+
+    scores: Array  # (K,), -1 where none will do
+    which: NDArray[np.int64]  # (K,) posture of the atlas
+    rotations: Array  # (K, 3, 3) of the palm frame
+    positions: Array  # (K, 3) m
+
+
 @njit(cache=True, error_model="numpy")
 def _frame(a: Array, b: Array, c: Array) -> Array:
     """Return axes (3, 3) as columns of a triangle's own frame."""
@@ -58,10 +83,9 @@ def _frame(a: Array, b: Array, c: Array) -> Array:
 
 
 @njit(cache=True, error_model="numpy")
-def _place(
-    centres: Array, inward: Array, tips: Array, axes: Array, pads: Array, triangles: Array, planes: Array
-) -> tuple[float, Array, Array]:
+def _place(goal: Goals, posture: Tips, obstacle: Obstacle) -> tuple[float, Array, Array]:
     """Align a posture with fingertip targets; return its score (-1 if useless), palm rotation and position."""
+    centres, tips = goal.centres, posture.centres
     R = _frame(centres[0], centres[1], centres[2]) @ np.ascontiguousarray(_frame(tips[0], tips[1], tips[2]).T)
     middle, own = np.zeros(3), np.zeros(3)
     for i in range(3):
@@ -74,15 +98,15 @@ def _place(
     facing = 2.0
     for i in range(3):
         on_axis, on_pad = 0.0, 0.0
-        local = R.T @ inward[i]
+        local = R.T @ goal.inward[i]
         for r in range(3):
-            on_axis += axes[i, r] * local[r]
-            on_pad += pads[i, r] * local[r]
+            on_axis += posture.axes[i, r] * local[r]
+            on_pad += posture.pads[i, r] * local[r]
         if on_axis < 0.05 or on_pad < -0.1:
             return -1.0, R, p
         facing = min(facing, 0.5 * on_axis + on_pad)
     gradient = np.empty(3)
-    room = convex_distance(palm, triangles, planes, gradient)
+    room = convex_distance(palm, obstacle, gradient)
     if room < _PALM_ROOM:
         return -1.0, R, p
     # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
@@ -93,29 +117,20 @@ def _place(
 
 
 @njit(cache=True, error_model="numpy")
-def _best_placements(
-    centres: Array,
-    inward: Array,
-    near: NDArray[np.int64],
-    tips: Array,
-    axes: Array,
-    pads: Array,
-    triangles: Array,
-    planes: Array,
-) -> tuple[Array, NDArray[np.int64], Array, Array]:
-    """For each of K assigned triples the best of its neighbours: scores, indices, palm rotations and positions."""
-    K = centres.shape[0]
-    scores, which = np.full(K, -1.0), np.zeros(K, dtype=np.int64)
-    rotations, positions = np.zeros((K, 3, 3)), np.zeros((K, 3))
+def _best_placements(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle) -> Placements:
+    """Put on each of K assigned triples the best of its neighbours in the atlas, `near` (K, n)."""
+    K = goals.centres.shape[0]
+    best = Placements(np.full(K, -1.0), np.zeros(K, dtype=np.int64), np.zeros((K, 3, 3)), np.zeros((K, 3)))
     for k in range(K):
+        goal = Goals(goals.centres[k], goals.inward[k])
         for n in near[k]:
-            if n >= tips.shape[0]:
+            if n >= tips.centres.shape[0]:
                 break
-            score, R, p = _place(centres[k], inward[k], tips[n], axes[n], pads[n], triangles, planes)
-            if score > scores[k]:
-                scores[k], which[k] = score, n
-                rotations[k], positions[k] = R, p
-    return scores, which, rotations, positions
+            score, R, p = _place(goal, Tips(tips.centres[n], tips.axes[n], tips.pads[n]), obstacle)
+            if score > best.scores[k]:
+                best.scores[k], best.which[k] = score, n
+                best.rotations[k], best.positions[k] = R, p
+    return best
 
 
 def atlas_postures(
@@ -130,9 +145,9 @@ def atlas_postures(
     )
     inward = np.ascontiguousarray(-proposals.normals[:, orders].reshape(-1, 3, 3))
     _, near = atlas.search.query(triangle_sides(centres), _NEIGHBOURS, distance_upper_bound=_SIDE_TOLERANCE)
-    distance = target.distance
+    tips = Tips(atlas.tips, atlas.axes, atlas.pads)
     scores, which, rotations, positions = _best_placements(
-        centres, inward, near, atlas.tips, atlas.axes, atlas.pads, distance.triangles, distance.planes
+        Goals(centres, inward), near, tips, target.distance.obstacle
     )
     strength = _strengths(atlas.joints[which], rotations, inward, tree)
     margins = np.repeat(np.nan_to_num(proposals.margins, nan=0.3), len(orders))
@@ -154,14 +169,13 @@ def atlas_postures(
 @njit(cache=True, error_model="numpy")
 def _strengths(joints: Array, rotations: Array, inward: Array, tree: RobotTree) -> Array:
     """Force (K,) N that the thumb can press with, the two fingers half of it each, before a joint is at its limit."""
-    K, nb = joints.shape[0], tree.parent.shape[0]
-    R, p = np.empty((nb, 3, 3)), np.empty((nb, 3))
+    K, frames = joints.shape[0], empty_frames(tree)
     out, q = np.empty(K), np.zeros(23)
     for k in range(K):
         q[7:] = joints[k]
-        forward(q, tree, R, p)
-        palm = R[tree.palm] @ tree.palm_rotation
-        J = tip_jacobian(tree, R, p, tip_positions(tree, R, p))
+        forward(q, tree, frames)
+        palm = frames.R[tree.palm] @ tree.palm_rotation
+        J = tip_jacobian(tree, frames, tip_positions(tree, frames))
         worst = 1e-9
         for i in range(3):
             direction = palm @ (rotations[k].T @ inward[k, i])

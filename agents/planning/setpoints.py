@@ -4,7 +4,7 @@ import numpy as np
 
 from agents.grasp.grasp import GraspMotion
 from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import body_frames, finger_jacobians, tip_positions
+from agents.kinematics.forward import finger_jacobians, fingertips
 from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
 from agents.planning.settings import PlannerSettings
@@ -37,8 +37,7 @@ def grasp_motion(
         settings: of the planner.
         opening: m that the tips back off before they close.
     """
-    R, p = body_frames(q, tree)
-    tips = tip_positions(tree, R, p)
+    tips = fingertips(q, tree)
     distance, _ = target.distance.distance_gradient(tips)
     touching, pregrasp = q.copy(), q.copy()
     to_surface = (settings.tip_radius - distance)[:, None] * normals

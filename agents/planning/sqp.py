@@ -83,7 +83,7 @@ class _Solver:
     def __init__(
         self, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, with_margin: bool
     ) -> None:
-        self._tree, self._subject, self._settings, self._with_margin = tree, target, settings, with_margin
+        self._tree, self._target, self._settings, self._with_margin = tree, target, settings, with_margin
         self._low = tree.lower[MOVED] + settings.joint_margin
         self._high = tree.upper[MOVED] - settings.joint_margin
         self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
@@ -91,8 +91,7 @@ class _Solver:
         self._least = bounds_of(settings, settings.closure_margin)
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
-        distance = self._subject.distance
-        return evaluate(q, self._tree, distance.triangles, distance.planes, bounds, self._with_margin)
+        return evaluate(q, self._tree, self._target.distance.obstacle, bounds, self._with_margin)
 
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""
