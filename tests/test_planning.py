@@ -259,9 +259,7 @@ def near_contact(name, proposals, count, seed=0):
 
 
 def rows_at(q, grasp_target, settings=SETTINGS):
-    at = evaluate(
-        q, TREE, grasp_target.distance.triangles, grasp_target.distance.planes, bounds_of(settings, 0.5), True
-    )
+    at = evaluate(q, TREE, grasp_target.distance.obstacle, bounds_of(settings, 0.5), True)
     keys = [tuple(label) for label in at.labels.tolist()]
     least = {}
     for key, value, row in zip(keys, at.values, at.rows, strict=True):
