@@ -4,6 +4,7 @@ Importing the package registers the environments; it brings no torch, no numba a
 """
 
 import sys
+from typing import Any
 
 if sys.argv[:1] == ["-m"] and "dexgrasp_env" in sys.orig_argv:
     # `python -m dexgrasp_env`: what asks the command to stop waits until it can listen.
@@ -18,5 +19,21 @@ from dexgrasp_env.errors import InputError
 __all__ = ["InputError"]
 __version__ = "0.1.0"
 
-# The entry point is a string so that specs serialise. 300 control steps at 20 Hz are 15 s.
-register(id="DexGrasp/Lift-v0", entry_point="dexgrasp_env.tasks.lift:LiftEnv", max_episode_steps=300)
+_LIMIT = 300  # control steps at 20 Hz: 15 s
+_PUSHES = 80  # control steps that the pushes take: `tasks.disturbance`, which is not imported here
+_SOLVED = 150.0  # return of a dense episode that grasps within 5 s and holds
+
+
+def _register(name: str, max_episode_steps: int = _LIMIT, **kwargs: Any) -> None:
+    # The entry points are strings so that specs serialise.
+    register(
+        id=f"DexGrasp/{name}", entry_point="dexgrasp_env.tasks.lift:LiftEnv", max_episode_steps=max_episode_steps,
+        reward_threshold=_SOLVED, kwargs=kwargs,
+    )  # fmt: skip
+
+
+_register("Lift-v1")
+_register("LiftUpright-v1", presentation="upright")
+_register("LiftSlippery-v1", friction=0.35)
+_register("LiftPushed-v1", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
+_register("LiftOneView-v1", obs_mode="pointcloud", views=1)

@@ -21,17 +21,17 @@ from dexgrasp_env.errors import InputError
 def load(
     objects: str | list[str] | tuple[str, ...] = "ycb6", *, seed: int | None = None, **kwargs: Any
 ) -> "LiftTask":
-    """Return the task of `DexGrasp/Lift-v0` as a dm_env environment.
+    """Return the task of `DexGrasp/Lift-v1` as a dm_env environment.
 
     Args:
         objects: as for `gym.make`.
         seed: of all episodes; None draws one.
-        kwargs: everything else that `gym.make("DexGrasp/Lift-v0")` accepts.
+        kwargs: everything else that `gym.make("DexGrasp/Lift-v1")` accepts.
 
     Raises:
         InputError: if an argument is wrong.
     """
-    return LiftTask(gym.make("DexGrasp/Lift-v0", objects=objects, disable_env_checker=True, **kwargs), seed)
+    return LiftTask(gym.make("DexGrasp/Lift-v1", objects=objects, disable_env_checker=True, **kwargs), seed)
 
 
 class LiftTask(dm_env.Environment):

@@ -63,7 +63,7 @@ def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60, pro
     rng, soak = np.random.default_rng(seed), Soak()
     envs = [
         gym.make(
-            "DexGrasp/Lift-v0",
+            "DexGrasp/Lift-v1",
             objects=objects,
             control_mode=mode,
             randomisation=RANDOMISATION,
@@ -100,7 +100,7 @@ def _episode(env: gym.Env[Any, Any], name: str, steps: int, rng: np.random.Gener
         numbers = [reward, *(value for key in observation for value in observation[key].ravel())]
         soak.not_finite += not np.isfinite(numbers).all() and info["failure"] != "simulation_diverged"
     soak.endings[info["failure"] or info["stage"]] += 1
-    soak.warnings.update(info["mujoco_warnings"])
+    soak.warnings.update(info["mujoco_warnings"].split())
 
 
 def _above_hand(env: gym.Env[Any, Any], rng: np.random.Generator) -> np.ndarray:

@@ -28,7 +28,7 @@ def surface_cloud(env, observation, seed=0):
 
 
 def play(agent, name, seed):
-    env = gym.make("DexGrasp/Lift-v0", objects=name, control_mode="joint_position")
+    env = gym.make("DexGrasp/Lift-v1", objects=name, control_mode="joint_position")
     observation, info = env.reset(seed=seed)
     agent.reset(surface_cloud(env, observation, seed), {})
     for _ in range(160):
@@ -148,7 +148,7 @@ def test_checkpoint_acts(tmp_path):
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
 
-    env = gym.make("DexGrasp/Lift-v0", objects="lego")
+    env = gym.make("DexGrasp/Lift-v1", objects="lego")
     path = tmp_path / "policy.zip"
     PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(path)
     for spec in (str(path), f"ppo:{path}"):

@@ -133,13 +133,13 @@ def test_list(what, capsys):
     assert len(listed[what]) >= 1
     assert main(["list", what]) == OK
     table = capsys.readouterr().out
-    assert {"objects": "sugar_box", "envs": "DexGrasp/Lift-v0", "agents": "hardcoded"}[what] in table
+    assert {"objects": "sugar_box", "envs": "DexGrasp/Lift-v1", "agents": "hardcoded"}[what] in table
 
 
 def test_module_is_the_same_command():
     done = run("list", "envs", "--json", module="dexgrasp_env")
     assert done.returncode == OK, done.stderr
-    assert json.loads(done.stdout)["envs"][0]["id"] == "DexGrasp/Lift-v0"
+    assert json.loads(done.stdout)["envs"][0]["id"] == "DexGrasp/Lift-v1"
     assert run("list", "nothing", module="dexgrasp_env").returncode == BAD_INPUT
 
 

@@ -208,7 +208,7 @@ def test_agents_carry_out_learned_grasps(name):
     import dexgrasp_env  # noqa: F401
 
     agent = make_agent(name)
-    env = gym.make("DexGrasp/Lift-v0", objects="sugar_box", **agent.env_settings)
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
     observation, info = env.reset(seed=0)
     agent.seed(0)
     agent.reset(observation, info)

@@ -32,7 +32,7 @@ def test_specs_hold(obs_mode):
 
 def test_same_rollout_as_gymnasium():
     env, other = dm.load("seen", seed=5, control_mode="ee_delta"), gym.make(
-        "DexGrasp/Lift-v0", objects="seen", control_mode="ee_delta", disable_env_checker=True
+        "DexGrasp/Lift-v1", objects="seen", control_mode="ee_delta", disable_env_checker=True
     )  # fmt: skip
     timestep, (observation, _) = env.reset(), other.reset(seed=5)
     rng = np.random.default_rng(0)

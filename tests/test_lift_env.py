@@ -1,4 +1,4 @@
-"""Lift-v0 against its contract: spaces, determinism, resets, batch functions, randomisation, bad input."""
+"""Lift-v1 against its contract: spaces, determinism, resets, options, randomisation, bad input."""
 
 import copy
 import importlib.util
@@ -9,7 +9,6 @@ import re
 import subprocess
 import sys
 import warnings
-from dataclasses import fields
 from pathlib import Path
 
 import gymnasium as gym
@@ -25,17 +24,15 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import choose_gl
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.scene.build import build_scene
-from dexgrasp_env.tasks import control, rewards
+from dexgrasp_env.tasks import control
 from dexgrasp_env.tasks.control import ACTION_SIZE, CONTROL_MODES, MAX_STEP
 from dexgrasp_env.tasks.lift import LiftEnv
-from dexgrasp_env.tasks.observations import OBS_MODES, object_observation, robot_observation
+from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
-from dexgrasp_env.tasks.rewards import REWARD_MODES, WEIGHTS, dense_reward, reward_terms, sparse_reward
-from dexgrasp_env.tasks.simulation import Simulation, ramp
-from dexgrasp_env.tasks.state import LiftState, ObjectConstants
-from dexgrasp_env.tasks.success import Progress, advance, diverged, object_lost
+from dexgrasp_env.tasks.rewards import REWARD_MODES, WEIGHTS
+from dexgrasp_env.tasks.simulation import Simulation
 
-ID = "DexGrasp/Lift-v0"
+ID = "DexGrasp/Lift-v1"
 NEEDS_GL = {"rgbd"}
 
 
@@ -150,13 +147,11 @@ def test_reset_restores_everything():
 
 
 def test_reset_undoes_randomisation():
-    plain, varied = make(), make(randomisation={"size": (0.8, 1.2), "mass": (0.5, 2.0)})
+    varied = make(randomisation={"size": (0.8, 1.2), "mass": (0.5, 2.0), "gain": (0.5, 2.0)})
     for seed in range(3):
         varied.reset(seed=seed)
     simulation = varied.unwrapped.simulation
-    simulation.reset(
-        plain.unwrapped.settings.object_pose.sample(simulation.object, np.random.default_rng(0)), Variation()
-    )
+    simulation.vary(Variation())
     base = simulation.base
     for name in (
         "body_mass",
@@ -166,6 +161,8 @@ def test_reset_undoes_randomisation():
         "pair_friction",
         "geom_rbound",
         "bvh_aabb",
+        "actuator_gainprm",
+        "actuator_biasprm",
     ):
         np.testing.assert_array_equal(getattr(simulation.model, name), getattr(base, name), err_msg=name)
 
@@ -195,7 +192,7 @@ def test_import_is_light():
 
 def test_making_an_environment_brings_no_torch():
     code = (
-        "import sys, gymnasium, dexgrasp_env; env = gymnasium.make('DexGrasp/Lift-v0', objects='sugar_box');"
+        "import sys, gymnasium, dexgrasp_env; env = gymnasium.make('DexGrasp/Lift-v1', objects='sugar_box');"
         "env.reset(seed=0); env.step(env.action_space.sample()); print('torch' in sys.modules, 'OpenGL' in sys.modules)"
     )
     # MuJoCo itself imports OpenGL where MUJOCO_GL is set, as tests that render set it.
@@ -270,6 +267,17 @@ def test_page_lists_rewards_and_arguments():
         ({"object_pose": {"rest_pose": "best"}}, "likely"),
         ({"randomisation": {"mass": (-1, 1)}}, "positive"),
         ({"randomisation": {"colour": (0, 1)}}, "friction"),
+        ({"randomisation": {"latency": (0, 0.2)}}, "0.05"),
+        ({"mass": 0.0}, "mass"),
+        ({"presentation": "lying"}, "upright"),
+        ({"disturbance": "kicked"}, "pushed"),
+        ({"disturbance": {"kind": "pushed", "size": -1}}, "size"),
+        ({"disturbance": {"force": 1}}, "size"),
+        ({"views": 5}, "1 to 4"),
+        ({"views": ["front"]}, "front_left"),
+        ({"views": []}, "one or more"),
+        ({"calibration": {"position": float("nan")}}, "calibration"),
+        ({"calibration": {"yaw": 1}}, "rotation"),
         ({"observe": "never"}, "reset"),
         ({"sensor": "perfect"}, "realistic"),
         ({"render_mode": "ascii"}, "rgb_array"),
@@ -296,6 +304,146 @@ def test_wrong_actions_and_options():
             env.reset(options=options)
 
 
+@pytest.mark.parametrize(
+    ("position", "word"),
+    [
+        ((0.5, 0.0, 0.01), "into the table"),
+        ((3.0, 0.0, 0.05), "over the table"),
+        ((0.5, 0.0, -1.0), "into the table"),
+        ((0.85, 0.4, 0.05), "reach"),
+        ((1e300, 0.0, 0.05), "finite"),
+        ((np.nan, 0.0, 0.05), "finite"),
+        ((0.5, 0.0, 0.5), "in the way"),
+        (("a", 0.0, 0.05), "7 finite numbers"),
+    ],
+)
+def test_impossible_poses_are_refused(position, word):
+    env = make().unwrapped
+    if word == "in the way":
+        env.reset(seed=0)
+        position = env.data.site("palm").xpos.copy()
+    with pytest.raises(InputError, match=word) as caught:
+        env.reset(options={"object_pose": [*position, 1, 0, 0, 0]})
+    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="reset"):
+        env.step(np.zeros(23))
+
+
+def test_v0_says_what_follows_it():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(gym.error.DeprecatedEnv, match="Lift-v1"):
+            gym.make("DexGrasp/Lift-v0")
+
+
+# -- what reset and info say ------------------------------------------------------------------------------------
+
+
+def test_reset_is_true_from_the_first_moment():
+    env = make()
+    pose = [0.5, 0.0, 0.3, 1, 0, 0, 0]
+    observation, info = env.reset(seed=0, options={"object_pose": pose})
+    vertices = env.unwrapped.simulation.hull
+    lowest = (vertices @ env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]).min()
+    assert info["object_height"] == pytest.approx(env.unwrapped.data.qpos[25] + lowest, abs=1e-12)
+    assert observation["progress"][0] == pytest.approx(info["object_height"], abs=1e-6)
+    assert set(info["reward_terms"]) == set(WEIGHTS)
+    assert info["reward_terms"]["reach"] > 0
+    np.testing.assert_allclose(observation["palm_pose"][:3], env.unwrapped.data.site("palm").xpos, atol=1e-6)
+
+
+def test_info_has_one_type_each():
+    env = make(obs_mode="pointcloud", observe="reset")
+    _, first = env.reset(seed=0)
+    _, _, _, _, later = env.step(np.zeros(23))
+    assert {k: type(v) for k, v in first.items()} == {k: type(v) for k, v in later.items()}
+    assert not any(value is None or isinstance(value, list) for value in first.values())
+
+
+@pytest.mark.parametrize("mode", ["state", "pointcloud", "depth"])
+def test_observations_stay_in_their_space(mode):
+    env = make(obs_mode=mode, views=["front_left", "side_right"] if mode == "depth" else 4)
+    observation, _ = env.reset(seed=2)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        assert env.observation_space.contains(observation)
+        observation, *_ = env.step(rng.uniform(-1, 1, 23))
+
+
+def test_randomised_values_are_told():
+    ranges = {
+        "mass": (1.5, 2),
+        "friction": (0.3, 0.5),
+        "gain": (0.8, 0.9),
+        "latency": (0.01, 0.04),
+        "joint_noise": (0.01, 0.02),
+    }
+    env = make(randomisation=ranges, mass=2.0)
+    observation, info = env.reset(seed=0)
+    told = info["variation"]
+    assert 3.0 <= told["mass"] <= 4.0
+    for name in ("friction", "gain", "latency", "joint_noise"):
+        assert ranges[name][0] <= told[name] <= ranges[name][1]
+    np.testing.assert_allclose(observation["variation"], list(told.values()), rtol=1e-6)
+    model = env.unwrapped.model
+    assert model.actuator_gainprm[0, 0] == pytest.approx(4500 * told["gain"])
+    noise = observation["joint_positions"] - env.unwrapped.data.qpos[:23]
+    assert 0.2 * told["joint_noise"] < noise.std() < 3 * told["joint_noise"]
+
+
+# -- harder scenes ----------------------------------------------------------------------------------------------
+
+
+def test_commands_come_late():
+    late, prompt = make(randomisation={"latency": (0.02, 0.02)}).unwrapped, make().unwrapped
+    commands = []
+    for env in (late, prompt):
+        env.reset(seed=0)
+        action = np.zeros(23)
+        action[7] = 1.0
+        rows = [env._episodes.set_points(slice(0, 1), action[None])[0][0].copy() for _ in range(3)]
+        commands.append(np.concatenate(rows)[:, 7])
+    np.testing.assert_allclose(commands[0][10:], commands[1][:-10], atol=1e-12)
+    np.testing.assert_allclose(commands[0][:10], HOME[7], atol=1e-12)
+    np.testing.assert_allclose(np.diff(commands[1]), MAX_STEP[7] / 25, atol=1e-12)
+
+
+def test_upright_stands_as_built():
+    env = make(objects=["chips", "massage_ball", "sandwich_side"], presentation="upright")
+    for name, up in (("chips", 1.0), ("sandwich_side", 0.0)):
+        env.reset(seed=0, options={"object": name})
+        assert env.unwrapped.data.body("object").xmat[8] == pytest.approx(up, abs=0.02)
+    env.reset(seed=0, options={"object": "massage_ball"})
+
+
+def test_one_view_is_drawn_by_the_seed():
+    env = make(obs_mode="depth", views=1, sensor="none")
+    chosen = []
+    for seed in range(6):
+        observation, info = env.reset(seed=seed)
+        assert observation["depth"].shape == (1, 120, 160)
+        chosen.append(tuple(info["perception_T_world_camera"][0, :3, 3]))
+        assert np.array_equal(env.reset(seed=seed)[0]["depth"], observation["depth"])
+    assert len(set(chosen)) > 1
+
+
+def test_calibration_error_is_one_rigid_motion():
+    errors = []
+    for seed in range(2):
+        believed, true = (
+            make(obs_mode="depth", sensor="none", calibration=error).reset(seed=seed)[1][
+                "perception_T_world_camera"
+            ]
+            for error in ({"position": 0.01, "rotation": 0.035}, None)
+        )
+        each = believed @ np.linalg.inv(true)
+        np.testing.assert_allclose(each, each[:1].repeat(4, 0), atol=1e-12)
+        assert np.arccos((np.trace(each[0, :3, :3]) - 1) / 2) == pytest.approx(0.035)
+        assert np.linalg.norm((each[0] @ [0.5, 0, 0, 1])[:3] - [0.5, 0, 0]) == pytest.approx(0.01)
+        errors.append(each[0])
+    assert not np.allclose(*errors)
+
+
 def test_options_place_the_object():
     env = make(objects=["sugar_box", "gelatin_box"])
     pose = [0.5, 0.1, 0.05, 1, 0, 0, 0]
@@ -315,17 +463,10 @@ def test_set_points_keep_range_and_velocity(control_mode):
     before = HOME.copy()
     for _ in range(40):
         env.step(rng.choice([-1.0, 1.0], env.action_space.shape))
-        after = env.simulation.targets
+        after = env.targets
         assert np.all(np.abs(after - before) <= MAX_STEP + 1e-12)
         assert np.all((after >= LOWER) & (after <= UPPER))
         before = after
-
-
-def test_set_points_are_interpolated():
-    rows = ramp(HOME, HOME + 0.5)
-    assert rows.shape == (25, 23)
-    assert np.array_equal(rows[-1], HOME + 0.5)
-    np.testing.assert_allclose(np.diff(np.vstack([HOME, rows]), axis=0), 0.02, atol=1e-12)
 
 
 def test_positions_and_actions_are_inverse():
@@ -345,122 +486,6 @@ def test_ee_delta_moves_the_palm():
         observation, *_ = env.step(action * (np.arange(22) > 5))
     moved = observation["palm_pose"][:3] - start["palm_pose"][:3]
     np.testing.assert_allclose(moved, [0, 0, 0.1], atol=0.01)
-
-
-# -- functions of arrays ----------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def moments():
-    """States and progresses of a rollout in which the object is touched, dropped from the air and lies still."""
-    env = make().unwrapped
-    rng = np.random.default_rng(0)
-    found = []
-    for seed in range(3):
-        env.reset(seed=seed, options={"object_pose": [0.5, 0, 0.35 + 0.1 * seed, 1, 0, 0, 0]})
-        for _ in range(12):
-            env.step(rng.uniform(-1, 1, 23))
-            state = env.simulation.state
-            arrays = {f.name: copy.copy(getattr(state, f.name)) for f in fields(LiftState)}
-            found.append((LiftState(**arrays), env.progress))
-    # Readings that a random rollout does not bring: held in the hand, at height, for long.
-    held = []
-    for state, progress in found:
-        data, qpos = state.sensordata.copy(), state.qpos.copy()
-        data[state.sensors.touching_any] = data[state.sensors.touching_hand] = rng.integers(0, 3)
-        data[state.sensors.tip_forces] = rng.normal(size=12)
-        qpos[25] += rng.uniform(0, 0.4)
-        kept = Progress(**{f.name: getattr(progress, f.name) for f in fields(Progress)} | {
-            "held_steps": rng.integers(0, 70), "airborne": np.bool_(rng.integers(2)),
-            "lifted": np.bool_(rng.integers(2)),
-        })  # fmt: skip
-        held.append((LiftState(qpos, state.qvel, data, state.targets, state.sensors), kept))
-    return found + held, env.simulation.constants
-
-
-def stacked(moments, shape):
-    states, progresses = zip(*moments, strict=True)
-
-    def stack(items, name):
-        parts = [np.asarray(getattr(item, name)) for item in items]
-        return np.stack(parts).reshape(*shape, *parts[0].shape)
-
-    arrays = {name: stack(states, name) for name in ("qpos", "qvel", "sensordata", "targets")}
-    progress = Progress(**{f.name: stack(progresses, f.name) for f in fields(Progress)})
-    return LiftState(**arrays, sensors=states[0].sensors), progress
-
-
-def everything(state, progress, constants):
-    """Every function of the state, by name."""
-    after = advance(progress, state, constants)
-    terms = reward_terms(state, after, constants)
-    return {
-        **robot_observation(state),
-        **object_observation(state, after, constants),
-        **{f"term {name}": term for name, term in terms.items()},
-        **{f"progress {f.name}": getattr(after, f.name) for f in fields(Progress)},
-        "dense": dense_reward(terms),
-        "sparse": sparse_reward(after),
-        "stage": after.stage,
-        "stable": after.is_stable,
-        "success": after.is_success,
-        "lost": object_lost(state),
-        "diverged": diverged(state),
-    }
-
-
-@pytest.mark.parametrize("shape", [(72,), (9, 8), (72, 1)])
-def test_batch_equals_single_bit_for_bit(moments, shape):
-    found, constants = moments
-    together = everything(*stacked(found, shape), constants)
-    for i, (state, progress) in enumerate(found):
-        alone = everything(state, progress, constants)
-        index = np.unravel_index(i, shape)
-        for name, value in alone.items():
-            assert np.array_equal(value, together[name][index]), name
-    assert len(set(together["stage"].ravel().tolist())) >= 4
-
-
-def test_batch_of_different_objects(moments):
-    found, constants = moments
-    other = ObjectConstants(constants.hull_vertices * 1.1, constants.extents * 1.1, constants.mass * 1.3)
-    both = ObjectConstants(
-        np.stack([constants.hull_vertices, other.hull_vertices]),
-        np.stack([constants.extents, other.extents]),
-        np.array([constants.mass, other.mass]),
-    )
-    together = everything(*stacked(found[-2:], (2,)), both)
-    for i, own in enumerate((constants, other)):
-        for name, value in everything(*found[-2 + i], own).items():
-            assert np.array_equal(value, together[name][i]), name
-
-
-def test_stages():
-    def stage(**values):
-        start = {f.name: getattr(Progress.start(), f.name) for f in fields(Progress)}
-        return str(Progress(**start | values).stage)
-
-    yes = True
-    assert stage() == "untouched"
-    assert stage(touched=yes) == "touched"
-    assert stage(touched=yes, lifted=yes, held_steps=5) == "lifted"
-    assert stage(touched=yes, lifted=yes) == "dropped"
-    assert stage(touched=yes, lifted=yes, held_steps=60) == "held"
-
-
-def test_reach_is_dm_controls_tolerance():
-    tolerance = pytest.importorskip("dm_control.utils.rewards").tolerance
-    distances = np.linspace(0, 0.8, 200)
-    expected = tolerance(distances, bounds=(0.0, 0.02), margin=0.3, sigmoid="long_tail")
-    np.testing.assert_allclose(rewards._nearness(distances), expected, rtol=1e-12)
-
-
-def test_rewards_are_bounded(moments):
-    found, constants = moments
-    values = everything(*stacked(found, (72,)), constants)
-    for name in [*(f"term {term}" for term in WEIGHTS), "dense", "sparse"]:
-        assert np.all((values[name] >= 0) & (values[name] <= 1)), name
-    assert sum(WEIGHTS.values()) == pytest.approx(1.0)
 
 
 # -- endings ----------------------------------------------------------------------------------------------------
@@ -485,12 +510,13 @@ def test_diverged_simulation_terminates_with_zero_reward():
     env = make()
     env.reset(seed=0)
     env.unwrapped.simulation.data.qvel[25] = 1e12
-    _, reward, terminated, _, info = env.step(np.zeros(23))
+    observation, reward, terminated, _, info = env.step(np.zeros(23))
     assert terminated
     assert info["failure"] == "simulation_diverged"
     assert reward == 0.0
     assert info["mujoco_warnings"]
-    assert env.reset(seed=0)[1]["mujoco_warnings"] == []
+    assert all(np.isfinite(value).all() for value in observation.values())
+    assert env.reset(seed=0)[1]["mujoco_warnings"] == ""
 
 
 def test_time_limit_truncates():

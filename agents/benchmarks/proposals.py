@@ -108,7 +108,7 @@ def _perceived(name: str, seed: int) -> GraspTarget | None:
     import dexgrasp_env  # noqa: F401
 
     env = gym.make(
-        "DexGrasp/Lift-v0",
+        "DexGrasp/Lift-v1",
         objects=name,
         obs_mode="pointcloud",
         control_mode="joint_position",

@@ -17,7 +17,7 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
-from dexgrasp_env.tasks.simulation import Simulation, ramp
+from dexgrasp_env.tasks.simulation import Simulation
 
 _TURN = 5  # control steps
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
@@ -60,7 +60,7 @@ def run(quick: bool = False) -> dict[str, Any]:
 
 
 def _record_random(name: str, steps: int) -> Recording:
-    env = gym.make("DexGrasp/Lift-v0", objects=name, control_mode="joint_delta")
+    env = gym.make("DexGrasp/Lift-v1", objects=name, control_mode="joint_delta")
     return _record(env, np.random.default_rng(0).uniform(-0.3, 0.3, (steps, 23)))
 
 
@@ -68,7 +68,7 @@ def _record_grasp(name: str, steps: int) -> Recording | None:
     """The hard-coded agent's motion, planned from the true surface; None where it finds none."""
     from agents.policies.hardcoded import HardcodedAgent
 
-    env = gym.make("DexGrasp/Lift-v0", objects=name, control_mode="joint_position")
+    env = gym.make("DexGrasp/Lift-v1", objects=name, control_mode="joint_position")
     agent = HardcodedAgent()
     for seed in range(8):
         observation, _ = env.reset(seed=seed)
@@ -93,11 +93,11 @@ def _record(env: gym.Env[Any, Any], actions: Array, seed: int = 0) -> Recording:
     simulation: Simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
     state = np.zeros(mujoco.mj_stateSize(simulation.model, _STATE))
     mujoco.mj_getState(simulation.model, simulation.data, state, _STATE)
-    controls, contacts, targets = [], [], simulation.targets
+    controls, contacts, targets = [], [], env.unwrapped.targets  # type: ignore[attr-defined]
     for count, action in enumerate(actions):
         _, _, terminated, _, _ = env.step(action.astype(np.float32))
-        controls.append(ramp(targets, simulation.targets))
-        targets = simulation.targets
+        start, targets = targets, env.unwrapped.targets  # type: ignore[attr-defined]
+        controls.append(_ramp(start, targets))
         contacts.append(simulation.data.ncon)
         if terminated:
             actions = actions[: count + 1]
@@ -105,6 +105,13 @@ def _record(env: gym.Env[Any, Any], actions: Array, seed: int = 0) -> Recording:
     return Recording(
         env, seed, actions.astype(np.float32), state, np.concatenate(controls), float(np.mean(contacts))
     )
+
+
+def _ramp(start: Array, end: Array) -> Array:
+    """Return the set-points (25, 23) of the physics steps in a control step."""
+    rows = start + np.arange(1, CONTROL_STEPS + 1)[:, None] / CONTROL_STEPS * (end - start)
+    rows[-1] = end
+    return rows
 
 
 def _compare(recording: Recording, rounds: int) -> dict[str, float]:

@@ -113,7 +113,8 @@ def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
         "object_tilt",
         "held_seconds",
     )
-    return {key: info[key] for key in keys} | {"simulated_seconds": round(0.05 * steps, 2)}
+    outcome = {key: info[key] for key in keys} | {"failure": info["failure"] or None}
+    return outcome | {"simulated_seconds": round(0.05 * steps, 2)}
 
 
 def _contact_sheet(path: Path, frames: list[Any]) -> None:

@@ -95,7 +95,7 @@ def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **en
         InputError: for an unknown target or agent.
     """
     agent = make_agent(agent_name)
-    env = gym.make("DexGrasp/Lift-v0", objects=target, **(dict(agent.env_settings) | env_settings))
+    env = gym.make("DexGrasp/Lift-v1", objects=target, **(dict(agent.env_settings) | env_settings))
     observation, info = env.reset(seed=seed)
     simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
     pose = pose_matrix(simulation.data.qpos[23:26].copy(), simulation.data.qpos[26:30].copy())

@@ -36,7 +36,7 @@ PROTOCOLS: dict[str, Protocol] = {
     for protocol in (
         Protocol(
             "lift-v0",
-            "DexGrasp/Lift-v0",
+            "DexGrasp/Lift-v1",
             description="the environment as registered: 15 s, lift 10 cm, hold 3 s",
         ),
     )

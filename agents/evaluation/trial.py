@@ -148,7 +148,7 @@ def _note(outcome: Outcome, info: Mapping[str, Any]) -> None:
     outcome.height, outcome.slip, outcome.tilt = (
         jsonable(info[key]) for key in ("object_height", "object_slip", "object_tilt")
     )
-    outcome.warnings = list(info["mujoco_warnings"])
+    outcome.warnings = info["mujoco_warnings"].split()
 
 
 def _ask(method: Any, *arguments: Any) -> Any:

@@ -3,9 +3,9 @@
 All of them live in `sensordata`, so that one environment and a batch read the same bits.
 """
 
-from dataclasses import dataclass
-
 import mujoco
+import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp_env.robot.names import FINGERS, TIP_SITES
 
@@ -16,7 +16,7 @@ _NETFORCE = 3
 
 
 def add_sensors(spec: mujoco.MjSpec) -> None:
-    """Add tip positions, palm pose, tip contact forces and the object's contacts."""
+    """Add tip positions, palm pose, the object's contacts and their forces by tip and by finger."""
     for site in TIP_SITES:
         spec.add_sensor(
             name=f"{site}_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname=site
@@ -29,6 +29,8 @@ def add_sensors(spec: mujoco.MjSpec) -> None:
         _contact(spec, f"{finger}_force", _FORCE, (_OBJ.mjOBJ_GEOM, f"{finger}_tip"))
     _contact(spec, "touching_any", _FOUND, None)
     _contact(spec, "touching_hand", _FOUND, (_OBJ.mjOBJ_XBODY, "palm"))
+    for finger in FINGERS:
+        _contact(spec, f"{finger}_press", _FORCE, (_OBJ.mjOBJ_XBODY, f"{finger}_base"))
 
 
 def _contact(spec: mujoco.MjSpec, name: str, fields: int, other: tuple[mujoco.mjtObj, str] | None) -> None:
@@ -40,30 +42,18 @@ def _contact(spec: mujoco.MjSpec, name: str, fields: int, other: tuple[mujoco.mj
     sensor.intprm[:3] = [fields, _NETFORCE, 1]
 
 
-@dataclass(frozen=True)
-class SensorIndex:
-    """Where each reading lies in `sensordata` (slices of the last axis)."""
+READINGS = {
+    "tip_positions": f"{TIP_SITES[0]}_position",  # 4 x 3 m, index middle ring thumb
+    "palm_position": "palm_position",  # 3 m
+    "palm_quat": "palm_quat",  # 4 wxyz
+    "tip_forces": f"{FINGERS[0]}_force",  # 4 x 3 N, between tip and object
+    "touching_any": "touching_any",  # contacts of the object with anything
+    "touching_hand": "touching_hand",  # contacts of the object with the hand
+    "finger_forces": f"{FINGERS[0]}_press",  # 4 x 3 N, between the whole finger and the object
+}
+"""What is read, with the sensor that each begins at."""
 
-    tip_positions: slice  # 4 x 3 m, index middle ring thumb
-    palm_position: slice  # 3 m
-    palm_quat: slice  # 4 wxyz
-    tip_forces: slice  # 4 x 3 N
-    touching_any: int  # contacts of the object with anything
-    touching_hand: int  # contacts of the object with the hand
 
-    @classmethod
-    def of(cls, model: mujoco.MjModel) -> "SensorIndex":
-        """Resolve the addresses in a compiled model."""
-
-        def span(first: str, last: str) -> slice:
-            a, b = model.sensor(first), model.sensor(last)
-            return slice(int(a.adr[0]), int(b.adr[0]) + int(b.dim[0]))
-
-        return cls(
-            tip_positions=span(f"{TIP_SITES[0]}_position", f"{TIP_SITES[-1]}_position"),
-            palm_position=span("palm_position", "palm_position"),
-            palm_quat=span("palm_quat", "palm_quat"),
-            tip_forces=span(f"{FINGERS[0]}_force", f"{FINGERS[-1]}_force"),
-            touching_any=int(model.sensor("touching_any").adr[0]),
-            touching_hand=int(model.sensor("touching_hand").adr[0]),
-        )
+def reading_columns(model: mujoco.MjModel) -> NDArray[np.int64]:
+    """Return the first column of each of `READINGS` in `sensordata`, (7,)."""
+    return np.array([int(model.sensor(name).adr[0]) for name in READINGS.values()])

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     import mujoco
 
 _WORKSPACE_CENTRE = (0.52, 0.0, 0.06)  # m, what the default cameras look at
+CAMERA_NAMES = ("front_left", "front_right", "side_left", "side_right")
 _GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
 
 

@@ -1,4 +1,4 @@
-"""Constants of the task, frozen as Lift-v0."""
+"""Constants of the tasks, frozen as v1."""
 
 import math
 
@@ -6,9 +6,15 @@ LIFT_HEIGHT = 0.10  # m, lowest point of the object above the table
 HOLD_STEPS = 60  # control steps at 20 Hz: 3 s
 MAX_EPISODE_STEPS = 300  # control steps: 15 s
 
+GRASP_FORCE = 0.5  # N: a finger that presses the object at least so much takes part in the grasp
+GRASP_STEPS = 54  # of the hold's steps, 90 %: so many must be grasps
+
 STABLE_SLIP = 0.025  # m of motion in the hand's frame during lift and hold
 STABLE_TILT = math.radians(15.0)
 OFF_TABLE = 0.002  # m: from here on the object counts as lifted off
+
+DISTURB_AFTER = 20  # control steps held, 1 s, after which the disturbance begins
+DISTURB_SHIFT = 0.06  # m of motion in the palm's frame that a held object may make under it
 
 # Where an object may be before it counts as lost: centre, robot base frame, m.
 WORKSPACE_LOW = (0.05, -0.65, -0.05)
@@ -22,3 +28,7 @@ SETTLE_STEPS = 100  # physics steps after placing, before the first observation
 PALM_STEP = 0.025  # m a control step at action 1 (`ee_delta`): 0.5 m/s
 PALM_TURN = 0.125  # rad a control step at action 1 (`ee_delta`): 2.5 rad/s
 CLOUD_POINTS = 1024
+
+GOAL_HEIGHT = (0.15, 0.35)  # m above the table (Place)
+GOAL_RADIUS = 0.03  # m: so near the goal is reached
+GOAL_STEPS = 20  # control steps there, 1 s, that make a success

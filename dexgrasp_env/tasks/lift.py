@@ -1,8 +1,7 @@
-"""DexGrasp/Lift-v0."""
+"""DexGrasp/Lift-v1."""
 
 import math
 from collections.abc import Mapping, Sequence
-from functools import lru_cache
 from typing import Any
 
 import gymnasium as gym
@@ -12,29 +11,16 @@ from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
-from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.robot.limits import HOME
-from dexgrasp_env.scene.build import build_scene
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION
-from dexgrasp_env.sensing.cameras import default_cameras
-from dexgrasp_env.tasks import control
-from dexgrasp_env.tasks.observations import object_observation, observation_space, robot_observation
-from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.rewards import dense_reward, reward_terms, sparse_reward
+from dexgrasp_env.tasks.control import ACTION_SIZE
+from dexgrasp_env.tasks.episodes import Episodes, EpisodeState
+from dexgrasp_env.tasks.observations import observation_space
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import BAD_NUMBERS, PalmJacobian, Simulation
-from dexgrasp_env.tasks.state import LiftState
-from dexgrasp_env.tasks.success import Progress, advance, diverged, object_lost
+from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.views import Views
 
-_RESET_OPTIONS = ("object", "object_pose")
-
-
-@lru_cache(maxsize=64)
-def compiled_scene(model: ObjectModel, mount: str) -> mujoco.MjModel:
-    """Compile the scene of an object once; callers copy it before they write to it."""
-    return build_scene(model, mount=mount, cameras=default_cameras())
+_ONLY = slice(0, 1)
 
 
 class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
@@ -43,9 +29,11 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     ## Description
 
     A Franka Emika Panda with an Allegro hand stands at a table. One object lies on it. The task is solved when the
-    object's lowest point has been at least 10 cm above the table for the last 3 s and nothing but the hand has touched
-    it meanwhile. Control runs at 20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in
-    the robot base frame: x forward, z up, table top at z = 0.
+    object's lowest point has been at least 10 cm above the table for the last 3 s, nothing but the hand has touched it
+    meanwhile, and it is grasped: at the end and for 90 % of that time the thumb and the index, middle or ring finger
+    press it with at least 0.5 N each, from opposite sides (more than 90 deg between the forces). Control runs at
+    20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in the robot base frame: x
+    forward, z up, table top at z = 0.
 
     ## Action Space
 
@@ -83,6 +71,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `object_mass` | (1,) | float32 | `state` | kg |
     | `fingertip_forces` | (12,) | float32 | `state` | N, contact force between each tip and the object |
     | `progress` | (2,) | float32 | `state` | m, lowest point above the table; share of the 3 s held, 0 to 1 |
+    | `variation` | (6,) | float32 | `state` | mass factor, friction, size factor, gain factor, latency s, noise rad |
     | `cloud` | (1024, 3) | float32 | `pointcloud` | m, points of the object |
     | `cloud_normals` | (1024, 3) | float32 | `pointcloud` | unit normals out of the object |
     | `cloud_mask` | (1024,) | int8 | `pointcloud` | 1 where a point counts |
@@ -90,10 +79,13 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
     | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
 
-    `info` has at every step `is_success`, `is_stable` (less than 2.5 cm and 15 deg of motion in the hand's frame since
-    the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure`, `object`,
-    `object_height`, `object_slip`, `object_tilt`, `held_seconds`, `mujoco_warnings`, and after a step `reward_terms`.
-    With cameras it has `perception_failure`, `perception_T_world_camera` and `perception_intrinsics`.
+    With fewer `views` the first axis of the images is as long as they are many. `info` has at reset and at every step,
+    always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm and 15 deg of motion in the
+    hand's frame since the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure`
+    (empty while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt` rad, `object_shift` m (in
+    the palm's frame since the disturbance began), `held_seconds`, `disturbance` (none, before, running, over),
+    `variation` (what was drawn), `mujoco_warnings` (names with spaces between), `reward_terms`. With cameras it has
+    `perception_failure`, `perception_T_world_camera` (as calibrated) and `perception_intrinsics`.
 
     ## Rewards
 
@@ -103,21 +95,31 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | --- | --- | --- |
     | `reach` | 0.2 | thumb, index and middle tips within 2 cm of the object's box, falling off over 30 cm |
     | `contact` | 0.2 | the thumb and a finger opposite it press, full at 1 N each |
-    | `lift` | 0.3 | height of the lowest point over 10 cm while the hand touches the object |
-    | `hold` | 0.3 | time held over 3 s |
+    | `lift` | 0.3 | height of the lowest point over 10 cm while the object is grasped |
+    | `hold` | 0.3 | time held in a grasp, of the last 3 s |
 
     ## Starting State
 
     The arm at its ready posture, the hand open. An object of `objects` is drawn, then its rest pose by probability, its
     place (x in 0.42-0.60, y in +-0.20) and its turn about the vertical; it settles for 0.2 s. Objects that the
     catalogue presents in one pose always lie in that.
-    `reset(options={"object": NAME, "object_pose": [x, y, z, qw, qx, qy, qz]})` sets them.
+    `reset(options={"object": NAME, "object_pose": [x, y, z, qw, qx, qy, qz]})` sets them; the pose must be over the
+    table, not inside it, free of the robot and in reach. Observation and info of the reset show this state.
 
     ## Episode End
 
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
     (`simulation_diverged`, with reward 0). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay
-    up.
+    up. A `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end
+    with the object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by
+    which the time limit should grow: `LiftPushed-v1` has 380, elsewhere pass `max_episode_steps`.
+
+    ## States
+
+    `get_state()` returns everything the episode's future depends on, `set_state(state)` goes on from there bit for bit,
+    also in another environment of the same settings; `copy.deepcopy` and `pickle` keep the episode as well.
+    Gymnasium's `TimeLimit` wrapper keeps a count of its own, which `set_state` does not touch; the vector
+    environment's `set_state` restores its count. `model`, `data` and `dt` are MuJoCo's.
 
     ## Arguments
 
@@ -129,8 +131,13 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `reward_mode` | `'dense'` | `dense`, `sparse` |
     | `mount` | `'palm_normal'` | `palm_normal`, `fingers_along`: how the hand sits on the flange |
     | `friction` | `0.7` | sliding friction coefficient of every contact, above 0 and up to 2 |
+    | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
+    | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
+    | `disturbance` | `None` | `none`, `pushed`, `shaken`, or `kind` and `size` (of the weight; of the shaking) |
     | `object_pose` | `None` | ranges `x`, `y`, `yaw` and `rest_pose` (`any`, `likely`, a number) |
-    | `randomisation` | `None` | ranges `mass` and `size` (factors) and `friction` (coefficient), drawn at reset |
+    | `randomisation` | `None` | ranges of `mass`, `size`, `gain` (factors), `friction`, `latency` s, `joint_noise` |
+    | `views` | `4` | names of the cameras that look, or how many of them to draw at reset |
+    | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
     | `sensor` | `'realistic'` | `realistic`, `none`, or settings of `SensorModel` |
     | `observe` | `'step'` | `step`; `reset`: cameras look once, the view is repeated |
     | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres |
@@ -138,7 +145,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |
     | `render_size` | `(480, 640)` | rows and columns of pictures |
 
-    ## Contact model, frozen as v0
+    ## Contact model, frozen as v1
 
     | Setting | Value |
     | --- | --- |
@@ -151,7 +158,9 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
 
     ## Version History
 
-    * v0: first version.
+    * v1: success and the `lift` term need a grasp; observation and info of the reset are true; checked options;
+      `variation` in the state; harder scenes as arguments; states; a native vector environment.
+    * v0: first version, retired: nothing was published on it.
     """
 
     metadata = {  # noqa: RUF012  (as Gymnasium has it)
@@ -167,8 +176,13 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         reward_mode: str = "dense",
         mount: str = "palm_normal",
         friction: float = FRICTION,
+        mass: float = 1.0,
+        presentation: str = "rest",
+        disturbance: Mapping[str, Any] | str | None = None,
         object_pose: Mapping[str, Any] | None = None,
         randomisation: Mapping[str, Any] | None = None,
+        views: Sequence[str] | int = 4,
+        calibration: Mapping[str, Any] | None = None,
         sensor: Mapping[str, Any] | str = "realistic",
         observe: str = "step",
         mesh_scale: float = 1.0,
@@ -176,26 +190,14 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         render_mode: str | None = None,
         render_size: tuple[int, int] = (480, 640),
     ) -> None:
-        EzPickle.__init__(
-            self, objects, obs_mode, control_mode, reward_mode, mount, friction, object_pose, randomisation, sensor,
-            observe, mesh_scale, mesh_mass, render_mode, render_size,
-        )  # fmt: skip
-        self.settings = LiftSettings.of(
-            objects, object_pose, randomisation, obs_mode=obs_mode, control_mode=control_mode, reward_mode=reward_mode,
-            mount=mount, friction=friction, observe=observe, mesh_scale=mesh_scale, mesh_mass=mesh_mass,
-            render_mode=render_mode,
-        )  # fmt: skip
+        given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
+        EzPickle.__init__(self, **given)
+        self.settings, self._views = make_settings(**given)
         self.render_mode = render_mode
-        self._simulations = {
-            target: Simulation.of(model, compiled_scene(model, mount))
-            for target, model in self.settings.load_objects().items()
-        }
-        self._views = Views(obs_mode, observe, sensor, render_size)
-        self.action_space = spaces.Box(-1.0, 1.0, (control.ACTION_SIZE[control_mode],), np.float32)
+        self._episodes = Episodes(self.settings, self._views, 1)
+        self.action_space = spaces.Box(-1.0, 1.0, (ACTION_SIZE[control_mode],), np.float32)
         self.observation_space = observation_space(obs_mode, self._views.image_shape)  # type: ignore[assignment]
-        self._simulation = next(iter(self._simulations.values()))
-        self._jacobian = PalmJacobian(self._simulation.base)
-        self._progress = Progress.start()
+        self._simulation = next(iter(self._episodes.simulations.values()))
         self._over = True
 
     @property
@@ -204,9 +206,29 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         return self._simulation
 
     @property
-    def progress(self) -> Progress:
-        """What the episode has achieved so far."""
-        return self._progress
+    def model(self) -> mujoco.MjModel:
+        """MuJoCo's model of the episode, with its variation."""
+        return self._simulation.model
+
+    @property
+    def data(self) -> mujoco.MjData:
+        """MuJoCo's live data: the full integration state after every reset and step; `ctrl` the last set-points."""
+        return self._simulation.data
+
+    @property
+    def dt(self) -> float:
+        """Seconds of a control step."""
+        return CONTROL_PERIOD
+
+    @property
+    def targets(self) -> NDArray[np.float64]:
+        """Set-points of the servos as the agent has them, (23,) rad."""
+        return self._episodes.records["targets"][0].copy()
+
+    @property
+    def disturbance_steps(self) -> int:
+        """Control steps that the disturbance takes: what a time limit should allow for."""
+        return self.settings.disturbance.steps
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -219,27 +241,14 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
                 wxyz of the object in the robot base frame.
 
         Raises:
-            InputError: for an unknown option, object or a malformed pose.
+            InputError: for an unknown option or object, or a pose that cannot be.
         """
         super().reset(seed=seed)
-        options = _check_options(options, list(self._simulations))
-        names = list(self._simulations)
-        drawn = names[int(self.np_random.integers(len(names)))]
-        self._simulation = simulation = self._simulations[options.get("object", drawn)]
-        variation = self.settings.randomisation.sample(self.np_random, self.settings.friction)
-        pose = self._sample_pose(simulation.object, variation)
-        simulation.reset(options.get("object_pose", pose), variation)
-        self._progress = Progress.start()
+        self._over = True  # options may be refused
+        self._simulation = self._episodes.begin(0, self.np_random, options)
+        self._episodes.judge(_ONLY, self._simulation.moment)
         self._over = False
-        observation, views_info = self._observe(simulation.state, at_reset=True)
-        if self.render_mode == "human":
-            self.render()
-        return observation, self._info(self._simulation.warnings) | views_info
-
-    def _sample_pose(self, model: ObjectModel, variation: Variation) -> NDArray[np.float64]:
-        pose = self.settings.object_pose.sample(model, self.np_random)
-        pose[2] *= variation.size
-        return pose
+        return self._look(at_reset=True)
 
     def step(
         self, action: NDArray[np.float32]
@@ -251,70 +260,61 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         """
         if self._over:
             raise InputError("step() called without a running episode: call reset() first")
-        simulation = self._simulation
-        simulation.step(self._next_targets(self._check_action(action)))
-        state = simulation.state
-        self._progress = advance(self._progress, state, simulation.constants)
-        warnings = simulation.warnings
-        failure = self._failure(state, warnings)
-        terms = reward_terms(state, self._progress, simulation.constants)
-        dense = self.settings.reward_mode == "dense"
-        reward = float(dense_reward(terms) if dense else sparse_reward(self._progress))
-        self._over = failure is not None
-        if failure == "simulation_diverged":
-            reward, terms = 0.0, dict.fromkeys(terms, np.zeros(()))
-        observation, views_info = self._observe(state, at_reset=False)
+        episodes, simulation, record = self._episodes, self._simulation, self._episodes.records[0]
+        rows, push = episodes.set_points(_ONLY, check_actions(action, self.action_space.shape)[None])
+        if self.settings.disturbance.kind == "pushed":
+            simulation.data.xfrc_applied[simulation.body, :3] = push[0]
+        record["warnings"] |= simulation.step(rows)
+        record["elapsed"] += 1
+        episodes.judge(_ONLY, simulation.moment)
+        self._over = bool(record["failure"])
+        observation, info = self._look(at_reset=False)
+        return observation, float(episodes.rewards[0]), self._over, False, info
+
+    def _look(self, at_reset: bool) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        episodes, simulation = self._episodes, self._simulation
+        rows = episodes.observe(_ONLY, simulation.moment, [self.np_random])
+        observation = {key: row[0] for key, row in rows.items()}
+        views, info = self._views.observe(episodes.slots[0].view, simulation, self.np_random, at_reset)
         if self.render_mode == "human":
             self.render()
-        info = self._info(warnings, failure) | views_info
-        info["reward_terms"] = {name: float(value) for name, value in terms.items()}
-        return observation, reward, self._over, False, info
+        return observation | views, episodes.info(0) | info
 
-    def _check_action(self, action: NDArray[np.float32]) -> NDArray[np.float64]:
-        action = np.asarray(action, dtype=float)
-        if action.shape != self.action_space.shape:
-            raise InputError(f"action has shape {action.shape}: valid is {self.action_space.shape}")
-        if not math.isfinite(float(action.sum())):  # one bad entry makes the sum bad
-            raise InputError(
-                f"action has NaN or infinite entries at {np.flatnonzero(~np.isfinite(action)).tolist()}"
-            )
-        return np.minimum(np.maximum(action, -1.0), 1.0)
+    def get_state(self) -> EpisodeState:
+        """Return everything that the running episode's future depends on.
 
-    def _next_targets(self, action: NDArray[np.float64]) -> NDArray[np.float64]:
-        targets = self._simulation.targets
-        if self.settings.control_mode == "joint_position":
-            return control.joint_position(action, targets)
-        if self.settings.control_mode == "joint_delta":
-            return control.joint_delta(action, targets)
-        return control.ee_delta(action, targets, self._jacobian, HOME[:7])
+        Raises:
+            InputError: before the first reset.
+        """
+        if not self._episodes.slots[0].target:
+            raise InputError("get_state() called without an episode: call reset() first")
+        return self._episodes.get_state(0, self._simulation.get_state(), self.np_random)
 
-    def _failure(self, state: LiftState, warnings: list[str]) -> str | None:
-        if bool(diverged(state)) or (warnings and not BAD_NUMBERS.isdisjoint(warnings)):
-            return "simulation_diverged"
-        return "object_lost" if bool(object_lost(state)) else None
+    def set_state(self, state: EpisodeState) -> None:
+        """Go on from a state, of this environment or of another with the same settings.
 
-    def _observe(self, state: LiftState, at_reset: bool) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        simulation = self._simulation
-        observation: dict[str, NDArray[Any]] = dict(robot_observation(state))
-        if self.settings.obs_mode == "state":
-            observation |= object_observation(state, self._progress, simulation.constants)
-        views, info = self._views.observe(simulation, self.np_random, at_reset)
-        return observation | views, info
+        Raises:
+            InputError: if the state is of an object that is not among this environment's.
+        """
+        self._simulation = self._episodes.set_state(0, state, self.np_random)
+        self._over = bool(state.record["failure"])
 
-    def _info(self, warnings: list[str], failure: str | None = None) -> dict[str, Any]:
-        progress, simulation = self._progress, self._simulation
+    def __getstate__(self) -> dict[str, Any]:
+        """The constructor's arguments and the episode: compiled models and windows are made anew."""
+        episode = self.get_state() if self._episodes.slots[0].target else None
         return {
-            "is_success": bool(progress.is_success),
-            "is_stable": bool(progress.is_stable),
-            "stage": str(progress.stage),
-            "failure": failure,
-            "object": simulation.object.name,
-            "object_height": float(progress.height),
-            "object_slip": float(progress.slip),
-            "object_tilt": float(progress.tilt),
-            "held_seconds": float(progress.held_steps * CONTROL_PERIOD),
-            "mujoco_warnings": warnings,
+            "made": EzPickle.__getstate__(self),
+            "episode": episode,
+            "spec": self.spec,
+            "seed": self._np_random_seed,
         }
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        EzPickle.__setstate__(self, kept["made"])
+        self.spec = kept["spec"]
+        if kept["episode"] is not None:
+            self.set_state(kept["episode"])
+            self._np_random_seed = kept["seed"]
 
     def render(self) -> Any:
         """Return a picture (`rgb_array`: (H, W, 3) uint8; `depth_array`: (H, W) float32 m), or show it (`human`)."""
@@ -325,16 +325,28 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         self._views.close()
 
 
-def _check_options(options: dict[str, Any] | None, objects: list[str]) -> dict[str, Any]:
-    options = dict(options or {})
-    for key in options:
-        if key not in _RESET_OPTIONS:
-            raise unknown_name("reset option", key, _RESET_OPTIONS)
-    if "object" in options and options["object"] not in objects:
-        raise unknown_name("object", options["object"], objects)
-    if "object_pose" in options:
-        pose = np.asarray(options["object_pose"], dtype=float)
-        if pose.shape != (7,) or not np.isfinite(pose).all() or np.linalg.norm(pose[3:]) < 1e-6:
-            raise InputError("object_pose must be 7 finite numbers: position in metres and a quaternion wxyz")
-        options["object_pose"] = np.concatenate([pose[:3], pose[3:] / np.linalg.norm(pose[3:])])
-    return options
+def make_settings(
+    sensor: Mapping[str, Any] | str, render_size: tuple[int, int], **given: Any
+) -> tuple[LiftSettings, Views]:
+    """Check the arguments of the environment.
+
+    Raises:
+        InputError: one line that says which is wrong and what is valid.
+    """
+    settings = LiftSettings.of(**given)
+    return settings, Views(settings, sensor, render_size)
+
+
+def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
+    """Return finite actions of the right shape, clipped to [-1, 1].
+
+    Raises:
+        InputError: if they are not.
+    """
+    action = np.asarray(action, dtype=float)
+    if action.shape != shape:
+        raise InputError(f"action has shape {action.shape}: valid is {shape}")
+    if not math.isfinite(float(action.sum())):  # one bad entry makes the sum bad
+        bad = np.argwhere(~np.isfinite(action)).tolist()
+        raise InputError(f"action has NaN or infinite entries at {bad}")
+    return np.minimum(np.maximum(action, -1.0), 1.0)

@@ -2,19 +2,26 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.rest_poses import rest_poses
-from dexgrasp_env.poses import quat_multiply, yaw_quat
-from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW
+from dexgrasp_env.objects.rest_poses import MERGE_ANGLE, rest_poses
+from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
+from dexgrasp_env.robot.limits import REACH
+from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
+from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
 
+PRESENTATIONS = ("rest", "upright")
 _CLEARANCE = 0.0005  # m above the table; the settle closes it
+_INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
+_SHOULDER = (0.0, 0.0, 0.333)  # m, the arm's reach counts from here
 
 
 @dataclass(frozen=True)
@@ -53,11 +60,18 @@ class Placement:
             raise unknown_name("rest_pose", rest_pose, ["any", "likely", "0", "1", "..."])
         return cls(**ranges, rest_pose=rest_pose)
 
-    def sample(self, model: ObjectModel, rng: Generator) -> NDArray[np.float64]:
-        """Draw a pose (7,): position m and quaternion wxyz."""
+    def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> NDArray[np.float64]:
+        """Draw a pose (7,): position m and quaternion wxyz.
+
+        Args:
+            model: the object.
+            rng: four numbers are taken from it.
+            presentation: `rest` draws a rest pose; `upright` stands the object as it is built, where it stays so.
+        """
         u = rng.random(4)  # always four numbers: one setting does not shift the draws of another
         x, y, yaw = (low + (high - low) * u[i] for i, (low, high) in enumerate((self.x, self.y, self.yaw)))
-        quat, height = self._rest(model, u[3])
+        upright = upright_rest(model) if presentation == "upright" else None
+        quat, height = upright or self._rest(model, u[3])
         return np.array([x, y, height + _CLEARANCE, *quat_multiply(yaw_quat(yaw), quat)])
 
     def _rest(self, model: ObjectModel, u: float) -> tuple[NDArray[np.float64], float]:
@@ -79,10 +93,69 @@ class Placement:
 
 def fixed_rest(model: ObjectModel) -> tuple[NDArray[np.float64], float]:
     """Return quaternion and centre height of the pose that the catalogue presents an object in."""
-    from dexgrasp_env.poses import rotate
-
     quat = np.asarray(model.fixed_pose, dtype=float)
     return quat, float(-rotate(quat, np.asarray(model.mesh.vertices))[:, 2].min())
+
+
+@lru_cache(maxsize=64)
+def upright_rest(model: ObjectModel) -> tuple[Array, float] | None:
+    """Return quaternion and centre height of the object as built, z up, or None where it does not stay so.
+
+    An object that the catalogue presents in one pose keeps that.
+    """
+    if model.fixed_pose is not None:
+        return fixed_rest(model)
+    from dexgrasp_env.objects.dropping import stays
+    from dexgrasp_env.objects.parts import support_height
+
+    up = np.array([0.0, 0.0, 1.0])
+    if not stays(model, up, MERGE_ANGLE):
+        return None
+    return np.array([1.0, 0.0, 0.0, 0.0]), support_height(model.parts, up)
+
+
+def check_pose(value: Any, hull: Array) -> Array:
+    """Return a given pose of the object with its quaternion normalised, (7,).
+
+    Args:
+        value: seven numbers, position m in the robot base frame and quaternion wxyz.
+        hull: (V, 3) m, vertices of the object's hull in its own frame.
+
+    Raises:
+        InputError: if it is malformed, inside the table, beside it, or out of the arm's reach.
+    """
+    try:
+        pose = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        pose = np.zeros(0)
+    if pose.shape != (7,) or not (np.abs(pose) < 1e6).all() or np.linalg.norm(pose[3:]) < 1e-6:
+        raise InputError("object_pose must be 7 finite numbers: position in metres and a quaternion wxyz")
+    x, y, z = pose[:3]
+    quat = pose[3:] / np.linalg.norm(pose[3:])
+    lowest = z + rotate(quat, hull)[:, 2].min()
+    if (
+        abs(x - TABLE_CENTRE_X) > 0.5 * TABLE_SIZE[0]
+        or abs(y) > 0.5 * TABLE_SIZE[1] + 0.05
+        or z > WORKSPACE_HIGH[2]
+    ):
+        raise InputError(f"object_pose at ({x:g}, {y:g}, {z:g}) m is not over the table: {_over_table()}")
+    if lowest < -_INTO_TABLE:
+        raise InputError(
+            f"object_pose reaches {-1000 * lowest:.1f} mm into the table: its z must be {z - lowest:.4f} m or more"
+        )
+    if np.linalg.norm(pose[:3] - _SHOULDER) > REACH:
+        raise InputError(
+            f"object_pose is out of reach: valid is within {REACH} m of the arm's shoulder {_SHOULDER}"
+        )
+    return np.concatenate([pose[:3], quat])
+
+
+def _over_table() -> str:
+    half = 0.5 * TABLE_SIZE[0]
+    return (
+        f"valid are x from {TABLE_CENTRE_X - half:g} to {TABLE_CENTRE_X + half:g}, |y| up to "
+        f"{0.5 * TABLE_SIZE[1] + 0.05:g}, z up to {WORKSPACE_HIGH[2]:g}"
+    )
 
 
 def check_range(name: str, value: Any) -> tuple[float, float]:

@@ -1,7 +1,7 @@
-"""Domain randomisation: mass, friction and size of the object, written into a compiled model."""
+"""Domain randomisation: object, contact, servos and sensors, written into a compiled model."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from typing import Any
 
 import mujoco
@@ -9,6 +9,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
 from dexgrasp_env.tasks.placement import check_range
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
@@ -16,33 +17,66 @@ _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
 @dataclass(frozen=True)
 class Variation:
-    """One draw. `mass` and `size` are factors, `friction` is the sliding coefficient itself."""
+    """One draw.
+
+    Attributes:
+        mass: factor on the object's mass.
+        friction: sliding coefficient of every contact.
+        size: factor on the object's lengths.
+        gain: factor on the servos' stiffness.
+        latency: s by which set-points reach the servos late, in whole physics steps.
+        joint_noise: rad, standard deviation of the measured joint positions.
+    """
 
     mass: float = 1.0
-    friction: float = 0.7
+    friction: float = FRICTION
     size: float = 1.0
+    gain: float = 1.0
+    latency: float = 0.0
+    joint_noise: float = 0.0
+
+    @property
+    def latency_steps(self) -> int:
+        """Latency in physics steps."""
+        return round(self.latency / TIMESTEP)
+
+    def as_tuple(self) -> tuple[float, ...]:
+        """The numbers, in the order above."""
+        return astuple(self)
+
+
+_VALID = {
+    "mass": (1e-3, 1e3), "friction": (1e-3, 10.0), "size": (1e-2, 1e2), "gain": (1e-2, 1e2),
+    "latency": (0.0, CONTROL_PERIOD), "joint_noise": (0.0, 1.0),
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Randomisation:
-    """Ranges drawn from at every reset; None leaves a quantity as it is.
+    """Ranges drawn from at every reset; None leaves a quantity as it is. See `Variation` for the meanings.
 
     Attributes:
         mass: range of the factor on the object's mass.
-        friction: range of the sliding friction coefficient of every contact.
+        friction: range of the coefficient.
         size: range of the factor on the object's lengths (mass follows with its cube before `mass` applies).
+        gain: range of the factor on the servos' stiffness.
+        latency: range, s, up to 0.05.
+        joint_noise: range, rad.
     """
 
     mass: tuple[float, float] | None = None
     friction: tuple[float, float] | None = None
     size: tuple[float, float] | None = None
+    gain: tuple[float, float] | None = None
+    latency: tuple[float, float] | None = None
+    joint_noise: tuple[float, float] | None = None
 
     @classmethod
     def of(cls, value: "Randomisation | Mapping[str, Any] | None") -> "Randomisation":
         """Return a randomisation from a mapping of its attributes.
 
         Raises:
-            InputError: for an unknown key or a range that is not positive.
+            InputError: for an unknown key or a range that is not valid.
         """
         if value is None or isinstance(value, Randomisation):
             return value or cls()
@@ -53,20 +87,40 @@ class Randomisation:
         ranges = {
             key: check_range(f"randomisation {key}", value[key]) for key in value if value[key] is not None
         }
-        for key, (low, _) in ranges.items():
-            if low <= 0.0:
-                raise InputError(f"randomisation {key} = {value[key]!r}: valid are positive numbers")
+        for key, (low, high) in ranges.items():
+            least, most = _VALID[key]
+            if low < least or high > most:
+                positive = "positive numbers " if least > 0 else ""
+                raise InputError(
+                    f"randomisation {key} = {value[key]!r}: valid are {positive}from {least:g} to {most:g}"
+                )
         return cls(**ranges)
 
-    def sample(self, rng: Generator, friction: float) -> Variation:
-        """Draw a variation; `friction` is the coefficient where none is drawn."""
+    def sample(self, rng: Generator, mass: float, friction: float) -> Variation:
+        """Draw a variation.
+
+        Args:
+            rng: three numbers are always taken from it, and one for each range of servos and sensors.
+            mass: factor that the drawn one multiplies.
+            friction: the coefficient where none is drawn.
+        """
         u = rng.random(3)
 
         def draw(bounds: tuple[float, float] | None, u: float, default: float) -> float:
             return default if bounds is None else bounds[0] + (bounds[1] - bounds[0]) * u
 
+        late = {
+            name: draw(bounds, rng.random(), 0.0)
+            for name in ("gain", "latency", "joint_noise")
+            if (bounds := getattr(self, name)) is not None
+        }
+        if "latency" in late:
+            late["latency"] = round(late["latency"] / TIMESTEP) * TIMESTEP
         return Variation(
-            draw(self.mass, u[0], 1.0), draw(self.friction, u[1], friction), draw(self.size, u[2], 1.0)
+            mass * draw(self.mass, u[0], 1.0),
+            draw(self.friction, u[1], friction),
+            draw(self.size, u[2], 1.0),
+            **late,
         )
 
 
@@ -78,6 +132,8 @@ def apply_variation(model: mujoco.MjModel, base: mujoco.MjModel, variation: Vari
     factor = variation.mass * variation.size**3
     model.body_mass[body] = base.body_mass[body] * factor
     model.body_inertia[body] = base.body_inertia[body] * factor * variation.size**2
+    model.actuator_gainprm[:, 0] = base.actuator_gainprm[:, 0] * variation.gain
+    model.actuator_biasprm[:, 1] = base.actuator_biasprm[:, 1] * variation.gain
     mujoco.mj_setConst(model, mujoco.MjData(model))
 
 

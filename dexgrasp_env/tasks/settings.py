@@ -1,6 +1,6 @@
 """Settings of the environment, checked once at construction."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,9 +11,12 @@ from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.mounts import MOUNTS
 from dexgrasp_env.scene.constants import FRICTION
+from dexgrasp_env.sensing.calibration import Calibration
+from dexgrasp_env.sensing.cameras import CAMERA_NAMES
 from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import OBS_MODES
-from dexgrasp_env.tasks.placement import Placement
+from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.tasks.rewards import REWARD_MODES
 
@@ -31,37 +34,39 @@ class LiftSettings:
     reward_mode: str = "dense"
     mount: str = "palm_normal"
     friction: float = FRICTION
+    mass: float = 1.0
+    presentation: str = "rest"
+    disturbance: Disturbance = Disturbance()
     object_pose: Placement = Placement()
     randomisation: Randomisation = Randomisation()
+    views: tuple[str, ...] | int = 4
+    calibration: Calibration = Calibration()
     observe: str = "step"
     mesh_scale: float = 1.0
     mesh_mass: float | None = None
     render_mode: str | None = None
 
     @classmethod
-    def of(
-        cls,
-        objects: str | Sequence[str],
-        object_pose: Placement | Mapping[str, Any] | None,
-        randomisation: Randomisation | Mapping[str, Any] | None,
-        **names: Any,
-    ) -> "LiftSettings":
+    def of(cls, objects: str | Sequence[str], **given: Any) -> "LiftSettings":
         """Check the arguments of the environment.
 
         Raises:
             InputError: one line that says which is wrong and what is valid.
         """
         for key, valid in _CHOICES.items():
-            if names[key] not in valid:
-                raise unknown_name(key, names[key], valid)
-        friction = names["friction"]
-        if not (isinstance(friction, int | float) and np.isfinite(friction) and 0.0 < friction <= 2.0):
-            raise InputError(f"friction = {friction!r}: valid is a number above 0 and up to 2")
+            if given[key] not in valid:
+                raise unknown_name(key, given[key], valid)
+        _check_number("friction", given["friction"], 2.0)
+        _check_number("mass", given["mass"], 100.0)
+        parts = {
+            "object_pose": Placement.of(given["object_pose"]),
+            "randomisation": Randomisation.of(given["randomisation"]),
+            "disturbance": Disturbance.of(given["disturbance"]),
+            "calibration": Calibration.of(given["calibration"]),
+            "views": _check_views(given["views"]),
+        }
         targets = resolve_targets([objects] if isinstance(objects, str) else list(objects))
-        return cls(
-            objects=tuple(targets), object_pose=Placement.of(object_pose),
-            randomisation=Randomisation.of(randomisation), **names,
-        )  # fmt: skip
+        return cls(objects=tuple(targets), **(given | parts))
 
     def load_objects(self) -> dict[str, ObjectModel]:
         """Load the objects; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""
@@ -73,9 +78,30 @@ _CHOICES = {
     "control_mode": CONTROL_MODES,
     "reward_mode": REWARD_MODES,
     "mount": tuple(MOUNTS),
+    "presentation": PRESENTATIONS,
     "observe": OBSERVE,
     "render_mode": (None, *RENDER_MODES),
 }
+
+
+def _check_number(name: str, value: Any, most: float) -> None:
+    if not (isinstance(value, int | float) and np.isfinite(value) and 0.0 < value <= most):
+        raise InputError(f"{name} = {value!r}: valid is a number above 0 and up to {most:g}")
+
+
+def _check_views(value: Any) -> tuple[str, ...] | int:
+    """Names of cameras, or how many of them to draw at each reset."""
+    if isinstance(value, int) and not isinstance(value, bool):
+        if not 1 <= value <= len(CAMERA_NAMES):
+            raise InputError(f"views = {value}: valid are 1 to {len(CAMERA_NAMES)} cameras, or their names")
+        return value
+    names = (value,) if isinstance(value, str) else tuple(value)
+    for name in names:
+        if name not in CAMERA_NAMES:
+            raise unknown_name("view", name, CAMERA_NAMES)
+    if not names or len(set(names)) < len(names):
+        raise InputError(f"views = {value!r}: valid are one or more of {', '.join(CAMERA_NAMES)}, each once")
+    return names
 
 
 def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:

@@ -1,123 +1,156 @@
-"""One simulation of the scene: the part of the environment that holds MuJoCo's structures."""
+"""One simulated scene: the part of the environment that holds MuJoCo's structures."""
 
 import copy
-from dataclasses import dataclass
+from functools import lru_cache
 
 import mujoco
 import numpy as np
+from mujoco.rollout import Rollout
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.names import ARM_BODIES, BODIES
+from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.scene.constants import CONTROL_STEPS
-from dexgrasp_env.scene.sensors import SensorIndex
+from dexgrasp_env.scene.sensors import reading_columns
+from dexgrasp_env.sensing.cameras import default_cameras
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
-from dexgrasp_env.tasks.state import LiftState, ObjectConstants
 
 _WARNINGS = [mujoco.mjtWarning(i).name for i in range(int(mujoco.mjtWarning.mjNWARNING))]
-BAD_NUMBERS = frozenset({"mjWARN_BADQPOS", "mjWARN_BADQVEL", "mjWARN_BADQACC"})
-"""Warnings about numbers that are not finite or far too large: what follows them is no physics."""
+BAD_NUMBERS = sum(1 << _WARNINGS.index(f"mjWARN_BAD{name}") for name in ("QPOS", "QVEL", "QACC"))
+"""Bits of the warnings about numbers that are not finite or far too large: what follows them is no physics."""
 
-_FRACTIONS = np.arange(1, CONTROL_STEPS + 1)[:, None] / CONTROL_STEPS
+STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
+_FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED | mujoco.mjtState.mjSTATE_XFRC_APPLIED)
+_TOUCH = 1e-4  # m of penetration between object and robot that a pose may have
 
 
-@dataclass
+@lru_cache(maxsize=64)
+def compiled_scene(model: ObjectModel, mount: str) -> mujoco.MjModel:
+    """Compile the scene of an object once; callers copy it before they write to it."""
+    return build_scene(model, mount=mount, cameras=default_cameras())
+
+
 class Simulation:
     """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode."""
 
-    object: ObjectModel
-    base: mujoco.MjModel
-    model: mujoco.MjModel
-    data: mujoco.MjData
-    sensors: SensorIndex
-    constants: ObjectConstants
-    variation: Variation
-    targets: Array
+    def __init__(self, model: ObjectModel, mount: str) -> None:
+        self.object = model
+        self.base = compiled_scene(model, mount)
+        self.model = copy.copy(self.base)
+        self.data = mujoco.MjData(self.base)
+        self.variation = Variation()
+        self.columns = reading_columns(self.base)
+        self.hull = np.ascontiguousarray(
+            model.mesh.convex_hull.vertices, dtype=float
+        )  # (V, 3) m, object frame
+        self.body = int(self.base.body("object").id)
+        self._rollout = Rollout(nthread=0)
+        self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
 
-    @classmethod
-    def of(cls, model: ObjectModel, compiled: mujoco.MjModel) -> "Simulation":
-        """Set up a simulation of a compiled scene; the compiled model itself is never written to."""
-        own = copy.copy(compiled)
-        constants = ObjectConstants(np.asarray(model.mesh.convex_hull.vertices), model.extents, model.mass)
-        return cls(
-            model,
-            compiled,
-            own,
-            mujoco.MjData(own),
-            SensorIndex.of(compiled),
-            constants,
-            Variation(),
-            HOME.copy(),
-        )
-
-    def reset(self, object_pose: Array, variation: Variation) -> None:
-        """Put robot and object back, apply the variation, let the object settle for 0.2 s.
-
-        Args:
-            object_pose: (7,) position m and quaternion wxyz.
-            variation: mass, friction and size of this episode.
-        """
+    def vary(self, variation: Variation) -> None:
+        """Write a variation into `model`."""
         if variation != self.variation:
             apply_variation(self.model, self.base, variation)
             self.variation = variation
-            scale = variation.size
-            base = self.object
-            self.constants = ObjectConstants(
-                np.asarray(base.mesh.convex_hull.vertices) * scale, base.extents * scale,
-                base.mass * variation.mass * scale**3,
-            )  # fmt: skip
-        data = self.data
-        mujoco.mj_resetData(self.model, data)
-        data.qpos[:23] = HOME
-        data.qpos[23:30] = object_pose
-        self.targets = HOME.copy()
-        data.ctrl[:] = self.targets
+
+    def place(self, pose: Array) -> None:
+        """Put the robot home and the object at `pose` (7,): position m and quaternion wxyz."""
+        mujoco.mj_resetData(self.model, self.data)
+        self.data.qpos[:23] = HOME
+        self.data.qpos[23:30] = pose
+        self.data.ctrl[:] = HOME
+
+    def settle(self) -> None:
+        """Let the object come to rest for 0.2 s; what depends on the state is current afterwards."""
         for _ in range(SETTLE_STEPS):
-            mujoco.mj_step(self.model, data)
-        mujoco.mj_forward(self.model, data)
+            mujoco.mj_step(self.model, self.data)
+        mujoco.mj_forward(self.model, self.data)
 
-    def step(self, targets: Array) -> None:
-        """Advance one control step while the set-points move evenly from the last ones to `targets` (23,) rad."""
-        model, data, ctrl, step = self.model, self.data, self.data.ctrl, mujoco.mj_step
-        for row in ramp(self.targets, targets):
-            ctrl[:] = row
-            step(model, data)
-        self.targets = targets
+    def check_free(self) -> None:
+        """Refuse a placed object that the robot is in the way of.
+
+        Raises:
+            InputError: naming the part of the robot.
+        """
+        mujoco.mj_forward(self.model, self.data)
+        for contact in self.data.contact:
+            if contact.dist > -_TOUCH:
+                continue
+            bodies = [int(self.model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
+            other = self.model.body(bodies[1] if bodies[0] == self.body else bodies[0]).name
+            if self.body in bodies and other in (*ARM_BODIES, *BODIES):
+                raise InputError(f"object_pose: the robot's {other} is in the way: give a place free of it")
+
+    def step(self, rows: Array) -> int:
+        """Advance one control step in one call.
+
+        Applied forces in `data` act on. A step in which MuJoCo warns is cut short.
+
+        Args:
+            rows: (1, 25, 23) set-points of the physics steps, rad.
+
+        Returns:
+            The warnings that came up, one bit each.
+        """
+        model, data = self.model, self.data
+        spec, control = _CONTROL, rows
+        if data.xfrc_applied.any() or data.qfrc_applied.any():
+            forces = np.concatenate([data.qfrc_applied, data.xfrc_applied.ravel()])
+            spec, control = (
+                _CONTROL | _FORCES,
+                np.dstack([rows, np.broadcast_to(forces, (1, CONTROL_STEPS, len(forces)))]),
+            )
+        mujoco.mj_getState(model, data, self._state[0], _PHYSICS)
+        self._rollout.rollout(
+            [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=CONTROL_STEPS,
+            initial_warmstart=data.qacc_warmstart.copy()[None],
+        )  # fmt: skip
+        return warning_bits(data.warning.number)
 
     @property
-    def state(self) -> LiftState:
-        """The present state; its arrays are views that the next step overwrites."""
-        return LiftState(self.data.qpos, self.data.qvel, self.data.sensordata, self.targets, self.sensors)
+    def moment(self) -> tuple[Array, Array, Array]:
+        """Views of positions (1, 30), velocities (1, 29) and sensors (1, n)."""
+        data = self.data
+        return data.qpos[None], data.qvel[None], data.sensordata[None]
 
-    @property
-    def warnings(self) -> list[str]:
-        """Names of the warnings that MuJoCo has raised since reset."""
-        numbers = self.data.warning.number.tolist()
-        return (
-            [name for name, number in zip(_WARNINGS, numbers, strict=True) if number] if any(numbers) else []
-        )
+    def get_state(self) -> Array:
+        """Return the full integration state."""
+        state = np.zeros(mujoco.mj_stateSize(self.model, STATE))
+        mujoco.mj_getState(self.model, self.data, state, STATE)
+        return state
+
+    def set_state(self, state: Array) -> None:
+        """Restore a state; what depends on it is computed, and the state is that of before to the last bit."""
+        mujoco.mj_resetData(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, STATE)
+        mujoco.mj_forward(self.model, self.data)
+        mujoco.mj_setState(self.model, self.data, state, STATE)
 
 
-def ramp(start: Array, end: Array) -> Array:
-    """Return the set-points (25, 23) of the physics steps in a control step, evenly from `start` to exactly `end`."""
-    rows = start + _FRACTIONS * (end - start)
-    rows[-1] = end
-    return rows
+def warning_bits(numbers: NDArray[np.int32]) -> int:
+    """Return counts of MuJoCo's warnings as bits."""
+    return sum(1 << k for k in np.flatnonzero(numbers).tolist()) if numbers.any() else 0
 
 
-class PalmJacobian:
-    """Jacobian of the palm at given arm set-points, on scratch data: the state of the simulation is not touched."""
+def warning_names(bits: int) -> str:
+    """Return the names of the warnings, with spaces between."""
+    return " ".join(name for k, name in enumerate(_WARNINGS) if bits >> k & 1)
 
-    def __init__(self, model: mujoco.MjModel) -> None:
-        self._model, self._data = model, mujoco.MjData(model)
-        self._site = model.site("palm").id
-        self._jacobian = np.zeros((6, model.nv))
 
-    def __call__(self, targets: Array) -> Array:
-        """Return (6, 7): rows linear m and angular rad in the robot base frame, columns the arm's joints."""
-        self._data.qpos[:23] = targets
-        mujoco.mj_kinematics(self._model, self._data)
-        mujoco.mj_comPos(self._model, self._data)
-        mujoco.mj_jacSite(self._model, self._data, self._jacobian[:3], self._jacobian[3:], self._site)
-        return self._jacobian[:, :7].copy()
+def arm_chain(model: mujoco.MjModel) -> Array:
+    """Return the poses of the arm's seven joints and of the palm, each in the frame before, (8, 7).
+
+    The joints turn about z. Columns are position m and quaternion wxyz.
+    """
+    rows = [np.concatenate([model.body(name).pos, model.body(name).quat]) for name in ARM_BODIES[1:]]
+    site, body = model.site("palm"), model.body("palm")
+    if any(site.pos) or model.body(int(body.parentid[0])).name != ARM_BODIES[-1]:
+        raise RuntimeError("the palm frame is not that of a body on the arm's last link")
+    return np.array([*rows, np.concatenate([body.pos, body.quat])])

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Mapping
-from dataclasses import fields
+from dataclasses import dataclass, field, fields
 from typing import Any
 
 import mujoco
@@ -13,57 +13,93 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.perception.camera import Camera
 from dexgrasp_env.sensing.backends import DepthBackend, make_backend
-from dexgrasp_env.sensing.cameras import default_cameras
+from dexgrasp_env.sensing.cameras import CAMERA_NAMES, default_cameras
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
-from dexgrasp_env.tasks.randomisation import Variation
+from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
+
+
+@dataclass
+class View:
+    """What the cameras of one episode are, and what they saw last.
+
+    Attributes:
+        cameras: names of those that look.
+        believed: where the calibration believes them to be.
+        seen: the camera part of the last observation.
+        info: and of its info.
+    """
+
+    cameras: tuple[str, ...] = ()
+    believed: tuple[Camera, ...] = ()
+    seen: dict[str, NDArray[Any]] = field(default_factory=dict)
+    info: dict[str, Any] = field(default_factory=dict)
 
 
 class Views:
     """Camera observations of the environment; builds nothing until a mode asks for it."""
 
     def __init__(
-        self, obs_mode: str, observe: str, sensor: Mapping[str, Any] | str, render_size: tuple[int, int]
+        self, settings: LiftSettings, sensor: Mapping[str, Any] | str, render_size: tuple[int, int]
     ) -> None:
-        self._obs_mode, self._at_every_step = obs_mode, observe == "step"
+        self._settings = settings
         self._render_size = render_size
         self._sensor = sensor_model(sensor)
-        self._perceptions: dict[int, tuple[Variation, Perception]] = {}
+        self._perceptions: dict[int, tuple[float, tuple[str, ...], Perception]] = {}
         self._colour_key: tuple[int, float] | None = None
         self._colour_backend: DepthBackend | None = None
-        self._held: dict[str, NDArray[Any]] = {}
-        self._held_info: dict[str, Any] = {}
         self._renderer: mujoco.Renderer | None = None
         self._viewer: Any = None
         self._shown: tuple[int, float] | None = None
         intrinsics = default_cameras()[0].intrinsics
-        self.image_shape = (len(default_cameras()), intrinsics.height, intrinsics.width)
+        number = settings.views if isinstance(settings.views, int) else len(settings.views)
+        self.image_shape = (number, intrinsics.height, intrinsics.width)
 
     def observe(
-        self, simulation: Simulation, rng: Generator, at_reset: bool
+        self, view: View, simulation: Simulation, rng: Generator, at_reset: bool
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return the camera part of an observation and of the info.
 
         With `observe="reset"` the views of the reset are repeated for the whole episode.
+
+        Args:
+            view: of the episode; kept up to date.
+            simulation: its scene, with the present positions in `data`.
+            rng: of the episode.
+            at_reset: whether cameras are drawn and calibrated anew.
         """
-        if self._obs_mode == "state":
+        if self._settings.obs_mode == "state":
             return {}, {}
-        if at_reset or self._at_every_step:
-            perception = self._perception(simulation)
+        if at_reset:
+            view.cameras = self._choose(rng)
+        if at_reset or self._settings.observe == "step":
+            mujoco.mj_kinematics(simulation.model, simulation.data)
+            perception = self._perception(simulation, view.cameras)
             if at_reset:
                 perception.reset(rng)
-            self._held, self._held_info = self._look(perception, simulation, rng)
+                view.believed = self._settings.calibration.misplace(perception.believed, rng)
+            perception.believed = view.believed
+            view.seen, view.info = self._look(perception, simulation, rng)
         # Copies: callers keep what they are given, and may write to it.
-        return {key: value.copy() for key, value in self._held.items()}, copy.deepcopy(self._held_info)
+        return {key: value.copy() for key, value in view.seen.items()}, copy.deepcopy(view.info)
+
+    def _choose(self, rng: Generator) -> tuple[str, ...]:
+        """Names of the cameras that look; drawn only where fewer than all are asked for by number."""
+        views = self._settings.views
+        if not isinstance(views, int):
+            return views
+        if views == len(CAMERA_NAMES):
+            return CAMERA_NAMES
+        return tuple(CAMERA_NAMES[k] for k in sorted(rng.permutation(len(CAMERA_NAMES))[:views]))
 
     def _look(
         self, perception: Perception, simulation: Simulation, rng: Generator
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": None}
-        if self._obs_mode == "pointcloud":
+        info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": ""}
+        if self._settings.obs_mode == "pointcloud":
             cloud = perception.observe(simulation.data, rng).cloud
-            info["perception_failure"] = cloud.reason
+            info["perception_failure"] = cloud.reason or ""
             seen = cloud.plane
             plane = np.zeros(5) if seen is None else np.array([*seen.normal, seen.offset, seen.rms])
             return {
@@ -76,17 +112,21 @@ class Views:
         views: dict[str, NDArray[Any]] = {
             "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
         }
-        if self._obs_mode == "rgbd":
-            views["rgb"] = self._colour(simulation).render_rgb(simulation.data)
+        if self._settings.obs_mode == "rgbd":
+            names = [camera.name for camera in default_cameras()]
+            views["rgb"] = self._colour(simulation).render_rgb(simulation.data)[
+                [names.index(camera.name) for camera in perception.cameras]
+            ]
         return views, info
 
-    def _perception(self, simulation: Simulation) -> Perception:
-        """The cell of this simulation; made anew when a variation has changed the object's size."""
-        known = self._perceptions.get(id(simulation))
-        if known is None or known[0].size != simulation.variation.size:
-            known = (simulation.variation, Perception(simulation.model, sensor=self._sensor))
+    def _perception(self, simulation: Simulation, names: tuple[str, ...]) -> Perception:
+        """The cell of this simulation; made anew when the object's size or the cameras have changed."""
+        known, size = self._perceptions.get(id(simulation)), simulation.variation.size
+        if known is None or known[:2] != (size, names):
+            cameras = tuple(camera for camera in default_cameras() if camera.name in names)
+            known = (size, names, Perception(simulation.model, cameras=cameras, sensor=self._sensor))
             self._perceptions[id(simulation)] = known
-        return known[1]
+        return known[2]
 
     def _colour(self, simulation: Simulation) -> DepthBackend:
         """The GL backend of this simulation; one context at a time, which holds the meshes in their size."""

@@ -1,0 +1,61 @@
+"""One rigid error that all cameras share: the cell's calibration, a little off."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.random import Generator
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.poses import quat_to_matrix
+
+PIVOT = (0.5, 0.0, 0.0)  # m, robot base frame: the error turns about axes through this point
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Size of the error, of which the directions are drawn at each reset; none at zero.
+
+    Attributes:
+        position: m, in a random direction.
+        rotation: rad, about a random axis through (0.5, 0, 0).
+    """
+
+    position: float = 0.0
+    rotation: float = 0.0
+
+    @classmethod
+    def of(cls, value: "Calibration | Mapping[str, Any] | None") -> "Calibration":
+        """Return a calibration error from a mapping of its attributes.
+
+        Raises:
+            InputError: for an unknown key or a size out of range.
+        """
+        if value is None or isinstance(value, Calibration):
+            return value or cls()
+        for key, size in value.items():
+            if key not in ("position", "rotation"):
+                raise unknown_name("calibration key", key, ("position", "rotation"))
+            if not (isinstance(size, int | float) and 0.0 <= size <= 0.5):
+                raise InputError(f"calibration {key} = {size!r}: valid is 0 to 0.5 (m or rad)")
+        return cls(**{key: float(size) for key, size in value.items()})
+
+    def misplace(self, cameras: tuple[Camera, ...], rng: Generator) -> tuple[Camera, ...]:
+        """Return the cameras where a calibration with this error believes them to be; draws only if there is one."""
+        if self == Calibration():
+            return cameras
+        T = self._error(rng)
+        return tuple(Camera(c.name, T @ c.T_world_camera, c.intrinsics) for c in cameras)
+
+    def _error(self, rng: Generator) -> Array:
+        """Return a rigid motion (4, 4) of the drawn directions."""
+        shift, axis = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
+        half = 0.5 * self.rotation
+        R = quat_to_matrix(np.array([np.cos(half), *(np.sin(half) * axis)]))
+        T = np.eye(4)
+        T[:3, :3] = R
+        T[:3, 3] = np.array(PIVOT) - R @ PIVOT + self.position * shift
+        return T

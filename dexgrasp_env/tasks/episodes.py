@@ -1,0 +1,267 @@
+"""N episodes side by side: draws and resets them, and calls the kernel on their records.
+
+The single environment has one, the vector environment many; only who advances the physics differs.
+"""
+
+import copy
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
+from dexgrasp_env.tasks import kernel
+from dexgrasp_env.tasks.constants import STABLE_SLIP, STABLE_TILT
+from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.disturbance import KINDS
+from dexgrasp_env.tasks.observations import cut, layout
+from dexgrasp_env.tasks.placement import check_pose
+from dexgrasp_env.tasks.randomisation import Variation
+from dexgrasp_env.tasks.records import EPISODE, FAILURES, PHASES, STAGES, TERMS
+from dexgrasp_env.tasks.settings import LiftSettings
+from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, warning_names
+from dexgrasp_env.tasks.views import View, Views
+
+Moment = tuple[Array, Array, Array]
+"""Positions (n, 30), velocities (n, 29) and sensors (n, m) of n environments."""
+
+_RESET_OPTIONS = ("object", "object_pose")
+
+
+@dataclass
+class Slot:
+    """What a running episode is of, beside its record."""
+
+    target: str = ""
+    model: mujoco.MjModel | None = None
+    variation: Variation = field(default_factory=Variation)
+    view: View = field(default_factory=View)
+
+
+@dataclass
+class EpisodeState:
+    """Everything that an episode's future depends on, and nothing of the machine: it can be pickled and copied.
+
+    Attributes:
+        target: the object, as `objects` names it.
+        physics: MuJoCo's full integration state.
+        record: one of `EPISODE`.
+        rng: state of the random generator.
+        variation: of this episode.
+        view: what the cameras saw, for `observe="reset"`, and where the calibration believes them to be.
+    """
+
+    target: str
+    physics: Array
+    record: NDArray[np.void]
+    rng: Mapping[str, Any]
+    variation: Variation
+    view: View
+
+
+class Episodes:
+    """Records, slots and the scenes that they share."""
+
+    def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
+        self.settings, self.views = settings, views
+        self.simulations = {
+            target: Simulation(model, settings.mount) for target, model in settings.load_objects().items()
+        }
+        self.records = np.zeros(number, EPISODE)
+        self.slots = [Slot() for _ in range(number)]
+        self.terms = np.zeros((number, len(TERMS)))
+        self.rewards = np.zeros(number)
+        self._rows = np.zeros((number, CONTROL_STEPS, 23))
+        self._push = np.zeros((number, 3))
+        hulls = [simulation.hull for simulation in self.simulations.values()]
+        self._hulls = np.concatenate(hulls)
+        ends = np.cumsum([len(hull) for hull in hulls]).tolist()
+        self._hull_spans = {
+            target: (end - len(hull), len(hull))
+            for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
+        }
+        first = next(iter(self.simulations.values()))
+        self._columns, self._chain = first.columns, arm_chain(first.base)
+        self._layout = layout(settings.obs_mode)
+        self._width = max(part.stop for part in self._layout.values())
+        self._no_noise = np.zeros((1, 23))
+
+    # -- starting ------------------------------------------------------------------------------------------------
+
+    def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> Simulation:
+        """Start episode `i`: draw what it is of and let its object settle.
+
+        Args:
+            i: the slot.
+            rng: of the episode.
+            options: `object` and `object_pose`, see `LiftEnv.reset`.
+
+        Raises:
+            InputError: for an unknown option, object or a pose that cannot be.
+        """
+        settings, names = self.settings, list(self.simulations)
+        options = _check_options(options, names)
+        drawn = names[int(rng.integers(len(names)))]
+        target = options.get("object", drawn)
+        simulation = self.simulations[target]
+        variation = settings.randomisation.sample(rng, settings.mass, settings.friction)
+        pose = settings.object_pose.sample(simulation.object, rng, settings.presentation)
+        pose[2] *= variation.size
+        given = options.get("object_pose")
+        if given is not None:
+            pose = check_pose(given, simulation.hull * variation.size)
+        self._vary(i, target, variation)
+        simulation.place(pose)
+        if given is not None:
+            simulation.check_free()
+            simulation.place(pose)
+        simulation.settle()
+        self._start_record(i, target, variation)
+        return simulation
+
+    def enter(self, i: int) -> Simulation:
+        """Mount the model of episode `i` in its scene, which it may share with others."""
+        slot = self.slots[i]
+        simulation = self.simulations[slot.target]
+        assert slot.model is not None
+        simulation.model, simulation.variation = slot.model, slot.variation
+        return simulation
+
+    def _vary(self, i: int, target: str, variation: Variation) -> None:
+        slot, simulation = self.slots[i], self.simulations[target]
+        if len(self.slots) == 1:  # one model for good: people hold on to `unwrapped.model`
+            simulation.vary(variation)
+            slot.model = simulation.model
+        elif variation == Variation():
+            slot.model = simulation.base  # shared, never written to
+        else:
+            own = slot.target == target and slot.model is not simulation.base
+            simulation.model = slot.model if own and slot.model is not None else copy.copy(simulation.base)
+            simulation.variation = slot.variation if own else Variation()
+            simulation.vary(variation)
+            slot.model = simulation.model
+        slot.target, slot.variation = target, variation
+        self.enter(i)
+
+    def _start_record(self, i: int, target: str, variation: Variation) -> None:
+        model, record = self.simulations[target].object, self.records[i]
+        self.records[i] = np.zeros((), EPISODE)
+        record["half_extents"] = 0.5 * model.extents * variation.size
+        record["mass"] = model.mass * variation.mass * variation.size**3
+        record["size"] = variation.size
+        record["variation"] = variation.as_tuple()
+        record["hull_first"], record["hull_count"] = self._hull_spans[target]
+        record["latency"] = variation.latency_steps
+        for name in ("targets", "command", "before"):
+            record[name] = HOME
+        record["grip_quat"][0] = 1.0
+        record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
+
+    # -- stepping ------------------------------------------------------------------------------------------------
+
+    def set_points(self, part: slice, actions: Array) -> tuple[Array, Array]:
+        """Move the set-points of a part of the episodes by one control step.
+
+        Returns:
+            Rows (n, 25, 23) rad for the physics steps, and pushes (n, 3) N on the object.
+        """
+        disturbance = self.settings.disturbance
+        rows, push = self._rows[part], self._push[part]
+        kernel.set_points(
+            self.records[part], actions, CONTROL_MODES.index(self.settings.control_mode), self._chain,
+            KINDS.index(disturbance.kind), disturbance.size, rows, push,
+        )  # fmt: skip
+        return rows, push
+
+    def judge(self, part: slice, moment: Moment) -> None:
+        """Advance progress, terms and rewards of a part of the episodes to the moment."""
+        disturbance = self.settings.disturbance
+        kernel.judge(
+            self.records[part], *moment, self._columns, self._hulls, KINDS.index(disturbance.kind), disturbance.steps,
+            BAD_NUMBERS, self.settings.reward_mode == "dense", self.terms[part], self.rewards[part],
+        )  # fmt: skip
+
+    def observe(self, part: slice, moment: Moment, rngs: list[Generator]) -> dict[str, NDArray[Any]]:
+        """Return the observation of a part of the episodes, without cameras: arrays (n, ...) by key."""
+        records = self.records[part]
+        rows = np.empty((len(records), self._width), np.float32)
+        kernel.observe(records, *moment, self._columns, self._joint_noise(records, rngs), rows)
+        return cut(rows, self._layout)
+
+    def _joint_noise(self, records: NDArray[np.void], rngs: list[Generator]) -> Array:
+        if self.settings.randomisation.joint_noise is None:
+            if len(self._no_noise) < len(records):
+                self._no_noise = np.zeros((len(records), 23))
+            return self._no_noise[: len(records)]
+        size = records["variation"][:, 5:]
+        return size * np.array([rng.standard_normal(23) for rng in rngs])
+
+    # -- telling -------------------------------------------------------------------------------------------------
+
+    def info(self, i: int) -> dict[str, Any]:
+        """Return the info of episode `i`, without cameras: the same keys and types at reset and at every step."""
+        record, slot = self.records[i], self.slots[i]
+        slip, tilt = float(record["slip"]), float(record["tilt"])
+        return {
+            "is_success": bool(record["success"]),
+            "is_stable": bool(record["airborne"]) and slip < STABLE_SLIP and tilt < STABLE_TILT,
+            "is_grasped": bool(record["grasped"]),
+            "stage": STAGES[record["stage"]],
+            "failure": FAILURES[record["failure"]],
+            "object": self.simulations[slot.target].object.name,
+            "object_height": float(record["height"]),
+            "object_slip": slip,
+            "object_tilt": tilt,
+            "object_shift": float(record["shift"]),
+            "held_seconds": float(record["held"] * CONTROL_PERIOD),
+            "disturbance": PHASES[record["phase"]],
+            "mujoco_warnings": warning_names(int(record["warnings"])),
+            "variation": dict(vars(slot.variation)),
+            "reward_terms": dict(zip(TERMS, self.terms[i].tolist(), strict=True)),
+        }
+
+    # -- states --------------------------------------------------------------------------------------------------
+
+    def get_state(self, i: int, physics: Array, rng: Generator) -> EpisodeState:
+        """Return the state of episode `i`."""
+        slot = self.slots[i]
+        return EpisodeState(
+            slot.target, physics, self.records[i].copy(), copy.deepcopy(rng.bit_generator.state), slot.variation,
+            copy.deepcopy(slot.view),
+        )  # fmt: skip
+
+    def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
+        """Make episode `i` that of a state, with its scene in it.
+
+        Raises:
+            InputError: if the state is of an object that the environment does not have, or is no state.
+        """
+        if not isinstance(state, EpisodeState):
+            raise InputError(f"set_state takes what get_state returned, not a {type(state).__name__}")
+        if state.target not in self.simulations:
+            raise unknown_name("object of the state", state.target, self.simulations)
+        self._vary(i, state.target, state.variation)
+        self.records[i] = state.record
+        self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
+        self.slots[i].view = copy.deepcopy(state.view)
+        rng.bit_generator.state = copy.deepcopy(state.rng)
+        simulation = self.simulations[state.target]
+        simulation.set_state(state.physics)
+        return simulation
+
+
+def _check_options(options: Mapping[str, Any] | None, objects: list[str]) -> dict[str, Any]:
+    options = dict(options or {})
+    for key in options:
+        if key not in _RESET_OPTIONS:
+            raise unknown_name("reset option", key, _RESET_OPTIONS)
+    if "object" in options and options["object"] not in objects:
+        raise unknown_name("object", options["object"], objects)
+    return options

@@ -1,0 +1,490 @@
+"""The tasks' arithmetic, compiled: action to set-points, and state and sensors to progress, reward and observation.
+
+Every function goes through the rows of contiguous arrays, one an environment; a single environment is one row, so one
+and many give the same bits. This module imports numba: it is imported when an environment is made.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import product_components, rotated_components, rotation_components
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
+from dexgrasp_env.scene.sensors import READINGS
+from dexgrasp_env.tasks.constants import (
+    DISTURB_AFTER,
+    DISTURB_SHIFT,
+    GRASP_FORCE,
+    GRASP_STEPS,
+    HOLD_STEPS,
+    LIFT_HEIGHT,
+    OFF_TABLE,
+    PALM_STEP,
+    PALM_TURN,
+    WORKSPACE_HIGH,
+    WORKSPACE_LOW,
+)
+from dexgrasp_env.tasks.control import CONTROL_MODES, MAX_STEP
+from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
+from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, Record, Records
+from dexgrasp_env.tasks.rewards import WEIGHTS
+
+Columns = NDArray[np.int64]
+
+_product = njit(cache=True)(product_components)
+_rotated = njit(cache=True)(rotated_components)
+_rotation = njit(cache=True)(rotation_components)
+
+_POSITION, _DELTA = CONTROL_MODES.index("joint_position"), CONTROL_MODES.index("joint_delta")
+_PUSHED, _SHAKEN = KINDS.index("pushed"), KINDS.index("shaken")
+_UNTOUCHED, _TOUCHED, _LIFTED, _DROPPED, _HELD = range(len(STAGES))
+_NO_FAILURE, _LOST, _DIVERGED = range(len(FAILURES))
+_NO_PHASE, _BEFORE, _RUNNING, _OVER = range(len(PHASES))
+_REACH, _CONTACT, _LIFT, _HOLD = WEIGHTS.values()
+(_TIPS, _PALM, _PALM_QUAT, _TIP_FORCES, _TOUCHING_ANY, _TOUCHING_HAND, _PRESSES) = range(len(READINGS))
+
+_GRAVITY = 9.81  # m/s^2, MuJoCo's default
+_WINDOW = (1 << HOLD_STEPS) - 1
+_DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
+_POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per control step
+_NEAR, _FAR = 0.02, 0.3  # m
+_TAIL = 3.0  # sqrt(1 / 0.1 - 1)
+_FIRM = 1.0  # N: a fingertip force that counts as contact
+_X0, _Y0, _Z0 = WORKSPACE_LOW
+_X1, _Y1, _Z1 = WORKSPACE_HIGH
+
+
+# -- action to set-points ---------------------------------------------------------------------------------------
+
+
+@njit(cache=True)
+def set_points(
+    episodes: Records,
+    actions: Array,
+    mode: int,
+    chain: Array,
+    kind: int,
+    size: float,
+    rows: Array,
+    push: Array,
+) -> None:
+    """Move the set-points by one control step.
+
+    Args:
+        episodes: (N,); targets and command are advanced.
+        actions: (N, n) within [-1, 1].
+        mode: index of `CONTROL_MODES`.
+        chain: (8, 7) fixed poses of the arm's joints and of the palm, each in the frame before.
+        kind: index of `disturbance.KINDS`.
+        size: of the disturbance.
+        rows: (N, 25, 23) out, what the servos are told in each physics step, rad.
+        push: (N, 3) out, force on the object's centre of mass during the control step, N.
+    """
+    for i in range(len(episodes)):
+        e = episodes[i]
+        _advance_targets(e.targets, actions[i], mode, chain)
+        command = _command(e, kind, size)
+        _ramp(e.before, e.command, command, e.latency, rows[i])
+        e.before[:] = e.command
+        e.command[:] = command
+        _push(e, kind, size, push[i])
+
+
+@njit(cache=True)
+def _advance_targets(targets: Array, action: Array, mode: int, chain: Array) -> None:
+    if mode == _POSITION:
+        for j in range(23):
+            _move(targets, j, LOWER[j] + 0.5 * (action[j] + 1.0) * (UPPER[j] - LOWER[j]))
+    elif mode == _DELTA:
+        for j in range(23):
+            _move(targets, j, targets[j] + action[j] * MAX_STEP[j])
+    else:
+        arm = _palm_step(action, targets, chain)
+        for j in range(7):
+            _move(targets, j, arm[j])
+        for j in range(7, 23):
+            _move(targets, j, LOWER[j] + 0.5 * (action[j - 1] + 1.0) * (UPPER[j] - LOWER[j]))
+
+
+@njit(cache=True)
+def _move(targets: Array, j: int, desired: float) -> None:
+    """Take one set-point towards a desired one, within the joint's velocity limit and range."""
+    step = min(max(desired - targets[j], -MAX_STEP[j]), MAX_STEP[j])
+    targets[j] = min(max(targets[j] + step, LOWER[j]), UPPER[j])
+
+
+@njit(cache=True)
+def _palm_step(action: Array, targets: Array, chain: Array) -> Array:
+    """Return arm positions (7,) that move the palm by the action: damped least squares, home in the null space."""
+    J = palm_jacobian(targets, chain)
+    pull = np.empty(7)
+    for j in range(7):
+        pull[j] = _POSTURE_GAIN * (HOME[j] - targets[j])
+    residual = np.empty(6)
+    for r in range(6):
+        residual[r] = action[r] * (PALM_STEP if r < 3 else PALM_TURN)
+        for j in range(7):
+            residual[r] -= J[r, j] * pull[j]
+    weights = _solve(J, residual)
+    step = np.empty(7)
+    excess = 1.0
+    for j in range(7):
+        step[j] = pull[j]
+        for r in range(6):
+            step[j] += J[r, j] * weights[r]
+        excess = max(excess, abs(step[j]) / MAX_STEP[j])
+    # One factor for all joints keeps the direction of the palm's motion.
+    for j in range(7):
+        step[j] = targets[j] + step[j] / excess
+    return step
+
+
+@njit(cache=True)
+def palm_jacobian(targets: Array, chain: Array) -> Array:
+    """Jacobian of the palm (6, 7) at arm positions: rows linear m and angular rad in the robot base frame."""
+    axes, anchors = np.empty((7, 3)), np.empty((8, 3))
+    q = (1.0, 0.0, 0.0, 0.0)
+    x, y, z = 0.0, 0.0, 0.0
+    for j in range(8):
+        c = chain[j]
+        dx, dy, dz = _rotated(q, (c[0], c[1], c[2]))
+        x, y, z = x + dx, y + dy, z + dz
+        anchors[j, 0], anchors[j, 1], anchors[j, 2] = x, y, z
+        q = _product(q, (c[3], c[4], c[5], c[6]))
+        if j < 7:
+            axes[j, 0], axes[j, 1], axes[j, 2] = _rotated(q, (0.0, 0.0, 1.0))
+            half = 0.5 * targets[j]
+            q = _product(q, (math.cos(half), 0.0, 0.0, math.sin(half)))
+    J = np.empty((6, 7))
+    for j in range(7):
+        a, b, c = axes[j]
+        dx, dy, dz = x - anchors[j, 0], y - anchors[j, 1], z - anchors[j, 2]
+        J[0, j], J[1, j], J[2, j] = b * dz - c * dy, c * dx - a * dz, a * dy - b * dx
+        J[3, j], J[4, j], J[5, j] = a, b, c
+    return J
+
+
+@njit(cache=True)
+def _solve(J: Array, b: Array) -> Array:
+    """Return x (6,) with (J Jt + d^2 I) x = b by Cholesky, which keeps to one order of operations."""
+    L = np.zeros((6, 6))
+    for r in range(6):
+        for c in range(r + 1):
+            total = _DAMPING * _DAMPING if r == c else 0.0
+            for j in range(7):
+                total += J[r, j] * J[c, j]
+            for k in range(c):
+                total -= L[r, k] * L[c, k]
+            L[r, c] = math.sqrt(total) if r == c else total / L[c, c]
+    x = b.copy()
+    for r in range(6):
+        for k in range(r):
+            x[r] -= L[r, k] * x[k]
+        x[r] /= L[r, r]
+    for r in range(5, -1, -1):
+        for k in range(r + 1, 6):
+            x[r] -= L[k, r] * x[k]
+        x[r] /= L[r, r]
+    return x
+
+
+@njit(cache=True)
+def _command(e: Record, kind: int, size: float) -> Array:
+    """Return what the servos are to be told at the end of the control step, (23,): targets and shaking."""
+    command = e.targets.copy()
+    if kind == _SHAKEN and e.phase == _RUNNING:
+        t = (e.disturbed + 1) * CONTROL_PERIOD
+        command[0] += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
+        command[3] += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
+        for j in (0, 3):
+            command[j] = min(max(command[j], LOWER[j]), UPPER[j])
+    return command
+
+
+@njit(cache=True)
+def _ramp(before: Array, start: Array, end: Array, latency: int, rows: Array) -> None:
+    """Fill (25, 23) with the commands of the physics steps: evenly from `start` to exactly `end`, late by `latency`."""
+    for k in range(CONTROL_STEPS):
+        at = k + 1 - latency
+        if at == CONTROL_STEPS:
+            rows[k] = end
+        elif at > 0:
+            fraction = at / CONTROL_STEPS
+            for j in range(23):
+                rows[k, j] = start[j] + fraction * (end[j] - start[j])
+        elif at == 0:
+            rows[k] = start
+        else:
+            fraction = (CONTROL_STEPS + at) / CONTROL_STEPS
+            for j in range(23):
+                rows[k, j] = before[j] + fraction * (start[j] - before[j])
+
+
+@njit(cache=True)
+def _push(e: Record, kind: int, size: float, push: Array) -> None:
+    push[:] = 0.0
+    turn, at = divmod(e.disturbed, PUSH_STEPS + PAUSE_STEPS)
+    if kind == _PUSHED and e.phase == _RUNNING and at < PUSH_STEPS:
+        push[turn // 2] = size * e.mass * _GRAVITY * (1.0 if turn % 2 == 0 else -1.0)
+
+
+# -- state and sensors to progress, failure and reward ----------------------------------------------------------
+
+
+@njit(cache=True)
+def judge(
+    episodes: Records,
+    qpos: Array,
+    qvel: Array,
+    sensors: Array,
+    at: Columns,
+    hulls: Array,
+    kind: int,
+    length: int,
+    bad_numbers: int,
+    dense: bool,
+    terms: Array,
+    rewards: Array,
+) -> None:
+    """Advance what the episodes have achieved by the control step just taken.
+
+    Args:
+        episodes: (N,); `warnings` holds MuJoCo's of this episode, `phase` and all progress are advanced.
+        qpos: (N, 30): 23 joints, object position and quaternion wxyz.
+        qvel: (N, 29).
+        sensors: (N, n) `sensordata`.
+        at: (7,) first columns of the readings in it, in the order of `READINGS`.
+        hulls: (V, 3) hull vertices of all objects, m, object frames.
+        kind: index of `disturbance.KINDS`.
+        length: of the disturbance, control steps.
+        bad_numbers: the bits of `warnings` that mean numbers gone wrong.
+        dense: whether the reward is the weighted sum of the terms, else success.
+        terms: (N, 4) out, each in [0, 1].
+        rewards: (N,) out.
+    """  # fmt: skip
+    for i in range(len(episodes)):
+        e, q, s = episodes[i], qpos[i], sensors[i]
+        _fail(e, q, qvel[i], bad_numbers)
+        R = _rotation(q[26], q[27], q[28], q[29])
+        e.height = _lowest_point(e, q, R, hulls)
+        touching, alone = s[at[_TOUCHING_HAND]] > 0, s[at[_TOUCHING_HAND]] == s[at[_TOUCHING_ANY]]
+        e.touched = e.touched or touching
+        e.grasped = _opposed(s, at[_PRESSES])
+        at_height = e.height >= LIFT_HEIGHT and touching and alone
+        e.held = e.held + 1 if at_height else 0
+        e.grasps = ((e.grasps << 1) | e.grasped) & _WINDOW if at_height else 0
+        e.lifted = e.lifted or at_height
+        inverse = (s[at[_PALM_QUAT]], -s[at[_PALM_QUAT] + 1], -s[at[_PALM_QUAT] + 2], -s[at[_PALM_QUAT] + 3])
+        palm = at[_PALM]
+        position = _rotated(inverse, (q[23] - s[palm], q[24] - s[palm + 1], q[25] - s[palm + 2]))
+        _follow_grip(e, position, _product(inverse, (q[26], q[27], q[28], q[29])), touching and alone)
+        _disturb(e, position, kind, length)
+        _conclude(e, kind)
+        _reward(e, q, R, s, at, terms[i])
+        t = terms[i]
+        total = _REACH * t[0] + _CONTACT * t[1] + _LIFT * t[2] + _HOLD * t[3]
+        rewards[i] = total if dense else 1.0 * e.success
+        if e.failure == _DIVERGED:
+            terms[i] = 0.0
+            rewards[i] = 0.0
+
+
+@njit(cache=True)
+def _fail(e: Record, q: Array, v: Array, bad_numbers: int) -> None:
+    finite = True
+    for value in q:
+        finite = finite and math.isfinite(value)
+    for value in v:
+        finite = finite and math.isfinite(value)
+    if not finite or e.warnings & bad_numbers:
+        e.failure = _DIVERGED
+    elif not (_X0 <= q[23] <= _X1 and _Y0 <= q[24] <= _Y1 and _Z0 <= q[25] <= _Z1):
+        e.failure = _LOST
+    else:
+        e.failure = _NO_FAILURE
+
+
+@njit(cache=True)
+def _lowest_point(e: Record, q: Array, R: tuple[float, ...], hulls: Array) -> float:
+    """Height of the object's lowest point above the table, m."""
+    lowest = math.inf
+    for k in range(e.hull_first, e.hull_first + e.hull_count):
+        lowest = min(lowest, hulls[k, 0] * R[6] + hulls[k, 1] * R[7] + hulls[k, 2] * R[8])
+    return q[25] + e.size * lowest
+
+
+@njit(cache=True)
+def _opposed(s: Array, first: int) -> bool:
+    """Whether thumb and index, middle or ring finger press with 0.5 N each, at more than 90 deg to each other."""
+    tx, ty, tz = s[first + 9], s[first + 10], s[first + 11]
+    if math.sqrt(tx * tx + ty * ty + tz * tz) < GRASP_FORCE:
+        return False
+    for finger in range(3):
+        x, y, z = s[first + 3 * finger], s[first + 3 * finger + 1], s[first + 3 * finger + 2]
+        if math.sqrt(x * x + y * y + z * z) >= GRASP_FORCE and x * tx + y * ty + z * tz < 0.0:
+            return True
+    return False
+
+
+@njit(cache=True)
+def _follow_grip(
+    e: Record, position: tuple[float, ...], quat: tuple[float, ...], alone_in_hand: bool
+) -> None:
+    """Note where the object was in the hand when it left the table, and the largest motion since."""
+    airborne = e.height > OFF_TABLE and alone_in_hand
+    if airborne and not e.airborne:
+        for k in range(3):
+            e.grip_position[k] = position[k]
+        for k in range(4):
+            e.grip_quat[k] = quat[k]
+    e.airborne = airborne
+    if not airborne:
+        e.slip = e.tilt = 0.0
+        return
+    g = e.grip_quat
+    w, x, y, z = _product((g[0], -g[1], -g[2], -g[3]), quat)
+    e.slip = max(e.slip, _distance(position, e.grip_position))
+    e.tilt = max(e.tilt, 2.0 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w)))
+
+
+@njit(cache=True)
+def _distance(a: tuple[float, ...], b: Array) -> float:
+    x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True)
+def _disturb(e: Record, position: tuple[float, ...], kind: int, length: int) -> None:
+    """Begin the disturbance once the object has been held for 1 s; the hold counts anew when it is over."""
+    if e.phase == _RUNNING or e.phase == _OVER:
+        e.shift = max(e.shift, _distance(position, e.origin))
+    if e.phase == _RUNNING:
+        e.disturbed += 1
+        if e.disturbed == length:
+            e.phase = _OVER
+            e.held = e.grasps = 0
+    elif e.phase == _BEFORE and e.held >= DISTURB_AFTER:
+        e.phase = _RUNNING
+        for k in range(3):
+            e.origin[k] = position[k]
+
+
+@njit(cache=True)
+def _conclude(e: Record, kind: int) -> None:
+    """Whether it is a success, and how far it has come."""
+    undisturbed = e.phase == _NO_PHASE or (e.phase == _OVER and e.shift <= DISTURB_SHIFT)
+    e.success = undisturbed and e.held >= HOLD_STEPS and e.grasped and _ones(e.grasps) >= GRASP_STEPS
+    if e.success:
+        e.stage = _HELD
+    elif e.lifted:
+        e.stage = _LIFTED if e.held > 0 else _DROPPED
+    else:
+        e.stage = _TOUCHED if e.touched else _UNTOUCHED
+
+
+@njit(cache=True)
+def _ones(bits: int) -> int:
+    count = 0
+    while bits:
+        bits &= bits - 1
+        count += 1
+    return count
+
+
+@njit(cache=True)
+def _reward(e: Record, q: Array, R: tuple[float, ...], s: Array, at: Columns, terms: Array) -> None:
+    near = 0.0
+    for tip in (9, 0, 3):  # thumb, index and middle among index, middle, ring, thumb
+        near += _nearness(_box_distance(e, q, R, s, at[_TIPS] + tip))
+    forces = at[_TIP_FORCES]
+    fingers = max(_pressure(s, forces), _pressure(s, forces + 3))
+    terms[0] = near / 3.0
+    terms[1] = min(
+        _pressure(s, forces + 9), fingers
+    )  # the thumb opposes: two fingers on one side do not hold
+    terms[2] = min(max(e.height / LIFT_HEIGHT, 0.0), 1.0) if e.grasped else 0.0
+    terms[3] = _ones(e.grasps) / HOLD_STEPS
+
+
+@njit(cache=True)
+def _box_distance(e: Record, q: Array, R: tuple[float, ...], s: Array, tip: int) -> float:
+    """Distance of a tip's centre to the object's box, m."""
+    a, b, c = s[tip] - q[23], s[tip + 1] - q[24], s[tip + 2] - q[25]
+    h = e.half_extents
+    x = max(abs(a * R[0] + b * R[3] + c * R[6]) - h[0], 0.0)
+    y = max(abs(a * R[1] + b * R[4] + c * R[7]) - h[1], 0.0)
+    z = max(abs(a * R[2] + b * R[5] + c * R[8]) - h[2], 0.0)
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True)
+def _nearness(distance: float) -> float:
+    """1 up to 2 cm, 0.1 at 30 cm beyond, with a long tail.
+
+    This is `dm_control.utils.rewards.tolerance(distance, (0, 0.02), 0.3, "long_tail")`; a test holds the two together.
+    """
+    x = _TAIL * max(distance - _NEAR, 0.0) / _FAR
+    return 1.0 / (x * x + 1.0)
+
+
+@njit(cache=True)
+def _pressure(s: Array, first: int) -> float:
+    """A contact force over what counts as firm, at most 1."""
+    x, y, z = s[first], s[first + 1], s[first + 2]
+    return min(math.sqrt(x * x + y * y + z * z) / _FIRM, 1.0)
+
+
+# -- state and sensors to observation ---------------------------------------------------------------------------
+
+
+@njit(cache=True)
+def observe(
+    episodes: Records, qpos: Array, qvel: Array, sensors: Array, at: Columns, noise: Array, out: Array
+) -> None:
+    """Write what the robot knows of itself, and where `out` has room for it the privileged state.
+
+    Args:
+        episodes: (N,).
+        qpos: (N, 30).
+        qvel: (N, 29).
+        sensors: (N, n) `sensordata`.
+        at: (7,), see `judge`.
+        noise: (N, 23) rad, of the joint position sensors.
+        out: (N, 88) or (N, 125) float32, in the order of `observations`.
+    """
+    for i in range(len(episodes)):
+        e, q, v, s, o = episodes[i], qpos[i], qvel[i], sensors[i], out[i]
+        for j in range(23):
+            o[j], o[23 + j], o[46 + j] = q[j] + noise[i, j], v[j], e.targets[j]
+        for j in range(12):
+            o[69 + j] = s[at[_TIPS] + j]
+        for j in range(3):
+            o[81 + j] = s[at[_PALM] + j]
+        for j in range(4):
+            o[84 + j] = s[at[_PALM_QUAT] + j]
+        if len(o) > 88:
+            _observe_object(e, q, v, s, at, o[88:])
+        if e.failure == _DIVERGED:
+            for j in range(len(o)):
+                o[j] = o[j] if math.isfinite(o[j]) else 0.0
+
+
+@njit(cache=True)
+def _observe_object(e: Record, q: Array, v: Array, s: Array, at: Columns, o: Array) -> None:
+    for j in range(7):
+        o[j] = q[23 + j]
+    for j in range(6):
+        o[7 + j] = v[23 + j]
+    for j in range(3):
+        o[13 + j] = 2.0 * e.half_extents[j]
+    o[16] = e.mass
+    for j in range(12):
+        o[17 + j] = s[at[_TIP_FORCES] + j]
+    o[29] = e.height
+    o[30] = min(e.held / HOLD_STEPS, 1.0)
+    for j in range(6):
+        o[31 + j] = e.variation[j]

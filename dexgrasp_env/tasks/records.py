@@ -1,0 +1,56 @@
+"""What an episode is, beside physics and random numbers: one record an environment, read and written by `kernel`."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+STAGES = ("untouched", "touched", "lifted", "dropped", "held")
+FAILURES = ("", "object_lost", "simulation_diverged")
+PHASES = ("none", "before", "running", "over")  # of the disturbance
+TERMS = ("reach", "contact", "lift", "hold")
+
+EPISODE = np.dtype(
+    [
+        # What the episode is of; reset writes it.
+        ("half_extents", "f8", (3,)),  # m, of the mesh's box in the object frame
+        ("mass", "f8"),  # kg
+        ("size", "f8"),  # factor on the object's lengths
+        ("variation", "f8", (6,)),  # fields of `Variation`, as the privileged state shows them
+        ("hull_first", "i8"),  # rows of the table of hull vertices
+        ("hull_count", "i8"),
+        ("latency", "i8"),  # physics steps by which commands come late
+        # Set-points, rad.
+        ("targets", "f8", (23,)),  # of the agent, at the end of the control step
+        ("command", "f8", (23,)),  # what the servos are told then: targets and the shaking
+        ("before", "f8", (23,)),  # the command before, for late ones
+        # How far it has come.
+        ("elapsed", "i8"),  # control steps
+        ("held", "i8"),  # consecutive control steps at height, held by the hand alone
+        ("grasps", "i8"),  # one bit for each of the last 60 of them: was it grasped?
+        ("touched", "?"),
+        ("lifted", "?"),  # reached LIFT_HEIGHT at some time
+        ("airborne", "?"),  # off the table now, by the hand alone
+        ("grasped", "?"),  # thumb and a finger press from opposite sides now
+        ("success", "?"),
+        ("stage", "i8"),  # of STAGES
+        ("failure", "i8"),  # of FAILURES
+        ("warnings", "i8"),  # one bit for each of MuJoCo's
+        ("height", "f8"),  # m, lowest point above the table
+        ("grip_position", "f8", (3,)),  # object in the palm frame when it left the table
+        ("grip_quat", "f8", (4,)),
+        ("slip", "f8"),  # m, largest distance from grip_position since
+        ("tilt", "f8"),  # rad, largest rotation from grip_quat since
+        # The disturbance.
+        ("phase", "i8"),  # of PHASES
+        ("disturbed", "i8"),  # control steps it has run
+        ("origin", "f8", (3,)),  # object in the palm frame when it began
+        ("shift", "f8"),  # m, largest distance from there since
+    ],
+    align=True,
+)
+
+Records = NDArray[np.void]
+"""Array of EPISODE records, (N,)."""
+Record = Any
+"""One of them as compiled code sees it, with fields as attributes."""
