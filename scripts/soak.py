@@ -18,6 +18,7 @@ import gymnasium as gym
 import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.errors import InputError
 
 GROWTH_MB = 32.0
 MODES = ("joint_position", "joint_delta", "ee_delta")
@@ -85,10 +86,7 @@ def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60, pro
 
 
 def _episode(env: gym.Env[Any, Any], name: str, steps: int, rng: np.random.Generator, soak: Soak) -> None:
-    options: dict[str, Any] = {"object": name}
-    if rng.random() < 0.7:  # else on the table, where random actions hardly ever find it
-        options["object_pose"] = _above_hand(env, rng)
-    observation, info = env.reset(seed=int(rng.integers(2**31)), options=options)
+    observation, info = _reset(env, name, rng)
     soak.episodes += 1
     centre = rng.uniform(-1, 1, env.action_space.shape)
     terminated = False
@@ -101,6 +99,19 @@ def _episode(env: gym.Env[Any, Any], name: str, steps: int, rng: np.random.Gener
         soak.not_finite += not np.isfinite(numbers).all() and info["failure"] != "simulation_diverged"
     soak.endings[info["failure"] or info["stage"]] += 1
     soak.warnings.update(info["mujoco_warnings"].split())
+
+
+def _reset(
+    env: gym.Env[Any, Any], name: str, rng: np.random.Generator
+) -> tuple[dict[str, Any], dict[str, Any]]:
+    """Drop the object on the hand, or leave it on the table, where random actions hardly ever find it."""
+    while rng.random() < 0.7:
+        options = {"object": name, "object_pose": _above_hand(env, rng)}
+        try:
+            return env.reset(seed=int(rng.integers(2**31)), options=options)
+        except InputError:  # the arm is in the way
+            continue
+    return env.reset(seed=int(rng.integers(2**31)), options={"object": name})
 
 
 def _above_hand(env: gym.Env[Any, Any], rng: np.random.Generator) -> np.ndarray:
