@@ -18,11 +18,13 @@ class Certificate:
         min_clearance_m: least clearance of hand and arm to object (grasping tips apart), table and themselves; links
             that the joint ranges keep 3 mm apart or more do not count.
         joint_limit_margin_rad: least distance to a joint limit.
-        max_joint_torque_fraction: largest joint torque of the holding forces over its limit.
-        holds: whether forces within cones and torque limits balance the assumed mass.
+        max_joint_torque_fraction: largest joint torque of the holding forces, at the contact points, over its limit.
+        holds: whether the holding forces, within cones and torque limits, balance the assumed mass.
         hold_residual: what the holding forces leave of gravity, as a part of the weight.
-        mass: kg that the forces are made for.
-        load: of the object's assumed weight, how much the forces resist in any direction beyond balancing it.
+        mass: kg, of the object as assumed (or known).
+        load: 1 + the largest push in any direction, in assumed weights, that the holding forces bear (see
+            `physics.strength`); below 1 the share of the weight that they balance.
+        capacity: 1 + the largest push that any forces at these contacts could bear, the least of 26 directions.
         friction: coefficient that was planned with.
     """
 
@@ -38,6 +40,7 @@ class Certificate:
     hold_residual: float
     mass: float
     load: float
+    capacity: float
     friction: float
 
     def as_json(self) -> dict[str, Any]:

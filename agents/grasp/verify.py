@@ -216,7 +216,7 @@ def _force_checks(
     press = -(f * normals).sum(1)
     sliding = np.linalg.norm(f + press[:, None] * normals, axis=1)
     use = float((sliding / np.maximum(record.settings.friction_hold * press, 1e-9)).max())
-    fraction = _torque_fraction(model, data, f)
+    fraction = _torque_fraction(model, data, contacts, f)
     return [
         Check("forces balance gravity", force, f"<= {_FORCE} N", force <= _FORCE),
         Check("torques balance gravity", torque, f"<= {_FORCE * 0.1} Nm", torque <= 0.1 * _FORCE),
@@ -227,9 +227,10 @@ def _force_checks(
     ]
 
 
-def _torque_fraction(model: mujoco.MjModel, data: mujoco.MjData, forces: Array) -> float:
+def _torque_fraction(model: mujoco.MjModel, data: mujoco.MjData, contacts: Array, forces: Array) -> float:
+    """Largest joint torque that forces at the contact points ask for, over its limit."""
     torque, J = np.zeros(model.nv), np.zeros((3, model.nv))
-    for finger, f in zip(GRASP_FINGERS, forces, strict=True):
-        mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
+    for finger, point, f in zip(GRASP_FINGERS, contacts, forces, strict=True):
+        mujoco.mj_jac(model, data, J, None, point, model.body(f"{finger}_distal").id)
         torque += J.T @ f
     return float((np.abs(torque[7:23]) / TORQUE[7:]).max())

@@ -129,7 +129,7 @@ class Planner:
         try:
             if start is not None:
                 plan.script = make_script(start, grasp.motion, target.distance, self.mount)
-            plan.grasp, plan.reason = grasp, None
+            plan.grasp, plan.reason = self._certifier.complete(grasp, target), None
             return True
         except NoPath as blocked:
             plan.block(blocked.reason)

@@ -2,10 +2,12 @@
 
 from dataclasses import dataclass, replace
 
+from agents.grasp.thresholds import FROZEN, planned_friction
+
 
 @dataclass(frozen=True)
 class PlannerSettings:
-    """Settings of the planner; lengths in m, angles in rad.
+    """Settings of the planner; lengths in m, angles in rad. What a grasp must keep is `grasp.thresholds`' by default.
 
     Attributes:
         friction: coefficient that the planner counts on; the environment's default is 0.7, so there is a reserve.
@@ -15,10 +17,12 @@ class PlannerSettings:
         closure_margin: least min-weight margin accepted (1 is the most that an even grasp can have).
         closure_aim: margin that the optimiser works towards before it settles for the least.
         clearance: least clearance of hand to object (tips apart), table and itself.
-        pad_cosine: least cosine between a fingertip's axis and the inward normal: the back of a tip cannot press.
+        tip_cosine: least cosine between a fingertip's axis and the inward normal: the back of a tip cannot press.
+        pad_cosine: least cosine between the direction of its pad and the inward normal.
         joint_margin: distance kept from joint limits.
         surface_points: samples of the surface that triples are made of.
-        table_clearance: contacts are at least this high above the table.
+        table_clearance: proposed contacts are at least this high above the table.
+        contact_height: contacts of a grasp are.
         triples: triples that are turned into hand postures.
         postures: postures that are tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the one that bears errors best is carried out.
@@ -35,16 +39,18 @@ class PlannerSettings:
         torque_share: share of the joint torque limits that the squeeze may use.
     """
 
-    friction: float = 0.5
-    distance: tuple[float, float] = (-0.0068, -0.0032)
-    tip_radius: float = 0.014
-    closure_margin: float = 0.15
+    friction: float = FROZEN.friction
+    distance: tuple[float, float] = FROZEN.distance
+    tip_radius: float = FROZEN.tip_radius
+    closure_margin: float = FROZEN.closure_margin
     closure_aim: float = 0.50
-    clearance: float = 0.001
-    pad_cosine: float = 0.10
-    joint_margin: float = 0.01
+    clearance: float = FROZEN.clearance
+    tip_cosine: float = FROZEN.tip_cosine
+    pad_cosine: float = FROZEN.pad_cosine
+    joint_margin: float = FROZEN.joint_margin
     surface_points: int = 96
     table_clearance: float = 0.015
+    contact_height: float = FROZEN.contact_height
     triples: int = 100
     postures: int = 60
     candidates: int = 8
@@ -52,12 +58,18 @@ class PlannerSettings:
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
-    least_press: float = 2.5
-    friction_hold: float = 0.6
+    least_press: float = FROZEN.least_press
+    friction_hold: float = FROZEN.friction_hold
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     firm_load: float = 2.0
     patience: int = 8
-    torque_share: float = 0.95
+    torque_share: float = FROZEN.torque_share
+
+    @classmethod
+    def for_friction(cls, mu: float) -> "PlannerSettings":
+        """Return settings that keep the usual reserve on surfaces of coefficient `mu`; see `planned_friction`."""
+        friction, friction_hold = planned_friction(mu)
+        return cls(friction=friction, friction_hold=friction_hold)
 
     def broadened(self, factor: float) -> "PlannerSettings":
         """Return settings that sample `factor` times as many points, and triples and postures to match."""

@@ -56,8 +56,8 @@ def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> B
         low + slack,
         high - slack,
         margin,
+        settings.tip_cosine,
         settings.pad_cosine,
-        -0.25,
         settings.clearance + slack,
         settings.friction,
     )

@@ -7,18 +7,15 @@ import numpy as np
 
 from agents.execution.motion import NoPath
 from agents.execution.script import make_script
-from agents.grasp.certificate import Certificate
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
 from agents.learning.cvae_source import CvaeProposals
-from agents.physics.ratios import wrench_ratios
-from agents.physics.wrench import solve_wrench_qp
-from agents.planning.constraints import FIXED_ROWS
+from agents.planning.claims import certificate_of
 from agents.planning.planner import Plan, Planner
 from agents.planning.postures import oriented_postures
 from agents.planning.setpoints import grasp_motion, openings
 from agents.planning.settings import PlannerSettings
-from agents.planning.sqp import Solution, solve
+from agents.planning.sqp import solve
 from agents.policies.bilevel import BilevelAgent
 from dexgrasp_env.arrays import Array
 
@@ -116,33 +113,9 @@ class RawPlanner(Planner):
         normals = solution.evaluation.normals
         forces = -PRESS * normals
         motion = grasp_motion(solution.q, normals, forces, target, self.tree, self.settings, openings()[0])
-        certificate = self._certificate_of(solution, target)
+        certificate = certificate_of(solution.q, forces, target, self.tree, self.settings)
         return Grasp(
             solution.q, solution.evaluation.contacts, normals, forces, certificate, motion, self.mount
-        )
-
-    def _certificate_of(self, solution: Solution, target: GraspTarget) -> Certificate:
-        """Return the figures of a grasp that was made without looking at them."""
-        settings, at = self.settings, solution.evaluation
-        internal = solve_wrench_qp(at.contacts, at.normals, settings.friction)
-        ratios = wrench_ratios(at.contacts, internal.forces, target.centre)
-        clearances = at.values[FIXED_ROWS:]
-        return Certificate(
-            distances_cm=tuple(float(d) for d in 100.0 * (at.distances - settings.tip_radius)),  # type: ignore[arg-type]
-            force_ratio_percent=ratios.force,
-            torque_ratio_percent=ratios.torque,
-            closure_residual=float(internal.residual),
-            closure_margin=float(at.margin),
-            min_clearance_m=float(clearances.min()) + settings.clearance if len(clearances) else 0.02,
-            joint_limit_margin_rad=float(
-                np.minimum(solution.q - self.tree.lower, self.tree.upper - solution.q).min()
-            ),
-            max_joint_torque_fraction=0.0,
-            holds=False,
-            hold_residual=float(np.linalg.norm((-PRESS * at.normals).sum(0))),
-            mass=target.mass,
-            load=0.0,
-            friction=settings.friction,
         )
 
 

@@ -1,0 +1,82 @@
+"""The thresholds that `verify` holds every grasp to. Frozen: tuning the planner does not move its judge."""
+
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+FRICTION_SHARE = 5.0 / 7.0
+"""Of the true friction coefficient that a plan may count on."""
+HOLD_SHARE = 6.0 / 7.0
+"""Of the true friction coefficient that the holding forces may use."""
+
+
+@dataclass(frozen=True)
+class Thresholds:
+    """What every certified grasp keeps; lengths in m, angles in rad, forces in N.
+
+    Attributes:
+        friction: coefficient that closure is proved with.
+        friction_hold: coefficient in whose cones the forces stay.
+        distance: range of the tip's depth: distance of its centre from the surface, less `tip_radius`.
+        tip_radius: effective radius of the compliant fingertip.
+        closure_margin: least min-weight margin.
+        clearance: least clearance of hand and arm to object (grasping tips apart), table and themselves.
+        tip_cosine: least cosine of a tip's axis to the inward normal: the back of a tip cannot press.
+        pad_cosine: least cosine of a pad's direction to the inward normal.
+        joint_margin: distance of every grasping joint from its limits.
+        contact_height: least height of a contact above the table.
+        least_press: least pressing force of a contact.
+        torque_share: share of the joint torque limits that the forces may use.
+    """
+
+    friction: float = 0.5
+    friction_hold: float = 0.6
+    distance: tuple[float, float] = (-0.0068, -0.0032)
+    tip_radius: float = 0.014
+    closure_margin: float = 0.15
+    clearance: float = 0.001
+    tip_cosine: float = 0.10
+    pad_cosine: float = -0.25
+    joint_margin: float = 0.01
+    contact_height: float = 0.010
+    least_press: float = 2.5
+    torque_share: float = 0.95
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the thresholds by name, as JSON holds them."""
+        return {f.name: _listed(getattr(self, f.name)) for f in fields(self)}
+
+    def looser(self) -> list[str]:
+        """Return the names of those that ask less than the frozen ones; a tip radius may not differ at all."""
+        ours = FROZEN
+        low, high = self.distance[0] < ours.distance[0], self.distance[1] > ours.distance[1]
+        found = {"distance": low or high, "tip_radius": self.tip_radius != ours.tip_radius}
+        found |= {name: getattr(self, name) > getattr(ours, name) for name in _AT_MOST}
+        found |= {name: getattr(self, name) < getattr(ours, name) for name in _AT_LEAST}
+        return [name for name, worse in found.items() if worse]
+
+
+_AT_MOST = ("friction", "friction_hold", "torque_share")
+_AT_LEAST = (
+    "closure_margin", "clearance", "tip_cosine", "pad_cosine", "joint_margin", "contact_height", "least_press",
+)  # fmt: skip
+FROZEN = Thresholds()
+
+
+def planned_friction(mu: float) -> tuple[float, float]:
+    """Return `friction` and `friction_hold` for surfaces of coefficient `mu`; a larger one loosens nothing."""
+    return min(FROZEN.friction, FRICTION_SHARE * mu), min(FROZEN.friction_hold, HOLD_SHARE * mu)
+
+
+def thresholds_for(settings: Any) -> Thresholds:
+    """Return what a grasp planned under `settings` is to be judged by.
+
+    That is the frozen thresholds; but the friction planned with, where it is less, and whatever the settings ask
+    less of than the frozen ones, so that `verify` can refuse it by name.
+    """
+    stated = {f.name: getattr(settings, f.name) for f in fields(Thresholds) if hasattr(settings, f.name)}
+    kept = {name: stated[name] for name in replace(FROZEN, **stated).looser()}
+    return replace(FROZEN, friction=settings.friction, friction_hold=settings.friction_hold, **kept)
+
+
+def _listed(value: Any) -> Any:
+    return list(value) if isinstance(value, tuple) else value

@@ -1,0 +1,171 @@
+"""How strong a grasp is: the push that planned forces bear, and the push that any forces could.
+
+A push is a force w through the centre of mass. The contacts answer it by df = -G^+ (w, 0), the least forces that do, G
+the grasp matrix about the centre of mass with torques over the contacts' rms radius.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from agents.physics.checks import check_array, check_contacts, check_positive, rms_radius
+from agents.physics.cones import tangent_basis
+from agents.physics.wrench import grasp_map
+from dexgrasp_env.arrays import Array
+
+GRAVITY = 9.81  # m/s^2
+BALANCED = 1e-4  # of the weight: what counts as balanced
+_ANGLES = np.linspace(0.0, 2.0 * np.pi, 128, endpoint=False)
+_REFINEMENTS = 4  # each narrows the bracket of the worst angle sixteenfold
+_ROUNDING = 1e-6
+
+
+class Contacts(NamedTuple):
+    """Contacts and what bounds their forces; N contacts, SI units, world axes."""
+
+    points: Array  # (N, 3)
+    normals: Array  # (N, 3) out of the object
+    jacobians: Array  # (N, 3, joints) of the contact points
+    torque_limits: Array  # (joints,) Nm
+    friction: float
+    centre: Array  # (3,) centre of mass
+    mass: float  # kg
+
+    @property
+    def weight(self) -> float:
+        """N."""
+        return self.mass * GRAVITY
+
+    def grasp_matrix(self) -> Array:
+        """(6, 3 N) forces -> wrench about the centre of mass, torques over the contacts' rms radius."""
+        return grasp_map(self.points, self.centre, rms_radius(self.points))
+
+
+def directions() -> Array:
+    """Return the 26 unit directions (26, 3) to the faces, edges and corners of a cube."""
+    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), -1).reshape(-1, 3)
+    grid = grid[np.abs(grid).sum(1) > 0]
+    return grid / np.linalg.norm(grid, axis=1, keepdims=True)
+
+
+def torque_fraction(contacts: Contacts, forces: Array) -> float:
+    """Return the largest joint torque of forces (N, 3) over its limit; the joints bear what all contacts ask."""
+    torque = np.einsum("frj,fr->j", contacts.jacobians, forces)
+    return float((np.abs(torque) / contacts.torque_limits).max())
+
+
+def hold_residual(contacts: Contacts, forces: Array) -> float:
+    """Return what forces (N, 3) leave of gravity, as a part of the weight, torques over the rms radius."""
+    wrench = contacts.grasp_matrix() @ forces.ravel()
+    wrench[2] -= contacts.weight
+    return float(np.linalg.norm(wrench)) / contacts.weight
+
+
+def load_of(contacts: Contacts, forces: Array) -> float:
+    """Return 1 + the largest push, in weights, that forces (N, 3) bear in any direction with the answer G^+.
+
+    Forces that balance a share below 1 of the weight have that share as their load; forces that balance none of it,
+    leave a cone or exceed a torque limit have 0.
+    """
+    contacts = _checked(contacts)
+    forces = check_array("forces", forces, (len(contacts.points), 3))
+    wrench = contacts.grasp_matrix() @ forces.ravel()
+    share = wrench[2] / contacts.weight
+    wrench[2] = 0.0
+    strayed = float(np.linalg.norm(wrench)) > BALANCED * contacts.weight
+    if strayed or share <= 0.0 or torque_fraction(contacts, forces) > 1.0 + _ROUNDING:
+        return 0.0
+    push = _push(contacts, forces)
+    if push < -_ROUNDING:
+        return 0.0
+    return 1.0 + max(push, 0.0) if share > 1.0 - BALANCED else float(share)
+
+
+def _push(contacts: Contacts, forces: Array) -> float:
+    """Return D = min over contacts and boundary normals a of a.f / (W |A^T a|), A the contact's rows of G^+."""
+    G = contacts.grasp_matrix()
+    answer = np.linalg.pinv(G, rcond=1e-9)[:, :3]
+    if np.abs(G @ answer - np.eye(6, 3)).max() > 1e-6:  # some direction cannot be answered at all
+        return min(0.0, _least_ratio(contacts, forces, np.zeros_like(answer)))
+    return _least_ratio(contacts, forces, answer) / contacts.weight
+
+
+def _least_ratio(contacts: Contacts, forces: Array, answer: Array) -> float:
+    mu, least = contacts.friction, np.inf
+    t1, t2 = tangent_basis(contacts.normals)
+    for i, (n, f) in enumerate(zip(contacts.normals, forces, strict=True)):
+        block = answer[3 * i : 3 * i + 3]
+        angles, width = _ANGLES, _ANGLES[1]
+        for _ in range(_REFINEMENTS + 1):
+            a = np.cos(angles)[:, None] * t1[i] + np.sin(angles)[:, None] * t2[i] - mu * n
+            ratio = (a @ f) / np.maximum(np.linalg.norm(a @ block, axis=1), 1e-12)
+            worst = int(ratio.argmin())
+            angles = angles[worst] + width * np.linspace(-1.0, 1.0, 33)
+            width /= 16.0
+        least = min(least, float(ratio[worst]))
+    return least
+
+
+def capacity_of(contacts: Contacts) -> float:
+    """Return 1 + the least, over 26 directions, of the largest push in weights that some forces can balance.
+
+    The forces stay within cones and torque limits; they balance gravity and push together. Where none balance gravity
+    alone, it is the largest share of gravity that some do.
+    """
+    problem = _Programme(_checked(contacts))
+    down = problem.most(np.zeros(6), np.r_[0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
+    if down < 1.0:
+        return down
+    gravity = np.r_[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]
+    return 1.0 + min(problem.most(gravity, np.r_[d, 0.0, 0.0, 0.0]) for d in directions())
+
+
+class _Programme:
+    """max s over forces in cones and torque limits that balance constant + s direction; forces in weights."""
+
+    def __init__(self, contacts: Contacts) -> None:
+        import clarabel
+        from scipy.sparse import csc_matrix
+
+        self._clarabel, self._sparse = clarabel, csc_matrix
+        n = 3 * len(contacts.points)
+        G = contacts.grasp_matrix()
+        _, _, rows = np.linalg.svd(G)
+        self._free = rows[6:].T  # (n, n - 6) forces that balance by themselves
+        self._answer = np.linalg.pinv(G, rcond=1e-9)
+        torque = contacts.jacobians.transpose(2, 0, 1).reshape(-1, n) * contacts.weight
+        torque = (torque / contacts.torque_limits[:, None])[np.abs(torque).max(1) > 1e-12]
+        t1, t2 = tangent_basis(contacts.normals)
+        cone = np.zeros((n, n))
+        for i, normal in enumerate(contacts.normals):
+            cone[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = [-contacts.friction * normal, t1[i], t2[i]]
+        self._rows = np.concatenate([torque, -torque, -cone])
+        self._bounds = np.r_[np.ones(2 * len(torque)), np.zeros(n)]
+        self._cones = [clarabel.NonnegativeConeT(2 * len(torque)), *[clarabel.SecondOrderConeT(3)] * (n // 3)]
+        self._balances = np.abs(G @ self._answer - np.eye(6)).max() < 1e-6
+        self._settings = clarabel.DefaultSettings()
+        self._settings.verbose = False
+        self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = 1e-9
+
+    def most(self, constant: Array, direction: Array) -> float:
+        """Return s; 0 where no forces balance a wrench of every direction."""
+        if not self._balances:
+            return 0.0
+        fixed, along = -self._answer @ constant, -self._answer @ direction
+        columns = np.column_stack([self._free, along])
+        A, b = self._rows @ columns, self._bounds - self._rows @ fixed
+        rows, m = A.shape
+        # Dense by construction: taken as it is, without a search for zeros that costs more than the solution.
+        index, starts = np.tile(np.arange(rows), m), rows * np.arange(m + 1)
+        sparse = self._sparse((A.T.ravel(), index, starts), (rows, m))
+        cost = np.r_[np.zeros(m - 1), -1.0]
+        none = self._sparse((m, m))
+        solver = self._clarabel.DefaultSolver(none, cost, sparse, b, self._cones, self._settings)
+        return max(0.0, float(solver.solve().x[-1]))
+
+
+def _checked(contacts: Contacts) -> Contacts:
+    check_contacts(contacts.points, contacts.normals)
+    check_positive("friction", contacts.friction)
+    check_positive("mass", contacts.mass)
+    return contacts

@@ -1,0 +1,95 @@
+"""Load and capacity of a grasp against brute force and against another solver."""
+
+import numpy as np
+import pytest
+from scipy.optimize import linprog
+
+from agents.physics.checks import rms_radius
+from agents.physics.cones import cone_edges, in_cone
+from agents.physics.strength import Contacts, capacity_of, directions, hold_residual, load_of
+from agents.physics.wrench import grasp_map
+
+MU = 0.6
+
+
+def contacts(mass=0.2, limit=0.7, turn=0.0):
+    """Three contacts around a cylinder of 6 cm, each finger with its own three joints of 8 cm lever."""
+    angle = np.array([0.0, 2.2, -2.2]) + turn
+    normals = np.stack([np.cos(angle), np.sin(angle), 0 * angle], 1)
+    jacobians = np.zeros((3, 3, 9))
+    for i in range(3):
+        jacobians[i, :, 3 * i : 3 * i + 3] = 0.08 * np.eye(3)
+    points = 0.03 * normals + np.array([0.5, 0.0, 0.05])
+    return Contacts(points, normals, jacobians, np.full(9, limit), MU, np.array([0.5, 0.0, 0.05]), mass)
+
+
+def pressing(c, press):
+    squeeze = -press * c.normals
+    G = c.grasp_matrix()
+    wrench = np.r_[0, 0, c.weight, 0, 0, 0] - G @ squeeze.ravel()
+    return squeeze + (np.linalg.pinv(G) @ wrench).reshape(3, 3)
+
+
+def test_load_is_the_largest_push_that_the_answer_of_least_norm_bears():
+    c = contacts()
+    forces = pressing(c, 5.0)
+    load = load_of(c, forces)
+    answer = np.linalg.pinv(grasp_map(c.points, c.centre, rms_radius(c.points)))[:, :3]
+    pushes = np.random.default_rng(0).normal(size=(20000, 3))
+    pushes /= np.linalg.norm(pushes, axis=1, keepdims=True)
+
+    def borne(size):
+        after = forces - size * c.weight * np.einsum("ij,kj->ki", answer, pushes).reshape(-1, 3, 3)
+        return in_cone(after.reshape(-1, 3), np.tile(c.normals, (len(pushes), 1)), MU)
+
+    assert load > 1.5
+    assert borne(load - 1.0 - 1e-9).all()
+    assert not borne((load - 1.0) * 1.002).all()
+
+
+def test_forces_that_fall_short_have_the_share_they_bear():
+    c = contacts()
+    whole, part = pressing(c, 5.0), pressing(c._replace(mass=0.12), 5.0)
+    assert load_of(c, part) == pytest.approx(0.6, abs=1e-9)
+    assert hold_residual(c, part) == pytest.approx(0.4, abs=1e-9)
+    assert load_of(c, -5.0 * c.normals) == 0.0  # bears nothing
+    assert load_of(c, pressing(c, 0.1)) == 0.0  # out of the cones
+    assert load_of(c._replace(torque_limits=np.full(9, 0.2)), whole) == 0.0  # beyond the joints
+    assert load_of(c, whole + 0.5 * np.eye(3)) == 0.0  # unbalanced
+
+
+def most(c, direction, edges):
+    """The largest push in one direction by a linear programme on inscribed pyramids."""
+    G, rays = c.grasp_matrix(), cone_edges(c.normals, c.friction, edges)
+    wrench = np.concatenate([G[:, 3 * i : 3 * i + 3] @ rays[i].T for i in range(3)], 1)
+    torque = np.concatenate([c.jacobians[i].T @ rays[i].T for i in range(3)], 1)
+    equal = np.column_stack([wrench, c.weight * np.r_[direction, 0, 0, 0]])
+    bound = np.column_stack([np.vstack([torque, -torque]), np.zeros(2 * len(torque))])
+    found = linprog(
+        np.r_[np.zeros(wrench.shape[1]), -1.0], bound, np.tile(c.torque_limits, 2), equal,
+        c.weight * np.r_[0, 0, 1.0, 0, 0, 0],
+    )  # fmt: skip
+    return -found.fun
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
+def test_capacity_is_that_of_a_linear_programme(turn):
+    c = contacts(turn=turn)
+    expected = 1.0 + min(most(c, d, 96) for d in directions())
+    assert capacity_of(c) == pytest.approx(expected, rel=2e-3)
+    assert capacity_of(c) >= expected - 1e-6  # inscribed pyramids bear less
+    assert capacity_of(c) >= load_of(c, pressing(c, 5.0)) - 1e-6
+
+
+def test_capacity_below_one_is_the_share_of_gravity_that_can_be_borne():
+    c = contacts(mass=6.0)
+    share = capacity_of(c)
+    assert 0.0 < share < 1.0
+    assert capacity_of(c._replace(mass=6.0 * share * 0.999)) > 1.0
+
+
+def test_directions_are_26_units():
+    d = directions()
+    assert d.shape == (26, 3)
+    np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1.0)
+    assert len(np.unique(d.round(6), axis=0)) == 26
