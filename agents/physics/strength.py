@@ -84,7 +84,7 @@ def load_of(contacts: Contacts, forces: Array) -> float:
 def _push(contacts: Contacts, forces: Array) -> float:
     """Return D = min over contacts and boundary normals a of a.f / (W |A^T a|), A the contact's rows of G^+."""
     G = contacts.grasp_matrix()
-    answer: Array = np.linalg.pinv(G, rcond=1e-9)[:, :3]
+    answer: Array = np.asarray(np.linalg.pinv(G, rcond=1e-9)[:, :3], dtype=np.float64)
     if np.abs(G @ answer - np.eye(6, 3)).max() > 1e-6:  # some direction cannot be answered at all
         return min(0.0, _least_ratio(contacts, forces, np.zeros(answer.shape)))
     return _least_ratio(contacts, forces, answer) / contacts.weight
