@@ -2,6 +2,7 @@
 
 import hashlib
 import io
+import json
 import math
 import os
 import secrets
@@ -15,9 +16,12 @@ from typing import Any
 import numpy as np
 import platformdirs
 
+from dexgrasp_env.errors import InputError
+
 Arrays = dict[str, np.ndarray]
 Layout = Mapping[str, tuple[int | None, ...]]
 _DIGEST = 32  # bytes of a SHA-256
+_DIGITS = 40  # of a whole number in JSON: no seed, count or hash of ours has as many
 
 
 def cache_dir() -> Path:
@@ -115,6 +119,43 @@ def write_atomically(path: Path, data: bytes) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def expand(path: str | os.PathLike[str]) -> Path:
+    """Return a path with its `~` expanded.
+
+    Raises:
+        InputError: for a user that there is none of.
+    """
+    try:
+        return Path(path).expanduser()
+    except RuntimeError:
+        raise InputError(f"{str(path)!r}: there is no such user here") from None
+
+
+def parse_json(text: str | bytes) -> Any:
+    """Parse JSON of somebody else's.
+
+    Raises:
+        ValueError: for what is no text or no JSON, nested beyond the stack, NaN, or a number that no float holds.
+    """
+    try:
+        return json.loads(text, parse_constant=_refused, parse_float=_finite, parse_int=_whole)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
+def _refused(text: str) -> float:
+    raise ValueError(f"{text[:20]} is no number of JSON")
+
+
+def _finite(text: str) -> float:
+    number = float(text)
+    return number if math.isfinite(number) else _refused(text)
+
+
+def _whole(text: str) -> int:
+    return int(text) if len(text) <= _DIGITS else int(_refused(text))
 
 
 def jsonable(value: Any) -> Any:

@@ -38,7 +38,7 @@ def run(*arguments, module="agents.cli.main", **kwargs):
         (["evaluate", "--agents", "random", "--objects", "seen", "--seed", "-1"], "from 0 on"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "nan"], "positive"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "7"], "up to 2"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--protocol", "v9"], "lift-v0"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--protocol", "v9"], "valid are lift"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--mount", "odd"], "palm_normal"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--out", "/dev/null/x"], "cannot write"),
         (["evaluate", "--agents", "random", "--objects", "nowhere.stl"], "nowhere.stl"),
@@ -126,14 +126,15 @@ def test_a_full_disk_is_the_users_to_mend(monkeypatch, capsys):
     assert capsys.readouterr().err == "dexgrasp list: runs/x: No space left on device\n"
 
 
-@pytest.mark.parametrize("what", ["objects", "envs", "agents"])
+@pytest.mark.parametrize("what", ["objects", "envs", "agents", "protocols"])
 def test_list(what, capsys):
     assert main(["list", what, "--json"]) == OK
     listed = json.loads(capsys.readouterr().out)
     assert len(listed[what]) >= 1
     assert main(["list", what]) == OK
     table = capsys.readouterr().out
-    assert {"objects": "sugar_box", "envs": "DexGrasp/Lift-v1", "agents": "hardcoded"}[what] in table
+    known = {"objects": "sugar_box", "envs": "DexGrasp/Lift-v1", "agents": "hardcoded", "protocols": "lift"}
+    assert known[what] in table
 
 
 def test_module_is_the_same_command():

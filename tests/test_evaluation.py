@@ -2,6 +2,7 @@
 
 import json
 import math
+import shutil
 import signal
 import subprocess
 import sys
@@ -13,20 +14,22 @@ import numpy as np
 import pytest
 
 from agents.base import Agent, Report
-from agents.evaluation.evaluate import evaluate, object_labels, plan_cells
+from agents.evaluation import trial as one_trial
+from agents.evaluation.evaluate import evaluate
 from agents.evaluation.protocol import agent_settings, get_protocol, trial_seeds
+from agents.evaluation.replay import replay
 from agents.evaluation.report import paper
 from agents.evaluation.report.build import write_report
 from agents.evaluation.report.tables import render_summary
 from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.spec import TrialSpec, object_labels, plan_trials
 from agents.evaluation.statistics import mcnemar, quantiles, wilson_interval
 from agents.evaluation.store import TrialStore, read_rows
 from agents.evaluation.summary import present_sets, summarise, summarise_agent
-from agents.evaluation.trial import run_trial
-from agents.evaluation.trial_runner import TrialSpec
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
+from dexgrasp_env.rendering import rendering_fault
 
 
 class Still(Agent):
@@ -99,6 +102,10 @@ def env():
 SEEDS = trial_seeds(0, "gelatin_box", 0)
 
 
+def run_trial(env, agent, seeds):
+    return one_trial.run_trial(env, agent, seeds)[0]
+
+
 # -- statistics -------------------------------------------------------------------------------------------------
 
 
@@ -165,7 +172,7 @@ def test_agents_choose_only_what_is_theirs():
     assert agent_settings("still", Still()) == {"control_mode": "joint_delta"}
     with pytest.raises(InputError, match="friction"):
         agent_settings("wants", Wants())
-    with pytest.raises(InputError, match="lift-v0"):
+    with pytest.raises(InputError, match="lift"):
         get_protocol("lift-v9")
 
 
@@ -256,7 +263,7 @@ def test_partial_last_line_is_dropped(tmp_path):
     path = tmp_path / "trials.jsonl"
     path.write_text(path.read_text()[:-20])
     store = TrialStore(tmp_path, {"seed": 1})
-    assert store.finished == {("a", "soda", 0)}
+    assert store.finished == {("", "a", "soda", 0)}
     store.append(row(trial=1))
     store.close()
     assert [r["trial"] for r in read_rows(tmp_path)] == [0, 1]
@@ -283,6 +290,43 @@ def test_damaged_line_is_named(tmp_path):
         read_rows(tmp_path / "nowhere")
 
 
+def test_a_trial_counts_once(tmp_path):
+    line = json.dumps(row(success=True)) + "\n"
+    (tmp_path / "trials.jsonl").write_text(line * 3)
+    assert len(read_rows(tmp_path)) == 1
+    (tmp_path / "run.json").write_text('{"seed": 1}')
+    store = TrialStore(tmp_path, {"seed": 1})
+    assert len(store.rows) == 1
+    store.close()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"agent": "\xff"}', b"[]", b"3", b"{}", b"[" * 100_000, b'{"trial": ' + b"9" * 5000 + b"}",
+        json.dumps(row() | {"trial": "0"}).encode(), json.dumps(row(success=1)).encode(),
+        json.dumps(row(details=[])).encode(), json.dumps(row(planning_seconds=float("nan"))).encode(),
+        json.dumps(row(details={"certificate": {"closure_margin": "much"}})).encode(),
+        json.dumps(row(scene_seed=-1)).encode(),
+    ],
+)  # fmt: skip
+def test_damaged_lines_are_named_in_one_line(tmp_path, line):
+    (tmp_path / "trials.jsonl").write_bytes(line + b"\n")
+    with pytest.raises(InputError, match=r"line 1 is (not JSON|no trial)") as caught:
+        read_rows(tmp_path)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("content", [None, b"[]", b"\xff\xfe", b"{", b"null", b"[" * 100_000])
+def test_trials_without_their_settings_are_refused(tmp_path, content):
+    (tmp_path / "trials.jsonl").write_text(json.dumps(row()) + "\n")
+    if content is not None:
+        (tmp_path / "run.json").write_bytes(content)
+    with pytest.raises(InputError, match="choose another --out"):
+        TrialStore(tmp_path, {"seed": 1})
+    assert (tmp_path / "trials.jsonl").read_text()
+
+
 # -- running ----------------------------------------------------------------------------------------------------
 
 SETTINGS = EvaluationSettings.of(["random"], ["sugar_box", "gelatin_box"], trials=2, seed=3)
@@ -303,7 +347,7 @@ def test_summary_has_the_documented_form(finished):
     folder, summary = finished
     assert json.loads((folder / "summary.json").read_text()) == json.loads(json.dumps(summary))
     assert summary["schema"] == 1
-    assert (summary["protocol"], summary["seed"], summary["complete"]) == ("lift-v0", 3, True)
+    assert (summary["protocol"], summary["seed"], summary["complete"]) == ("lift", 3, True)
     agent = summary["agents"]["random"]
     assert {
         "trials",
@@ -371,10 +415,21 @@ def test_cells_and_labels(tmp_path):
     assert labels["soda"] == "soda"
     assert labels["z/cup.obj"] == "cup"
     assert len(set(labels.values())) == 4
-    cells = plan_cells(settings, tmp_path, videos=1)
-    assert len(cells) == 24
-    assert sum(cell.video is not None for cell in cells) == 8
-    assert cells[0] == TrialSpec("a", "soda", "soda", 0, str(tmp_path / "videos" / "a-soda-0.mp4"))
+    specs = plan_trials(settings)
+    assert len(specs) == len(set(specs)) == 24
+    assert specs[0] == TrialSpec("a", "soda", "soda", 0, "lift")
+
+
+def test_several_protocols_are_counted_apart():
+    settings = EvaluationSettings(("a",), ("soda",), trials=2, protocols=("lift", "other"))
+    assert [(spec.protocol, spec.trial) for spec in plan_trials(settings)] == [
+        ("lift", 0), ("lift", 1), ("other", 0), ("other", 1),
+    ]  # fmt: skip
+    rows = [row(trial=k, success=p == "lift", protocol=p) for p in settings.protocols for k in range(2)]
+    summary = summarise(settings, rows)
+    agent = summary["agents"]["a"]
+    assert (summary["protocol"], summary["complete"], agent["trials"]) == ("lift+other", True, 4)
+    assert {name: part["rate"] for name, part in agent["by_protocol"].items()} == {"lift": 1.0, "other": 0.0}
 
 
 def test_identity_changes_with_the_content(tmp_path):
@@ -386,6 +441,83 @@ def test_identity_changes_with_the_content(tmp_path):
     mesh.write_text("two")
     assert settings.identity() != before
     assert settings.default_folder() != folder
+
+
+def test_identity_knows_every_file(tmp_path, monkeypatch):
+    """Meshes of one name, checkpoints and the settings beside them, a path from home."""
+    monkeypatch.setenv("HOME", str(tmp_path))
+    for name in ("a/x.obj", "b/x.obj", "p.zip", "p.json", "q.zip"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text("one")
+    agents = (f"ppo:{tmp_path}/p.zip", f"{tmp_path}/q.zip")
+    settings = EvaluationSettings(agents, (f"{tmp_path}/a/x.obj", "~/b/x.obj"))
+    known = settings.identity()
+    assert len(known["files"]) == 5
+    for name in ("a/x.obj", "b/x.obj", "p.zip", "p.json", "q.zip", "q.json"):
+        (tmp_path / name).write_text("two")
+        changed = settings.identity()
+        assert changed != known, name
+        known = changed
+
+
+def test_replay_is_exact(finished, tmp_path):
+    folder, _ = finished
+    for name in ("sugar_box", "gelatin_box"):
+        again = replay(folder, "random", name, 1)
+        assert again.changed == again.stale == ()
+        assert again.again["height"] == again.row["height"]
+    rows = read_rows(folder)
+    assert all({"scene_seed", "agent_seed", "env", "protocol"} <= set(r) for r in rows)
+    assert rows[0]["env"]["id"] == get_protocol("lift").env_id
+    rows[0]["slip"] += 1e-9
+    (tmp_path / "trials.jsonl").write_text("\n".join(map(json.dumps, rows)) + "\n")
+    (tmp_path / "run.json").write_text((folder / "run.json").read_text())
+    key = [rows[0][name] for name in ("agent", "object", "trial")]
+    assert replay(tmp_path, *key).changed == ("slip",)
+    with pytest.raises(InputError, match=r"hardcoded.*random"):
+        replay(folder, "hardcoded", "sugar_box", 0)
+    with pytest.raises(InputError, match="valid are 0, 1"):
+        replay(folder, "random", "sugar_box", 7)
+
+
+def test_a_foreign_trial_is_refused(finished, tmp_path):
+    line = json.loads((finished[0] / "trials.jsonl").read_text().splitlines()[0]) | {"agent": "somebody"}
+    (tmp_path / "trials.jsonl").write_text(json.dumps(line) + "\n")
+    (tmp_path / "run.json").write_text((finished[0] / "run.json").read_text())
+    with pytest.raises(InputError, match="somebody"):
+        evaluate(SETTINGS, tmp_path, progress=False)
+
+
+@pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")
+def test_videos_of_a_finished_run(finished, tmp_path, monkeypatch):
+    monkeypatch.setattr("agents.evaluation.video.Video.add", lambda self, env: write_one(self))
+    shutil.copytree(finished[0], tmp_path / "run")
+    evaluate(SETTINGS, tmp_path / "run", videos=1, progress=False)
+    films = {path.name for path in (tmp_path / "run" / "videos").iterdir()}
+    assert films == {"lift-random-sugar_box-0.mp4", "lift-random-gelatin_box-0.mp4"}
+    evaluate(SETTINGS, tmp_path / "run", videos="failures", progress=False)
+    failed = [r for r in read_rows(tmp_path / "run") if not r["success"]]
+    assert len(list((tmp_path / "run" / "videos").iterdir())) == len(failed) == 4
+    assert len(read_rows(tmp_path / "run")) == 4
+
+
+def write_one(video):
+    """Stand in for drawing, which is slow in software."""
+
+    class Writer:
+        def close(self):
+            video._part.parent.mkdir(exist_ok=True)
+            video._part.write_bytes(b"film")
+
+    video._writer = Writer()
+
+
+def test_every_mesh_is_looked_at_before_the_first_trial(tmp_path):
+    (tmp_path / "bad.obj").write_text("v 0 0 0\n")
+    settings = EvaluationSettings.of(["random"], ["sugar_box", str(tmp_path / "bad.obj")])
+    with pytest.raises(InputError, match=r"bad\.obj"):
+        evaluate(settings, tmp_path / "out", progress=False)
+    assert not (tmp_path / "out" / "trials.jsonl").exists()
 
 
 # -- summaries, tables, reports ---------------------------------------------------------------------------------

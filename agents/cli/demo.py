@@ -2,6 +2,7 @@
 
 import argparse
 import time
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
@@ -33,6 +34,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)"
     )
+    parser.add_argument(
+        "--no-video", action="store_true", help="leave video and demo.png out: drawing takes time"
+    )
     add_mesh(parser)
     add_scene(parser)
     add_json(parser)
@@ -44,15 +48,14 @@ def run(args: argparse.Namespace) -> int:
     from agents.cli.plan import describe, scene_settings, write_results
     from agents.evaluation.attempt import attempt_target
     from dexgrasp_env.files import jsonable
-    from dexgrasp_env.rendering import choose_gl
+    from dexgrasp_env.rendering import rendering_fault
 
     make_folder(args.out)
     note("compiling and placing the object (the first run takes longer)")
     settings = scene_settings(args)
-    if choose_gl() is not None:
+    missing = "left out" if args.no_video else rendering_fault()
+    if missing is None:
         settings |= {"render_mode": "rgb_array"}
-    else:
-        note("no GL library here: no video (install libosmesa6, or libegl1 with libgl1)")
     began = time.perf_counter()
     attempt = attempt_target(args.object, args.agent, args.seed, **settings)
     result = attempt.as_json()
@@ -68,6 +71,8 @@ def run(args: argparse.Namespace) -> int:
     )
     outcome["seconds"] = time.perf_counter() - began
     attempt.env.close()
+    if missing is not None and not args.no_video:
+        note(f"no video and no demo.png: {missing}")
     if args.json:
         print_json(
             jsonable(
@@ -89,7 +94,10 @@ def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
     env, observation = attempt.env, attempt.observation
     video = Video(folder / "demo.mp4") if env.unwrapped.render_mode else None
     frames, info, steps = [], {}, 0
-    with tqdm(total=env.spec.max_episode_steps, desc="executing", unit="step", leave=False) as bar:
+    with (
+        tqdm(total=env.spec.max_episode_steps, desc="executing", unit="step", leave=False) as bar,
+        nullcontext() if video is None else video,
+    ):
         while True:
             observation, _, terminated, truncated, info = env.step(attempt.agent.act(observation))
             steps += 1
@@ -100,8 +108,7 @@ def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
                     frames.append(np.asarray(env.render()))
             if terminated or truncated or info["is_success"]:
                 break
-    if video is not None:
-        video.close()
+    if frames:
         _contact_sheet(folder / "demo.png", frames)
     keys = (
         "is_success",

@@ -1,4 +1,4 @@
-"""`dexgrasp evaluate`: rollouts of several agents under one protocol."""
+"""`dexgrasp evaluate`: rollouts of several agents under the same protocols."""
 
 import argparse
 from pathlib import Path
@@ -14,19 +14,23 @@ _EPILOG = """examples:
   dexgrasp evaluate --agents random hardcoded --objects seen familiar --trials 3 --seed 0
   dexgrasp evaluate --agents bilevel --objects all20 --trials 6 --workers 8 --out runs/tables
   dexgrasp evaluate --agents my_package.policies:MyPolicy --objects sugar_box --video 1
+  dexgrasp evaluate --agents bilevel --objects all20 --trials 6 --out runs/tables --video failures
   dexgrasp evaluate --agents bilevel --objects scan.stl --mesh-scale 0.001 --mesh-mass 0.3
   dexgrasp evaluate --agents bilevel hardcoded --objects all20 --power 0.05      how many trials would it take?
   dexgrasp evaluate --agents bilevel hardcoded --objects all20 --trials 50 --stop-early
 
 Every agent meets the same scenes: trial k of an object depends on --seed, the object and k alone. A run that was
-interrupted goes on when the same command is given again. The folder of --out then holds trials.jsonl (a line a trial),
-summary.json (as --json prints it), run.json (the settings) and videos/."""
+interrupted goes on when the same command is given again; other code, meshes or checkpoints are another evaluation. The
+folder of --out then holds trials.jsonl (a line a trial, with all that `dexgrasp replay` needs to make it again),
+summary.json (as --json prints it), run.json (the settings), grasps/ and videos/.
+
+NB: a checkpoint (.zip) runs code of whoever made it when it is opened: name only those of people you trust."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
-        "evaluate", help="rollouts of agents under one protocol; resumable", epilog=_EPILOG,
+        "evaluate", help="rollouts of agents under the same protocols; resumable", epilog=_EPILOG,
         description="Score agents on objects: success rates with intervals, failure reasons, planning times.",
     )  # fmt: skip
     parser.add_argument(
@@ -47,7 +51,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--trials", type=positive_int, default=3, metavar="N", help="of each agent on each object (default 3)"
     )
     parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of all scenes (default 0)")
-    parser.add_argument("--protocol", default="lift-v0", metavar="P", help="how to score (default lift-v0)")
+    parser.add_argument(
+        "--protocol", nargs="+", default=["lift"], metavar="P",
+        help="how to score: see dexgrasp list protocols (default lift)",
+    )  # fmt: skip
     parser.add_argument(
         "--workers",
         type=positive_int,
@@ -60,15 +67,19 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     parser.add_argument(
         "--video",
-        type=natural_int,
+        type=_videos,
         default=0,
-        metavar="K",
-        help="record the first K trials of every agent and object",
+        metavar="K|failures",
+        help="record the first K trials of every agent and object, or those that failed; also of a finished run",
     )
     add_statistics(parser)
     add_scene(parser)
     add_mesh(parser)
     add_json(parser)
+
+
+def _videos(text: str) -> "int | str":
+    return text if text == "failures" else natural_int(text)
 
 
 def add_statistics(parser: argparse.ArgumentParser) -> None:
@@ -97,7 +108,7 @@ def run(args: argparse.Namespace) -> int:
     from agents.evaluation.workers import WorkerDiedError
 
     settings = EvaluationSettings.of(
-        args.agents, args.objects, trials=args.trials, seed=args.seed, protocol=args.protocol, mount=args.mount,
+        args.agents, args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol), mount=args.mount,
         friction=args.friction, mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
     )  # fmt: skip
     if args.power is not None:

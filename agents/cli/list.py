@@ -1,4 +1,4 @@
-"""`dexgrasp list`: objects, environments, agents."""
+"""`dexgrasp list`: objects, environments, agents, protocols."""
 
 import argparse
 from typing import Any
@@ -8,18 +8,19 @@ from agents.cli.options import add_json
 _EPILOG = """examples:
   dexgrasp list objects            the catalogue with sizes, masses and sets
   dexgrasp list envs --json        ids and what gym.make accepts
-  dexgrasp list agents"""
+  dexgrasp list agents
+  dexgrasp list protocols          how `evaluate` scores"""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add the command."""
     parser = subparsers.add_parser(
         "list",
-        help="what objects, environments and agents there are",
+        help="what objects, environments, agents and protocols there are",
         epilog=_EPILOG,
         description="List what there is.",
     )
-    parser.add_argument("what", choices=("objects", "envs", "agents"), help="what to list")
+    parser.add_argument("what", choices=tuple(_LISTS), help="what to list")
     add_json(parser)
 
 
@@ -28,7 +29,7 @@ def run(args: argparse.Namespace) -> int:
     from agents.cli.output import print_json
     from agents.evaluation.report.text import left_table
 
-    rows = {"objects": list_objects, "envs": list_envs, "agents": list_agents}[args.what]()
+    rows = _LISTS[args.what]()
     if args.json:
         print_json({"schema": 1, args.what: rows} | (_sets() if args.what == "objects" else {}))
         return 0
@@ -92,6 +93,16 @@ def list_agents() -> list[dict[str, Any]]:
     return [{"name": name, **_describe(spec)} for name, spec in AGENTS.items()]
 
 
+def list_protocols() -> list[dict[str, Any]]:
+    """Return the protocols: name, environment, what is special."""
+    from agents.evaluation.protocol import PROTOCOLS
+
+    return [
+        {"name": protocol.name, "env": protocol.env_id, "description": protocol.description}
+        for protocol in PROTOCOLS.values()
+    ]
+
+
 def _describe(spec: str) -> dict[str, Any]:
     import importlib
 
@@ -115,3 +126,11 @@ def _words(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     return "-" if value is None else str(value)
+
+
+_LISTS = {
+    "objects": list_objects,
+    "envs": list_envs,
+    "agents": list_agents,
+    "protocols": list_protocols,
+}

@@ -8,15 +8,14 @@ from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from agents.base import Agent
+from agents.evaluation.planned import object_pose, planned_grasp
 from agents.evaluation.trial import public_info
-from agents.grasp.file import SCHEMA, grasp_json
+from agents.grasp.file import SCHEMA
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
-from agents.planning.settings import PlannerSettings
 from agents.registry import make_agent
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.poses import pose_matrix
 
 
 @dataclass
@@ -50,12 +49,9 @@ class Attempt:
 
     def as_json(self) -> dict[str, Any]:
         """Return the object that `dexgrasp plan --json` prints."""
-        report, grasp = self.agent.report, self.grasp
+        report = self.agent.report
         reason = report.failure
-        content: dict[str, Any] | None = None
-        if grasp is not None and self.grasp_target is not None and reason is None:
-            settings = getattr(self.agent, "settings", None) or PlannerSettings()
-            content = grasp_json(self.name, grasp, self.grasp_target, settings, self.T_world_object)
+        content = planned_grasp(self.env, self.agent, self.T_world_object)
         return {
             "schema": SCHEMA,
             "object": self.name,
@@ -97,8 +93,8 @@ def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **en
     agent = make_agent(agent_name)
     env = gym.make("DexGrasp/Lift-v1", objects=target, **(dict(agent.env_settings) | env_settings))
     observation, info = env.reset(seed=seed)
-    simulation = env.unwrapped.simulation  # type: ignore[attr-defined]
-    pose = pose_matrix(simulation.data.qpos[23:26].copy(), simulation.data.qpos[26:30].copy())
+    pose = object_pose(env)
     agent.seed(seed)
     agent.reset(observation, public_info(env, info))
-    return Attempt(simulation.object.name, env, agent, observation, pose)
+    name = env.unwrapped.simulation.object.name  # type: ignore[attr-defined]
+    return Attempt(name, env, agent, observation, pose)

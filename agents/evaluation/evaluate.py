@@ -3,17 +3,21 @@
 import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
+from agents.evaluation.replay import record
 from agents.evaluation.sequential import decided_after
 from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.store import TrialStore
+from agents.evaluation.spec import TrialSpec, plan_trials
+from agents.evaluation.store import Key, TrialStore
 from agents.evaluation.summary import summarise
-from agents.evaluation.trial_runner import TrialRunner, TrialSpec
+from agents.evaluation.trial_runner import TrialRunner
 from agents.evaluation.video import check_rendering
 from agents.evaluation.workers import run_cells
 from agents.interrupt import held, kept
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import CATALOGUE
+from dexgrasp_env.objects.load import load_object
 
 
 def evaluate(
@@ -21,7 +25,7 @@ def evaluate(
     folder: Path,
     *,
     workers: int = 1,
-    videos: int = 0,
+    videos: int | Literal["failures"] = 0,
     progress: bool = True,
     stop_level: float | None = None,
 ) -> dict[str, Any]:
@@ -31,28 +35,29 @@ def evaluate(
         settings: what to evaluate.
         folder: where trials.jsonl, summary.json and videos go; made if it is not there.
         workers: processes.
-        videos: how many trials of each agent and object are recorded.
+        videos: how many trials of each agent and object are recorded, or "failures" for those that failed; recording
+            makes a trial again, so that it may be asked for after the fact.
         progress: whether to draw a progress bar on standard error.
         stop_level: end as soon as every pair of agents is told apart at this level, by the test of `sequential`; the
             summary then is of the whole rounds up to there. None runs every trial.
 
     Raises:
-        InputError: for wrong settings, or a folder that holds another evaluation.
+        InputError: for wrong settings, a mesh that cannot be used, or a folder that holds another evaluation.
         KeyboardInterrupt: as it comes; finished trials and their summary are kept.
         WorkerDiedError: likewise.
     """
+    if stop_level is not None and len(settings.protocols) > 1:
+        raise InputError("--stop-early tells agents apart under one protocol: name one")
     bench = TrialRunner(settings)
-    for agent in settings.agents:  # mistakes show before the first trial
-        bench.make_env(agent, settings.objects[0]).close()
+    planned = plan_trials(settings)
+    _check(settings, planned, bench)
     if videos:
         check_rendering()
     store = TrialStore(folder, settings.identity())
-    planned = plan_cells(settings, folder, videos)
-    if stop_level is not None:
-        planned = sorted(
-            planned, key=lambda cell: cell.trial
-        )  # round by round, so that it can stop between rounds
-    keys = [_key(cell) for cell in planned]
+    _check_rows(store, planned)
+    if stop_level is not None:  # round by round, so that it can stop between rounds
+        planned = sorted(planned, key=lambda cell: cell.trial)
+    keys = [(cell.agent, cell.label, cell.trial) for cell in planned]
 
     def stopped_after() -> int | None:
         return None if stop_level is None else decided_after(keys, store.rows, settings.agents, stop_level)
@@ -62,6 +67,9 @@ def evaluate(
         if stopped_after() is None:
             with kept():
                 _run(settings, cells, store, workers, bench, progress, stopped_after)
+        if videos:
+            with kept():
+                _record(settings, store, videos, workers, bench, progress)
     finally:
         with held():
             summary = summarise(settings, store.rows, stopped_after=stopped_after(), stop_level=stop_level)
@@ -71,35 +79,43 @@ def evaluate(
     return summary
 
 
-def plan_cells(settings: EvaluationSettings, folder: Path, videos: int) -> list[TrialSpec]:
-    """Return every trial of an evaluation, agent by agent and object by object."""
-    labels = object_labels(settings.objects)
+def _check(settings: EvaluationSettings, planned: Sequence[TrialSpec], bench: TrialRunner) -> None:
+    """Let mistakes show before the first trial: agents, settings, and every mesh."""
+    for target in settings.objects:
+        if target not in CATALOGUE:
+            load_object(target, scale=settings.mesh_scale, mass=settings.mesh_mass)
+    first = {(spec.agent, spec.protocol): spec for spec in reversed(planned)}
+    for spec in first.values():
+        bench.make_env(spec).close()
 
-    def video(agent: str, label: str, trial: int) -> str | None:
-        name = f"{agent}-{label}-{trial}.mp4".replace("/", "_").replace(":", ".")
-        return str(folder / "videos" / name) if trial < videos else None
 
-    return [
-        TrialSpec(agent, target, labels[target], trial, video(agent, labels[target], trial))
-        for agent in settings.agents
-        for target in settings.objects
-        for trial in range(settings.trials)
+def _check_rows(store: TrialStore, planned: Sequence[TrialSpec]) -> None:
+    known = {_key(spec) for spec in planned}
+    for key in store.finished - known:
+        store.close()
+        raise InputError(
+            f"{store.folder} holds a trial that is not of this evaluation ({', '.join(map(str, key))}): "
+            "choose another --out"
+        )
+
+
+def _record(
+    settings: EvaluationSettings, store: TrialStore, videos: int | str, workers: int, bench: TrialRunner, progress: bool
+) -> None:  # fmt: skip
+    from tqdm import tqdm
+
+    chosen = [
+        row
+        for row in store.rows
+        if (not row["success"] if videos == "failures" else row["trial"] < int(videos))
     ]
+    shown = record(settings, chosen, store.folder, workers, bench)
+    for _ in tqdm(shown, desc="videos", unit="video", disable=not progress, file=sys.stderr):
+        pass
 
 
-def object_labels(targets: Sequence[str]) -> dict[str, str]:
-    """Return what each object is called in the results: name or file's stem, the path where two are alike."""
-    labels: dict[str, str] = {}
-    for target in targets:
-        label = target if target in CATALOGUE else Path(target).stem
-        if target not in CATALOGUE and (label in CATALOGUE or label in labels.values()):
-            label = Path(target).name if Path(target).name not in labels.values() else target
-        labels[target] = label
-    return labels
-
-
-def _key(cell: TrialSpec) -> tuple[str, str, int]:
-    return cell.agent, cell.label, cell.trial
+def _key(spec: TrialSpec) -> Key:
+    return spec.protocol, spec.agent, spec.label, spec.trial
 
 
 def _run(
@@ -124,9 +140,9 @@ def _run(
         mininterval=interval,
     ) as bar:
         errors: set[tuple[str, str]] = set()
-        for row in run_cells(settings, cells, workers, bench):
+        for row, grasp in run_cells(settings, cells, workers, bench):
             with held():
-                store.append(row)
+                store.append(row, grasp)
             bar.set_postfix_str(_success_so_far(store.rows), refresh=False)
             bar.update()
             _warn_once(row, errors)

@@ -31,11 +31,13 @@ class Protocol:
     description: str = ""
 
 
+DEFAULT_PROTOCOL = "lift"
+
 PROTOCOLS: dict[str, Protocol] = {
     protocol.name: protocol
     for protocol in (
         Protocol(
-            "lift-v0",
+            "lift",
             "DexGrasp/Lift-v1",
             description="the environment as registered: 15 s, lift 10 cm, hold 3 s",
         ),

@@ -1,15 +1,18 @@
 """What an evaluation is of: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
 
+import dataclasses
 import hashlib
 import importlib.util
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation.protocol import get_protocol
+from agents.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
+from dexgrasp_env.objects.catalogue import CATALOGUE
 
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
@@ -23,7 +26,7 @@ class EvaluationSettings:
         objects: names of the catalogue and paths of meshes, sets expanded.
         trials: of each agent on each object.
         seed: of the scenes and of the agents.
-        protocol: name of a protocol.
+        protocols: names of protocols; every agent meets every scene under each.
         mount: how the hand sits on the flange; None for the protocol's.
         friction: sliding friction coefficient; None for the protocol's.
         mesh_scale: factor to metres, of meshes alone.
@@ -34,7 +37,7 @@ class EvaluationSettings:
     objects: tuple[str, ...]
     trials: int = 1
     seed: int = 0
-    protocol: str = "lift-v0"
+    protocols: tuple[str, ...] = (DEFAULT_PROTOCOL,)
     mount: str | None = None
     friction: float | None = None
     mesh_scale: float = 1.0
@@ -56,15 +59,41 @@ class EvaluationSettings:
             raise InputError(
                 f"trials = {settings.trials}, seed = {settings.seed}: valid are trials >= 1 and seed >= 0"
             )
-        get_protocol(settings.protocol)
-        return settings
+        for name in settings.protocols:
+            get_protocol(name)
+        return dataclasses.replace(settings, protocols=tuple(dict.fromkeys(settings.protocols)))
 
-    def scene(self) -> dict[str, Any]:
-        """Settings of `gym.make` that make the scenes."""
+    @classmethod
+    def of_run(cls, run: Mapping[str, Any]) -> "EvaluationSettings":
+        """Return the settings that a run.json says.
+
+        Raises:
+            InputError: if it says none that are usable now.
+        """
+        kept = {
+            field.name: run[field.name]
+            for field in dataclasses.fields(cls)
+            if field.name in run and field.name not in ("agents", "objects", "protocols")
+        }
+        try:
+            names = [[str(name) for name in run[key]] for key in ("agents", "objects")]
+            return cls.of(*names, protocols=tuple(str(run["protocol"]).split("+")), **kept)
+        except InputError:
+            raise
+        except (KeyError, TypeError, ValueError) as error:
+            raise InputError(f"run.json holds no settings of an evaluation ({error!r})") from None
+
+    @property
+    def protocol(self) -> str:
+        """The protocols' names in one."""
+        return "+".join(self.protocols)
+
+    def scene(self, protocol: str) -> dict[str, Any]:
+        """Settings of `gym.make` that make the scenes of a protocol."""
         given = {"mount": self.mount, "friction": self.friction}
         chosen = {key: value for key, value in given.items() if value is not None}
         return {
-            **get_protocol(self.protocol).scene,
+            **get_protocol(protocol).scene,
             **chosen,
             "mesh_scale": self.mesh_scale,
             "mesh_mass": self.mesh_mass,
@@ -72,21 +101,30 @@ class EvaluationSettings:
 
     def identity(self) -> dict[str, Any]:
         """Return the settings with the versions and contents they rest on, as JSON can hold them."""
-        files = {
-            Path(name).name: _file_hash(Path(name))
-            for name in (*self.agents, *self.objects)
-            if Path(name).is_file()
-        }
         settings = {
             key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
         }
-        return settings | {"files": files, "code": code_hash(self.agents), "versions": versions()}
+        settings["protocol"] = "+".join(settings.pop("protocols"))
+        return settings | {
+            "files": {str(path): _file_hash(path) for path in self._files()},
+            "code": code_hash(self.agents),
+            "versions": versions(),
+        }
+
+    def _files(self) -> list[Path]:
+        """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these."""
+        from agents.policies.checkpoint import checkpoint_files
+
+        named = [Path(name) for name in self.objects if name not in CATALOGUE]
+        for agent in self.agents:
+            named += checkpoint_files(agent)
+        return [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
 
     def default_folder(self) -> Path:
         """Return runs/<protocol>-<agents>-seed<seed>-<hash>: the same command finds its own results again."""
         digest = hashlib.sha256(repr(sorted(self.identity().items())).encode()).hexdigest()[:8]
         agents = "+".join(Path(agent).stem.replace(":", ".") for agent in self.agents)[:60]
-        return Path("runs") / f"{self.protocol}-{agents}-seed{self.seed}-{digest}"
+        return Path("runs") / f"{self.protocol[:40]}-{agents}-seed{self.seed}-{digest}"
 
 
 def versions() -> dict[str, str]:
@@ -127,4 +165,7 @@ def _package_folder(name: str) -> Path:
 
 
 def _file_hash(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None

@@ -1,14 +1,19 @@
-"""The folder of an evaluation: one line a trial, written as it ends; survives being killed."""
+"""The folder of an evaluation: one line a trial, written as it ends; survives being killed.
+
+`run.json` says what the trials are of, `trials.jsonl` holds them, `grasps/` the grasps of agents that certify theirs,
+`summary.json` what comes out.
+"""
 
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any, BinaryIO
 
+from agents.evaluation.rows import row_fault, trial_name
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import write_atomically
+from dexgrasp_env.files import parse_json, write_atomically
 
-Key = tuple[str, str, int]  # agent, object, trial
+Key = tuple[str, str, str, int]  # protocol, agent, object, trial
 
 
 class TrialStore:
@@ -18,25 +23,34 @@ class TrialStore:
         """Open or make the folder.
 
         Raises:
-            InputError: if the folder holds another evaluation, or cannot be written, or is being written to.
+            InputError: if the folder holds another evaluation or a damaged one, or cannot be written, or is being
+                written to.
         """
         self.folder = folder
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._file = _lock((folder / "trials.jsonl").open("a+", encoding="utf-8"), folder)
-            _check_identity(folder / "run.json", identity)
+            self._file = _lock((folder / "trials.jsonl").open("ab+"), folder)
+            self._file.seek(0)
+            content = self._file.read()
+            _check_identity(folder / "run.json", identity, has_trials=b"\n" in content)
+            pairs = list(_whole_lines(content, folder))
+            # Cut off what a killed writer left unfinished.
+            self._file.truncate(pairs[-1][1] if pairs else 0)
         except OSError as error:
             raise InputError(f"cannot write to {folder}: {error.strerror or error}") from None
-        self.rows = _drop_partial_line(self._file, folder)
+        self.rows = _once_each(row for row, _ in pairs)
 
     @property
     def finished(self) -> set[Key]:
         """The trials that are there."""
-        return {(row["agent"], row["object"], row["trial"]) for row in self.rows}
+        return {row_key(row) for row in self.rows}
 
-    def append(self, row: dict[str, Any]) -> None:
-        """Add a finished trial; it is in the file when this returns."""
-        self._file.write(json.dumps(row, allow_nan=False) + "\n")
+    def append(self, row: dict[str, Any], grasp: Mapping[str, Any] | None = None) -> None:
+        """Add a finished trial and its grasp; both are in their files when this returns."""
+        if grasp is not None:
+            row["grasp"] = f"grasps/{trial_name(row)}.json"
+            self.write_json(row["grasp"], grasp)
+        self._file.write((json.dumps(row, allow_nan=False) + "\n").encode())
         self._file.flush()
         self.rows.append(row)
 
@@ -49,21 +63,47 @@ class TrialStore:
         self._file.close()
 
 
+def row_key(row: Mapping[str, Any]) -> Key:
+    """Return what tells a trial from the others of its evaluation."""
+    return row.get("protocol") or "", row["agent"], row["object"], row["trial"]
+
+
 def read_rows(folder: Path) -> list[dict[str, Any]]:
-    """Read the finished trials of a folder without touching it.
+    """Read the finished trials of a folder without touching it, each once.
 
     Raises:
-        InputError: if it holds no evaluation.
+        InputError: if it holds no evaluation, or a damaged one.
     """
     path = folder / "trials.jsonl"
-    if not path.is_file():
+    try:
+        content = path.read_bytes()
+    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         raise InputError(
             f"{folder} holds no evaluation (no trials.jsonl): name the --out of `dexgrasp evaluate`"
-        )
-    return [row for row, _ in _whole_lines(path.read_bytes(), folder)]
+        ) from None
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    return _once_each(row for row, _ in _whole_lines(content, folder))
 
 
-def _lock(file: TextIO, folder: Path) -> TextIO:
+def read_run(folder: Path) -> dict[str, Any]:
+    """Read what the trials of a folder are of.
+
+    Raises:
+        InputError: if there is no run.json, or it is not one.
+    """
+    return _read_identity(folder / "run.json")
+
+
+def _once_each(rows: Iterator[dict[str, Any]]) -> list[dict[str, Any]]:
+    """Copies of a line, as merged files have them, count once: the first."""
+    found: dict[Key, dict[str, Any]] = {}
+    for row in rows:
+        found.setdefault(row_key(row), row)
+    return list(found.values())
+
+
+def _lock(file: BinaryIO, folder: Path) -> BinaryIO:
     try:
         import fcntl
     except ImportError:  # not a Unix: two writers are the user's to avoid
@@ -78,18 +118,31 @@ def _lock(file: TextIO, folder: Path) -> TextIO:
     return file
 
 
-def _check_identity(path: Path, identity: Mapping[str, Any]) -> None:
+def _check_identity(path: Path, identity: Mapping[str, Any], *, has_trials: bool) -> None:
     if not path.exists():
+        if has_trials:
+            raise InputError(
+                f"{path.parent} holds trials, but no run.json says of what: choose another --out"
+            )
         write_atomically(path, (json.dumps(identity, indent=2) + "\n").encode())
         return
-    try:
-        before = json.loads(path.read_text())
-    except ValueError:
-        raise InputError(f"{path} is not JSON: choose another --out") from None
+    before = _read_identity(path)
     changed = [key for key in identity if before.get(key) != json.loads(json.dumps(identity[key]))]
     if changed:
         was = "; ".join(f"{key} was {_short(before.get(key))}, is {_short(identity[key])}" for key in changed)
         raise InputError(f"{path.parent} holds another evaluation ({was}): choose another --out")
+
+
+def _read_identity(path: Path) -> dict[str, Any]:
+    try:
+        content = parse_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise InputError(f"{path} is not JSON ({error}): choose another --out") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path} is no object with the settings of an evaluation: choose another --out")
+    return content
 
 
 def _short(value: object) -> str:
@@ -97,25 +150,17 @@ def _short(value: object) -> str:
     return text if len(text) <= 120 else text[:117] + "..."
 
 
-def _drop_partial_line(file: TextIO, folder: Path) -> list[dict[str, Any]]:
-    """Cut off what a killed writer left unfinished and return the rows."""
-    file.seek(0)
-    pairs = list(_whole_lines(file.read().encode(), folder))
-    file.truncate(pairs[-1][1] if pairs else 0)
-    file.seek(0, 2)
-    return [row for row, _ in pairs]
-
-
 def _whole_lines(data: bytes, folder: Path) -> Iterator[tuple[dict[str, Any], int]]:
     """Yield the rows with the offset of their ends; a last line without its newline is not there."""
     end = 0
-    for number, line in enumerate(data.splitlines(keepends=True), start=1):
-        if not line.endswith(b"\n"):
-            return
-        end += len(line)
+    for number, line in enumerate(data.split(b"\n")[:-1], start=1):
+        end += len(line) + 1
+        where = f"{folder / 'trials.jsonl'} line {number}"
         try:
-            yield json.loads(line), end
+            row = parse_json(line)
         except ValueError:
-            raise InputError(
-                f"{folder / 'trials.jsonl'} line {number} is not JSON: remove it or choose another --out"
-            ) from None
+            raise InputError(f"{where} is not JSON: remove it or choose another --out") from None
+        fault = row_fault(row)
+        if fault:
+            raise InputError(f"{where} is no trial ({fault}): remove it or choose another --out")
+        yield row, end

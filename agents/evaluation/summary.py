@@ -51,7 +51,8 @@ def summarise(
         "seed": settings.seed,
         "versions": versions(),
         "complete": stopped_after is not None
-        or len(rows) == len(settings.agents) * len(settings.objects) * settings.trials,
+        or len(rows)
+        == len(settings.agents) * len(settings.objects) * len(settings.protocols) * settings.trials,
         **(
             {}
             if stop_level is None
@@ -79,6 +80,7 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
             for name, own in members.items()
         },
         "by_object": {name: _bare_count([row for row in rows if row["object"] == name]) for name in objects},
+        "by_protocol": {name: count(own) for name, own in by_protocol(rows).items()},
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
         "planning_seconds": quantiles(times, **_QUARTILES, p90=0.9),
         "stable": sum(row["stable"] and row["success"] for row in rows),
@@ -94,6 +96,15 @@ def object_counts(rows: Sequence[Row]) -> Counts:
         k, n = counts.get(row["object"], (0, 0))
         counts[row["object"]] = k + bool(row["success"]), n + 1
     return counts
+
+
+def by_protocol(rows: Sequence[Row]) -> dict[str, list[Row]]:
+    """Return the trials of each protocol; those of 0.1.0 name none."""
+    found: dict[str, list[Row]] = {}
+    for row in rows:
+        if row.get("protocol"):
+            found.setdefault(row["protocol"], []).append(row)
+    return found
 
 
 def count(rows: Sequence[Row]) -> dict[str, Any]:
@@ -123,7 +134,7 @@ def compare(a: str, rows_a: Sequence[Row], b: str, rows_b: Sequence[Row]) -> dic
     """Compare two agents scene by scene."""
 
     def scenes(rows: Sequence[Row]) -> dict[object, bool]:
-        return {(row["object"], row["trial"]): row["success"] for row in rows}
+        return {(row.get("protocol"), row["object"], row["trial"]): row["success"] for row in rows}
 
     return {"a": a, "b": b, **mcnemar(scenes(rows_a), scenes(rows_b))}
 

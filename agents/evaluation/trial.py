@@ -9,6 +9,7 @@ from typing import Any, Protocol
 import gymnasium as gym
 import numpy as np
 
+from agents.evaluation.planned import object_pose, planned_grasp
 from agents.evaluation.protocol import TrialSeeds
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
@@ -71,15 +72,20 @@ class AgentError(Exception):
 
 def run_trial(
     env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, frames: FrameSink | None = None
-) -> Outcome:
+) -> tuple[Outcome, dict[str, Any] | None]:
     """Run one episode; stops as soon as it is decided.
 
     An agent's exception or a wrong action fails the trial, not the evaluation.
+
+    Returns:
+        How it went, and the grasp as a grasp file holds it, for agents that certify theirs.
     """
     outcome, start = Outcome(), time.perf_counter()
+    grasp: dict[str, Any] | None = None
     report_before = getattr(agent, "report", None)
     try:
-        _episode(env, agent, seeds, outcome, frames)
+        observation, grasp = _begin(env, agent, seeds, outcome, frames)
+        _go_on(env, agent, observation, outcome, frames)
     except AgentError as error:
         cause = error.__cause__ or error
         outcome.reason = f"agent_error: {type(cause).__name__}"
@@ -90,7 +96,7 @@ def run_trial(
         outcome.planning_seconds = jsonable(report.planning_seconds)
         outcome.details = jsonable(report.details)
     outcome.seconds = time.perf_counter() - start
-    return outcome
+    return outcome, grasp
 
 
 def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, Any]:
@@ -106,17 +112,26 @@ def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, An
     return known | {key: value for key, value in info.items() if key.startswith("perception")}
 
 
-def _episode(
+def _begin(
     env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None
-) -> None:
+) -> tuple[Any, dict[str, Any] | None]:
+    """Let the agent see the scene and plan; return the observation and the grasp."""
     observation, info = env.reset(seed=seeds.scene)
     _record(env, frames)
+    pose = object_pose(env)
     if hasattr(agent, "seed"):
         _ask(agent.seed, seeds.agent)
     _ask(agent.reset, observation, public_info(env, info))
     report = getattr(agent, "report", None)
     if report is not None and report.failure:
         outcome.reason = str(report.failure)
+    return observation, planned_grasp(env, agent, pose)
+
+
+def _go_on(
+    env: gym.Env[Any, Any], agent: Any, observation: Any, outcome: Outcome, frames: FrameSink | None
+) -> None:
+    if outcome.reason is not None:
         return
     over = False
     while not over:

@@ -2,7 +2,8 @@
 
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from contextlib import nullcontext
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ import gymnasium as gym
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from agents.evaluation.protocol import agent_settings, get_protocol, trial_seeds
 from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.spec import TrialSpec
 from agents.evaluation.trial import run_trial
 from agents.evaluation.video import Video
 from agents.registry import make_agent
@@ -19,47 +21,29 @@ from dexgrasp_env.files import jsonable
 _MOST_ENVS = 4  # each holds a compiled scene
 
 
-@dataclass(frozen=True)
-class TrialSpec:
-    """One trial to run.
-
-    Attributes:
-        agent: its name.
-        target: the object, as `gym.make` takes it.
-        label: the object, as people read it.
-        trial: number from 0 on.
-        video: file to record to, or None.
-    """
-
-    agent: str
-    target: str
-    label: str
-    trial: int
-    video: str | None = None
-
-
 class TrialRunner:
     """Runs cells one after the other; every process has its own."""
 
     def __init__(self, settings: EvaluationSettings) -> None:
         self._settings = settings
-        self._protocol = get_protocol(settings.protocol)
         self._agents: dict[str, Any] = {}
-        self._envs: dict[tuple[str, str, bool], gym.Env[Any, Any]] = {}
+        self._envs: dict[tuple[str, str, str, bool], gym.Env[Any, Any]] = {}
 
-    def run(self, cell: TrialSpec) -> dict[str, Any]:
-        """Run one trial and return its line of `trials.jsonl`."""
-        agent, env = self.agent(cell.agent), self._env(cell)
-        seeds = trial_seeds(self._settings.seed, cell.target, cell.trial)
-        video = Video(Path(cell.video)) if cell.video else None
-        try:
-            outcome = run_trial(env, agent, seeds, frames=video)
-        finally:
-            if video is not None:
-                video.close()
-        row = {"agent": cell.agent, "object": cell.label, "trial": cell.trial, "scene_seed": seeds.scene}
-        row |= asdict(outcome) | ({"video": Path(cell.video).name} if cell.video else {})
-        return {key: jsonable(value) for key, value in row.items()}
+    def run(self, spec: TrialSpec) -> tuple[dict[str, Any], dict[str, Any] | None]:
+        """Run one trial; return its line of `trials.jsonl` and the certified grasp, for agents that have one.
+
+        Line, grasp and versions are all that it takes to make the trial again.
+        """
+        agent, env = self.agent(spec.agent), self._env(spec)
+        seeds = spec.seeds or trial_seeds(self._settings.seed, spec.target, spec.trial)
+        video = Video(Path(spec.video)) if spec.video else None
+        with nullcontext() if video is None else video:
+            outcome, grasp = run_trial(env, agent, seeds, frames=video)
+        row = {
+            "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
+            "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
+        }  # fmt: skip
+        return {key: jsonable(value) for key, value in (row | asdict(outcome)).items()}, grasp
 
     def agent(self, name: str) -> Any:
         """Return an agent, made on first use.
@@ -73,26 +57,28 @@ class TrialRunner:
             self._agents[name] = agent
         return self._agents[name]
 
-    def _env(self, cell: TrialSpec) -> gym.Env[Any, Any]:
-        key = (cell.agent, cell.target, cell.video is not None)
+    def _env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
+        key = (spec.protocol, spec.agent, spec.target, spec.video is not None)
         if key not in self._envs:
             while len(self._envs) >= _MOST_ENVS:
                 self._envs.pop(next(iter(self._envs))).close()
-            self._envs[key] = self.make_env(cell.agent, cell.target, recorded=cell.video is not None)
+            self._envs[key] = self.make_env(spec)
         return self._envs[key]
 
-    def make_env(self, agent: str, target: str, *, recorded: bool = False) -> gym.Env[Any, Any]:
+    def make_env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
         """Return the protocol's environment with the agent's settings.
 
         Raises:
             InputError: if a setting is wrong.
         """
-        chosen: Mapping[str, Any] = agent_settings(agent, self.agent(agent))
-        render: dict[str, Any] = {"render_mode": "rgb_array"} if recorded else {}
-        return gym.make(
-            self._protocol.env_id, objects=(target,), disable_env_checker=True,
-            **self._settings.scene(), **chosen, **render,
-        )  # fmt: skip
+        render: dict[str, Any] = {"render_mode": "rgb_array"} if spec.video else {}
+        return gym.make(**self._env_arguments(spec), disable_env_checker=True, **render)
+
+    def _env_arguments(self, spec: TrialSpec) -> dict[str, Any]:
+        """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
+        chosen: Mapping[str, Any] = agent_settings(spec.agent, self.agent(spec.agent))
+        scene = self._settings.scene(spec.protocol)
+        return {"id": get_protocol(spec.protocol).env_id, "objects": [spec.target], **scene, **chosen}
 
     def close(self) -> None:
         """Free the environments."""

@@ -1,7 +1,7 @@
 """Videos of trials."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 import gymnasium as gym
 import numpy as np
@@ -13,11 +13,12 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 class Video:
     """Collects what the environment renders and writes it as mp4 in real time.
 
-    Pictures only read the simulation: a recorded trial ends like an unrecorded one.
+    Pictures only read the simulation: a recorded trial ends like an unrecorded one. The file is there once it is whole.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
+        self._part = path.with_suffix(".part.mp4")
         self._writer: Any = None
 
     def add(self, env: gym.Env[Any, Any]) -> None:
@@ -28,14 +29,22 @@ class Video:
             self.path.parent.mkdir(parents=True, exist_ok=True)
             fps = round(1 / CONTROL_PERIOD)
             self._writer = imageio.get_writer(
-                self.path, fps=fps, codec="libx264", quality=7, macro_block_size=8
+                self._part, fps=fps, codec="libx264", quality=7, macro_block_size=8
             )
         self._writer.append_data(np.asarray(env.render()))
 
-    def close(self) -> None:
-        """Finish the file."""
-        if self._writer is not None:
-            self._writer.close()
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
+        """Finish the file, or leave none of what was broken off."""
+        if self._writer is None:
+            return
+        self._writer.close()
+        if kind is None:
+            self._part.replace(self.path)
+        else:
+            self._part.unlink(missing_ok=True)
 
 
 def check_rendering() -> None:

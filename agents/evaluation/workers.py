@@ -11,8 +11,12 @@ from multiprocessing import connection
 from typing import Any
 
 from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.trial_runner import TrialRunner, TrialSpec, thread_limits
+from agents.evaluation.spec import TrialSpec
+from agents.evaluation.trial_runner import TrialRunner, thread_limits
 from agents.interrupt import not_inherited
+
+Finished = tuple[dict[str, Any], dict[str, Any] | None]
+"""A line of trials.jsonl, and the grasp."""
 
 _bench: TrialRunner | None = None
 
@@ -23,8 +27,8 @@ class WorkerDiedError(RuntimeError):
 
 def run_cells(
     settings: EvaluationSettings, cells: Sequence[TrialSpec], workers: int, bench: TrialRunner
-) -> Iterator[dict[str, Any]]:
-    """Yield the rows of the cells as they are finished.
+) -> Iterator[Finished]:
+    """Yield rows and grasps of the cells as they are finished.
 
     Args:
         settings: of the evaluation.
@@ -54,10 +58,8 @@ def run_cells(
                 child.terminate()
 
 
-def _as_finished(
-    pool: ProcessPoolExecutor, cells: Sequence[TrialSpec], ahead: int
-) -> Iterator[dict[str, Any]]:
-    waiting: set[Future[dict[str, Any]]] = set()
+def _as_finished(pool: ProcessPoolExecutor, cells: Sequence[TrialSpec], ahead: int) -> Iterator[Finished]:
+    waiting: set[Future[Finished]] = set()
     for cell in cells:
         with not_inherited():  # submitting starts the processes
             waiting.add(pool.submit(_run, cell))
@@ -83,7 +85,7 @@ def _exit_with_parent() -> None:
         os._exit(1)
 
 
-def _run(cell: TrialSpec) -> dict[str, Any]:
+def _run(cell: TrialSpec) -> Finished:
     assert _bench is not None, "the initializer has run"
     return _bench.run(cell)
 

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.files import expand
 
 ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
 
@@ -59,13 +60,21 @@ class CheckpointAgent(Agent):
         return np.asarray(action, dtype=np.float32)
 
 
+def checkpoint_files(spec: str) -> list[Path]:
+    """Return the files that an agent's name stands for: a checkpoint and its settings; none for other agents."""
+    if not spec.endswith(".zip"):
+        return []
+    _, path = _split(spec)
+    return [path, path.with_suffix(".json")]
+
+
 def _split(spec: str) -> tuple[str | None, Path]:
     head, separator, tail = spec.partition(":")
     if not separator or Path(spec).is_file() or len(head) == 1:  # a single letter is a Windows drive
-        return None, Path(spec)
+        return None, expand(spec)
     if head not in ALGORITHMS:
         raise unknown_name("algorithm of a checkpoint", head, ALGORITHMS)
-    return head, Path(tail)
+    return head, expand(tail)
 
 
 def _guess(path: Path) -> str:
