@@ -1,0 +1,1 @@
+"""Grasp files, ours and others', scored under the protocols that others publish."""
