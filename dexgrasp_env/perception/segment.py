@@ -141,7 +141,7 @@ def segment(
     table = level_views(sparse, corrections)
     plane = refine_plane(table.points, plane.normal, plane.offset, 0.010) or plane
     found = level_views(crop(everything, s.crop_low, s.crop_high), corrections)
-    return _finish(_isolate(found, plane, noise_depth(table, plane), s, robot, data), plane, s, rng)
+    return finish(_isolate(found, plane, noise_depth(table, plane), s, robot, data), plane, s, rng)
 
 
 def _isolate(
@@ -158,7 +158,8 @@ def _isolate(
     return largest_cluster(remove_outliers(cloud, s.outlier_radius, s.outlier_neighbours), s.link)
 
 
-def _finish(cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator) -> SegmentedCloud:
+def finish(cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator) -> SegmentedCloud:
+    """Return an isolated object as `count` smoothed points, or the reason why it is none."""
     if len(cloud) < s.min_points:
         return _nothing(s, plane, TOO_FEW if len(cloud) else OUT_OF_VIEW, len(cloud))
     chosen = cloud.select(downsample(cloud.points, s.count, rng))

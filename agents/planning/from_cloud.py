@@ -1,0 +1,139 @@
+"""From a point cloud of one's own to a plan: what `dexgrasp plan --cloud` does, in Python."""
+
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from agents.grasp.grasp import Grasp
+from agents.grasp.target import GraspTarget
+from agents.planning.plan import Plan
+from agents.planning.planner import Planner
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.cloud import Cloud
+from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.scan import cloud_of
+from dexgrasp_env.perception.scene import SceneObject, find_object
+from dexgrasp_env.robot.limits import HOME
+
+NO_VOLUME = "cloud_has_no_volume"
+
+
+@dataclass(frozen=True, eq=False)
+class CloudPlan:
+    """What came of planning on a cloud.
+
+    Attributes:
+        seen: the object as it was isolated, or why there is none.
+        target: what was planned on; None without an object.
+        plan: of the planner; None without an object.
+        seconds: from the isolated object to the certified grasp with its approach.
+    """
+
+    seen: SceneObject
+    target: GraspTarget | None = None
+    plan: Plan | None = None
+    seconds: float = 0.0
+
+    @property
+    def grasp(self) -> Grasp | None:
+        """The certified grasp, or None."""
+        return None if self.plan is None else self.plan.grasp
+
+    @property
+    def reason(self) -> str | None:
+        """Why there is no grasp, in a word that can be counted; None with one."""
+        if self.seen.reason is not None:
+            return self.seen.reason
+        if self.plan is None:
+            return NO_VOLUME
+        return None if self.plan.grasp is not None else f"no_grasp:{self.plan.reason}"
+
+    @property
+    def sentence(self) -> str:
+        """The reason for people, or an empty text."""
+        if self.seen.reason is not None:
+            return self.seen.sentence
+        return "" if self.grasp is not None else str(self.reason)
+
+
+def plan_cloud(
+    points: Any,
+    *,
+    near: Sequence[float] | None = None,
+    mass: float | None = None,
+    seed: int = 0,
+    start: Array | None = None,
+    planner: Planner | None = None,
+) -> CloudPlan:
+    """Plan a grasp of the object in a cloud of the scene.
+
+    The scene stands on a table at the height of the robot's base; the table, and the robot where it stands at `start`,
+    may be in the cloud.
+
+    Args:
+        points: (N, 3) m in the robot base frame, z up, or a `Cloud` as `read_scan` returns it.
+        near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
+        mass: kg where it is known; None assumes one from the volume.
+        seed: of everything that is drawn; the same cloud and seed give the same grasp.
+        start: (23,) rad, where the robot stands; its home posture by default.
+        planner: one of your own; the default planner otherwise.
+
+    Returns:
+        A plan with `.grasp`, or with `.reason` why there is none.
+
+    Raises:
+        InputError: for something that is no cloud, a point or a mass that is none.
+    """
+    cloud = points if isinstance(points, Cloud) else cloud_of(points)
+    q = _checked("start", HOME if start is None else start, 23)
+    where = None if near is None else _checked("near", near, 3)
+    if mass is not None and not (isinstance(mass, int | float) and np.isfinite(mass) and mass > 0):
+        raise InputError(f"mass is {mass!r}: valid is a positive number of kilograms")
+    planner = planner or Planner()
+    robot, data = _robot_at(q, planner.mount)
+    seen = find_object(cloud, np.random.default_rng(seed), near=where, robot=robot, data=data)
+    if seen.reason is not None:
+        return CloudPlan(seen)
+    began = time.perf_counter()
+    target = _target(seen, mass)
+    if target is None:
+        return CloudPlan(seen)
+    return CloudPlan(seen, target, planner.plan(target, seed, q), time.perf_counter() - began)
+
+
+def _target(seen: SceneObject, mass: float | None) -> GraspTarget | None:
+    hull = cloud_hull(seen.cloud.valid_points, seen.cloud.plane)
+    if hull is None:
+        return None
+    try:
+        return GraspTarget.of(hull, mass=mass)
+    except InputError:  # points that span no volume to speak of
+        return None
+
+
+def _checked(name: str, value: Any, size: int) -> Array:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise InputError(f"{name} must be {size} finite numbers")
+    return array
+
+
+def _robot_at(q: Array, mount: str) -> tuple[Any, Any]:
+    """Return the robot's shape and its kinematics at `q`."""
+    import mujoco
+
+    from dexgrasp_env.perception.robot import RobotShape
+    from dexgrasp_env.robot.model import robot_spec
+
+    model = robot_spec(mount).compile()
+    data = mujoco.MjData(model)
+    data.qpos[:23] = q
+    mujoco.mj_kinematics(model, data)
+    return RobotShape(model), data

@@ -1,0 +1,215 @@
+"""One object out of the cloud of a whole scene, or the reason why there is none.
+
+For clouds that come from a file or from a user's own cameras: unlike in `segment`, nothing is known of the images they
+were made from, and a wrong unit or frame is likelier than noise.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.perception.cloud import Cloud, crop, remove_outliers
+from dexgrasp_env.perception.plane import Plane, fit_plane
+from dexgrasp_env.perception.robot import RobotShape
+from dexgrasp_env.perception.segment import SegmentationSettings, SegmentedCloud, finish
+
+if TYPE_CHECKING:
+    import mujoco
+
+EMPTY = "empty_cloud"
+UNIT = "unit_is_not_metres"
+NO_TABLE = "plane_not_found"
+UPSIDE_DOWN = "upside_down"
+TABLE_HEIGHT = "table_not_at_base_height"
+NO_OBJECT = "no_object_on_the_table"
+NOTHING_NEAR = "nothing_near_the_point"
+SEVERAL = "several_objects"
+OUT_OF_REACH = "out_of_reach"
+
+WORDS = {
+    EMPTY: "the cloud holds too few points to be a scene",
+    UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001",
+    NO_TABLE: "no level plane that could be the table: is the cloud in the robot base frame, z up?",
+    UPSIDE_DOWN: "the points lie below the table: z must point up in the robot base frame",
+    TABLE_HEIGHT: "the table is not at the height of the robot's base, as the cell has it",
+    NO_OBJECT: "nothing stands on the table within the workspace",
+    NOTHING_NEAR: "no object near the point that was named",
+    SEVERAL: "several objects are in the workspace: name a point near the one that is meant",
+    OUT_OF_REACH: "the object stands outside the workspace of the arm",
+}
+"""Reason -> what it means and what to do."""
+
+_VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
+_LARGEST = 5.0  # m from the base: beyond, the unit is wrong
+_HEIGHTS = 0.30  # m above and below the base where a table is looked for, to say where it is
+_TABLE_OFF = 0.02  # m that the table may be off the base's height
+_BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
+_RIVAL = 0.35  # of the largest cluster's points: a smaller one is a remnant, not another object
+_NEAR = 0.08  # m from the named point to the object
+
+
+@dataclass(frozen=True, eq=False)
+class SceneObject:
+    """The object that was found in a scene.
+
+    Attributes:
+        cloud: the object as the simulated cameras' pipeline returns it, or its reason.
+        detail: figures for the reason: where the table is, where the objects are.
+    """
+
+    cloud: SegmentedCloud
+    detail: str = ""
+
+    @property
+    def reason(self) -> str | None:
+        """None, or why there is no object, a key of `WORDS`."""
+        return self.cloud.reason
+
+    @property
+    def sentence(self) -> str:
+        """The reason for people."""
+        said = WORDS.get(str(self.reason), str(self.reason))
+        return f"{said} ({self.detail})" if self.detail else said
+
+
+def find_object(
+    scene: Cloud,
+    rng: Generator,
+    *,
+    near: Sequence[float] | Array | None = None,
+    settings: SegmentationSettings | None = None,
+    robot: RobotShape | None = None,
+    data: "mujoco.MjData | None" = None,
+) -> SceneObject:
+    """Return the one object that stands on the table of a scene.
+
+    Args:
+        scene: points in the robot base frame, m; robot and table may be in it.
+        rng: draws the plane hypotheses and the subset.
+        near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
+        settings: of the pipeline.
+        robot: its shape, to remove its points; None removes none.
+        data: current kinematics of the robot; needed with `robot`.
+    """
+    s = settings or SegmentationSettings()
+    if len(scene) < s.min_points:
+        return _none(s, EMPTY, f"{len(scene)} points")
+    if float(np.median(np.linalg.norm(scene.points, axis=1))) > _LARGEST:
+        return _none(s, UNIT, f"median distance from the base {np.median(np.abs(scene.points)):.0f}")
+    scene = _thinned(scene)
+    plane, reason, detail = _find_table(scene, rng, s)
+    if plane is None:
+        return _none(s, reason, detail)
+    above = scene.select(plane.heights(scene.points) > max(0.004, s.clearance_sigmas * plane.rms))
+    if robot is not None and data is not None:
+        above = above.select(~robot.contains(above.points, data, s.robot_margin))
+    above = remove_outliers(above, s.outlier_radius, s.outlier_neighbours)
+    chosen, reason, detail = _choose(above, near, s)
+    if chosen is None:
+        return _none(s, reason, detail)
+    return SceneObject(finish(_seen_from_outside(chosen), plane, s, rng))
+
+
+def _thinned(cloud: Cloud) -> Cloud:
+    """One point a voxel, the first of each."""
+    cells = np.floor(cloud.points / _VOXEL).astype(np.int64)
+    _, first = np.unique(cells, axis=0, return_index=True)
+    return cloud.select(np.sort(first))
+
+
+def _find_table(cloud: Cloud, rng: Generator, s: SegmentationSettings) -> tuple[Plane | None, str, str]:
+    """Return the table, or the reason why there is none and its figures."""
+    local = crop(cloud, (*s.crop_low[:2], -np.inf), (*s.crop_high[:2], np.inf))
+    pool = local if len(local) > s.min_points else cloud
+    plane = fit_plane(pool.points, rng, height=s.table_height, tolerance=0.010, min_inliers=100)
+    if plane is None:
+        elsewhere = fit_plane(
+            pool.points,
+            rng,
+            height=s.table_height,
+            height_tolerance=_HEIGHTS,
+            tolerance=0.010,
+            min_inliers=100,
+        )
+        if elsewhere is None:
+            return None, NO_TABLE, ""
+        return None, TABLE_HEIGHT, f"found at z = {elsewhere.offset:.3f} m"
+    heights = plane.heights(pool.points)
+    off_table = np.abs(heights) > 0.015
+    if off_table.sum() >= s.min_points and (heights[off_table] < 0).mean() > _BELOW:
+        return None, UPSIDE_DOWN, f"{100 * (heights[off_table] < 0).mean():.0f} % of what is off the table"
+    if abs(plane.offset - s.table_height) > _TABLE_OFF:
+        return None, TABLE_HEIGHT, f"found at z = {plane.offset:.3f} m"
+    return plane, "", ""
+
+
+def _choose(
+    cloud: Cloud, near: Sequence[float] | Array | None, s: SegmentationSettings
+) -> tuple[Cloud | None, str, str]:
+    """Return the cluster that is meant, or the reason and its figures."""
+    clusters = [c for c in _clusters(cloud, s.link) if len(c) >= s.min_points]
+    if not clusters:
+        return None, NO_OBJECT, f"{len(cloud)} points above the table"
+    if near is not None:
+        point = np.asarray(near, dtype=float)
+        gaps = [float(np.linalg.norm(c.points - point, axis=1).min()) for c in clusters]
+        best = int(np.argmin(gaps))
+        if gaps[best] > _NEAR:
+            return None, NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away"
+        return _reachable(clusters[best], s)
+    inside = [c for c in clusters if _in_reach(_middle(c), s)]
+    if not inside:
+        return None, OUT_OF_REACH, _places(clusters)
+    inside.sort(key=len, reverse=True)
+    rivals = [c for c in inside if len(c) >= _RIVAL * len(inside[0])]
+    if len(rivals) > 1:
+        return None, SEVERAL, _places(rivals)
+    return inside[0], "", ""
+
+
+def _clusters(cloud: Cloud, link: float) -> list[Cloud]:
+    if not len(cloud):
+        return []
+    from dexgrasp_env.perception.kernels import cluster
+
+    labels = cluster(np.ascontiguousarray(cloud.points), link)
+    return [cloud.select(labels == k) for k in range(int(labels.max()) + 1)]
+
+
+def _reachable(cloud: Cloud, s: SegmentationSettings) -> tuple[Cloud | None, str, str]:
+    if not _in_reach(_middle(cloud), s):
+        return None, OUT_OF_REACH, _places([cloud])
+    return cloud, "", ""
+
+
+def _in_reach(point: Array, s: SegmentationSettings) -> bool:
+    low, high = np.array(s.crop_low[:2]), np.array(s.crop_high[:2])
+    return bool((point[:2] >= low).all() and (point[:2] <= high).all())
+
+
+def _middle(cloud: Cloud) -> Array:
+    return 0.5 * (cloud.points.min(0) + cloud.points.max(0))
+
+
+def _places(clouds: list[Cloud]) -> str:
+    return "at " + ", ".join("({:.2f}, {:.2f}, {:.2f})".format(*_middle(c)) for c in clouds[:4])
+
+
+def _seen_from_outside(cloud: Cloud) -> Cloud:
+    """Views from the object's middle outwards: a merged cloud does not say who saw a point."""
+    out = cloud.points - _middle(cloud)
+    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+    return Cloud(cloud.points, out, cloud.depth, cloud.camera, cloud.pixel)
+
+
+def _none(s: SegmentationSettings, reason: str, detail: str = "") -> SceneObject:
+    empty: NDArray[np.float32] = np.zeros((s.count, 3), np.float32)
+    nothing = SegmentedCloud(
+        empty, empty.copy(), np.zeros(s.count, bool), None, reason, 0, np.full(s.count, -1, np.int32)
+    )
+    return SceneObject(nothing, detail)
