@@ -43,6 +43,11 @@ ARM_TORQUE = _table(87.0, 87.0, 87.0, 87.0, 12.0, 12.0, 12.0)
 # The hand's maker states no joint speed. 7 rad/s is our decision: about what small geared servos reach.
 HAND_VELOCITY = _table(*(7.0,) * 16)
 """Hand velocity limits, (16,) rad/s; a decision of ours."""
+# Nor an acceleration or a jerk: these are ours as well, gentle for what they drive.
+HAND_ACCELERATION = _table(*(60.0,) * 16)
+"""Hand acceleration limits, (16,) rad/s^2; a decision of ours."""
+HAND_JERK = _table(*(3000.0,) * 16)
+"""Hand jerk limits, (16,) rad/s^3; a decision of ours."""
 HAND_TORQUE = _table(*(0.7,) * 16)
 """Hand torque limits, (16,) Nm."""
 

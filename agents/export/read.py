@@ -1,0 +1,120 @@
+"""Reader of exported trajectories. NB: it shares no code with what writes them, so that it can find their faults."""
+
+import csv
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+
+_ARM = [
+    "panda_joint1",
+    "panda_joint2",
+    "panda_joint3",
+    "panda_joint4",
+    "panda_joint5",
+    "panda_joint6",
+    "panda_joint7",
+]
+_HAND = [f"{finger}_{k}" for finger in ("index", "middle", "ring", "thumb") for k in range(4)]
+_MOST_ROWS = 600_000  # ten minutes at 1 kHz
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """One controller's part: times (T,) s, positions (T, n) rad, and the joints' names."""
+
+    times: Array
+    positions: Array
+    joints: tuple[str, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """A trajectory as read: arm, hand, and what else the files say."""
+
+    arm: Rows
+    hand: Rows
+    facts: dict[str, Any]
+
+
+def read_trajectory(path: Path) -> Recording:
+    """Read a folder with `arm.csv` and `hand.csv`, one of the two files, or a `trajectory.json`.
+
+    Raises:
+        InputError: saying what is missing, malformed, or cut off.
+    """
+    if path.is_dir() and (path / "trajectory.json").is_file() and not (path / "arm.csv").is_file():
+        path = path / "trajectory.json"
+    if path.suffix.lower() == ".json":
+        return _read_json(path)
+    folder = path if path.is_dir() else path.parent
+    if not (folder / "arm.csv").is_file() or not (folder / "hand.csv").is_file():
+        raise InputError(
+            f"{path} is no trajectory: valid are a folder with arm.csv and hand.csv, or trajectory.json"
+        )
+    facts = _load(folder / "segments.json") if (folder / "segments.json").is_file() else {}
+    return Recording(_read_csv(folder / "arm.csv", _ARM), _read_csv(folder / "hand.csv", _HAND), facts)
+
+
+def _read_json(path: Path) -> Recording:
+    content = _load(path)
+    return Recording(
+        _part(content, "arm", _ARM, path), _part(content, "hand", _HAND, path),
+        {key: value for key, value in content.items() if key not in ("arm", "hand")},
+    )  # fmt: skip
+
+
+def _load(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    except (ValueError, RecursionError):
+        raise InputError(f"{path} holds no JSON (was it cut off?)") from None
+    if not isinstance(content, dict):
+        raise InputError(f"{path} holds no JSON object")
+    return content
+
+
+def _part(content: dict[str, Any], key: str, names: list[str], path: Path) -> Rows:
+    part = content.get(key)
+    if not isinstance(part, dict) or part.get("joints") != names:
+        raise InputError(f"{path}: {key!r} must have joints {', '.join(names)}")
+    period = part.get("period")
+    if isinstance(period, bool) or not isinstance(period, int | float) or not 0.0 < period < 1.0:
+        raise InputError(f"{path}: the period of {key!r} is {period!r}: valid is a part of a second")
+    positions = _numbers(part.get("positions"), len(names), f"{path}: positions of {key!r}")
+    return Rows(float(period) * np.arange(len(positions), dtype=float), positions, tuple(names))
+
+
+def _read_csv(path: Path, names: list[str]) -> Rows:
+    try:
+        with path.open(newline="", encoding="utf-8") as file:
+            lines = csv.reader(file)
+            header = next(lines, [])
+            rows = [row for row, _ in zip(lines, range(_MOST_ROWS), strict=False)]
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror}") from None
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path} is no CSV ({error})") from None
+    if header != ["t", *names]:
+        raise InputError(f"{path}: the header must be t, {', '.join(names)}")
+    table = _numbers(rows, len(names) + 1, str(path))
+    return Rows(table[:, 0], table[:, 1:], tuple(names))
+
+
+def _numbers(rows: Any, width: int, where: str) -> Array:
+    try:
+        table = np.array(rows, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        raise InputError(f"{where}: every row must hold {width} numbers (was the file cut off?)") from None
+    if table.ndim != 2 or table.shape[1] != width or len(table) < 2 or not np.isfinite(table).all():
+        raise InputError(
+            f"{where}: two or more rows of {width} finite numbers are needed, got shape {table.shape}"
+        )
+    return table

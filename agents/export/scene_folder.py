@@ -1,0 +1,65 @@
+"""The whole scene as a folder of MJCF and meshes that loads by itself anywhere."""
+
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import write_atomically
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.limits import HOME
+
+SCENE, MESHES = "scene.xml", "meshes"
+
+
+def write_scene(
+    folder: Path, model: ObjectModel, T_world_object: Array | None, mount: str, friction: float
+) -> list[Path]:
+    """Write `scene.xml` and `meshes/`: robot, table and object, with a keyframe `start`.
+
+    Args:
+        folder: made if it is not there.
+        model: the object.
+        T_world_object: (4, 4) its pose at the start; above the table's middle if None.
+        mount: of the hand.
+        friction: sliding coefficient of every contact.
+
+    Raises:
+        InputError: if the written folder does not load.
+    """
+    import mujoco
+
+    from dexgrasp_env.scene.build import scene_spec
+
+    spec = scene_spec(model, mount=mount, friction=friction)
+    pose = np.eye(4) if T_world_object is None else np.asarray(T_world_object, dtype=float)
+    if T_world_object is None:
+        pose[:3, 3] = 0.5, 0.0, 0.3
+    free = [*pose[:3, 3], *matrix_to_quat(pose[:3, :3])]
+    spec.add_key(name="start", qpos=[*HOME, *free], ctrl=list(HOME))
+    spec.compile()
+    text = _portable(spec.to_xml(), folder / MESHES)
+    write_atomically(folder / SCENE, text.encode())
+    try:
+        mujoco.MjModel.from_xml_path(str(folder / SCENE))
+    except ValueError as error:
+        raise InputError(f"{folder / SCENE} does not load: {' '.join(str(error).split())}") from None
+    return [folder / SCENE, *sorted((folder / MESHES).iterdir())]
+
+
+def _portable(xml: str, meshes: Path) -> str:
+    """Copy every mesh file that the text names to one folder, and name it there."""
+    meshes.mkdir(parents=True, exist_ok=True)
+    shells = asset_path("robot", "shells")
+
+    def copied(match: "re.Match[str]") -> str:
+        name = Path(match.group(1)).name
+        shutil.copyfile(shells / name, meshes / name)
+        return f'file="{MESHES}/{name}"'
+
+    return re.sub(r'file="([^"]+)"', copied, re.sub(r'\s(mesh|texture|asset)dir="[^"]*"', "", xml))
