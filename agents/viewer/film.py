@@ -1,0 +1,85 @@
+"""What a viewer shows of a grasp: states of robot and object over time, contacts, forces, and the certificate."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.model import ObjectModel
+
+
+@dataclass(frozen=True, eq=False)
+class Film:
+    """One grasp as it would be carried out. NB: kinematic, with the object fixed to the palm in the lift.
+
+    Attributes:
+        title: one line.
+        mount: of the hand.
+        states: (T, 23) rad.
+        object_poses: (T, 4, 4) m, robot base frame.
+        period: s between states.
+        segments: names and first states.
+        object: the true object where it is known, else None.
+        hull: (V, 3) m of the hull that was planned on, in the robot base frame.
+        cloud: (N, 3) m that was seen; may be empty.
+        contacts, normals, forces: (3, 3) m, unit out of the object, N on the object.
+        friction: of the cones that are drawn.
+        facts: name -> value, shown beside the scene.
+    """
+
+    title: str
+    mount: str
+    states: Array
+    object_poses: Array
+    period: float
+    segments: tuple[tuple[str, int], ...]
+    hull: Array
+    contacts: Array
+    normals: Array
+    forces: Array
+    friction: float
+    object: ObjectModel | None = None
+    cloud: Array = field(default_factory=lambda: np.zeros((0, 3)))
+    facts: dict[str, str] = field(default_factory=dict)
+
+
+def carried(states: Array, first_lifted: int, T_world_object: Array, mount: str) -> Array:
+    """Return object poses (T, 4, 4) that rest until a state and then move with the palm.
+
+    Args:
+        states: (T, 23) rad.
+        first_lifted: from this state on the object moves with the palm.
+        T_world_object: (4, 4) where it rests.
+        mount: of the hand.
+    """
+    palms = palm_poses(states, mount)
+    poses = np.tile(np.asarray(T_world_object, dtype=float), (len(states), 1, 1))
+    at = min(first_lifted, len(states) - 1)
+    in_palm = np.linalg.inv(palms[at]) @ T_world_object
+    poses[at:] = palms[at:] @ in_palm
+    return poses
+
+
+def palm_poses(states: Array, mount: str) -> Array:
+    """Return the palm's poses (T, 4, 4) in the robot base frame."""
+    model, data = robot_model(mount)
+    import mujoco
+
+    poses = np.tile(np.eye(4), (len(states), 1, 1))
+    site = model.site("palm").id
+    for pose, q in zip(poses, states, strict=True):
+        data.qpos[:23] = q
+        mujoco.mj_kinematics(model, data)
+        pose[:3, :3], pose[:3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
+    return poses
+
+
+def robot_model(mount: str) -> tuple[Any, Any]:
+    """Return the robot alone: model and data."""
+    import mujoco
+
+    from dexgrasp_env.robot.model import robot_spec
+
+    model = robot_spec(mount).compile()
+    return model, mujoco.MjData(model)
