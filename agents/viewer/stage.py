@@ -76,7 +76,7 @@ class Stage:
             return
         material = int(self._model.geom_matid[geom])
         rgba = self._model.mat_rgba[material] if material >= 0 else self._model.geom_rgba[geom]
-        colour = tuple(int(255 * c) for c in rgba[:3])
+        colour = (255.0 * rgba[:3]).astype(np.uint8)
         self._scene.add_mesh_simple(
             path, mesh.vertices.astype(np.float32), mesh.faces.astype(np.uint32), color=colour,
             position=tuple(self._model.geom_pos[geom]), wxyz=tuple(self._model.geom_quat[geom]),

@@ -1,0 +1,194 @@
+"""Exported trajectories: within limits, read back by other code, and refused where they are wrong."""
+
+import json
+import shutil
+
+import mujoco
+import numpy as np
+import pytest
+
+from agents.export.check import check_trajectory
+from agents.export.formats import moveit_grasp, write_csv, write_json, write_ros2
+from agents.export.read import read_trajectory
+from agents.export.replay import replay
+from agents.export.scene_folder import write_scene
+from agents.export.time_law import Limits, largest_shares, timed
+from agents.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects import load_object
+from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.names import ARM_JOINTS
+from dexgrasp_env.scene.build import build_scene
+
+LIMITS = Limits(np.full(4, 2.0), np.full(4, 10.0), np.full(4, 5000.0))
+FACTS = {"mount": "palm_normal", "object": "nothing"}
+
+
+def waypoints():
+    """A short motion near home that touches nothing."""
+    start, pregrasp = np.array(HOME), np.array(HOME)
+    pregrasp[:7] += [0.2, 0.1, -0.1, 0.1, 0.1, -0.1, 0.3]
+    grasp, squeeze = pregrasp.copy(), pregrasp.copy()
+    grasp[8] += 0.1
+    squeeze[8] += 0.15
+    middle = 0.5 * (start + pregrasp)
+    middle[2] += 0.05
+    lift = squeeze + np.linspace(0.0, 1.0, 12)[:, None] * np.r_[0.0, -0.1, 0.0, 0.1, np.zeros(19)]
+    return Waypoints(np.stack([start, middle, pregrasp]), grasp, squeeze, lift)
+
+
+@pytest.fixture(scope="module")
+def trajectory():
+    return make_trajectory(waypoints())
+
+
+@pytest.fixture
+def folder(trajectory, tmp_path):
+    write_csv(tmp_path, trajectory, FACTS)
+    return tmp_path
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_laws_keep_the_limits_and_reach_the_end(seed):
+    rng = np.random.default_rng(seed)
+    path = np.cumsum(rng.normal(0.0, 0.2, (rng.integers(2, 9), 4)), axis=0)
+    rows = timed(path, LIMITS, 0.001, 3)
+    assert len(rows) % 3 == 0
+    assert np.array_equal(rows[-1], path[-1])
+    shares = largest_shares(np.concatenate([path[:1], rows, np.repeat(rows[-1:], 3, axis=0)]), LIMITS, 0.001)
+    assert max(shares) < 0.95
+    assert shares.velocity > 0.2 or shares.acceleration > 0.2  # not just slow
+
+
+def test_a_law_goes_through_the_points_of_its_path():
+    path = np.array([[0.0, 0, 0, 0], [0.3, 0.2, 0, 0], [0.4, 0.6, 0.1, 0], [0.9, 0.5, 0.3, 0.2]])
+    rows = timed(path, LIMITS, 0.001)
+    assert max(np.abs(rows - point).max(axis=1).min() for point in path[1:]) < 0.003
+
+
+def test_standing_still_takes_no_time():
+    assert len(timed(np.zeros((3, 4)), LIMITS, 0.001)) == 0
+
+
+def test_arm_and_hand_end_together_and_segments_follow_each_other(trajectory):
+    assert len(trajectory.arm) == 1 + HAND_EVERY * (len(trajectory.hand) - 1)
+    names = [name for name, _, _ in trajectory.segments]
+    assert names == ["approach", "close", "squeeze", "lift"]
+    ends = [end for _, _, end in trajectory.segments]
+    assert [start for _, start, _ in trajectory.segments][1:] == ends[:-1]
+    assert ends[-1] == pytest.approx(ARM_TICK * (len(trajectory.arm) - 1))
+
+
+def test_a_good_trajectory_passes_every_check(folder):
+    findings = check_trajectory(read_trajectory(folder))
+    assert len(findings) > 10
+    assert [f.name for f in findings if not f.holds] == []
+
+
+def test_every_format_holds_the_same_rows(trajectory, folder, tmp_path):
+    write_json(tmp_path / "json", trajectory, FACTS)
+    one, other = read_trajectory(folder), read_trajectory(tmp_path / "json")
+    assert np.array_equal(one.arm.positions, trajectory.arm)
+    assert np.array_equal(one.hand.positions, trajectory.hand)
+    assert np.array_equal(other.arm.positions, trajectory.arm)
+    assert np.array_equal(other.hand.positions, trajectory.hand)
+
+
+@pytest.mark.parametrize(
+    ("column", "change", "found"),
+    [
+        (3, lambda q: q + 0.004, "velocity"),
+        (1, lambda q: q + 2e-5, "acceleration"),
+        (4, lambda q: q + 1e-5, "jerk"),
+        (5, lambda q: 0.0 * q + 3.9, "joint limits"),
+    ],
+)
+def test_one_changed_number_is_found(folder, column, change, found):
+    lines = (folder / "arm.csv").read_text().splitlines()
+    row = lines[900].split(",")
+    row[1 + column] = f"{float(change(float(row[1 + column]))):.17g}"
+    (folder / "arm.csv").write_text("\n".join([*lines[:900], ",".join(row), *lines[901:]]) + "\n")
+    bad = [f.name for f in check_trajectory(read_trajectory(folder)) if not f.holds]
+    assert any(found in name for name in bad), bad
+
+
+def test_a_missing_row_is_found(folder):
+    lines = (folder / "hand.csv").read_text().splitlines()
+    (folder / "hand.csv").write_text("\n".join(lines[:100] + lines[101:]) + "\n")
+    bad = [f.name for f in check_trajectory(read_trajectory(folder)) if not f.holds]
+    assert any("times" in name for name in bad)
+
+
+def test_a_hand_in_the_table_is_found(trajectory, tmp_path):
+    deep = trajectory.arm.copy()
+    deep[:, 1] += 1.6 * np.linspace(0.0, 1.0, len(deep))
+    write_csv(tmp_path, type(trajectory)(deep, trajectory.hand, trajectory.segments), FACTS)
+    bad = [f.name for f in check_trajectory(read_trajectory(tmp_path)) if not f.holds]
+    assert any("table" in name for name in bad), bad
+
+
+def test_damaged_files_are_one_line(folder, tmp_path):
+    text = (folder / "arm.csv").read_text()
+    wrong = {
+        "header": text.replace("panda_joint1", "joint_1", 1),
+        "cut": text[: len(text) // 2],
+        "words": text.replace("\n0.001", "\nabc", 1),
+        "nan": text.replace("\n0.002000,", "\nnan,", 1),
+        "empty": "",
+    }
+    for name, content in wrong.items():
+        (folder / "arm.csv").write_text(content)
+        with pytest.raises(InputError) as error:
+            read_trajectory(folder)
+        assert "\n" not in str(error.value), name
+    (tmp_path / "trajectory.json").write_text('{"arm": 3}')
+    with pytest.raises(InputError):
+        read_trajectory(tmp_path / "trajectory.json")
+    with pytest.raises(InputError):
+        read_trajectory(tmp_path / "nothing")
+
+
+def test_ros_messages_have_their_fields(trajectory, tmp_path):
+    yaml = pytest.importorskip("yaml")
+    facts = FACTS | {
+        "open": HOME[7:].tolist(), "closed": HOME[7:].tolist(), "quality": 0.5, "lift_height": 0.14,
+        "largest_force": 9.0, "squeeze": {"torque": [0.1] * 16},
+        "palm": {"position": [0.5, 0.0, 0.2], "quat_wxyz": [1.0, 0.0, 0.0, 0.0]},
+    }  # fmt: skip
+    write_ros2(tmp_path, trajectory, facts)
+    arm = yaml.safe_load((tmp_path / "arm.yaml").read_text())
+    assert arm["joint_names"] == list(ARM_JOINTS)
+    last = arm["points"][-1]["time_from_start"]
+    assert last["sec"] + 1e-9 * last["nanosec"] == pytest.approx(
+        ARM_TICK * (len(trajectory.arm) - 1), abs=0.011
+    )
+    assert len(arm["points"][0]["positions"]) == len(arm["points"][0]["velocities"]) == 7
+    assert yaml.safe_load((tmp_path / "grasp.yaml").read_text()) == json.loads(
+        json.dumps(moveit_grasp(facts))
+    )
+
+
+def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
+    shape = load_object("sugar_box")
+    write_scene(tmp_path / "here", shape, None, "palm_normal", 0.7)
+    shutil.move(tmp_path / "here", tmp_path / "there")
+    model = mujoco.MjModel.from_xml_path(str(tmp_path / "there" / "scene.xml"))
+    own = build_scene(shape)
+    for name in (
+        "body_mass",
+        "geom_friction",
+        "actuator_gainprm",
+        "jnt_range",
+        "dof_armature",
+        "pair_solref",
+    ):
+        assert np.allclose(getattr(model, name), getattr(own, name), atol=1e-6), name
+    write_csv(tmp_path, trajectory, FACTS)
+    outcome = replay(read_trajectory(tmp_path), tmp_path / "there" / "scene.xml", np.random.default_rng(0))
+    assert not outcome.success  # nothing was grasped
+
+
+def test_a_scene_that_is_none_is_one_line(trajectory, folder):
+    (folder / "scene.xml").write_text("<mujoco/>")
+    with pytest.raises(InputError):
+        replay(read_trajectory(folder), folder / "scene.xml")

@@ -1,0 +1,149 @@
+"""Clouds of whole scenes: read from files, one object isolated, or a reason."""
+
+import numpy as np
+import pytest
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception import scene
+from dexgrasp_env.perception.depth_folder import read_cameras
+from dexgrasp_env.perception.scan import cloud_of, read_scan
+from dexgrasp_env.perception.scene import find_object
+
+
+@pytest.fixture
+def rng():
+    return np.random.default_rng(7)
+
+
+BOX = np.array([0.06, 0.08, 0.05])
+
+
+def table(rng, count=6000, height=0.0):
+    points = np.column_stack([rng.uniform(0.25, 0.85, count), rng.uniform(-0.5, 0.5, count), np.zeros(count)])
+    points[:, 2] = height + rng.normal(0.0, 0.0008, count)
+    return points
+
+
+def box(rng, centre, size=BOX, count=3000):
+    """Points on the sides and the top of a box that stands on the table."""
+    local = rng.uniform(-0.5, 0.5, (count, 3))
+    face = rng.integers(0, 5, count)
+    local[np.arange(count), face // 2] = np.where(face % 2 == 0, 0.5, -0.5)
+    local[face == 4, 2] = 0.5
+    return local * size + [centre[0], centre[1], 0.5 * size[2]] + rng.normal(0.0, 0.0005, (count, 3))
+
+
+def scene_points(rng, *centres):
+    return np.concatenate([table(rng), *(box(rng, centre) for centre in centres)])
+
+
+def find(points, **options):
+    return find_object(cloud_of(points), np.random.default_rng(0), **options)
+
+
+def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):
+    found = find(scene_points(rng, (0.5, 0.1)))
+    assert found.reason is None
+    low, high = found.cloud.valid_points.min(0), found.cloud.valid_points.max(0)
+    assert np.abs(0.5 * (low + high)[:2] - [0.5, 0.1]).max() < 0.003
+    assert np.abs((high - low)[:2] - BOX[:2]).max() < 0.005
+    assert 0.0 < low[2] < 0.012
+
+
+def test_the_same_cloud_and_seed_give_the_same_points(rng):
+    points = scene_points(rng, (0.5, 0.1))
+    assert np.array_equal(find(points).cloud.points, find(points).cloud.points)
+
+
+def test_what_is_wrong_is_named(rng):
+    good = scene_points(rng, (0.5, 0.1))
+    cases = {
+        scene.EMPTY: good[:5],
+        scene.UNIT: 1000.0 * good,
+        scene.UPSIDE_DOWN: good * [1.0, 1.0, -1.0],
+        scene.TABLE_HEIGHT: good + np.array([0.0, 0.0, 0.12]),
+        scene.NO_OBJECT: table(rng),
+        scene.NO_TABLE: box(rng, (0.5, 0.1)) + np.array([0.0, 0.0, 0.2]),
+        scene.SEVERAL: scene_points(rng, (0.5, 0.15), (0.5, -0.15)),
+        scene.OUT_OF_REACH: scene_points(rng, (0.82, 0.46)),
+    }
+    for reason, points in cases.items():
+        found = find(points)
+        assert found.reason == reason, (reason, found.reason)
+        assert scene.WORDS[reason] in found.sentence
+
+
+def test_a_point_near_the_object_chooses_it(rng):
+    points = scene_points(rng, (0.5, 0.15), (0.5, -0.15))
+    found = find(points, near=(0.5, -0.15, 0.03))
+    assert found.reason is None
+    assert found.cloud.valid_points[:, 1].mean() < -0.1
+    assert find(points, near=(0.3, -0.4, 0.3)).reason == scene.NOTHING_NEAR
+
+
+def test_flying_pixels_and_holes_leave_the_object(rng):
+    points = scene_points(rng, (0.5, 0.1))
+    flying = rng.uniform([0.3, -0.3, 0.02], [0.7, 0.3, 0.3], (60, 3))
+    kept = points[~((np.abs(points[:, 0] - 0.5) < 0.01) & (points[:, 2] > 0.01))]  # a stripe is missing
+    found = find(np.concatenate([kept, flying]))
+    assert found.reason is None
+    assert np.abs(np.ptp(found.cloud.valid_points, axis=0)[:2] - BOX[:2]).max() < 0.02
+
+
+def test_files_give_the_points_that_were_written(rng, tmp_path):
+    points = rng.uniform(0.0, 0.5, (200, 3)).astype(np.float32)
+    header = "# .PCD\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 200\nHEIGHT 1\n"
+    head = header + "VIEWPOINT 0 0 0 1 0 0 0\nPOINTS 200\nDATA {}\n"
+    rows = np.zeros(200, [("p", "<f4", 3), ("c", "<u4")])
+    rows["p"] = points
+    ascii_rows = "\n".join(f"{x} {y} {z} 0" for x, y, z in points)
+    (tmp_path / "a.pcd").write_text(head.format("ascii") + ascii_rows)
+    (tmp_path / "b.pcd").write_bytes(head.format("binary").encode() + rows.tobytes())
+    np.save(tmp_path / "c.npy", points)
+    np.savez(tmp_path / "d.npz", points=points, other=np.zeros(3))
+    lines = "\n".join(f"{x} {y} {z}" for x, y, z in points)
+    properties = "".join(f"property float {axis}\n" for axis in "xyz")
+    (tmp_path / "e.ply").write_text(
+        f"ply\nformat ascii 1.0\nelement vertex 200\n{properties}end_header\n{lines}\n"
+    )
+    for path in sorted(tmp_path.iterdir()):
+        assert np.abs(read_scan(path).points - points).max() < 1e-6, path.name
+
+
+def test_damaged_files_are_one_line(tmp_path):
+    (tmp_path / "cut.pcd").write_bytes(b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 9\nDATA binary\n1234")
+    (tmp_path / "none.pcd").write_bytes(b"")
+    (tmp_path / "odd.pcd").write_bytes(b"\xff\x00\x01" * 40)
+    (tmp_path / "shape.npy").write_bytes(b"\x93NUMPY")
+    np.save(tmp_path / "flat.npy", np.zeros(7))
+    np.save(tmp_path / "nan.npy", np.full((9, 3), np.nan))
+    np.savez(tmp_path / "two.npz", a=np.zeros((3, 3)), b=np.zeros((3, 3)))
+    (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\n")
+    (tmp_path / "what.xyz").write_text("1 2 3")
+    (tmp_path / "folder").mkdir()
+    for path in [*sorted(tmp_path.iterdir()), tmp_path / "missing.ply"]:
+        with pytest.raises(InputError) as error:
+            read_scan(path)
+        assert "\n" not in str(error.value), path.name
+
+
+def test_depth_images_are_merged(tmp_path):
+    depth = np.full((8, 10), 0.5, np.float32)
+    np.save(tmp_path / "one.npy", depth)
+    lens = "width: 10, height: 8, fx: 20, fy: 20, cx: 4.5, cy: 3.5"
+    pose = "[[1, 0, 0, 0.1], [0, -1, 0, 0], [0, 0, -1, 1], [0, 0, 0, 1]]"
+    (tmp_path / "cameras.yaml").write_text(f"cameras:\n- {{depth: one.npy, {lens}, T_base_camera: {pose}}}\n")
+    points = read_scan(tmp_path).points
+    assert len(points) == 80
+    assert np.abs(points[:, 2] - 0.5).max() < 1e-6
+    assert abs(points[:, 0].mean() - 0.1) < 1e-6
+
+
+@pytest.mark.parametrize(
+    "text",
+    ["", "[]", "cameras: []", "cameras: [3]", "cameras: [{depth: a.npy}]", "{", "cameras: &a [*a]"],
+)
+def test_wrong_camera_files_are_one_line(text, tmp_path):
+    (tmp_path / "cameras.yaml").write_text(text)
+    with pytest.raises(InputError):
+        read_cameras(tmp_path / "cameras.yaml")

@@ -1,0 +1,45 @@
+"""The viewer's film and page."""
+
+import numpy as np
+import pytest
+
+from agents.viewer.film import Film, carried, palm_poses
+from dexgrasp_env.objects import load_object
+from dexgrasp_env.robot.limits import HOME
+
+
+@pytest.fixture(scope="module")
+def film():
+    states = np.tile(HOME, (6, 1))
+    states[3:, 1] -= 0.1
+    shape = load_object("gelatin_box")
+    T = np.eye(4)
+    T[:3, 3] = 0.5, 0.0, 0.02
+    hull = np.asarray(shape.mesh.vertices) + T[:3, 3]
+    contacts = np.array([[0.5, -0.04, 0.02], [0.48, 0.04, 0.02], [0.52, 0.04, 0.02]])
+    normals = np.array([[0.0, -1, 0], [0, 1, 0], [0, 1, 0]])
+    forces = -4.0 * normals
+    poses = carried(states, 2, T, "palm_normal")
+    facts = {"load": "1.50 <firm>"}
+    return Film("gelatin", "palm_normal", states, poses, 0.05, (("approach", 0),), hull, contacts, normals, forces, 0.5,
+                shape, hull, facts)  # fmt: skip
+
+
+def test_the_object_rests_until_it_is_lifted_and_then_follows_the_palm(film):
+    assert np.array_equal(film.object_poses[1], film.object_poses[0])
+    palms = palm_poses(film.states, "palm_normal")
+    in_palm = np.linalg.inv(palms) @ film.object_poses
+    assert np.abs(in_palm[5] - in_palm[2]).max() < 1e-12
+    assert np.abs(film.object_poses[5] - film.object_poses[0]).max() > 0.01
+
+
+def test_the_page_is_whole_and_fetches_nothing(film):
+    pytest.importorskip("viser")
+    from agents.viewer.page import page
+
+    text = page([film, film])
+    assert text.count("1.50 &lt;firm&gt;") == 2
+    assert "__VISER_EMBED_DATA__" in text
+    assert text.rstrip().endswith("</html>")
+    assert 'src="http' not in text
+    assert 'href="http' not in text
