@@ -27,7 +27,8 @@ _SOLVED = 150.0  # return of a dense episode that grasps within 5 s and holds
 def _register(name: str, max_episode_steps: int = _LIMIT, **kwargs: Any) -> None:
     # The entry points are strings so that specs serialise.
     register(
-        id=f"DexGrasp/{name}", entry_point="dexgrasp_env.tasks.lift:LiftEnv", max_episode_steps=max_episode_steps,
+        id=f"DexGrasp/{name}", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
+        vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
         reward_threshold=_SOLVED, kwargs=kwargs,
     )  # fmt: skip
 

@@ -4,7 +4,7 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -188,20 +188,28 @@ class Episodes:
             BAD_NUMBERS, self.settings.reward_mode == "dense", self.terms[part], self.rewards[part],
         )  # fmt: skip
 
-    def observe(self, part: slice, moment: Moment, rngs: list[Generator]) -> dict[str, NDArray[Any]]:
-        """Return the observation of a part of the episodes, without cameras: arrays (n, ...) by key."""
+    def observe(
+        self, part: slice, moment: Moment, rngs: Sequence[Generator | None]
+    ) -> dict[str, NDArray[Any]]:
+        """Return the observation of a part of the episodes, without cameras: arrays (n, ...) by key.
+
+        Args:
+            part: which.
+            moment: theirs.
+            rngs: theirs; None for one whose sensors are not read.
+        """
         records = self.records[part]
         rows = np.empty((len(records), self._width), np.float32)
         kernel.observe(records, *moment, self._columns, self._joint_noise(records, rngs), rows)
         return cut(rows, self._layout)
 
-    def _joint_noise(self, records: NDArray[np.void], rngs: list[Generator]) -> Array:
+    def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
         if self.settings.randomisation.joint_noise is None:
             if len(self._no_noise) < len(records):
                 self._no_noise = np.zeros((len(records), 23))
             return self._no_noise[: len(records)]
         size = records["variation"][:, 5:]
-        return size * np.array([rng.standard_normal(23) for rng in rngs])
+        return size * np.array([np.zeros(23) if rng is None else rng.standard_normal(23) for rng in rngs])
 
     # -- telling -------------------------------------------------------------------------------------------------
 
@@ -215,7 +223,7 @@ class Episodes:
             "is_grasped": bool(record["grasped"]),
             "stage": STAGES[record["stage"]],
             "failure": FAILURES[record["failure"]],
-            "object": self.simulations[slot.target].object.name,
+            "object": self.object_name(i),
             "object_height": float(record["height"]),
             "object_slip": slip,
             "object_tilt": tilt,
@@ -226,6 +234,11 @@ class Episodes:
             "variation": dict(vars(slot.variation)),
             "reward_terms": dict(zip(TERMS, self.terms[i].tolist(), strict=True)),
         }
+
+    def object_name(self, i: int) -> str:
+        """Return the name of the object of episode `i`, empty before the first."""
+        target = self.slots[i].target
+        return self.simulations[target].object.name if target else ""
 
     # -- states --------------------------------------------------------------------------------------------------
 

@@ -1,0 +1,341 @@
+"""The native vector environment of the lift task: many simulations, one kernel, all cores."""
+
+import copy
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import seeding
+from gymnasium.vector import AutoresetMode, VectorEnv
+from gymnasium.vector.utils import batch_space
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.tasks.batch import BatchPhysics
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, STABLE_SLIP, STABLE_TILT
+from dexgrasp_env.tasks.control import ACTION_SIZE
+from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Moment
+from dexgrasp_env.tasks.lift import LiftEnv, check_actions, make_settings
+from dexgrasp_env.tasks.observations import observation_space
+from dexgrasp_env.tasks.randomisation import Variation
+from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TERMS
+from dexgrasp_env.tasks.simulation import Simulation, warning_names
+
+_Observations = dict[str, NDArray[Any]]
+_STAGES, _FAILURES, _PHASES = (np.array(names, dtype=object) for names in (STAGES, FAILURES, PHASES))
+
+
+class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
+    """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v1", num_envs=N)`.
+
+    Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset and infos are
+    those of `gymnasium.vector.SyncVectorEnv` over N single environments, and so is every number, to the last bit,
+    whatever the number of threads.
+
+    ## Arguments, beside those of `LiftEnv`
+
+    | Argument | Default | Valid |
+    | --- | --- | --- |
+    | `num_envs` | `1` | how many |
+    | `max_episode_steps` | `300` | control steps after which an episode is truncated; None for no limit |
+    | `autoreset_mode` | `'NextStep'` | `NextStep`, `SameStep`, `Disabled` |
+    | `threads` | `None` | threads at a time; None for one a core |
+
+    `obs_mode="rgbd"` is not here: GL draws one picture at a time, so many environments gain nothing.
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        max_episode_steps: int | None = MAX_EPISODE_STEPS,
+        autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
+        threads: int | None = None,
+        **kwargs: Any,
+    ) -> None:
+        given = {**_defaults(), **kwargs}
+        self.num_envs = _check_count("num_envs", num_envs)
+        if given["obs_mode"] == "rgbd" or given["render_mode"] == "human":
+            raise InputError(
+                "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
+            )
+        self._mode, self._limit = _autoreset(autoreset_mode), max_episode_steps
+        self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
+        self.settings, self._views = make_settings(**given)
+        self.render_mode = self.settings.render_mode
+        self._episodes = Episodes(self.settings, self._views, num_envs)
+        threads = None if threads is None else _check_count("threads", threads)
+        self._physics = BatchPhysics(self._episodes.simulations, num_envs, threads)
+        self.single_action_space = spaces.Box(
+            -1.0, 1.0, (ACTION_SIZE[self.settings.control_mode],), np.float32
+        )
+        self.single_observation_space = observation_space(self.settings.obs_mode, self._views.image_shape)
+        self.action_space = batch_space(self.single_action_space, num_envs)
+        self.observation_space = batch_space(self.single_observation_space, num_envs)
+        self._rngs: list[Generator | None] = [None] * num_envs
+        self._observation: _Observations = {
+            key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
+            for key, part in self.single_observation_space.items()
+        }
+        self._ended = np.ones(num_envs, bool)  # waiting for a reset
+        self._started = np.zeros(num_envs, bool)
+
+    # -- Gymnasium -----------------------------------------------------------------------------------------------
+
+    def reset(
+        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[_Observations, dict[str, Any]]:
+        """Start episodes.
+
+        Args:
+            seed: of the first environment, the next ones have the numbers after it; or one for each.
+            options: as for `LiftEnv.reset`; `reset_mask` (N,) bool says which are reset, all by default.
+
+        Raises:
+            InputError: for a wrong number of seeds, a wrong mask, or what `LiftEnv.reset` refuses.
+        """
+        seeds = _seeds(seed, self.num_envs)
+        options = dict(options or {})
+        mask = _check_mask(options.pop("reset_mask", np.ones(self.num_envs, bool)), self.num_envs)
+        for i in np.flatnonzero(mask).tolist():
+            if seeds[i] is not None:
+                self._rngs[i], _ = seeding.np_random(seeds[i])
+            self._reset_one(i, options)
+        infos = self._infos()
+        return self._observations(), infos if mask.all() else _masked(infos, mask)
+
+    def step(
+        self, actions: NDArray[Any]
+    ) -> tuple[_Observations, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+        """Advance every environment by 50 ms; those that ended are reset as `autoreset_mode` says.
+
+        Raises:
+            InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
+        """
+        clipped = check_actions(actions, self.action_space.shape)
+        if not self._started.all() or (self._mode is AutoresetMode.DISABLED and self._ended.any()):
+            which = np.flatnonzero(self._ended).tolist()
+            raise InputError(f"step() called without running episodes in environments {which}: reset them first")
+        running = np.flatnonzero(~self._ended)
+        waiting = np.flatnonzero(self._ended)
+        self._advance(clipped, running)
+        for i in waiting:
+            self._reset_one(int(i))
+        records = self._episodes.records
+        rewards = self._episodes.rewards.copy()
+        rewards[waiting] = 0.0
+        terminated = records["failure"] > 0
+        truncated = (
+            np.zeros(self.num_envs, bool) if self._limit is None else records["elapsed"] >= self._limit
+        )
+        self._ended = terminated | truncated
+        final = self._finish() if self._mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
+        return self._observations(), rewards, terminated, truncated, self._infos() | final
+
+    def render(self) -> tuple[Any, ...] | None:
+        """Return a picture of each environment."""
+        pictures = []
+        for i in range(self.num_envs):
+            simulation = self._mounted(i)
+            mujoco.mj_forward(simulation.model, simulation.data)
+            pictures.append(self._views.render(self.render_mode, simulation))
+        return tuple(pictures)
+
+    def close_extras(self, **kwargs: Any) -> None:
+        """End the threads, free what rendering holds."""
+        self._physics.close()
+        self._views.close()
+
+    # -- states --------------------------------------------------------------------------------------------------
+
+    def get_state(self, i: int = 0) -> EpisodeState:
+        """Return the state of environment `i`, as `LiftEnv.get_state`; either takes the other's.
+
+        Raises:
+            InputError: before its first reset.
+        """
+        if not self._started[i]:
+            raise InputError(f"get_state({i}) called without an episode: call reset() first")
+        return self._episodes.get_state(i, self._physics.state(i), self._rng(i))
+
+    def set_state(self, state: EpisodeState, which: Iterable[int] | None = None) -> None:
+        """Go on from a state, its count of steps included.
+
+        Args:
+            state: of `get_state`.
+            which: the environments that go on from it; None for all.
+        """
+        for i in range(self.num_envs) if which is None else which:
+            self._episodes.set_state(i, state, self._rng(i))
+            self._physics.load(i, state.target)
+            timed_out = self._limit is not None and state.record["elapsed"] >= self._limit
+            self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
+
+    # -- inside --------------------------------------------------------------------------------------------------
+
+    def _rng(self, i: int) -> Generator:
+        rng = self._rngs[i]
+        if rng is None:
+            rng, _ = seeding.np_random()
+            self._rngs[i] = rng
+        return rng
+
+    def _reset_one(self, i: int, options: dict[str, Any] | None = None) -> None:
+        self._started[i], self._ended[i] = False, True  # options may be refused
+        simulation = self._episodes.begin(i, self._rng(i), options)
+        self._physics.load(i, self._episodes.slots[i].target)
+        only, moment = self._part(i)
+        self._episodes.judge(only, moment)
+        self._note(only, self._episodes.observe(only, moment, [self._rng(i)]))
+        self._look(i, simulation, at_reset=True)
+        self._started[i], self._ended[i] = True, False
+
+    def _advance(self, actions: NDArray[np.float64], running: NDArray[np.intp]) -> None:
+        """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
+        episodes, physics = self._episodes, self._physics
+        everything, moment = slice(None), (physics.qpos, physics.qvel, physics.sensors)
+        rows, push = episodes.set_points(everything, actions)
+        warnings = physics.step(rows, push if self.settings.disturbance.kind == "pushed" else None, running)
+        episodes.records["warnings"] |= warnings
+        episodes.records["elapsed"] += 1
+        episodes.judge(everything, moment)
+        rngs = [self._rng(i) if not self._ended[i] else None for i in range(self.num_envs)]
+        self._note(everything, episodes.observe(everything, moment, rngs))
+        if self.settings.obs_mode != "state":
+            for i in map(int, running):
+                self._look(i, self._mounted(i) if self.settings.observe == "step" else None, at_reset=False)
+
+    def _finish(self) -> dict[str, Any]:
+        """Return the last observations and infos of those that ended, and reset them."""
+        final: dict[str, Any] = {}
+        for i in np.flatnonzero(self._ended).tolist():
+            last = {key: values[i].copy() for key, values in self._observation.items()}
+            info = self._episodes.info(i) | copy.deepcopy(self._episodes.slots[i].view.info)
+            final = self._add_info(final, {"final_obs": last, "final_info": info}, i)
+        for i in np.flatnonzero(self._ended).tolist():
+            self._reset_one(i)
+        return final
+
+    def _look(self, i: int, simulation: Simulation | None, at_reset: bool) -> None:
+        if self.settings.obs_mode == "state":
+            return
+        slot = self._episodes.slots[i]
+        simulation = simulation or self._episodes.simulations[slot.target]
+        seen, _ = self._views.observe(slot.view, simulation, self._rng(i), at_reset)
+        self._note(i, seen)
+
+    def _mounted(self, i: int) -> Simulation:
+        """Return the scene of environment `i` with its model and present positions in it."""
+        simulation = self._episodes.enter(i)
+        simulation.data.qpos[:] = self._physics.qpos[i]
+        return simulation
+
+    def _part(self, i: int) -> tuple[slice, Moment]:
+        only, physics = slice(i, i + 1), self._physics
+        return only, (physics.qpos[only], physics.qvel[only], physics.sensors[only])
+
+    def _note(self, part: slice | int, seen: _Observations) -> None:
+        for key, values in seen.items():
+            self._observation[key][part] = values
+
+    def _observations(self) -> _Observations:
+        return {key: values.copy() for key, values in self._observation.items()}
+
+    def _infos(self) -> dict[str, Any]:
+        """Return what `Episodes.info` says of every environment, as arrays by key with their masks."""
+        episodes, records = self._episodes, self._episodes.records
+        drawn = [slot.variation for slot in episodes.slots]
+        infos: dict[str, Any] = {
+            "is_success": records["success"].copy(),
+            "is_stable": records["airborne"]
+            & (records["slip"] < STABLE_SLIP)
+            & (records["tilt"] < STABLE_TILT),
+            "is_grasped": records["grasped"].copy(),
+            "stage": _STAGES[records["stage"]],
+            "failure": _FAILURES[records["failure"]],
+            "object": _objects([episodes.object_name(i) for i in range(self.num_envs)]),
+            "object_height": records["height"].copy(),
+            "object_slip": records["slip"].copy(),
+            "object_tilt": records["tilt"].copy(),
+            "object_shift": records["shift"].copy(),
+            "held_seconds": records["held"] * CONTROL_PERIOD,
+            "disturbance": _PHASES[records["phase"]],
+            "mujoco_warnings": _objects([warning_names(bits) for bits in records["warnings"].tolist()]),
+            "variation": _with_masks(
+                {name: np.array([getattr(v, name) for v in drawn]) for name in vars(Variation())}
+            ),
+            "reward_terms": _with_masks({name: episodes.terms[:, k].copy() for k, name in enumerate(TERMS)}),
+        }
+        seen = [slot.view.info for slot in episodes.slots]
+        if self.settings.obs_mode != "state":
+            infos |= {
+                key: np.array([info[key] for info in seen], object if key.endswith("failure") else None)
+                for key in seen[0]
+            }
+        return _with_masks(infos)
+
+
+def _defaults() -> dict[str, Any]:
+    """The arguments of the single environment."""
+    import inspect
+
+    parameters = inspect.signature(LiftEnv.__init__).parameters
+    return {name: parameter.default for name, parameter in parameters.items() if name != "self"}
+
+
+def _objects(values: list[Any]) -> NDArray[Any]:
+    array = np.empty(len(values), dtype=object)
+    array[:] = values
+    return array
+
+
+def _with_masks(infos: dict[str, Any]) -> dict[str, Any]:
+    """Add Gymnasium's masks: every environment has every key."""
+    number = len(next(value for value in infos.values() if not isinstance(value, dict)))
+    return {**infos, **{f"_{key}": np.ones(number, bool) for key in infos}}
+
+
+def _masked(infos: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
+    """Return the infos of a part of the environments, as Gymnasium has them: nothing and False for the others."""
+    kept: dict[str, Any] = {}
+    for key, value in infos.items():
+        if isinstance(value, dict):
+            kept[key] = _masked(value, mask)
+        else:
+            kept[key] = value.copy()
+            kept[key][~mask] = None if value.dtype == object else 0
+    return kept
+
+
+def _seeds(seed: Any, number: int) -> list[int | None]:
+    """Return the seed of each environment."""
+    if seed is None or isinstance(seed, int | np.integer):
+        return [None if seed is None else int(seed) + i for i in range(number)]
+    seeds = list(seed)
+    if len(seeds) != number:
+        raise InputError(f"{len(seeds)} seeds given: valid is one, or one for each of {number}")
+    return seeds
+
+
+def _check_mask(mask: Any, number: int) -> NDArray[np.bool_]:
+    if not (
+        isinstance(mask, np.ndarray) and mask.shape == (number,) and mask.dtype == np.bool_ and mask.any()
+    ):
+        raise InputError(f"reset_mask must be an array of {number} booleans, one of them True at least")
+    return mask
+
+
+def _check_count(name: str, value: Any) -> int:
+    if not (isinstance(value, int) and value >= 1):
+        raise InputError(f"{name} = {value!r}: valid is a whole number from 1 on")
+    return value
+
+
+def _autoreset(mode: str | AutoresetMode) -> AutoresetMode:
+    try:
+        return AutoresetMode(mode)
+    except ValueError:
+        raise unknown_name("autoreset_mode", mode, [m.value for m in AutoresetMode]) from None

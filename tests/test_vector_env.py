@@ -1,0 +1,204 @@
+"""The native vector environment against single ones: the same bits, whatever ends when, on any number of threads."""
+
+import copy
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.errors import InputError
+
+ID = "DexGrasp/Lift-v1"
+OBJECTS = ["sugar_box", "massage_ball", "soda"]
+RANDOM = {
+    "mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.9, 1.1), "gain": (0.8, 1.2), "latency": (0.0, 0.04),
+    "joint_noise": (0.0, 0.01),
+}  # fmt: skip
+
+
+def native(number, **kwargs):
+    return gym.make_vec(ID, num_envs=number, **{"objects": OBJECTS, **kwargs})
+
+
+def singles(number, autoreset_mode="NextStep", threads=None, **kwargs):
+    settings = {"objects": OBJECTS, "disable_env_checker": True, **kwargs}
+    return gym.make_vec(
+        ID,
+        num_envs=number,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": autoreset_mode},
+        **settings,
+    )
+
+
+def assert_same(a, b, where=""):
+    """Equal in every bit, type and key."""
+    if isinstance(a, dict):
+        assert set(a) == set(b), where
+        for key in a:
+            assert_same(a[key], b[key], f"{where}/{key}")
+    elif isinstance(a, np.ndarray) and a.dtype == object:
+        assert a.shape == b.shape, where
+        for x, y in zip(a, b, strict=True):
+            assert_same(x, y, where)
+    elif isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype, where
+        assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), where
+    elif isinstance(a, tuple):
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            assert_same(x, y, f"{where}/{k}")
+    else:
+        assert type(a) is type(b), where
+        assert a == b, where
+
+
+def actions(rng, envs, centre):
+    return np.clip(centre + rng.normal(0, 0.5, centre.shape), -1, 1).astype(np.float32)
+
+
+def compare(number, steps, mode="NextStep", **kwargs):
+    """Step both with the same actions, and return how many episodes ended early and by the time limit."""
+    limit = kwargs.pop("max_episode_steps", 17)
+    ours = native(number, autoreset_mode=mode, max_episode_steps=limit, **kwargs)
+    theirs = singles(number, autoreset_mode=mode, max_episode_steps=limit, **kwargs)
+    seeds = [7 * i + 1 for i in range(number)]
+    assert_same(theirs.reset(seed=seeds), ours.reset(seed=seeds), "reset")
+    rng = np.random.default_rng(0)
+    centre = rng.uniform(-1, 1, ours.action_space.shape)
+    lost = truncated = 0
+    for step in range(steps):
+        act = actions(rng, ours, centre)
+        a, b = theirs.step(act), ours.step(act)
+        assert_same(a, b, f"step {step}")
+        lost, truncated = lost + int(a[2].sum()), truncated + int(a[3].sum())
+        over = a[2] | a[3]
+        if mode == "Disabled" and over.any():
+            options = {"reset_mask": over}
+            assert_same(
+                theirs.reset(options=dict(options)), ours.reset(options=dict(options)), f"masked {step}"
+            )
+        if step % 11 == 5:  # thrown off the table, in one of them
+            i = step % number
+            throw(ours, theirs, i)
+    ours.close()
+    theirs.close()
+    return lost, truncated
+
+
+def throw(ours, theirs, i):
+    """Let the object of environment `i` fly away, in both."""
+    inner = theirs.envs[i].unwrapped
+    if inner._over:
+        return
+    state = inner.get_state()
+    assert_same(state.physics, ours.get_state(i).physics, "physics")
+    state.physics[1 + 24] = 0.64  # time, then positions: the object's y
+    state.physics[1 + 30 + 24] = 2.0  # and its velocity
+    inner.set_state(state)
+    ours.set_state(state, [i])
+
+
+@pytest.mark.parametrize(("mode", "control_mode"), [
+    ("NextStep", "joint_delta"), ("SameStep", "joint_position"), ("Disabled", "ee_delta"),
+])  # fmt: skip
+def test_equals_single_environments_bit_for_bit(mode, control_mode):
+    lost, truncated = compare(3, 60, mode, control_mode=control_mode, randomisation=RANDOM, threads=2)
+    assert lost >= 1
+    assert truncated >= 3
+
+
+@pytest.mark.parametrize("threads", [1, 4])
+def test_threads_change_nothing(threads):
+    compare(5, 12, threads=threads, disturbance="pushed", max_episode_steps=9)
+
+
+@pytest.mark.parametrize(
+    ("obs_mode", "observe"), [("depth", "step"), ("pointcloud", "step"), ("pointcloud", "reset")]
+)
+def test_cameras_equal_single_ones(obs_mode, observe):
+    compare(
+        2, 8, "SameStep", obs_mode=obs_mode, observe=observe, views=2, calibration={"position": 0.01},
+        randomisation={"size": (0.9, 1.1)}, max_episode_steps=3,
+    )  # fmt: skip
+
+
+def test_presets_have_vector_environments():
+    for name in sorted(name for name in gym.registry if name.startswith("DexGrasp/Lift")):
+        envs = gym.make_vec(name, num_envs=2, objects="sugar_box")
+        first, _ = envs.reset(seed=3)
+        second, _ = envs.reset(seed=3)
+        assert_same(first, second)
+        assert envs.observation_space.contains(first)
+        envs.close()
+
+
+def test_state_continues_bit_for_bit_here_and_in_a_single_environment():
+    envs = native(3, randomisation=RANDOM, max_episode_steps=12)
+    single = gym.make(ID, objects=OBJECTS, randomisation=RANDOM, disable_env_checker=True)
+    envs.reset(seed=0)
+    rng = np.random.default_rng(1)
+    acts = rng.uniform(-0.5, 0.5, (10, 3, 23))
+    for act in acts[:4]:
+        envs.step(act)
+    state = pickle.loads(pickle.dumps(envs.get_state(1)))
+    single.reset(seed=5)
+    single.unwrapped.set_state(state)
+    envs.set_state(state)  # all three
+    for act in acts[4:]:
+        together = np.repeat(act[1:2], 3, axis=0)
+        observation, rewards, _, truncated, _ = envs.step(together)
+        alone, reward, *_ = single.step(act[1])
+        assert all(np.array_equal(observation[key][2], alone[key]) for key in alone)
+        assert np.all(rewards == reward)
+        assert not truncated.any()
+    for _ in range(2):  # the count of steps came with the state: 12 in all
+        *_, truncated, _ = envs.step(together)
+    assert truncated.all()
+
+
+@pytest.mark.parametrize("obs_mode", ["state", "pointcloud"])
+def test_deepcopy_and_pickle_keep_the_episode(obs_mode):
+    env = gym.make(
+        ID, objects=OBJECTS, randomisation=RANDOM, obs_mode=obs_mode, observe="reset", max_episode_steps=9
+    )
+    env.reset(seed=4)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        env.step(rng.uniform(-1, 1, 23))
+    others = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    for _ in range(6):
+        act = rng.uniform(-1, 1, 23)
+        expected = env.step(act)
+        for other in others:
+            assert_same(expected, other.step(act))
+    assert expected[3]  # the time limit's wrapper was copied with its count
+    expected = env.reset()
+    for other in others:
+        assert_same(expected, other.reset())
+
+
+def test_wrong_use_is_named_in_one_line():
+    for kwargs, word in (
+        ({"obs_mode": "rgbd"}, "rgbd"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
+        ({"control_mode": "torque"}, "ee_delta"),
+    ):  # fmt: skip
+        with pytest.raises(InputError, match=word) as caught:
+            native(2, **kwargs)
+        assert "\n" not in str(caught.value)
+    envs = native(2, objects="sugar_box", autoreset_mode="Disabled", max_episode_steps=1)
+    with pytest.raises(InputError, match="reset"):
+        envs.step(np.zeros((2, 23)))
+    with pytest.raises(InputError, match="seeds"):
+        envs.reset(seed=[1])
+    with pytest.raises(InputError, match="reset_mask"):
+        envs.reset(options={"reset_mask": np.zeros(2, bool)})
+    envs.reset(seed=0)
+    with pytest.raises(InputError, match="shape"):
+        envs.step(np.zeros((3, 23)))
+    with pytest.raises(InputError, match=r"\[\[1, 4\]\]"):
+        envs.step(np.where(np.arange(46).reshape(2, 23) == 27, np.nan, 0.0))
+    envs.step(np.zeros((2, 23)))
+    with pytest.raises(InputError, match=r"\[0, 1\]"):
+        envs.step(np.zeros((2, 23)))
