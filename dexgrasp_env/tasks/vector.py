@@ -118,7 +118,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         clipped = check_actions(actions, self.action_space.shape)
         if not self._started.all() or (self._mode is AutoresetMode.DISABLED and self._ended.any()):
             which = np.flatnonzero(self._ended).tolist()
-            raise InputError(f"step() called without running episodes in environments {which}: reset them first")
+            raise InputError(
+                f"step() called without running episodes in environments {which}: reset them first"
+            )
         running = np.flatnonzero(~self._ended)
         waiting = np.flatnonzero(self._ended)
         self._advance(clipped, running)
