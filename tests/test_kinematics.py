@@ -10,9 +10,8 @@ import trimesh
 from agents.geometry.convex import ConvexDistance
 from agents.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
 from agents.kinematics.forward import body_frames, fingertips, tip_jacobian
-from agents.kinematics.palm_ik import palm_frame, solve_palm
+from agents.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
 from agents.kinematics.tree import robot_tree
-from agents.planning.postures import reach_palm
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec

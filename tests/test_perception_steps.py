@@ -99,6 +99,13 @@ def test_plane_removal_keeps_what_stands_above():
     assert remove_plane(cloud, plane, 0.002).pixel.tolist() == [1]
 
 
+def test_a_plane_survives_its_observation():
+    plane = Plane(np.array([0.0, 0.1, 0.99]), -0.02, 0.001, 100)
+    back = Plane.from_array(Plane.to_array(plane).astype(np.float32))
+    np.testing.assert_allclose(np.r_[back.normal, back.offset, back.rms], Plane.to_array(plane), atol=1e-7)
+    assert Plane.from_array(Plane.to_array(None)) is None
+
+
 def test_levelling_undoes_tilt_and_height_of_a_view():
     rng = np.random.default_rng(0)
     true = np.concatenate([table_points(rng), [[0.5, 0, 0.1]], table_points(rng), [[0.5, 0, 0.1]]])

@@ -46,9 +46,7 @@ def plan():
 
 def constraints(q, settings=SETTINGS):
     distance = BOX.distance
-    return evaluate(
-        q, TREE, distance.triangles, distance.planes, bounds_of(settings, settings.closure_margin), True
-    )
+    return evaluate(q, TREE, distance.obstacle, bounds_of(settings, settings.closure_margin), True)
 
 
 def test_most_starts_become_feasible_and_feasible_means_feasible(solutions):

@@ -166,6 +166,13 @@ def test_limits_agree_with_the_model(model):
     assert not limits.HOME.flags.writeable
 
 
+def test_facts_of_the_hand_agree_with_the_model(model):
+    kp = [model.actuator(name).gainprm[0] for name in names.HAND_JOINTS]
+    assert kp == [limits.HAND_STIFFNESS] * 16
+    for finger, columns in names.FINGER_COLUMNS.items():
+        assert names.JOINTS[columns] == tuple(f"{finger}_{i}" for i in range(4))
+
+
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_mount_geometry(mount):
     data = placed(robot_spec(mount).compile(), limits.HOME)

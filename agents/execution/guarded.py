@@ -13,15 +13,16 @@ from agents.execution.script import ActionScript
 from agents.kinematics.forward import finger_jacobians, fingertips
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.limits import HAND_STIFFNESS
+from dexgrasp_env.robot.names import FINGER_COLUMNS, GRASP_FINGERS
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import normalise
 
-HAND_STIFFNESS = 10.0  # Nm/rad
-_FINGER_COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
+_COLUMNS = [FINGER_COLUMNS[finger] for finger in GRASP_FINGERS]
 _TOUCH_LAG = 0.0018  # m that a tip stays behind its set-point when it has touched: about 2 N
 _CLOSE_SPEED = 0.03  # m/s of the tips
 _OVERTRAVEL = 0.016  # m past where the surface is believed to be
 _CLOSE_STEPS, _SETTLE_STEPS, _SQUEEZE_STEPS = 60, 3, 8  # control steps at most, after contact, for the ramp
-_PERIOD = 0.05  # s
 
 
 class GuardedExecution:
@@ -45,6 +46,7 @@ class GuardedExecution:
         self._normals = normals
         self._progress, self._touched = np.zeros(3), np.zeros(3, bool)
         self._phase, self._count, self._step = "approach", 0, 0
+        self._settled = 0
         self._targets = self._base.copy()
         self._pressed = self._base.copy()
 
@@ -78,13 +80,13 @@ class GuardedExecution:
         self._touched |= (lag > _TOUCH_LAG) & (self._progress > 0.3)
         limit = 1.0 + _OVERTRAVEL / self._travel
         moving = ~self._touched & (self._progress < limit)
-        self._progress[moving] += _CLOSE_SPEED * _PERIOD / self._travel[moving]
+        self._progress[moving] += _CLOSE_SPEED * CONTROL_PERIOD / self._travel[moving]
         self._progress = np.minimum(self._progress, limit)
-        for finger, columns in enumerate(_FINGER_COLUMNS):
+        for finger, columns in enumerate(_COLUMNS):
             way = self._grasp[columns] - self._base[columns]
             self._targets[columns] = self._base[columns] + self._progress[finger] * way
         if not moving.any() or self._count >= _CLOSE_STEPS:
-            self._settled = getattr(self, "_settled", 0) + 1
+            self._settled += 1
             if self._settled > _SETTLE_STEPS:
                 self._start_squeeze(q)
         return self._targets
@@ -92,9 +94,9 @@ class GuardedExecution:
     def _start_squeeze(self, q: Array) -> None:
         J = finger_jacobians(q, self._tree)
         self._pressed = self._targets.copy()
-        torque = np.einsum("frj,fr->j", J, self._forces)
-        for columns in _FINGER_COLUMNS:
-            self._pressed[columns] = q[columns] + torque[columns - 7] / HAND_STIFFNESS
+        torque = np.r_[np.zeros(7), np.einsum("frj,fr->j", J, self._forces)]
+        for columns in _COLUMNS:
+            self._pressed[columns] = (q + torque / HAND_STIFFNESS)[columns]
         self._pressed = np.clip(self._pressed, self._tree.lower, self._tree.upper)
         self._from, self._count, self._phase = self._targets.copy(), 0, "squeeze"
 

@@ -14,9 +14,13 @@ from agents.kinematics.forward import (
 )
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.limits import HOME
 
 _TURN_SCALE = 0.15  # m a radian: how much a turn of the palm weighs against its shift
 _DAMPING = 1e-3
+_REACHED = 2e-3  # m, error with which a palm pose counts as reached
+_ELBOWS = ((0.0, 0.0), (0.0, 1.3), (0.0, -1.3), (0.5, 0.0), (-0.5, 0.0))
+"""Starts of the arm: shoulder turned from the goal's direction, wrist from home, rad."""
 _POSTURE = 2e-2  # pull towards the middle of the range, in the null space only
 
 
@@ -72,6 +76,18 @@ def solve_palm(
         for j in range(7):
             q[j] = min(max(q[j] + step[j], tree.lower[j] + 1e-3), tree.upper[j] - 1e-3)
     return error
+
+
+def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
+    """Solve the arm's part of `q` for a palm pose, in place, from a few starts; tell whether it is reached."""
+    toward = np.arctan2(p[1], p[0])
+    for swing, twist in _ELBOWS:
+        q[:7] = HOME[:7]
+        q[0] = np.clip(toward + swing, tree.lower[0], tree.upper[0])
+        q[6] = HOME[6] + twist
+        if solve_palm(q, R, p, tree, 40, 1e-4) < _REACHED:
+            return True
+    return False
 
 
 @njit(cache=True, error_model="numpy")

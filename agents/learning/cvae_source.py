@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from agents.grasp.target import GraspTarget
 from agents.learning.batches import CROPPED, SCALE, centre_of
 from agents.physics.margin import margins
-from agents.planning.proposals import Proposals, ProposalSource
+from agents.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from agents.learning.network import Cvae
 
 LATENTS = 1024
-_LEAST_DISTANCE = 0.03  # m between contacts, as of the surface's triples
 _APART = 0.006  # m, mean distance of the fingertips of two proposals
 _NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
 
@@ -109,16 +108,15 @@ def on_surface(
         Contacts (K, 3, 3), normals (K, 3, 3) as a fingertip feels them (smooth over edges), and which are usable: above
         the table and apart from each other.
     """
-    reach = settings.tip_radius + 0.5 * sum(settings.distance)
     flat = tips.reshape(-1, 3)
     away, out = target.distance.distance_gradient(flat)
-    centres = flat + (reach - away)[:, None] * out
+    centres = flat + (settings.tip_height - away)[:, None] * out
     distance, normals = target.distance.distance_gradient(centres)
     contacts = (centres - distance[:, None] * normals).reshape(tips.shape)
     height = contacts[:, :, 2].min(1), centres.reshape(tips.shape)[:, :, 2].min(1)
     usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
-    return contacts, normals.reshape(tips.shape), usable & (sides.min(1) > _LEAST_DISTANCE)
+    return contacts, normals.reshape(tips.shape), usable & (sides.min(1) > LEAST_DISTANCE)
 
 
 def _score(contacts: Array, normals: Array, margin: Array, target: GraspTarget) -> Array:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.learning.rest_scene import LEAST_DISTANCE, load_target, rest_scene
+from agents.learning.rest_scene import load_target, rest_scene
 from agents.learning.sampler import REACH, sample_shard
 from agents.learning.settings import SCHEMA, DatasetSettings, versions
 from agents.learning.shards import (
@@ -20,7 +20,8 @@ from agents.learning.shards import (
     write_pose,
     write_shard,
 )
-from agents.planning.postures import _NEIGHBOURS, _SIDE_TOLERANCE
+from agents.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
+from agents.planning.proposals import LEAST_DISTANCE
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, write_atomically
 from dexgrasp_env.objects.load import object_name
@@ -142,8 +143,8 @@ def _identity(settings: DatasetSettings) -> dict[str, Any]:
             "mass": model.mass,
         }
     fixed = {
-        "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": _NEIGHBOURS,
-        "side_tolerance": _SIDE_TOLERANCE,
+        "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": NEIGHBOURS,
+        "side_tolerance": SIDE_TOLERANCE,
     }  # fmt: skip
     return {"settings": settings.as_json(), "objects": objects, "fixed": fixed, "versions": versions()}
 

@@ -15,7 +15,7 @@ from agents.geometry.samples import surface_samples
 from agents.grasp.target import GraspTarget
 from agents.learning.settings import DatasetSettings
 from agents.physics.closure import closure_sweep
-from agents.planning.proposals import graspable_points
+from agents.planning.proposals import LEAST_DISTANCE, graspable_points
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.load import load_object, object_name
@@ -23,8 +23,6 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.poses import pose_matrix
 
-LEAST_DISTANCE = 0.03
-"""m between contacts."""
 CLOUD = 2048
 """Points of the surface kept for training."""
 

@@ -14,33 +14,24 @@ from numpy.typing import NDArray
 
 from agents.grasp.target import GraspTarget
 from agents.kinematics.forward import finger_jacobians
-from agents.kinematics.palm_ik import palm_frame
+from agents.kinematics.palm_ik import palm_frame, reach_palm
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from agents.learning.settings import DatasetSettings
 from agents.physics.forces import holding_forces
-from agents.planning.atlas import hand_atlas, triangle_sides
+from agents.planning.atlas import hand_atlas
 from agents.planning.constraints import FIXED_ROWS
-from agents.planning.postures import (
-    _ASSIGNMENTS,
-    _NEIGHBOURS,
-    _SIDE_TOLERANCE,
-    Goals,
-    Tips,
-    _best_placements,
-    reach_palm,
-)
+from agents.planning.placement import ASSIGNMENTS, place_on_atlas
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution, solve
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.limits import HAND_TORQUE, HOME
 
 BATCH = 48  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
 REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
 FAR = 0.02  # m: clearances beyond are not measured
-TORQUE_LIMIT = 0.7  # Nm
 COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_arm", "feasible", "holding")
 
 
@@ -92,24 +83,17 @@ def _try(
     settings: PlannerSettings, rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Try all six assignments of some triples, and add what is feasible."""
-    atlas, distance = hand_atlas(), scene.grasp_target.distance
-    ordered = triples[:, _ASSIGNMENTS].reshape(-1, 3)
-    reach = settings.tip_radius + 0.5 * sum(settings.distance)
-    normals = scene.normals[ordered]
-    centres = scene.points[ordered] + reach * normals
-    _, near = atlas.search.query(triangle_sides(centres), _NEIGHBOURS, distance_upper_bound=_SIDE_TOLERANCE)
-    tips = Tips(atlas.tips, atlas.axes, atlas.pads)
-    scores, which, rotations, positions = _best_placements(
-        Goals(centres, -normals), near, tips, distance.obstacle
-    )
+    joints, obstacle = hand_atlas().joints, scene.grasp_target.distance.obstacle
+    at = place_on_atlas(scene.points[triples], scene.normals[triples], obstacle, settings, ASSIGNMENTS)
+    ordered = triples[:, ASSIGNMENTS].reshape(-1, 3)
     found.counts.update(triples_tried=len(triples), assignments_tried=len(ordered))
-    for k in np.flatnonzero(scores > 0.0):
+    for k in np.flatnonzero(at.scores > 0.0):
         if len(found) >= quota:
             return
         found.counts["placed_by_atlas"] += 1
         q = HOME.copy()
-        q[7:] = atlas.joints[which[k]]
-        placement = _reach(q, rotations[k], positions[k], tree, rng)
+        q[7:] = joints[at.which[k]]
+        placement = _reach(q, at.rotations[k], at.positions[k], tree, rng)
         if placement is None:
             continue
         found.counts["reached_by_arm"] += 1
@@ -167,7 +151,7 @@ def _hold(
         hold = holding_forces(
             at.contacts, at.normals, settings.friction_hold, share * grasp_target.mass, grasp_target.centre,
             jacobians=J,
-            torque_limits=settings.torque_share * TORQUE_LIMIT, f_min=settings.least_press, safety=1.0,
+            torque_limits=settings.torque_share * HAND_TORQUE, f_min=settings.least_press, safety=1.0,
             disturbance=disturbance,
         )  # fmt: skip
         if hold.holds:

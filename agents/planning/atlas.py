@@ -21,7 +21,6 @@ _VERSION = 4
 _SAMPLES = 400_000
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept
-THUMB, INDEX, MIDDLE = slice(19, 23), slice(7, 11), slice(11, 15)
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from agents.physics.forces import HoldingForces, holding_forces
 from agents.physics.strength import capacity_of
 from agents.planning.claims import certificate_of, contacts_of, least_clearance
 from agents.planning.plan import Plan
-from agents.planning.setpoints import grasp_motion, openings
+from agents.planning.setpoints import OPENINGS, grasp_motion
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution
 from dexgrasp_env.arrays import Array
@@ -64,7 +64,7 @@ class Certifier:
         return hold
 
     def _open(self, q: Array, normals: Array, forces: Array, target: GraspTarget) -> GraspMotion | None:
-        for opening in openings():
+        for opening in OPENINGS:
             motion = grasp_motion(q, normals, forces, target, self.tree, self.settings, opening)
             clear = least_clearance(motion.pregrasp, target, self.tree, tips_touch=False)
             if clear > min(_OPEN_CLEARANCE, 0.5 * opening):

@@ -15,7 +15,8 @@ from agents.physics.margin import margins
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 
-_LEAST_DISTANCE = 0.03  # m between contacts: two fingertips are wider than this
+LEAST_DISTANCE = 0.03
+"""m between contacts: two fingertips are wider than this."""
 _JUDGED = 12  # times as many feasible triples have their margin computed as are proposed
 _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
 
@@ -61,7 +62,7 @@ class SurfaceProposals(ProposalSource):
         points, normals = graspable_points(target, settings, rng)
         if len(points) < 3:
             return Proposals.none(_NO_SURFACE)
-        triples = closure_sweep(points, normals, settings.friction, _LEAST_DISTANCE)
+        triples = closure_sweep(points, normals, settings.friction, LEAST_DISTANCE)
         if not len(triples):
             return Proposals.none(_NO_CLOSURE)
         judged = _JUDGED * settings.triples
@@ -92,8 +93,7 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges.
     """
     samples = surface_samples(target.hull, settings.surface_points, rng)
-    reach = settings.tip_radius + 0.5 * sum(settings.distance)
-    centres = samples.points + reach * samples.normals
+    centres = samples.points + settings.tip_height * samples.normals
     above = (samples.points[:, 2] > settings.table_clearance) & (
         centres[:, 2] > settings.tip_radius + settings.clearance
     )

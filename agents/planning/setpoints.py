@@ -9,9 +9,10 @@ from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.limits import HAND_STIFFNESS
 
-HAND_STIFFNESS = 10.0  # Nm/rad, the hand's position servos
-_OPENING = (0.025, 0.035, 0.018, 0.012)  # m that the tips back off along the normals, first choice first
+OPENINGS = (0.025, 0.035, 0.018, 0.012)
+"""m that the tips back off along the normals, first choice first."""
 
 
 def grasp_motion(
@@ -47,8 +48,3 @@ def grasp_motion(
     squeeze = touching.copy()
     squeeze[7:] = np.clip(touching[7:] + torque / HAND_STIFFNESS, tree.lower[7:], tree.upper[7:])
     return GraspMotion(pregrasp, touching, squeeze)
-
-
-def openings() -> tuple[float, ...]:
-    """Return the openings to try, m."""
-    return _OPENING

@@ -71,6 +71,11 @@ class PlannerSettings:
         friction, friction_hold = planned_friction(mu)
         return cls(friction=friction, friction_hold=friction_hold)
 
+    @property
+    def tip_height(self) -> float:
+        """Height of a tip's centre above the surface that it touches, m: the middle of what `distance` allows."""
+        return self.tip_radius + 0.5 * sum(self.distance)
+
     def broadened(self, factor: float) -> "PlannerSettings":
         """Return settings that sample `factor` times as many points, and triples and postures to match."""
         return replace(

@@ -17,10 +17,10 @@ from agents.kinematics.tree import RobotTree
 from agents.planning.constraints import Bounds, Evaluation, evaluate
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
+from dexgrasp_env.robot.names import BODIES, FINGER_COLUMNS, GRASP_FINGERS
 
-MOVED = np.r_[0:15, 19:23]  # the ring finger (15..18) stays
-_SOFT, _IMMUTABLE_BOUND = 8, 0
+MOVED = np.delete(np.arange(23), FINGER_COLUMNS["ring"])  # the ring finger stays
+_SOFT = 8  # daqp's mark of a soft constraint
 _SOFTNESS = (
     1e-7  # weight of |dq|^2 against violations: small enough that a feasible step is found where there is one
 )

@@ -13,7 +13,7 @@ from agents.learning.cvae_source import CvaeProposals
 from agents.planning.claims import certificate_of
 from agents.planning.planner import Plan, Planner
 from agents.planning.postures import oriented_postures
-from agents.planning.setpoints import grasp_motion, openings
+from agents.planning.setpoints import OPENINGS, grasp_motion
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import solve
 from agents.policies.bilevel import BilevelAgent
@@ -112,7 +112,7 @@ class RawPlanner(Planner):
         solution = solve(q, self.tree, target, replace(self.settings, iterations=0))
         normals = solution.evaluation.normals
         forces = -PRESS * normals
-        motion = grasp_motion(solution.q, normals, forces, target, self.tree, self.settings, openings()[0])
+        motion = grasp_motion(solution.q, normals, forces, target, self.tree, self.settings, OPENINGS[0])
         certificate = certificate_of(solution.q, forces, target, self.tree, self.settings)
         return Grasp(
             solution.q, solution.evaluation.contacts, normals, forces, certificate, motion, self.mount

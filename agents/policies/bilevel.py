@@ -131,9 +131,7 @@ def target_from_cloud(observation: Observation) -> tuple[GraspTarget | None, str
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 4:
         return None, NO_CLOUD
-    table = np.asarray(observation["table_plane"], dtype=float)
-    plane = Plane(table[:3], float(table[3]), float(table[4]), 0) if np.linalg.norm(table[:3]) > 0.5 else None
-    hull = cloud_hull(points, plane)
+    hull = cloud_hull(points, Plane.from_array(observation["table_plane"]))
     if hull is None:
         return None, NO_HULL
     try:

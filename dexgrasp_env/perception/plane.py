@@ -24,6 +24,19 @@ class Plane:
     rms: float
     inliers: int
 
+    @staticmethod
+    def to_array(plane: "Plane | None") -> Array:
+        """Return normal, offset and RMS (5,) as observations hold them; zeros for no plane."""
+        return np.zeros(5) if plane is None else np.array([*plane.normal, plane.offset, plane.rms])
+
+    @classmethod
+    def from_array(cls, values: Array) -> "Plane | None":
+        """Return what `to_array` (5,) was made of, but for the number of inliers; None for no plane."""
+        values = np.asarray(values, dtype=float)
+        if np.linalg.norm(values[:3]) < 0.5:
+            return None
+        return cls(values[:3], float(values[3]), float(values[4]), 0)
+
     def heights(self, points: Array) -> Array:
         """Signed distance of points (..., 3) above the plane, metres."""
         return np.einsum("...i,i->...", points, self.normal) - self.offset

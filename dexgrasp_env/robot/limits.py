@@ -50,6 +50,8 @@ HAND_JERK = _table(*(3000.0,) * 16)
 """Hand jerk limits, (16,) rad/s^3; a decision of ours."""
 HAND_TORQUE = _table(*(0.7,) * 16)
 """Hand torque limits, (16,) Nm."""
+HAND_STIFFNESS = 10.0
+"""kp of the hand's position servos, Nm/rad."""
 
 VELOCITY = _table(*ARM_VELOCITY, *HAND_VELOCITY)
 """Velocity limits, (23,) rad/s."""

@@ -9,6 +9,9 @@ FINGERS: tuple[str, ...] = ("index", "middle", "ring", "thumb")
 GRASP_FINGERS: tuple[str, ...] = ("thumb", "index", "middle")
 """The fingers that grasp, in the order of a grasp's three contacts."""
 
+FINGER_COLUMNS: dict[str, slice] = {finger: slice(7 + 4 * i, 11 + 4 * i) for i, finger in enumerate(FINGERS)}
+"""Where a finger's joints are in a 23-vector."""
+
 FINGER_LINKS: tuple[str, ...] = ("base", "proximal", "medial", "distal")
 """The links of one finger, palm to tip; body `<finger>_<link>`."""
 

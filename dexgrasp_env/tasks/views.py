@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.sensing.backends import DepthBackend, make_backend
 from dexgrasp_env.sensing.cameras import CAMERA_NAMES, default_cameras
 from dexgrasp_env.sensing.perception import Perception
@@ -100,13 +101,11 @@ class Views:
         if self._settings.obs_mode == "pointcloud":
             cloud = perception.observe(simulation.data, rng).cloud
             info["perception_failure"] = cloud.reason or ""
-            seen = cloud.plane
-            plane = np.zeros(5) if seen is None else np.array([*seen.normal, seen.offset, seen.rms])
             return {
                 "cloud": cloud.points.astype(np.float32),
                 "cloud_normals": cloud.normals.astype(np.float32),
                 "cloud_mask": cloud.mask.astype(np.int8),
-                "table_plane": plane.astype(np.float32),
+                "table_plane": Plane.to_array(cloud.plane).astype(np.float32),
             }, info
         depth = perception.measure(simulation.data, rng)
         views: dict[str, NDArray[Any]] = {
