@@ -13,20 +13,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import finger_jacobians
 from agents.kinematics.palm_ik import palm_frame, reach_palm
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from agents.learning.settings import DatasetSettings
-from agents.physics.forces import holding_forces
 from agents.planning.atlas import hand_atlas
 from agents.planning.constraints import FIXED_ROWS
+from agents.planning.holding import firmest_hold
 from agents.planning.placement import ASSIGNMENTS, place_on_atlas
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution, solve
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.limits import HAND_TORQUE, HOME
+from dexgrasp_env.robot.limits import HOME
 
 BATCH = 48  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
@@ -128,32 +127,15 @@ def _add(
     at, back = solution.evaluation, turn(-placement[2])
     shift = np.array([placement[0], placement[1], 0.0])
     palm_R, palm_p = palm_frame(solution.q, tree)
-    load, fraction, squeeze = _hold(solution, grasp_target, tree, settings)
-    found.counts["holding"] += load >= 0
+    hold, level = firmest_hold(solution.q, grasp_target, tree, settings, explain=False)
+    found.counts["holding"] += hold.holds
     clearances = at.values[FIXED_ROWS:]
     found.add(
         q=solution.q, placement=placement, triple=triple,
-        contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=squeeze @ back.T,
+        contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces @ back.T,
         palm_position=back @ (palm_p - shift), palm_quat_wxyz=matrix_to_quat(back @ palm_R),
         margin=at.margin, distances=at.distances - settings.tip_radius,
         clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
         joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
-        load=load, torque_fraction=fraction,
+        load=level, torque_fraction=settings.torque_share * hold.max_torque_fraction,
     )  # fmt: skip
-
-
-def _hold(
-    solution: Solution, grasp_target: GraspTarget, tree: RobotTree, settings: PlannerSettings
-) -> tuple[int, float, Array]:
-    """Return the firmest of the planner's loads that the grasp holds (-1: none), the torque share and the forces."""
-    at, J = solution.evaluation, finger_jacobians(solution.q, tree)
-    for level, (share, disturbance) in enumerate(settings.loads):
-        hold = holding_forces(
-            at.contacts, at.normals, settings.friction_hold, share * grasp_target.mass, grasp_target.centre,
-            jacobians=J,
-            torque_limits=settings.torque_share * HAND_TORQUE, f_min=settings.least_press, safety=1.0,
-            disturbance=disturbance,
-        )  # fmt: skip
-        if hold.holds:
-            return level, settings.torque_share * float(hold.max_torque_fraction), hold.forces
-    return -1, settings.torque_share * float(hold.max_torque_fraction), hold.forces

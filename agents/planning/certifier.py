@@ -5,15 +5,14 @@ from dataclasses import replace
 from agents.grasp.grasp import Grasp, GraspMotion
 from agents.grasp.target import GraspTarget
 from agents.kinematics.tree import RobotTree
-from agents.physics.forces import HoldingForces, holding_forces
 from agents.physics.strength import capacity_of
 from agents.planning.claims import certificate_of, contacts_of, least_clearance
+from agents.planning.holding import firmest_hold
 from agents.planning.plan import Plan
 from agents.planning.setpoints import OPENINGS, grasp_motion
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_TORQUE
 
 _OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 
@@ -29,7 +28,7 @@ class Certifier:
     def certify(self, solution: Solution, target: GraspTarget, plan: Plan) -> Grasp | None:
         """Return the grasp of a feasible configuration, or None and note in `plan` what it lacks."""
         settings, at = self.settings, solution.evaluation
-        hold = self._hold(solution, target)
+        hold, _ = firmest_hold(solution.q, target, self.tree, settings)
         if not hold.holds and self._with_closure:
             plan.block(f"holding_forces: {hold.reason}", hold.residual)
             return None
@@ -48,25 +47,10 @@ class Certifier:
         certificate = replace(grasp.certificate, capacity=capacity_of(contacts))
         return replace(grasp, certificate=certificate)
 
-    def _hold(self, solution: Solution, target: GraspTarget) -> HoldingForces:
-        """Return the firmest squeeze of `settings.loads` that the joints can hold at the contact points."""
-        settings = self.settings
-        contacts, _ = contacts_of(solution.q, target, self.tree, settings.friction_hold)
-        for share, disturbance in settings.loads:
-            hold = holding_forces(
-                contacts.points, contacts.normals, settings.friction_hold, share * target.mass, target.centre,
-                jacobians=contacts.jacobians, torque_limits=settings.torque_share * HAND_TORQUE,
-                f_min=settings.least_press, safety=1.0, disturbance=disturbance,
-                explain=(share, disturbance) == settings.loads[-1],
-            )  # fmt: skip
-            if hold.holds:
-                break
-        return hold
-
     def _open(self, q: Array, normals: Array, forces: Array, target: GraspTarget) -> GraspMotion | None:
         for opening in OPENINGS:
             motion = grasp_motion(q, normals, forces, target, self.tree, self.settings, opening)
             clear = least_clearance(motion.pregrasp, target, self.tree, tips_touch=False)
-            if clear > min(_OPEN_CLEARANCE, 0.5 * opening):
+            if clear > _OPEN_CLEARANCE:
                 return motion
         return None

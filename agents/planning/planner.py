@@ -115,12 +115,15 @@ class Planner:
             if self._out_of_time(plan):
                 return
             plan.tried += 1
-            solution = solve(posture.q, self.tree, target, self.settings, with_margin=self._with_closure)
+            solution = self._refine(posture, target)
             clock.lap("bilevel")
             if solution.feasible:
                 yield solution
             else:
                 plan.block(str(solution.blocking), solution.violation)
+
+    def _refine(self, posture: Posture, target: GraspTarget) -> Solution:
+        return solve(posture.q, self.tree, target, self.settings, with_margin=self._with_closure)
 
     def _carry_out(
         self, grasp: Grasp, target: GraspTarget, start: Array | None, plan: Plan, clock: Clock
