@@ -66,7 +66,7 @@ def _cvae(args: argparse.Namespace) -> int:
 
     from agents.cli.output import note
     from agents.learning.curves import draw_curves, write_curve
-    from agents.learning.network import NetworkSettings
+    from agents.learning.settings import NetworkSettings
     from agents.learning.training import Progress, TrainingSettings, train
 
     settings = TrainingSettings(

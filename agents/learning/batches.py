@@ -8,12 +8,12 @@ from numpy.typing import NDArray
 
 from agents.learning.dataset import PoseGrasps
 from agents.learning.rest_scene import turn
+from agents.learning.settings import SCALE
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
 
 SPLITS = ("train", "test", "held_out_poses", "held_out_object")
-SCALE = 10.0
 CROPPED = 0.002
 """m: points of a cloud below are left out, as no camera sees the underside."""
 

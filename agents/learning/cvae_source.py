@@ -2,23 +2,21 @@
 
 from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from agents.grasp.target import GraspTarget
-from agents.learning.batches import CROPPED, SCALE, centre_of
+from agents.learning.batches import CROPPED, centre_of
+from agents.learning.decoder import Decoder, read_decoder
+from agents.learning.settings import SCALE
 from agents.physics.margin import margins
 from agents.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-
-if TYPE_CHECKING:
-    from agents.learning.network import Cvae
 
 LATENTS = 1024
 _APART = 0.006  # m, mean distance of the fingertips of two proposals
@@ -37,15 +35,14 @@ class CvaeProposals(ProposalSource):
             ranked: judge closure, drop proposals without it, best first; False leaves them as they are drawn.
 
         Raises:
-            InputError: without torch, or without weights.
+            InputError: without weights.
         """
-        _need_torch()
         self._path = weights or shipped_weights()
         self._latents, self._ranked = latents, ranked
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` proposals; the same for the same generator."""
-        tips = decode(_network(str(self._path)), target, self._latents, rng)
+        tips = decode(_decoder(self._path), target, self._latents, rng)
         contacts, normals, usable = on_surface(tips, target, settings)
         contacts, normals = contacts[usable], normals[usable]
         if not len(contacts):
@@ -64,20 +61,13 @@ class CvaeProposals(ProposalSource):
         return Proposals(contacts[chosen], normals[chosen], margin[chosen], assigned=True)
 
 
-def decode(network: "Cvae", target: GraspTarget, count: int, rng: Generator) -> Array:
+def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> Array:
     """Return fingertips (count, 3, 3) m, robot base frame, of latents from the prior."""
-    import torch
-
-    points, normals = hull_cloud(target, 2 * network.settings.points, rng)
+    points, normals = hull_cloud(target, 2 * decoder.settings.points, rng)
     centre = centre_of(points)
     cloud = np.concatenate([SCALE * (points - centre), normals], axis=1).astype(np.float32)
-    latent = rng.standard_normal((count, network.settings.latent)).astype(np.float32)
-    threads = torch.get_num_threads()
-    torch.set_num_threads(1)  # a few milliseconds: waking other threads costs more
-    with torch.no_grad():
-        feature = network.cloud(torch.from_numpy(cloud)[None]).expand(count, -1)
-        grasps = network.decode(feature, torch.from_numpy(latent)).numpy().astype(float)
-    torch.set_num_threads(threads)
+    latent = rng.standard_normal((count, decoder.settings.latent)).astype(np.float32)
+    grasps = decoder.decode(decoder.feature(cloud), latent).astype(float)
     return grasps[:, :9].reshape(count, 3, 3) / SCALE + centre
 
 
@@ -152,19 +142,6 @@ def shipped_weights() -> Path:
         raise InputError("the CVAE's weights are not there: train them with `dexgrasp train cvae`") from None
 
 
-def _need_torch() -> None:
-    try:
-        import torch  # noqa: F401
-        from safetensors import safe_open  # noqa: F401
-    except ImportError:
-        raise InputError(
-            "learned proposals need torch and safetensors: pip install 'dexgrasp[learn]'; "
-            "valid without are surface, uniform"
-        ) from None
-
-
 @lru_cache(maxsize=4)
-def _network(path: str) -> "Cvae":
-    from agents.learning.weights import read_weights
-
-    return read_weights(Path(path))[0]
+def _decoder(path: Path) -> Decoder:
+    return read_decoder(path)

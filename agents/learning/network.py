@@ -4,39 +4,12 @@ Clouds are centred at the mean of their points in x and y, z is the height above
 are decimetres. The cloud is encoded once and shared by all grasps on it.
 """
 
-from dataclasses import asdict, dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 
-SCALE = 10.0
-"""Units a metre inside the network."""
-GRASP = 18
-"""Numbers of a grasp: fingertips (9), palm position (3), first two columns of the palm's rotation (6)."""
-
-
-@dataclass(frozen=True)
-class NetworkSettings:
-    """Sizes of the network.
-
-    Attributes:
-        latent: size of the latent.
-        points: of a cloud.
-        local: width of the points' features.
-        cloud: width of a cloud's feature.
-        hidden: width of the other layers.
-    """
-
-    latent: int = 6
-    points: int = 512
-    local: int = 64
-    cloud: int = 256
-    hidden: int = 320
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the settings as JSON holds them."""
-        return asdict(self)
+from agents.learning.settings import GRASP, SCALE, NetworkSettings
 
 
 class Output(NamedTuple):

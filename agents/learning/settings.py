@@ -1,4 +1,4 @@
-"""Settings of the grasp dataset, and what a folder of it was made from."""
+"""Settings of the grasp dataset, what a folder of it was made from, and the sizes of the network."""
 
 import platform
 from collections.abc import Sequence
@@ -93,3 +93,32 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             found[package] = "not installed"
     return found
+
+
+SCALE = 10.0
+"""Units a metre inside the network."""
+GRASP = 18
+"""Numbers of a grasp: fingertips (9), palm position (3), first two columns of the palm's rotation (6)."""
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """Sizes of the network.
+
+    Attributes:
+        latent: size of the latent.
+        points: of a cloud.
+        local: width of the points' features.
+        cloud: width of a cloud's feature.
+        hidden: width of the other layers.
+    """
+
+    latent: int = 6
+    points: int = 512
+    local: int = 64
+    cloud: int = 256
+    hidden: int = 320
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the settings as JSON holds them."""
+        return asdict(self)

@@ -13,7 +13,8 @@ import torch
 from agents.interrupt import held
 from agents.learning.batches import Batch, PoseSplit, split, test_batches, training_batch
 from agents.learning.dataset import read_dataset
-from agents.learning.network import Cvae, Losses, NetworkSettings, losses
+from agents.learning.network import Cvae, Losses, losses
+from agents.learning.settings import NetworkSettings
 from agents.learning.shards import read_manifest
 from agents.learning.weights import load_state, save_state, write_weights
 from dexgrasp_env.errors import InputError

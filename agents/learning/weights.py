@@ -6,11 +6,10 @@ from typing import Any
 
 import torch
 
-from agents.learning.network import Cvae, NetworkSettings
-from dexgrasp_env.errors import InputError
+from agents.learning.decoder import SCHEMA, read_arrays, wrong_schema
+from agents.learning.network import Cvae
+from agents.learning.settings import NetworkSettings
 from dexgrasp_env.files import write_atomically
-
-SCHEMA = 1
 
 
 def write_weights(path: Path, model: Cvae, about: dict[str, Any]) -> None:
@@ -35,9 +34,7 @@ def read_weights(path: Path) -> tuple[Cvae, dict[str, Any]]:
         model = Cvae(NetworkSettings(**note["network"]))
         model.load_state_dict(tensors)
     except (KeyError, TypeError, RuntimeError):
-        raise InputError(
-            f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`"
-        ) from None
+        raise wrong_schema(path) from None
     return model.eval(), note
 
 
@@ -67,13 +64,5 @@ def load_state(path: Path, model: Cvae, optimiser: torch.optim.Adam) -> dict[str
 
 
 def _read(path: Path) -> tuple[dict[str, torch.Tensor], dict[str, Any]]:
-    from safetensors import SafetensorError, safe_open
-
-    try:
-        with safe_open(str(path), framework="pt") as file:
-            note = json.loads((file.metadata() or {})["dexgrasp"])
-            return {name: file.get_tensor(name) for name in file.keys()}, note  # noqa: SIM118
-    except FileNotFoundError:
-        raise InputError(f"{path} is missing") from None
-    except (OSError, SafetensorError, KeyError, json.JSONDecodeError):
-        raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
+    arrays, note = read_arrays(path)
+    return {name: torch.from_numpy(array) for name, array in arrays.items()}, note

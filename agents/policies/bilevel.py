@@ -36,8 +36,8 @@ class BilevelAgent(Agent):
         """Prepare the planner.
 
         Args:
-            proposals: `surface` (all triples of surface points), `cvae` (learned; needs torch), `uniform`, or `auto`:
-                `cvae` where torch is installed, else `surface`.
+            proposals: `surface` (all triples of surface points), `cvae` (learned), `uniform`, or `auto`: `cvae`
+                where safetensors is installed to read its weights, else `surface`.
             settings: thresholds and budgets of the planner.
             mount: of the hand.
             with_closure: see `Planner`.
@@ -98,10 +98,10 @@ def make_source(name: str) -> ProposalSource:
     """Return a source of proposals by its name.
 
     Raises:
-        InputError: for an unknown name, or for `cvae` where torch is not installed.
+        InputError: for an unknown name, or for `cvae` without its weights.
     """
     if name == "auto":
-        name = "cvae" if _installed("torch") and _installed("safetensors") else "surface"
+        name = "cvae" if _installed("safetensors") else "surface"
     if name == "surface":
         return SurfaceProposals()
     if name == "uniform":

@@ -1,0 +1,113 @@
+"""The half of the CVAE that proposes grasps, in numpy: planning needs no torch. `network` is what was trained."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.learning.settings import NetworkSettings
+from dexgrasp_env.errors import InputError
+
+SCHEMA = 1
+Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
+
+
+@dataclass(frozen=True, eq=False)
+class Decoder:
+    """Encoder of clouds and decoder of latents, float32, network units.
+
+    Attributes:
+        settings: sizes.
+        first: of the cloud encoder, each point by itself.
+        beside: what a point is told of the whole cloud.
+        second: each point beside the whole.
+        layers: of the decoder.
+    """
+
+    settings: NetworkSettings
+    first: tuple[Layer, ...]
+    beside: tuple[Layer, ...]
+    second: tuple[Layer, ...]
+    layers: tuple[Layer, ...]
+
+    def feature(self, cloud: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the feature (cloud,) of a cloud (N, 6) of points and unit normals."""
+        each = _relu(_through(self.first, cloud, _relu))
+        whole = _through(self.beside, each.max(0), _relu)
+        return _through(self.second, each + whole, _relu).max(0)
+
+    def decode(self, feature: NDArray[np.float32], latent: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return grasps (K, 18) of a cloud's feature and latents (K, latent)."""
+        beside = np.broadcast_to(feature, (len(latent), len(feature)))
+        return _through(self.layers, np.concatenate([beside, latent], axis=1), _silu)
+
+
+def read_decoder(path: Path) -> Decoder:
+    """Return the decoder of a file of weights.
+
+    Raises:
+        InputError: missing, damaged, or of another schema; without safetensors.
+    """
+    arrays, note = read_arrays(path)
+    parts = {"first": "cloud.first", "beside": "cloud.beside", "second": "cloud.second", "layers": "decoder"}
+    try:
+        if note["schema"] != SCHEMA:
+            raise KeyError
+        settings = NetworkSettings(**note["network"])
+        return Decoder(settings, **{part: _layers(arrays, name) for part, name in parts.items()})
+    except (KeyError, TypeError):
+        raise wrong_schema(path) from None
+
+
+def wrong_schema(path: Path) -> InputError:
+    """Return the error for a file that is not one of weights, or one of another version."""
+    return InputError(f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`")
+
+
+def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return the arrays of a safetensors file of ours and what it says of itself.
+
+    Raises:
+        InputError: missing or damaged; without safetensors.
+    """
+    try:
+        from safetensors import SafetensorError, safe_open
+    except ImportError:
+        raise InputError("learned proposals need safetensors: pip install 'dexgrasp[planner]'") from None
+    try:
+        with safe_open(str(path), framework="np") as file:
+            note = json.loads((file.metadata() or {})["dexgrasp"])
+            return {name: file.get_tensor(name) for name in file.keys()}, note  # noqa: SIM118
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing") from None
+    except (OSError, SafetensorError, KeyError, json.JSONDecodeError):
+        raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
+
+
+def _layers(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:
+    """Weights, transposed, and biases of the linear layers of a module, in their order."""
+    own = {key.removeprefix(f"{name}.") for key in arrays if key.startswith(f"{name}.")}
+    keys = sorted({key.rpartition(".")[0] for key in own}, key=lambda key: int(key or 0))
+    prefixes = [f"{name}.{key}".rstrip(".") for key in keys]
+    if not prefixes:
+        raise KeyError(name)
+    return tuple((np.ascontiguousarray(arrays[f"{p}.weight"].T), arrays[f"{p}.bias"]) for p in prefixes)
+
+
+def _through(layers: tuple[Layer, ...], x: NDArray[np.float32], activation: Any) -> NDArray[np.float32]:
+    for k, (weight, bias) in enumerate(layers):
+        x = (activation(x) if k else x) @ weight + bias
+    return x
+
+
+def _relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.maximum(x, 0.0)
+
+
+def _silu(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    from scipy.special import expit
+
+    return x * expit(x)
