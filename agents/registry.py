@@ -39,20 +39,39 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
         from agents.policies.checkpoint import CheckpointAgent
 
         return CheckpointAgent(name, **kwargs)
-    if ":" not in name:
+    check_name(name)
+    return _complete(name, _made(name, kwargs))
+
+
+def check_name(name: str) -> None:
+    """Check what can be checked of an agent's name without importing anything.
+
+    Raises:
+        InputError: for a name that is neither known, nor a checkpoint, nor `module:Class`.
+    """
+    if name not in AGENTS and not name.endswith(".zip") and ":" not in name:
         raise unknown_name("agent", name, [*AGENTS, *_OTHER_FORMS])
-    return _complete(name, _load(name)(**kwargs))
 
 
 def _load(spec: str) -> Any:
     module_name, _, attribute = spec.partition(":")
     try:
         module = _import(module_name)
-    except ImportError as error:
+    except Exception as error:  # whatever the module does when it is imported
         raise InputError(f"agent {spec!r}: module {module_name!r} cannot be imported ({error})") from error
     if not callable(getattr(module, attribute, None)):
         raise InputError(f"agent {spec!r}: module {module_name!r} has no class {attribute!r}")
     return getattr(module, attribute)
+
+
+def _made(spec: str, kwargs: dict[str, Any]) -> Any:
+    """Make an object of a user's class; that it cannot be made is the user's to mend."""
+    try:
+        return _load(spec)(**kwargs)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"agent {spec!r} cannot be made: {type(error).__name__}: {error}") from error
 
 
 def _import(module_name: str) -> Any:
@@ -78,7 +97,10 @@ def _complete(name: str, agent: Any) -> Any:
         return agent
     for member, default in {"env_settings": {}, "seed": _no_seed, "report": Report()}.items():
         if not hasattr(agent, member):
-            setattr(agent, member, default)
+            try:
+                setattr(agent, member, default)
+            except (AttributeError, TypeError):
+                raise InputError(f"agent {name!r} has no {member}, and cannot be given one") from None
     return agent
 
 

@@ -9,7 +9,7 @@ import trimesh
 
 from agents.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
 from agents.evaluation import attempt
-from dexgrasp_env.rendering import choose_gl
+from dexgrasp_env.rendering import rendering_fault
 
 CERTIFICATE = {
     "force_ratio_percent", "torque_ratio_percent", "closure_margin", "min_clearance_m", "joint_limit_margin_rad",
@@ -150,6 +150,11 @@ def test_what_cannot_be_grasped_is_1_with_a_reason(size, capsys, tmp_path):
         (["plan", "pear", "--friction", "0"], "positive"),
         (["plan", "pear", "--mesh-scale", "nan"], "positive"),
         (["plan"], "TARGET"),
+        (["plan", "seen"], "is a set"),
+        (["plan", "pear", "--mesh-scale", "0.001"], "mesh files alone"),
+        (["plan", "pear", "--agent", "os:system"], "cannot be made"),
+        (["plan", "pear", "--agent", "os:"], "no class"),
+        (["demo", "--object", "pear", "--mesh-mass", "0.1"], "mesh files alone"),
         (["plan", "pear", "--out", "/dev/null/x"], "/dev/null/x"),
         (["verify", "nowhere.json"], "cannot read nowhere.json"),
         (["verify"], "GRASP.json"),
@@ -192,7 +197,7 @@ def test_verify_of_a_truncated_file_is_2(planned, tmp_path, capsys):
 
 def test_demo_without_gl_still_grasps(capsys, tmp_path, monkeypatch):
     """The whole job but for the pictures that need GL."""
-    monkeypatch.setattr("dexgrasp_env.rendering.choose_gl", lambda: None)
+    monkeypatch.setattr("dexgrasp_env.rendering.rendering_fault", lambda: "no GL here")
     assert main(["demo", "--out", str(tmp_path), "--json"]) == OK
     captured = capsys.readouterr()
     result = json.loads(captured.out)
@@ -205,7 +210,7 @@ def test_demo_without_gl_still_grasps(capsys, tmp_path, monkeypatch):
     assert main(["verify", str(tmp_path / "grasp.json")]) == OK
 
 
-@pytest.mark.skipif(choose_gl() is None, reason="no GL library here")
+@pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")
 def test_demo_end_to_end(capsys, tmp_path, monkeypatch):
     import imageio.v3 as imageio
 
@@ -223,7 +228,7 @@ def test_demo_end_to_end(capsys, tmp_path, monkeypatch):
 
 
 def test_demo_of_what_cannot_be_lifted_is_1(capsys, tmp_path, monkeypatch):
-    monkeypatch.setattr("dexgrasp_env.rendering.choose_gl", lambda: None)
+    monkeypatch.setattr("dexgrasp_env.rendering.rendering_fault", lambda: "no GL here")
     path = mesh_file(tmp_path, trimesh.creation.box((0.25, 0.25, 0.004)))
     code = main(["demo", "--object", path, "--mesh-mass", "0.3", "--out", str(tmp_path / "out"), "--json"])
     assert code == ANSWER_IS_NO

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from agents import interrupt
-from agents.cli.options import add_json, add_mesh, natural_int, positive_int
+from agents.cli.options import add_json, add_mesh, check_mesh_options, natural_int, positive_int
 
 _EPILOG = """examples:
   dexgrasp dataset generate --objects ycb6 --grasps-per-pose 3600 --out runs/ycb6 --workers 2
@@ -82,6 +82,7 @@ def _generate(args: argparse.Namespace) -> int:
         args.objects, grasps_per_pose=args.grasps_per_pose, seed=args.seed, chunk=args.chunk, tries=args.tries,
         mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
     )  # fmt: skip
+    check_mesh_options(args, settings.objects)
     with tqdm(unit="file", desc="dataset") as bar:
 
         def show(done: int, total: int) -> None:

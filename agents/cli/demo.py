@@ -44,14 +44,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Run the demo and print outcome and times."""
-    from agents.cli.output import make_folder, note, print_json
-    from agents.cli.plan import describe, scene_settings, write_results
+    from agents.cli.output import make_folder, note, print_json, say_when_compiling
+    from agents.cli.plan import check_target, describe, scene_settings, write_results
     from agents.evaluation.attempt import attempt_target
     from dexgrasp_env.files import jsonable
     from dexgrasp_env.rendering import rendering_fault
 
+    check_target(args.object, args)
     make_folder(args.out)
-    note("compiling and placing the object (the first run takes longer)")
+    say_when_compiling()
     settings = scene_settings(args)
     missing = "left out" if args.no_video else rendering_fault()
     if missing is None:

@@ -5,7 +5,15 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from agents import interrupt
-from agents.cli.options import add_json, add_mesh, add_scene, natural_int, positive_int, share
+from agents.cli.options import (
+    add_json,
+    add_mesh,
+    add_scene,
+    check_mesh_options,
+    natural_int,
+    positive_int,
+    share,
+)
 
 if TYPE_CHECKING:
     from agents.evaluation.settings import EvaluationSettings
@@ -111,6 +119,7 @@ def run(args: argparse.Namespace) -> int:
         args.agents, args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol), mount=args.mount,
         friction=args.friction, mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
     )  # fmt: skip
+    check_mesh_options(args, settings.objects)
     if args.power is not None:
         return _print_power(args, settings)
     folder = args.out or settings.default_folder()

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+from collections.abc import Sequence
 
 
 def positive_int(text: str) -> int:
@@ -65,6 +66,22 @@ def add_mesh(parser: argparse.ArgumentParser) -> None:
         metavar="KG",
         help="mass of the mesh (default: by its volume)",
     )
+
+
+def check_mesh_options(args: argparse.Namespace, targets: Sequence[str]) -> None:
+    """Refuse options of meshes where there is none.
+
+    Raises:
+        InputError: naming the options.
+    """
+    from dexgrasp_env.errors import InputError
+    from dexgrasp_env.objects.catalogue import CATALOGUE
+
+    given = args.mesh_scale != 1.0 or args.mesh_mass is not None
+    if given and all(target in CATALOGUE for target in targets):
+        raise InputError(
+            f"--mesh-scale and --mesh-mass are of mesh files alone: {targets[0]!r} is of the catalogue"
+        )
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:

@@ -11,6 +11,7 @@ from typing import Any, TextIO
 from dexgrasp_env.errors import InputError
 
 _json_stream: TextIO | None = None
+_said_compiling = False
 
 
 @contextmanager
@@ -56,6 +57,23 @@ def print_json(content: Mapping[str, Any]) -> None:
 def note(message: str) -> None:
     """Print a line for people on standard error."""
     print(message, file=sys.stderr, flush=True)
+
+
+def say_when_compiling() -> None:
+    """Say so once when numba compiles something: on the first run on a machine, or after an update."""
+    from numba.core import event
+
+    class Listener(event.Listener):
+        def on_start(self, event: object) -> None:
+            global _said_compiling
+            if not _said_compiling:
+                _said_compiling = True
+                note("compiling the planner: the first run takes a minute or two longer")
+
+        def on_end(self, event: object) -> None:
+            pass
+
+    event.register("numba:compile", Listener())
 
 
 def make_folder(path: Path) -> Path:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json, add_mesh, add_scene, natural_int
+from agents.cli.options import add_json, add_mesh, add_scene, check_mesh_options, natural_int
 
 _EPILOG = """examples:
   dexgrasp plan sugar_box                             a box of the catalogue, as four depth cameras see it
@@ -37,13 +37,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Plan, print, and write what was asked for."""
-    from agents.cli.output import make_folder, note, print_json
+    from agents.cli.output import make_folder, note, print_json, say_when_compiling
     from agents.evaluation.attempt import plan_target
     from dexgrasp_env.files import jsonable
 
+    check_target(args.target, args)
     if args.out is not None:
         make_folder(args.out)
-    note("compiling the planner and placing the object (the first run takes longer)")
+    say_when_compiling()
     attempt = plan_target(args.target, args.agent, args.seed, **scene_settings(args))
     result = attempt.as_json()
     if args.out is not None and result["success"]:
@@ -54,6 +55,23 @@ def run(args: argparse.Namespace) -> int:
     else:
         print(describe(result))
     return 0 if result["success"] else 1
+
+
+def check_target(target: str, args: argparse.Namespace) -> None:
+    """Let a mistake in the names show before anything heavy is imported.
+
+    Raises:
+        InputError: for an unknown object or agent, a set, or options that do not apply to the object.
+    """
+    from agents.registry import check_name
+    from dexgrasp_env.errors import InputError
+    from dexgrasp_env.objects.load import resolve_targets
+
+    found = resolve_targets([target])
+    if len(found) > 1:
+        raise InputError(f"{target!r} is a set: name one of its objects ({', '.join(found)})")
+    check_mesh_options(args, found)
+    check_name(args.agent)
 
 
 def scene_settings(args: argparse.Namespace) -> dict[str, Any]:
@@ -81,13 +99,13 @@ def write_results(folder: Path, attempt: Any, result: dict[str, Any]) -> None:
 
 def describe(result: dict[str, Any]) -> str:
     """Return the outcome as people read it."""
+    from agents.evaluation.reasons import explain
+
     head = f"{result['object']}: "
     seconds = f"{1000 * (result['planning_seconds'] or 0.0):.0f} ms"
     if not result["success"]:
-        blocked = ", ".join(f"{reason} ({count})" for reason, count in result["blocked"].items())
-        return f"{head}no grasp after {seconds}: {result['reason']}" + (
-            f"\n  what blocked: {blocked}" if blocked else ""
-        )
+        why = explain(result["reason"], result["blocked"], result["violations"])
+        return f"{head}no grasp after {seconds} [{result['reason']}]\n  {why}"
     certificate = result["certificate"]
     lines = [f"{head}grasp found in {seconds}"]
     rows = {

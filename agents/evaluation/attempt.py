@@ -1,5 +1,6 @@
 """Planning for a named object as it lies in front of the cameras: what `dexgrasp plan` and `dexgrasp demo` do."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -60,9 +61,16 @@ class Attempt:
             "planning_seconds": report.planning_seconds,
             "stages": report.details.get("stages", {}),
             "blocked": report.details.get("blocked", {}),
+            "violations": _violations(self.agent),
             "grasp": content,
             "certificate": None if content is None else content["certificate"],
         }
+
+
+def _violations(agent: Agent) -> dict[str, float]:
+    """Return by how much at least each reason blocked, where the agent has planned."""
+    blocked = getattr(getattr(agent, "plan", None), "blocked", {})
+    return {reason: float(least) for reason, (_, least) in blocked.items()}
 
 
 def plan_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_settings: Any) -> Attempt:
@@ -71,11 +79,12 @@ def plan_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_s
     Raises:
         InputError: for an unknown target or agent, or an agent that makes no certified plans.
     """
-    if not hasattr(make_agent(agent_name), "plan"):
+    agent = make_agent(agent_name)
+    if not hasattr(agent, "plan"):
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
         )
-    return attempt_target(target, agent_name, seed, **env_settings)
+    return _attempt(target, agent, seed, env_settings)
 
 
 def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_settings: Any) -> Attempt:
@@ -90,8 +99,11 @@ def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **en
     Raises:
         InputError: for an unknown target or agent.
     """
-    agent = make_agent(agent_name)
-    env = gym.make("DexGrasp/Lift-v1", objects=target, **(dict(agent.env_settings) | env_settings))
+    return _attempt(target, make_agent(agent_name), seed, env_settings)
+
+
+def _attempt(target: str, agent: Agent, seed: int, env_settings: Mapping[str, Any]) -> Attempt:
+    env = gym.make("DexGrasp/Lift-v1", objects=target, **(dict(agent.env_settings) | dict(env_settings)))
     observation, info = env.reset(seed=seed)
     pose = object_pose(env)
     agent.seed(seed)

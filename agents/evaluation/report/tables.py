@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
+from agents.evaluation.reasons import sentence
 from agents.evaluation.report import paper
 from agents.evaluation.report.text import left_table, text_table
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
@@ -53,8 +54,15 @@ def object_table(agents: Mapping[str, Any], table: Table) -> str:
 def failure_rows(agents: Mapping[str, Any]) -> list[list[str]]:
     """Return agent, count and reason of every kind of failure."""
     return [
-        [name, str(n), reason] for name, agent in agents.items() for reason, n in agent["failures"].items()
+        [name, str(n), _in_words(reason)]
+        for name, agent in agents.items()
+        for reason, n in agent["failures"].items()
     ]
+
+
+def _in_words(reason: str) -> str:
+    words = sentence(reason)
+    return reason if words == reason else f"{words} [{reason}]"
 
 
 def _object_cell(agent_name: str, agent: Mapping[str, Any], name: str) -> str:
