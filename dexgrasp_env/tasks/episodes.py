@@ -16,15 +16,14 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.limits import HOME
-from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
+from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.constants import STABLE_SLIP, STABLE_TILT
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import KINDS
 from dexgrasp_env.tasks.observations import cut, layout
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import EPISODE, FAILURES, PHASES, STAGES, TERMS
+from dexgrasp_env.tasks.records import EPISODE, FAILURES, PHASES, STAGES, TERMS, TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, warning_names
 from dexgrasp_env.tasks.views import View, Views
@@ -76,7 +75,7 @@ class Episodes:
         }
         self.records = np.zeros(number, EPISODE)
         self.slots = [Slot() for _ in range(number)]
-        self.terms = np.zeros((number, len(TERMS)))
+        self.told = np.zeros((number, len(TOLD) + len(TERMS)))
         self.rewards = np.zeros(number)
         self._rows = np.zeros((number, CONTROL_STEPS, 23))
         self._push = np.zeros((number, 3))
@@ -169,27 +168,43 @@ class Episodes:
     def set_points(self, part: slice, actions: Array) -> tuple[Array, Array]:
         """Move the set-points of a part of the episodes by one control step.
 
+        Args:
+            part: which.
+            actions: (n, m), a copy that may be written to.
+
         Returns:
             Rows (n, 25, 23) rad for the physics steps, and pushes (n, 3) N on the object.
+
+        Raises:
+            InputError: for an action that is not finite.
         """
         disturbance = self.settings.disturbance
         rows, push = self._rows[part], self._push[part]
-        kernel.set_points(
+        fine = kernel.set_points(
             self.records[part], actions, CONTROL_MODES.index(self.settings.control_mode), self._chain,
             KINDS.index(disturbance.kind), disturbance.size, rows, push,
         )  # fmt: skip
+        if not fine:
+            bad = np.argwhere(~np.isfinite(actions)).tolist()
+            raise InputError(f"action has NaN or infinite entries at {bad}")
         return rows, push
 
-    def judge(self, part: slice, moment: Moment) -> None:
-        """Advance progress, terms and rewards of a part of the episodes to the moment."""
+    def judge(self, part: slice, moment: Moment, warnings: NDArray[np.int64]) -> None:
+        """Advance progress, terms and rewards of a part of the episodes to the moment.
+
+        Args:
+            part: which.
+            moment: theirs.
+            warnings: (n,) bits of MuJoCo's that came up.
+        """
         disturbance = self.settings.disturbance
         kernel.judge(
             self.records[part], *moment, self._columns, self._hulls, KINDS.index(disturbance.kind), disturbance.steps,
-            BAD_NUMBERS, self.settings.reward_mode == "dense", self.terms[part], self.rewards[part],
+            warnings, BAD_NUMBERS, self.settings.reward_mode == "dense", self.told[part], self.rewards[part],
         )  # fmt: skip
 
     def observe(
-        self, part: slice, moment: Moment, rngs: Sequence[Generator | None]
+        self, part: slice, moment: Moment, rngs: Sequence[Generator | None], alone: bool = False
     ) -> dict[str, NDArray[Any]]:
         """Return the observation of a part of the episodes, without cameras: arrays (n, ...) by key.
 
@@ -197,11 +212,12 @@ class Episodes:
             part: which.
             moment: theirs.
             rngs: theirs; None for one whose sensors are not read.
+            alone: whether the arrays have no axis for environments, which must be one.
         """
         records = self.records[part]
         rows = np.empty((len(records), self._width), np.float32)
         kernel.observe(records, *moment, self._columns, self._joint_noise(records, rngs), rows)
-        return cut(rows, self._layout)
+        return cut(rows[0] if alone else rows, self._layout)
 
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
         if self.settings.randomisation.joint_noise is None:
@@ -215,24 +231,25 @@ class Episodes:
 
     def info(self, i: int) -> dict[str, Any]:
         """Return the info of episode `i`, without cameras: the same keys and types at reset and at every step."""
-        record, slot = self.records[i], self.slots[i]
-        slip, tilt = float(record["slip"]), float(record["tilt"])
+        success, stable, grasped, stage, failure, height, slip, tilt, shift, held, phase, warnings, *terms = (
+            self.told[i].tolist()
+        )
         return {
-            "is_success": bool(record["success"]),
-            "is_stable": bool(record["airborne"]) and slip < STABLE_SLIP and tilt < STABLE_TILT,
-            "is_grasped": bool(record["grasped"]),
-            "stage": STAGES[record["stage"]],
-            "failure": FAILURES[record["failure"]],
+            "is_success": bool(success),
+            "is_stable": bool(stable),
+            "is_grasped": bool(grasped),
+            "stage": STAGES[int(stage)],
+            "failure": FAILURES[int(failure)],
             "object": self.object_name(i),
-            "object_height": float(record["height"]),
+            "object_height": height,
             "object_slip": slip,
             "object_tilt": tilt,
-            "object_shift": float(record["shift"]),
-            "held_seconds": float(record["held"] * CONTROL_PERIOD),
-            "disturbance": PHASES[record["phase"]],
-            "mujoco_warnings": warning_names(int(record["warnings"])),
-            "variation": dict(vars(slot.variation)),
-            "reward_terms": dict(zip(TERMS, self.terms[i].tolist(), strict=True)),
+            "object_shift": shift,
+            "held_seconds": held,
+            "disturbance": PHASES[int(phase)],
+            "mujoco_warnings": warning_names(int(warnings)) if warnings else "",
+            "variation": dict(vars(self.slots[i].variation)),
+            "reward_terms": dict(zip(TERMS, terms, strict=True)),
         }
 
     def object_name(self, i: int) -> str:

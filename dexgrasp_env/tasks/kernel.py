@@ -25,6 +25,8 @@ from dexgrasp_env.tasks.constants import (
     OFF_TABLE,
     PALM_STEP,
     PALM_TURN,
+    STABLE_SLIP,
+    STABLE_TILT,
     WORKSPACE_HIGH,
     WORKSPACE_LOW,
 )
@@ -71,27 +73,37 @@ def set_points(
     size: float,
     rows: Array,
     push: Array,
-) -> None:
+) -> bool:
     """Move the set-points by one control step.
 
     Args:
-        episodes: (N,); targets and command are advanced.
-        actions: (N, n) within [-1, 1].
+        episodes: (N,); targets, command and the count of steps are advanced.
+        actions: (N, n); clipped to [-1, 1] in place.
         mode: index of `CONTROL_MODES`.
         chain: (8, 7) fixed poses of the arm's joints and of the palm, each in the frame before.
         kind: index of `disturbance.KINDS`.
         size: of the disturbance.
         rows: (N, 25, 23) out, what the servos are told in each physics step, rad.
         push: (N, 3) out, force on the object's centre of mass during the control step, N.
+
+    Returns:
+        False, with nothing done, where an action is not finite.
     """
+    for action in actions.flat:
+        if not math.isfinite(action):
+            return False
     for i in range(len(episodes)):
         e = episodes[i]
+        e.elapsed += 1
+        for j in range(actions.shape[1]):
+            actions[i, j] = min(max(actions[i, j], -1.0), 1.0)
         _advance_targets(e.targets, actions[i], mode, chain)
         command = _command(e, kind, size)
         _ramp(e.before, e.command, command, e.latency, rows[i])
         e.before[:] = e.command
         e.command[:] = command
         _push(e, kind, size, push[i])
+    return True
 
 
 @njit(cache=True)
@@ -245,15 +257,16 @@ def judge(
     hulls: Array,
     kind: int,
     length: int,
+    warnings: Columns,
     bad_numbers: int,
     dense: bool,
-    terms: Array,
+    told: Array,
     rewards: Array,
 ) -> None:
     """Advance what the episodes have achieved by the control step just taken.
 
     Args:
-        episodes: (N,); `warnings` holds MuJoCo's of this episode, `phase` and all progress are advanced.
+        episodes: (N,); their progress is advanced.
         qpos: (N, 30): 23 joints, object position and quaternion wxyz.
         qvel: (N, 29).
         sensors: (N, n) `sensordata`.
@@ -261,13 +274,15 @@ def judge(
         hulls: (V, 3) hull vertices of all objects, m, object frames.
         kind: index of `disturbance.KINDS`.
         length: of the disturbance, control steps.
-        bad_numbers: the bits of `warnings` that mean numbers gone wrong.
+        warnings: (N,) bits of MuJoCo's that came up in the control step.
+        bad_numbers: the bits that mean numbers gone wrong.
         dense: whether the reward is the weighted sum of the terms, else success.
-        terms: (N, 4) out, each in [0, 1].
+        told: (N, 16) out, the columns of `records.TOLD` and the terms, each in [0, 1].
         rewards: (N,) out.
     """  # fmt: skip
     for i in range(len(episodes)):
         e, q, s = episodes[i], qpos[i], sensors[i]
+        e.warnings |= warnings[i]
         _fail(e, q, qvel[i], bad_numbers)
         R = _rotation(q[26], q[27], q[28], q[29])
         e.height = _lowest_point(e, q, R, hulls)
@@ -284,13 +299,26 @@ def judge(
         _follow_grip(e, position, _product(inverse, (q[26], q[27], q[28], q[29])), touching and alone)
         _disturb(e, position, kind, length)
         _conclude(e, kind)
-        _reward(e, q, R, s, at, terms[i])
-        t = terms[i]
+        t = told[i, 12:]
+        _reward(e, q, R, s, at, t)
         total = _REACH * t[0] + _CONTACT * t[1] + _LIFT * t[2] + _HOLD * t[3]
         rewards[i] = total if dense else 1.0 * e.success
         if e.failure == _DIVERGED:
-            terms[i] = 0.0
+            t[:] = 0.0
             rewards[i] = 0.0
+        _tell(e, told[i])
+
+
+@njit(cache=True)
+def _tell(e: Record, t: Array) -> None:
+    """Write the columns of `records.TOLD`."""
+    t[0] = e.success
+    t[1] = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
+    t[2] = e.grasped
+    t[3], t[4] = e.stage, e.failure
+    t[5], t[6], t[7], t[8] = e.height, e.slip, e.tilt, e.shift
+    t[9] = e.held * CONTROL_PERIOD
+    t[10], t[11] = e.phase, e.warnings
 
 
 @njit(cache=True)

@@ -1,6 +1,5 @@
 """DexGrasp/Lift-v1."""
 
-import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -16,11 +15,14 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION
 from dexgrasp_env.tasks.control import ACTION_SIZE
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState
 from dexgrasp_env.tasks.observations import observation_space
+from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.views import Views
 
 _ONLY = slice(0, 1)
+_FAILURE = TOLD.index("failure")
+NO_WARNINGS = np.zeros(1, np.int64)
 
 
 class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
@@ -246,7 +248,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         super().reset(seed=seed)
         self._over = True  # options may be refused
         self._simulation = self._episodes.begin(0, self.np_random, options)
-        self._episodes.judge(_ONLY, self._simulation.moment)
+        self._episodes.judge(_ONLY, self._simulation.moment, NO_WARNINGS)
         self._over = False
         return self._look(at_reset=True)
 
@@ -260,25 +262,27 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         """
         if self._over:
             raise InputError("step() called without a running episode: call reset() first")
-        episodes, simulation, record = self._episodes, self._simulation, self._episodes.records[0]
+        episodes, simulation = self._episodes, self._simulation
         rows, push = episodes.set_points(_ONLY, check_actions(action, self.action_space.shape)[None])
         if self.settings.disturbance.kind == "pushed":
             simulation.data.xfrc_applied[simulation.body, :3] = push[0]
-        record["warnings"] |= simulation.step(rows)
-        record["elapsed"] += 1
-        episodes.judge(_ONLY, simulation.moment)
-        self._over = bool(record["failure"])
+        bits = simulation.step(rows)
+        episodes.judge(_ONLY, simulation.moment, np.array([bits]) if bits else NO_WARNINGS)
+        self._over = bool(episodes.told[0, _FAILURE])
         observation, info = self._look(at_reset=False)
         return observation, float(episodes.rewards[0]), self._over, False, info
 
     def _look(self, at_reset: bool) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         episodes, simulation = self._episodes, self._simulation
-        rows = episodes.observe(_ONLY, simulation.moment, [self.np_random])
-        observation = {key: row[0] for key, row in rows.items()}
-        views, info = self._views.observe(episodes.slots[0].view, simulation, self.np_random, at_reset)
+        observation = episodes.observe(_ONLY, simulation.moment, [self.np_random], alone=True)
+        info = episodes.info(0)
+        if self.settings.obs_mode != "state":
+            views, seen = self._views.observe(episodes.slots[0].view, simulation, self.np_random, at_reset)
+            observation |= views
+            info |= seen
         if self.render_mode == "human":
             self.render()
-        return observation | views, episodes.info(0) | info
+        return observation, info
 
     def get_state(self) -> EpisodeState:
         """Return everything that the running episode's future depends on.
@@ -338,15 +342,12 @@ def make_settings(
 
 
 def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
-    """Return finite actions of the right shape, clipped to [-1, 1].
+    """Return a copy of actions of the right shape, in double precision.
 
     Raises:
-        InputError: if they are not.
+        InputError: if their shape is wrong.
     """
-    action = np.asarray(action, dtype=float)
-    if action.shape != shape:
-        raise InputError(f"action has shape {action.shape}: valid is {shape}")
-    if not math.isfinite(float(action.sum())):  # one bad entry makes the sum bad
-        bad = np.argwhere(~np.isfinite(action)).tolist()
-        raise InputError(f"action has NaN or infinite entries at {bad}")
-    return np.minimum(np.maximum(action, -1.0), 1.0)
+    own = np.array(action, dtype=np.float64)
+    if own.shape != shape:
+        raise InputError(f"action has shape {own.shape}: valid is {shape}")
+    return own

@@ -50,6 +50,12 @@ EPISODE = np.dtype(
     align=True,
 )
 
+TOLD = (
+    "is_success", "is_stable", "is_grasped", "stage", "failure", "object_height", "object_slip", "object_tilt",
+    "object_shift", "held_seconds", "disturbance", "mujoco_warnings",
+)  # fmt: skip
+"""Columns of what the kernel tells of an episode, before the terms of the reward."""
+
 Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""
 Record = Any

@@ -38,7 +38,10 @@ def compiled_scene(model: ObjectModel, mount: str) -> mujoco.MjModel:
 
 
 class Simulation:
-    """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode."""
+    """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode.
+
+    `moment` are views of the data: positions (1, 30), velocities (1, 29) and sensors (1, n).
+    """
 
     def __init__(self, model: ObjectModel, mount: str) -> None:
         self.object = model
@@ -51,6 +54,11 @@ class Simulation:
             model.mesh.convex_hull.vertices, dtype=float
         )  # (V, 3) m, object frame
         self.body = int(self.base.body("object").id)
+        # Views into `data`, which stays where it is.
+        data = self.data
+        self.moment = (data.qpos[None], data.qvel[None], data.sensordata[None])
+        self._forces = (data.qfrc_applied, data.xfrc_applied)
+        self._warmstart = data.qacc_warmstart
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
 
@@ -101,8 +109,8 @@ class Simulation:
         """
         model, data = self.model, self.data
         spec, control = _CONTROL, rows
-        if data.xfrc_applied.any() or data.qfrc_applied.any():
-            forces = np.concatenate([data.qfrc_applied, data.xfrc_applied.ravel()])
+        if self._forces[0].any() or self._forces[1].any():
+            forces = np.concatenate([force.ravel() for force in self._forces])
             spec, control = (
                 _CONTROL | _FORCES,
                 np.dstack([rows, np.broadcast_to(forces, (1, CONTROL_STEPS, len(forces)))]),
@@ -110,15 +118,9 @@ class Simulation:
         mujoco.mj_getState(model, data, self._state[0], _PHYSICS)
         self._rollout.rollout(
             [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=CONTROL_STEPS,
-            initial_warmstart=data.qacc_warmstart.copy()[None],
+            initial_warmstart=self._warmstart.copy()[None],
         )  # fmt: skip
         return warning_bits(data.warning.number)
-
-    @property
-    def moment(self) -> tuple[Array, Array, Array]:
-        """Views of positions (1, 30), velocities (1, 29) and sensors (1, n)."""
-        data = self.data
-        return data.qpos[None], data.qvel[None], data.sensordata[None]
 
     def get_state(self) -> Array:
         """Return the full integration state."""

@@ -14,15 +14,14 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.batch import BatchPhysics
-from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, STABLE_SLIP, STABLE_TILT
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ACTION_SIZE
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Moment
-from dexgrasp_env.tasks.lift import LiftEnv, check_actions, make_settings
+from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv, check_actions, make_settings
 from dexgrasp_env.tasks.observations import observation_space
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TERMS
+from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TERMS, TOLD
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 
 _Observations = dict[str, NDArray[Any]]
@@ -83,6 +82,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
         self._started = np.zeros(num_envs, bool)
 
+    @property
+    def targets(self) -> NDArray[np.float64]:
+        """Set-points of the servos as the agent has them, (N, 23) rad."""
+        return self._episodes.records["targets"].copy()
+
     # -- Gymnasium -----------------------------------------------------------------------------------------------
 
     def reset(
@@ -141,7 +145,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         """Return a picture of each environment."""
         pictures = []
         for i in range(self.num_envs):
-            simulation = self._mounted(i)
+            simulation = self.simulation(i)
             mujoco.mj_forward(simulation.model, simulation.data)
             pictures.append(self._views.render(self.render_mode, simulation))
         return tuple(pictures)
@@ -190,7 +194,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         simulation = self._episodes.begin(i, self._rng(i), options)
         self._physics.load(i, self._episodes.slots[i].target)
         only, moment = self._part(i)
-        self._episodes.judge(only, moment)
+        self._episodes.judge(only, moment, NO_WARNINGS)
         self._note(only, self._episodes.observe(only, moment, [self._rng(i)]))
         self._look(i, simulation, at_reset=True)
         self._started[i], self._ended[i] = True, False
@@ -201,14 +205,12 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         everything, moment = slice(None), (physics.qpos, physics.qvel, physics.sensors)
         rows, push = episodes.set_points(everything, actions)
         warnings = physics.step(rows, push if self.settings.disturbance.kind == "pushed" else None, running)
-        episodes.records["warnings"] |= warnings
-        episodes.records["elapsed"] += 1
-        episodes.judge(everything, moment)
+        episodes.judge(everything, moment, warnings)
         rngs = [self._rng(i) if not self._ended[i] else None for i in range(self.num_envs)]
         self._note(everything, episodes.observe(everything, moment, rngs))
         if self.settings.obs_mode != "state":
             for i in map(int, running):
-                self._look(i, self._mounted(i) if self.settings.observe == "step" else None, at_reset=False)
+                self._look(i, self.simulation(i) if self.settings.observe == "step" else None, at_reset=False)
 
     def _finish(self) -> dict[str, Any]:
         """Return the last observations and infos of those that ended, and reset them."""
@@ -229,8 +231,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         seen, _ = self._views.observe(slot.view, simulation, self._rng(i), at_reset)
         self._note(i, seen)
 
-    def _mounted(self, i: int) -> Simulation:
-        """Return the scene of environment `i` with its model and present positions in it."""
+    def simulation(self, i: int) -> Simulation:
+        """Return the scene of environment `i` with its model and present positions in it, until the next call."""
         simulation = self._episodes.enter(i)
         simulation.data.qpos[:] = self._physics.qpos[i]
         return simulation
@@ -248,28 +250,22 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
 
     def _infos(self) -> dict[str, Any]:
         """Return what `Episodes.info` says of every environment, as arrays by key with their masks."""
-        episodes, records = self._episodes, self._episodes.records
+        episodes = self._episodes
+        told = dict(zip(TOLD, episodes.told.T.copy(), strict=False))
         drawn = [slot.variation for slot in episodes.slots]
-        infos: dict[str, Any] = {
-            "is_success": records["success"].copy(),
-            "is_stable": records["airborne"]
-            & (records["slip"] < STABLE_SLIP)
-            & (records["tilt"] < STABLE_TILT),
-            "is_grasped": records["grasped"].copy(),
-            "stage": _STAGES[records["stage"]],
-            "failure": _FAILURES[records["failure"]],
+        infos: dict[str, Any] = told | {
+            **{name: told[name] > 0 for name in ("is_success", "is_stable", "is_grasped")},
+            "stage": _STAGES[told["stage"].astype(int)],
+            "failure": _FAILURES[told["failure"].astype(int)],
             "object": _objects([episodes.object_name(i) for i in range(self.num_envs)]),
-            "object_height": records["height"].copy(),
-            "object_slip": records["slip"].copy(),
-            "object_tilt": records["tilt"].copy(),
-            "object_shift": records["shift"].copy(),
-            "held_seconds": records["held"] * CONTROL_PERIOD,
-            "disturbance": _PHASES[records["phase"]],
-            "mujoco_warnings": _objects([warning_names(bits) for bits in records["warnings"].tolist()]),
+            "disturbance": _PHASES[told["disturbance"].astype(int)],
+            "mujoco_warnings": _objects([warning_names(int(bits)) for bits in told["mujoco_warnings"]]),
             "variation": _with_masks(
                 {name: np.array([getattr(v, name) for v in drawn]) for name in vars(Variation())}
             ),
-            "reward_terms": _with_masks({name: episodes.terms[:, k].copy() for k, name in enumerate(TERMS)}),
+            "reward_terms": _with_masks(
+                {name: episodes.told[:, len(TOLD) + k].copy() for k, name in enumerate(TERMS)}
+            ),
         }
         seen = [slot.view.info for slot in episodes.slots]
         if self.settings.obs_mode != "state":
