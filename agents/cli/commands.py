@@ -18,8 +18,8 @@ from dexgrasp_env.errors import InputError
 COMMANDS = {
     name: f"agents.cli.{name}"
     for name in (
-        "demo", "list", "plan", "verify", "evaluate", "compare", "replay", "report", "dataset", "train", "benchmark",
-        "doctor",
+        "demo", "list", "plan", "verify", "evaluate", "compare", "score", "replay", "report", "dataset", "train",
+        "benchmark", "doctor",
     )
 }  # fmt: skip
 """Command -> module with `add_parser(subparsers)` and `run(args) -> int`."""

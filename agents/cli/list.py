@@ -9,7 +9,7 @@ _EPILOG = """examples:
   dexgrasp list objects            the catalogue with sizes, masses and sets
   dexgrasp list envs --json        ids and what gym.make accepts
   dexgrasp list agents
-  dexgrasp list protocols          how `evaluate` scores"""
+  dexgrasp list protocols          how `evaluate` and `score` score"""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -96,11 +96,17 @@ def list_agents() -> list[dict[str, Any]]:
 def list_protocols() -> list[dict[str, Any]]:
     """Return the protocols: name, environment, what is special."""
     from agents.evaluation.protocol import PROTOCOLS
+    from agents.scoring.protocols import GRASP_PROTOCOLS
 
-    return [
+    of_agents = [
         {"name": protocol.name, "env": protocol.env_id, "description": protocol.description}
         for protocol in PROTOCOLS.values()
     ]
+    of_files = [
+        {"name": name, "env": "grasp files", "description": protocol.summary}
+        for name, protocol in GRASP_PROTOCOLS.items()
+    ]
+    return of_agents + of_files
 
 
 def _describe(spec: str) -> dict[str, Any]:

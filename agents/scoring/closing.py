@@ -5,10 +5,13 @@ with the least wrench left over (the law of FRoGGeR's own controller); then as h
 `TORQUE` at the busiest joint. The pregrasp draws each contact back along its normal.
 """
 
+from dataclasses import replace
+
 import mujoco
 import numpy as np
 from scipy.optimize import nnls
 
+from agents.scoring.candidate import HandStage
 from agents.scoring.hand import HandModel
 from dexgrasp_env.arrays import Array
 
@@ -19,6 +22,25 @@ SERVO_KP = 10.0  # Nm/rad that the squeeze is given for
 _FRICTION, _EDGES = 0.5, 8
 _TINY = 1e-4  # weight of the forces themselves, against the wrench
 _DAMPING = 0.02  # m/rad, of the least squares
+
+
+def close_around(
+    hand: HandModel, grasp: HandStage, points: Array, inward: Array, centre: Array
+) -> tuple[HandStage, HandStage]:
+    """Return pregrasp and squeeze of a grasp by its contacts.
+
+    Args:
+        hand: the hand.
+        grasp: its configuration.
+        points: (k, 3) m, contacts in the world.
+        inward: (k, 3) normals into the object.
+        centre: (3,) m, of the object's mass.
+    """
+    inward = inward / np.linalg.norm(inward, axis=1, keepdims=True)
+    forces = balanced_forces(points, inward, centre)
+    press = squeeze_offsets(hand, grasp.joints, grasp.T_world_hand, points, forces)
+    opened_joints = opened(hand, grasp.joints, grasp.T_world_hand, points, inward)
+    return replace(grasp, joints=opened_joints), replace(grasp, joints=grasp.joints + press)
 
 
 def balanced_forces(points: Array, inward: Array, centre: Array) -> Array:

@@ -12,6 +12,7 @@ from dexgrasp_env.arrays import Array
 _MARGIN = 0.010  # m: further apart than this is this far
 _TOUCH = 0.002  # m: a link this near touches
 _COMPONENTS = 5
+_SAME = 1e-16  # of the sum of squares: what rounding leaves of equal grasps
 
 
 def contact_metrics(candidate: Candidate) -> dict[str, float]:
@@ -37,12 +38,10 @@ def contact_metrics(candidate: Candidate) -> dict[str, float]:
         if body in fingers:
             distances[fingers[body]] = min(distances[fingers[body]], distance)
     found = np.array(list(distances.values()) or [_MARGIN])
-    pairs = model.geom_bodyid[np.array([c.geom for c in data.contact[: data.ncon]]).reshape(-1, 2)]
-    inside = np.isin(pairs, scene.hand_bodies).all(axis=1)
-    own = [float(data.contact[i].dist) for i in np.nonzero(inside)[0]]
+    own = np.isin(model.geom_bodyid[data.contact.geom], scene.hand_bodies).all(axis=1)
     return {
         "penetration_m": deepest,
-        "self_penetration_m": max([0.0, *(-distance for distance in own)]),
+        "self_penetration_m": float(np.max(-data.contact.dist[own], initial=0.0)),
         "contact_number": float(len(touching)),
         "contact_distance_m": float(np.maximum(found, 0.0).mean()),
         "contact_consistency_m": float(np.ptp(found)),
@@ -59,7 +58,7 @@ def diversity(candidates: Sequence[Candidate]) -> list[float]:
         return []
     features = np.array([_features(c) for c in candidates])
     variances = np.linalg.svd(features - features.mean(0), compute_uv=False) ** 2
-    if variances.sum() <= 0.0:
+    if variances.sum() <= _SAME:
         return []
     shares = np.cumsum(variances / variances.sum())
     return [float(share) for share in shares[:_COMPONENTS]]

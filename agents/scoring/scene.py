@@ -73,6 +73,10 @@ def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoc
 
 def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
     child = hand.spec()
+    for name in ("timestep", "impratio", "noslip_iterations", "integrator", "cone", "gravity", "tolerance"):
+        setattr(
+            child.option, name, getattr(spec.option, name)
+        )  # the protocol's; differing ones draw a warning
     for geom in child.geoms:
         geom.solimp[:3] = physics.hand_solimp
         geom.solref[:2] = physics.hand_solref

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -35,6 +35,7 @@ class ObjectModel:
         fixed_pose: (4,) wxyz of the one pose it is presented in, or None: then any of `rest_poses`.
         rgba: colour it is drawn in.
         notes: what was done to it or assumed of it, one sentence each.
+        file_centre: (3,) metres, where the origin lies in the frame of the mesh file; zero for the catalogue.
     """
 
     name: str
@@ -46,6 +47,7 @@ class ObjectModel:
     fixed_pose: Array | None = None
     rgba: tuple[float, float, float, float] = (0.75, 0.55, 0.3, 1.0)
     notes: tuple[str, ...] = ()
+    file_centre: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:
         """Check what a simulator would trip over."""
@@ -102,6 +104,7 @@ class ObjectModel:
             parts=tuple(part.scaled(factor) for part in self.parts),
             mass=self.mass * factor**3,
             inertia=self.inertia * factor**5,
+            file_centre=self.file_centre * factor,
         )
 
     def with_mass(self, mass: float) -> ObjectModel:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import io
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -65,7 +65,8 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     if mass is None:
         mass = float(np.clip(DENSITY * mesh.volume, *MASS_RANGE))
         notes = (*notes, f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3 (set it with --mesh-mass)")
-    return centred_model(path.stem, mesh, parts, mass, notes=notes)
+    model = centred_model(path.stem, mesh, parts, mass, notes=notes)
+    return replace(model, file_centre=np.array(mesh.center_mass))
 
 
 def describe_mesh(path: str | os.PathLike[str], *, scale: float = 1.0) -> list[Finding]:

@@ -1,0 +1,318 @@
+"""Readers of grasp files: layouts, frames, orders, and what must never be executed."""
+
+import json
+import os
+import pickle
+
+import numpy as np
+import pytest
+import trimesh
+
+from agents.cli.main import main
+from agents.scoring.candidate import HandStage, joints_in_order
+from agents.scoring.closing import PRESS, balanced_forces, close_around
+from agents.scoring.hand import find_hand
+from agents.scoring.metrics import diversity
+from agents.scoring.readers import ReadOptions, read_candidates
+from agents.scoring.readers.plain import FORMAT
+from agents.scoring.readers.restricted import read_dictionary
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import pose_matrix
+from dexgrasp_env.robot.names import HAND_JOINTS
+
+OFFSET = np.array([0.02, -0.01, 0.05])  # of the box's centre in the mesh file, m
+SIDES = (0.05, 0.06, 0.10)
+
+
+@pytest.fixture
+def folder(tmp_path):
+    box = trimesh.creation.box(SIDES)
+    box.apply_translation(OFFSET)
+    (tmp_path / "meshes").mkdir()
+    box.export(tmp_path / "meshes" / "crate.obj")
+    return tmp_path
+
+
+def options(folder, **more):
+    return ReadOptions(meshes=(folder / "meshes",), **more)
+
+
+def dictionary(**more):
+    row = np.concatenate([[0.4, 0.1, 0.2, 1, 0, 0, 0], np.linspace(0.1, 0.4, 16)])
+    return {
+        "pregrasp_qpos": row, "grasp_qpos": row + np.r_[np.zeros(7), np.full(16, 0.1)], "squeeze_qpos": row,
+        "obj_pose": np.array([0.3, 0.0, 0.0, 1, 0, 0, 0]), "obj_scale": 1.0, "obj_path": "assets/x/crate", **more,
+    }  # fmt: skip
+
+
+def saved(path, content):
+    np.save(path, content, allow_pickle=True)
+    return path
+
+
+# -- what must not run ------------------------------------------------------------------------------------------
+
+
+class Evil:
+    def __reduce__(self):
+        return os.mkdir, ("executed",)
+
+
+class EvilCalls:
+    """Reaches for a function through a module that is on the list."""
+
+    def __reduce__(self):
+        return np.fromfile, ("/etc/hostname",)
+
+
+@pytest.mark.parametrize(
+    "content", [Evil(), {"grasp_qpos": Evil()}, {"grasp_qpos": EvilCalls()}, [{"a": print}]]
+)
+@pytest.mark.parametrize("suffix", [".npy", ".pkl"])
+def test_nothing_pickled_is_executed(tmp_path, monkeypatch, content, suffix):
+    monkeypatch.chdir(tmp_path)
+    path = tmp_path / f"evil{suffix}"
+    if suffix == ".npy":
+        saved(path, content)
+    else:
+        path.write_bytes(pickle.dumps(content))
+    with pytest.raises(InputError, match="is not read \\(it asks for"):
+        read_dictionary(path)
+    assert not (tmp_path / "executed").exists()
+
+
+def test_a_name_with_dots_does_not_reach_past_the_list(tmp_path):
+    """Protocol 4 looks names up by attribute paths: numpy's dtype would lead to other modules."""
+    code = b"\x80\x04\x8c\x05numpy\x8c\x10ndarray.__init__\x93."
+    (tmp_path / "dots.pkl").write_bytes(code)
+    with pytest.raises(InputError, match="asks for"):
+        read_dictionary(tmp_path / "dots.pkl")
+
+
+@pytest.mark.parametrize("protocol", [2, 3, 4, 5])
+def test_dictionaries_of_arrays_pass_whatever_the_pickle_protocol(tmp_path, protocol):
+    content = {
+        "a": np.arange(6.0).reshape(2, 3),
+        "b": np.float32(2.5),
+        "c": "text",
+        "d": [1, (2, None)],
+        "e": b"x",
+    }
+    (tmp_path / "d.pkl").write_bytes(pickle.dumps(content, protocol))
+    found = read_dictionary(tmp_path / "d.pkl")
+    np.testing.assert_array_equal(found["a"], content["a"])
+    assert (found["b"], found["c"], found["d"], found["e"]) == (2.5, "text", [1, (2, None)], b"x")
+
+
+@pytest.mark.parametrize("data", [b"", b"\x93NUMPY", b"\x80\x04.", b"hello", b"\x93NUMPY\x01\x00\x02\x00{}"])
+def test_damaged_files_are_one_line(tmp_path, data):
+    (tmp_path / "bad.npy").write_bytes(data)
+    with pytest.raises(InputError, match=r"bad\.npy") as caught:
+        read_dictionary(tmp_path / "bad.npy")
+    assert "\n" not in str(caught.value)
+
+
+def test_plain_arrays_are_no_dictionary(tmp_path):
+    with pytest.raises(InputError, match="no dictionary"):
+        read_dictionary(saved(tmp_path / "a.npy", np.zeros(3)))
+    with pytest.raises(InputError, match="cannot read"):
+        read_dictionary(tmp_path / "none.npy")
+
+
+# -- layouts ----------------------------------------------------------------------------------------------------
+
+
+def test_dexgraspbench_layout_frames_and_order(folder):
+    (found,) = read_candidates(saved(folder / "g.npy", dictionary()), options(folder))
+    # The object's frame goes from the mesh file's origin to the centre of mass.
+    np.testing.assert_allclose(found.T_world_object[:3, 3], OFFSET + np.array([0.3, 0.0, 0.0]), atol=1e-6)
+    # Their root's x axis is our palm's z axis: quaternion (0, 1, 0, 1).
+    np.testing.assert_allclose(found.grasp.T_world_hand[:3, 2], [1, 0, 0], atol=1e-12)
+    np.testing.assert_allclose(found.grasp.T_world_hand[:3, 0], [0, 0, 1], atol=1e-12)
+    np.testing.assert_allclose(found.grasp.joints, np.linspace(0.2, 0.5, 16))
+    assert found.hand.joint_names == HAND_JOINTS
+    assert found.squeeze_for(5.0) is found.squeeze
+
+
+def test_dexgraspbench_many_grasps_and_apart_poses(folder):
+    row = dictionary()["grasp_qpos"]
+    many = {f"{s}_qpos": np.stack([row, row + 0.01])[:, 7:] for s in ("pregrasp", "grasp", "squeeze")}
+    many |= {f"{s}_pose": np.stack([row, row])[:, :7] for s in ("pregrasp", "grasp", "squeeze")}
+    found = read_candidates(saved(folder / "m.npy", dictionary(**many)), options(folder))
+    assert [c.source[-3:] for c in found] == ["[0]", "[1]"]
+    assert found[1].grasp.joints[0] == pytest.approx(found[0].grasp.joints[0] + 0.01)
+
+
+def test_bodex_layout_gives_the_palm_itself(folder):
+    rows = np.stack([np.stack([dictionary()["grasp_qpos"]] * 3)] * 4)[None]
+    content = {"robot_pose": rows, "obj_pose": dictionary()["obj_pose"][None], "obj_scale": np.array([1.0])}
+    (folder / "crate").mkdir()
+    found = read_candidates(saved(folder / "crate" / "b_grasp.npy", content), options(folder))
+    assert len(found) == 4
+    np.testing.assert_allclose(found[0].grasp.T_world_hand[:3, :3], np.eye(3), atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"obj_path": "nowhere"}, "mesh of object 'nowhere' not found"),
+        ({"squeeze_qpos": np.zeros(5)}, "valid is \\(23,\\)"),
+        ({"grasp_qpos": np.full(23, np.nan)}, "finite"),
+        ({"obj_scale": -1.0}, "not a positive number"),
+        ({"grasp_qpos": np.zeros(23)}, "quaternion"),
+        ({"obj_pose": "here"}, "obj_pose must be finite numbers"),
+    ],
+)
+def test_dexgraspbench_mistakes(folder, change, words):
+    with pytest.raises(InputError, match=words):
+        read_candidates(saved(folder / "g.npy", dictionary(**change)), options(folder))
+
+
+def test_dexgraspbench_needs_every_stage(folder):
+    path = saved(folder / "h.npy", {k: v for k, v in dictionary().items() if k != "squeeze_qpos"})
+    with pytest.raises(InputError, match="squeeze_qpos is missing"):
+        read_candidates(path, options(folder))
+
+
+def frogger(folder, **more):
+    from agents.scoring.readers.frogger import JOINTS, PALM
+
+    names = [*JOINTS][::-1]
+    values = {ours: 0.1 + 0.01 * i for i, ours in enumerate(HAND_JOINTS)}
+    palm = pose_matrix(np.array([0.5, 0.0, 0.3]), np.array([0.0, 1.0, 0.0, 0.0]))
+    content = {
+        "q": np.array([values[JOINTS[n]] for n in names]), "joint_names": np.array(names), "X_WO": np.eye(4),
+        "body_names": np.array(["arm", PALM]), "body_poses_W": np.stack([np.eye(4), palm]), "object": "crate",
+        "contacts_W": np.array([[0.5, 0.03, 0.2], [0.5, -0.03, 0.2], [0.53, 0.0, 0.2]]),
+        "normals_in_W": np.array([[0, -1.0, 0], [0, 1.0, 0], [-1.0, 0, 0]]), **more,
+    }  # fmt: skip
+    np.savez(folder / "f.npz", **content)
+    return folder / "f.npz"
+
+
+def test_frogger_layout_by_names_and_palm(folder):
+    (found,) = read_candidates(frogger(folder), options(folder))
+    np.testing.assert_allclose(found.grasp.joints, 0.1 + 0.01 * np.arange(16))
+    np.testing.assert_allclose(found.grasp.T_world_hand[:3, 3], [0.5, 0.0, 0.3 - 0.095], atol=1e-12)
+    np.testing.assert_allclose(found.T_world_object[:3, 3], OFFSET, atol=1e-6)
+    press = found.squeeze_for(5.0).joints - found.grasp.joints
+    np.testing.assert_allclose(press, 2.0 * (found.squeeze.joints - found.grasp.joints))
+
+
+def test_frogger_mistakes(folder):
+    for change, words in [
+        ({"joint_names": np.array(["a"])}, "16 joints"),
+        ({"contacts_W": np.zeros((2, 3))}, "differ in number"),
+        ({"X_WO": np.zeros((4, 4))}, "no rigid transform"),
+        ({"object": "ball"}, "not found"),
+        ({"body_names": np.array(["arm", "palm"])}, "must have algr_rh_palm"),
+    ]:
+        with pytest.raises(InputError, match=words):
+            read_candidates(frogger(folder, **change), options(folder))
+    np.savez(folder / "p.npz", q=np.array([Evil()], dtype=object))
+    with pytest.raises(InputError, match="plain arrays"):
+        read_candidates(folder / "p.npz", options(folder))
+
+
+def plain(folder, **more):
+    names = list(HAND_JOINTS)[::-1]
+    stage = {"T_world_hand": [0.4, 0, 0.2, 0, 1, 0, 0], "joints": list(np.arange(16) / 20)}
+    grasp = {
+        "object": "crate.obj", "T_world_object": np.eye(4).tolist(), "servo_kp": 4.0, "pregrasp": stage,
+        "grasp": stage, "squeeze": stage | {"joints": list(np.arange(16) / 20 + 0.1)}, **more,
+    }  # fmt: skip
+    path = folder / "plain.json"
+    path.write_text(json.dumps({"format": FORMAT, "joint_names": names, "grasps": [grasp]}))
+    return path
+
+
+def test_plain_json(folder):
+    (found,) = read_candidates(plain(folder), options(folder))
+    np.testing.assert_allclose(found.grasp.joints, np.arange(16)[::-1] / 20)
+    np.testing.assert_allclose(found.squeeze_for(2.0).joints - found.grasp.joints, np.full(16, 0.2))
+    content = json.loads(plain(folder).read_text())
+    del content["grasps"][0]["squeeze"]
+    (folder / "plain.json").write_text(json.dumps(content))
+    with pytest.raises(InputError, match="contacts is missing"):
+        read_candidates(folder / "plain.json", options(folder))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"T_world_object": [1, 2]}, "must be a \\(4, 4\\) pose"),
+        ({"grasp": 3}, "is not of format"),
+        ({"object": "ball"}, "--mesh"),
+    ],
+)
+def test_plain_json_mistakes(folder, change, words):
+    with pytest.raises(InputError, match=words):
+        read_candidates(plain(folder, **change), options(folder))
+
+
+def test_joint_names_must_fit():
+    with pytest.raises(InputError, match="do not fit hand allegro"):
+        joints_in_order(find_hand("allegro"), ["a"] * 16, np.zeros(16), "x")
+
+
+# -- closing ----------------------------------------------------------------------------------------------------
+
+
+def test_forces_are_in_balance_and_in_their_cones():
+    points = np.array([[0.03, 0.01, 0.0], [0.03, -0.01, 0.0], [-0.03, 0.0, 0.0]])
+    inward = np.array([[-1.0, 0, 0], [-1.0, 0, 0], [1.0, 0, 0]])
+    forces = balanced_forces(points, inward, np.zeros(3))
+    np.testing.assert_allclose(forces.sum(0), 0.0, atol=1e-3)
+    np.testing.assert_allclose(np.cross(points, forces).sum(0), 0.0, atol=1e-4)
+    normal = (forces * inward).sum(1)
+    assert normal.max() == pytest.approx(PRESS)
+    assert (np.linalg.norm(forces - normal[:, None] * inward, axis=1) <= 0.5 * normal + 1e-6).all()
+
+
+def test_closing_opens_away_and_presses_into():
+    import mujoco
+
+    hand = find_hand("allegro")
+    joints = np.array([0.0, 0.6, 0.6, 0.6] * 3 + [1.2, 0.3, 0.3, 0.6])
+    data = mujoco.MjData(hand.model)
+
+    def tips(q):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(hand.model, data)
+        return np.array([data.site(n).xpos.copy() for n in ("index_tip", "middle_tip", "thumb_tip")])
+
+    at = tips(joints)
+    middle = at.mean(0)
+    inward = (middle - at) / np.linalg.norm(middle - at, axis=1, keepdims=True)
+    first, last = close_around(hand, HandStage(np.eye(4), joints), at, inward, middle)
+    assert (((tips(first.joints) - at) * inward).sum(1) < -0.005).all()
+    assert (((tips(last.joints) - at) * inward).sum(1) > 0.0).all()
+
+
+# -- the command ------------------------------------------------------------------------------------------------
+
+
+def test_score_command(folder, capsys):
+    files = [
+        str(saved(folder / f"{i}.npy", dictionary(obj_pose=np.r_[0.3 + i, 0, 0, 1, 0, 0, 0]))) for i in (0, 1)
+    ]
+    code = main(["score", *files, "--mesh", str(folder / "meshes"), "--protocol", "dgb_tabletop", "--json"])
+    found = json.loads(capsys.readouterr().out)
+    assert code == 1  # a hand that is not there holds nothing
+    assert (found["grasps"], found["protocols"]["dgb_tabletop"]["successes"]) == (2, 0)
+    assert {row["reason"] for row in found["rows"]} == {"moved"}
+    assert found["protocols"]["dgb_tabletop"]["ci95"][1] < 0.7
+    assert main(["score", files[0], "--protocol", "lift"]) == 2
+    assert "valid are dgb_fc" in capsys.readouterr().err
+    assert main(["score", files[0]]) == 2
+    assert "--mesh" in capsys.readouterr().err
+
+
+def test_diversity_of_the_same_and_of_different_grasps(folder):
+    (one,) = read_candidates(saved(folder / "g.npy", dictionary()), options(folder))
+    assert diversity([one, one]) == []
+    assert diversity([one, one, one]) == []
+    spread = [
+        one.displaced(pose_matrix(np.array([0.0, 0.0, 0.01 * i]), np.array([1.0, 0, 0, 0]))) for i in range(4)
+    ]
+    assert diversity(spread)[0] == pytest.approx(1.0)
