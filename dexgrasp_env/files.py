@@ -158,6 +158,11 @@ def _whole(text: str) -> int:
     return int(text) if len(text) <= _DIGITS else int(_refused(text))
 
 
+def printable_stem(path: Path) -> str:
+    """Return a file's name without its ending as text that can be printed, whatever bytes it is made of."""
+    return path.stem.encode("utf-8", "surrogateescape").decode("utf-8", "replace")
+
+
 def jsonable(value: Any) -> Any:
     """Return a value as JSON can hold it: arrays as lists, NaN and infinities as None, the unknown as text."""
     if value is None or isinstance(value, bool | str):

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "dm-env", "gymnasium", "numba", "trimesh", "coacd")
+_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "dm-env", "gymnasium", "numba", "trimesh", "manifold3d")
 _OPTIONAL = {
     "torch": "the learned agents and training need it: pip install dexgrasp[learn]",
     "stable-baselines3": "reinforcement learning needs it: pip install dexgrasp[learn]",

@@ -9,10 +9,13 @@ from functools import lru_cache
 from pathlib import Path
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
 
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
+MASS_LIMITS = (1e-4, 100.0)
+"""kg: lighter bodies vanish in the solver's tolerance, heavier ones are no objects for a hand."""
 
 
 def load_object(
@@ -30,15 +33,20 @@ def load_object(
     """
     target = os.fspath(target)
     _check_positive("scale", scale)
-    if mass is not None:
-        _check_positive("mass", mass)
+    if mass is not None and not MASS_LIMITS[0] <= mass <= MASS_LIMITS[1]:
+        low, high = MASS_LIMITS
+        raise InputError(f"mass is {mass} kg: valid are {low} to {high} kg")
     if target in CATALOGUE:
         model = _catalogue_object(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)
     if not is_mesh_path(target):
         raise unknown_object(target)
-    path = Path(target).expanduser().resolve()
-    stamp = path.stat().st_mtime_ns if path.is_file() else 0
+    if not is_file(target):
+        raise InputError(
+            f"mesh file {target!r} does not exist: give the path of an obj, stl, ply or glb file"
+        )
+    path = Path(os.path.realpath(os.path.expanduser(target)))
+    stamp = path.stat().st_mtime_ns
     return _mesh_object(path, stamp, scale, mass)
 
 
@@ -56,19 +64,24 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
             continue
         if not is_mesh_path(name):
             raise unknown_object(name)
-        if not Path(name).expanduser().is_file():
+        if not is_file(name):
             raise InputError(f"mesh file {name!r} does not exist")
     return list(dict.fromkeys(names))
 
 
 def object_name(target: str) -> str:
     """Return the name an object is shown by: itself, or the stem of a mesh file."""
-    return target if target in CATALOGUE else Path(target).stem
+    return target if target in CATALOGUE else printable_stem(Path(target))
 
 
 def is_mesh_path(target: str) -> bool:
     """Whether a target is meant as a file rather than as a name."""
-    return Path(target).suffix != "" or os.sep in target or Path(target).expanduser().is_file()
+    return Path(target).suffix != "" or os.sep in target or is_file(target)
+
+
+def is_file(target: str) -> bool:
+    """Whether a path, `~` expanded, names a file; of names no file can have, False."""
+    return os.path.isfile(os.path.expanduser(target))
 
 
 def unknown_object(name: str) -> InputError:

@@ -7,71 +7,71 @@ from __future__ import annotations
 
 import numpy as np
 import trimesh
+from scipy.spatial import QhullError
 
-from dexgrasp_env.arrays import Array
-from dexgrasp_env.objects.shapes import from_manifold, union
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.remesh import GRID, MOST_FACES, remeshed
+from dexgrasp_env.objects.shapes import union
+from dexgrasp_env.objects.surface import is_solid, is_sound, simplified, welded
 
-MOST_FACES = 20_000
 _CRUMB = 0.01
 _MAIN = 0.9
-_GRID = 64
 _ROUNDS = 4
 _HOLLOW = 0.02
+_SIZE = 0.05  # of each side: by how much a repair may change it without a word
 
 
 def repair(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
-    """Return a watertight solid of positive volume near `mesh`, and one sentence for each thing done.
+    """Return a watertight solid of possible inertia near `mesh`, and one sentence for each thing done.
 
     Steps: weld vertices, drop crumbs under 1 % of the area, simplify to `MOST_FACES` faces, close each
-        shell, unite.
+        shell, unite. Where the result is unsound or of another size it is rebuilt on a grid; where that is, its
+        convex hull stands in.
+
+    Raises:
+        InputError: if it bounds no volume.
     """
     mesh = welded(mesh)
+    if len(mesh.faces) == 0:
+        raise InputError("has only faces without area: export it again")
     notes = []
     shells, crumbs = _shells(mesh)
     if crumbs:
         notes.append(f"dropped {crumbs} loose piece{'s' * (crumbs > 1)} of under 1 % of the surface")
-    if sum(len(shell.faces) for shell in shells) > MOST_FACES:
+    given = shells[0] if len(shells) == 1 else trimesh.util.concatenate(shells)
+    if len(given.faces) > MOST_FACES:
         notes.append(f"simplified from {len(mesh.faces)} faces to about {MOST_FACES}")
-        share = MOST_FACES / sum(len(shell.faces) for shell in shells)
+        share = MOST_FACES / len(given.faces)
         shells = [simplified(shell, max(int(len(shell.faces) * share), 100)) for shell in shells]
+    solid, done = _united(shells)
+    if solid is None or not (is_sound(solid) and _same_size(solid, given)):
+        solid, done = _closed_firmly(given)
+    return solid, (*notes, *done, *_size_notes(solid, given))
+
+
+def _united(shells: list[trimesh.Trimesh]) -> tuple[trimesh.Trimesh | None, list[str]]:
+    """Close every shell gently and unite them; None where one stays open."""
     closed = [closed_gently(shell) for shell in shells]
     if not all(closed):
-        solid, note = _closed_firmly(mesh)
-        return solid, (*notes, note)
-    notes += dict.fromkeys(note for _, done in filter(None, closed) for note in done)
+        return None, []
+    notes = [*dict.fromkeys(note for _, done in filter(None, closed) for note in done)]
     solids = [solid for solid, _ in filter(None, closed)]
-    if len(solids) > 1:
-        notes.append(f"{len(solids)} bodies are taken as one rigid object; cavities are filled")
-        solids = [union(solids)]
-    return solids[0], tuple(notes)
+    if len(solids) == 1:
+        return solids[0], notes
+    return union(solids), [*notes, f"{len(solids)} bodies are taken as one rigid object; cavities are filled"]
 
 
-def welded(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Return the bare triangles with equal vertices merged, without empty or double faces."""
-    welded = trimesh.Trimesh(np.array(mesh.vertices), np.array(mesh.faces), process=False)
-    welded.merge_vertices()
-    welded.update_faces(welded.nondegenerate_faces(height=1e-12) & welded.unique_faces())
-    welded.remove_unreferenced_vertices()
-    return welded
+def _same_size(solid: trimesh.Trimesh, given: trimesh.Trimesh) -> bool:
+    """Whether the box around it is that of the surface given, within 5 % of each side or a cell of the grid."""
+    allowed = np.maximum(_SIZE * given.extents, 1.5 * float(given.extents.max()) / GRID)
+    return bool((np.abs(solid.bounds - given.bounds) <= allowed).all())
 
 
-def simplified(mesh: trimesh.Trimesh, faces: int) -> trimesh.Trimesh:
-    """Return the mesh with about `faces` faces, by quadric error."""
-    import fast_simplification
-
-    points, triangles = fast_simplification.simplify(
-        np.asarray(mesh.vertices, dtype=np.float32),
-        np.asarray(mesh.faces, dtype=np.int32),
-        target_count=faces,
-    )[:2]
-    return welded(trimesh.Trimesh(points, triangles, process=False))
-
-
-def is_solid(mesh: trimesh.Trimesh) -> bool:
-    """Whether the mesh is closed, consistently wound, and encloses a volume."""
-    return bool(
-        len(mesh.faces) >= 4 and mesh.is_watertight and mesh.is_winding_consistent and mesh.volume > 0
-    )
+def _size_notes(solid: trimesh.Trimesh, given: trimesh.Trimesh) -> list[str]:
+    if (np.abs(solid.extents - given.extents) <= _SIZE * given.extents).all():
+        return []
+    was, now = (" x ".join(f"{1000 * side:.1f}" for side in mesh.extents) for mesh in (given, solid))
+    return [f"resized: {was} mm were given, {now} mm are left"]
 
 
 def _shells(mesh: trimesh.Trimesh) -> tuple[list[trimesh.Trimesh], int]:
@@ -96,18 +96,17 @@ def closed_gently(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]] | 
     return None
 
 
-def _closed_firmly(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, str]:
+def _closed_firmly(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]]:
     """Close a surface by rebuilding it, or else by its convex hull, with what was done."""
-    remeshed = _remeshed(mesh)
-    if remeshed is not None:
-        return (
-            remeshed,
-            "rebuilt on a grid as its surface was broken: details under 1/60 of its size are lost",
-        )
-    return (
-        mesh.convex_hull,
-        "replaced by its convex hull as its surface could not be closed: hollows are lost",
-    )
+    rebuilt = remeshed(mesh)
+    if rebuilt is not None and is_sound(rebuilt) and _same_size(rebuilt, mesh):
+        note = "rebuilt on a grid as its surface was broken: details under 1/60 of its size are lost"
+        return rebuilt, [note]
+    try:
+        hull = mesh.convex_hull
+    except QhullError:
+        raise InputError("is flat and encloses no volume: give the object a thickness") from None
+    return hull, ["replaced by its convex hull as its surface could not be closed: hollows are lost"]
 
 
 def _wound(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, list[str]]:
@@ -181,51 +180,3 @@ def _with_fans(mesh: trimesh.Trimesh, loops: list[list[int]]) -> trimesh.Trimesh
         faces.append(np.stack([np.roll(rim, -1), rim, np.full(len(rim), top)], axis=-1))
         top += 1
     return trimesh.Trimesh(np.concatenate(vertices), np.concatenate(faces), process=False)
-
-
-def _remeshed(mesh: trimesh.Trimesh) -> trimesh.Trimesh | None:
-    """Surface of the cells that the skin encloses, or None where the skin encloses nothing."""
-    inside, origin, pitch = _filled_grid(mesh)
-    if inside.sum() < 8:
-        return None
-    solid = _level_surface(inside, origin, pitch)
-    return solid if is_solid(solid) else None
-
-
-def _filled_grid(mesh: trimesh.Trimesh) -> tuple[np.ndarray, Array, float]:
-    """Cells inside the skin, closed over small gaps; the lowest corner of the grid; the side of a cell."""
-    from scipy import ndimage
-
-    pitch = float(mesh.extents.max()) / _GRID
-    points = mesh.sample(int(min(40 * mesh.area / pitch**2, 2e6)), seed=0)
-    origin = mesh.bounds[0] - 4.5 * pitch
-    shape = np.ceil((mesh.extents + 9 * pitch) / pitch).astype(int)
-    skin = np.zeros(shape, dtype=bool)
-    skin[tuple(((points - origin) / pitch).astype(int).T)] = True
-    thick = ndimage.binary_dilation(skin, iterations=2)
-    filled = ndimage.binary_erosion(ndimage.binary_fill_holes(thick), iterations=2)
-    return filled & ~(skin & ~ndimage.binary_erosion(filled)), origin, pitch
-
-
-def _level_surface(inside: np.ndarray, origin: Array, pitch: float) -> trimesh.Trimesh:
-    """Smooth surface half a cell outside the cells `inside`."""
-    import manifold3d
-    from scipy import ndimage
-
-    depth = ndimage.distance_transform_edt(inside) - ndimage.distance_transform_edt(~inside)
-    depth = ndimage.gaussian_filter(depth.astype(float), 0.7) + 0.5
-
-    def level(x: float, y: float, z: float) -> float:
-        place = (np.array([x, y, z]) - origin) / pitch - 0.5
-        low = np.clip(place.astype(int), 0, np.array(depth.shape) - 2)
-        u, v, w = np.clip(place - low, 0.0, 1.0)
-        cell = depth[low[0] : low[0] + 2, low[1] : low[1] + 2, low[2] : low[2] + 2]
-        plane = cell[0] * (1 - u) + cell[1] * u
-        line = plane[0] * (1 - v) + plane[1] * v
-        return float(line[0] * (1 - w) + line[1] * w)
-
-    high = origin + pitch * np.array(inside.shape)
-    solid = manifold3d.Manifold.level_set(level, [*origin, *high], 1.5 * pitch)
-    largest = max(solid.decompose(), key=lambda piece: piece.volume(), default=solid)
-    surface = from_manifold(largest)
-    return simplified(surface, MOST_FACES) if len(surface.faces) > MOST_FACES else surface

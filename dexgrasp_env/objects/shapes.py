@@ -50,8 +50,9 @@ def from_manifold(solid: manifold3d.Manifold) -> trimesh.Trimesh:
     mesh = trimesh.Trimesh(
         np.array(data.vert_properties)[:, :3], np.array(data.tri_verts, dtype=np.int64), process=False
     )
-    mesh.merge_vertices()
-    return mesh
+    welded = mesh.copy()
+    welded.merge_vertices()
+    return welded if welded.is_watertight else mesh  # vertices that nearly meet are not always one
 
 
 def union(meshes: Sequence[trimesh.Trimesh]) -> trimesh.Trimesh:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import io
 import os
+import struct
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,7 @@ import numpy as np
 import trimesh
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cached_arrays, content_hash
+from dexgrasp_env.files import Arrays, cached_arrays, content_hash, printable_stem
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair
@@ -26,7 +27,7 @@ DENSITY = 400.0
 """kg/m^3 where no mass is given: everyday things, hollow or half full."""
 MASS_RANGE = (0.02, 1.0)
 _LARGEST, _SMALLEST, _HAND = 2.0, 0.005, 0.12
-_VERSION = 2
+_VERSION = 3
 
 
 @dataclass(frozen=True)
@@ -55,18 +56,30 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     Raises:
         InputError: one line, if the file cannot be used.
     """
-    path = Path(path).expanduser()
+    path = Path(os.path.expanduser(path))
     raw = read_mesh(path)
-    raw.apply_scale(scale)
+    with np.errstate(over="ignore"):
+        raw.apply_scale(scale)
     _check_size(raw, path.name)
     mesh, notes = _repaired(raw, path.name)
     parts, split_notes = convex_parts(mesh)
     notes = (*notes, *split_notes, *_size_notes(mesh))
     if mass is None:
-        mass = float(np.clip(DENSITY * mesh.volume, *MASS_RANGE))
-        notes = (*notes, f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3 (set it with --mesh-mass)")
-    model = centred_model(path.stem, mesh, parts, mass, notes=notes)
+        mass, note = _assumed_mass(mesh.volume)
+        notes = (*notes, note)
+    model = centred_model(printable_stem(path), mesh, parts, mass, notes=notes)
     return replace(model, file_centre=np.array(mesh.center_mass))
+
+
+def _assumed_mass(volume: float) -> tuple[float, str]:
+    """Return a mass by volume, kg, and what to say of it."""
+    given = DENSITY * volume
+    mass = float(np.clip(given, *MASS_RANGE))
+    said = f"mass {mass:.3f} kg assumed from {DENSITY:.0f} kg/m3"
+    if mass != given:
+        low, high = MASS_RANGE
+        said = f"mass {mass:.3f} kg assumed: {DENSITY:.0f} kg/m3 gives {given:.2g} kg, outside {low} to {high} kg"
+    return mass, f"{said} (set it with --mesh-mass)"
 
 
 def describe_mesh(path: str | os.PathLike[str], *, scale: float = 1.0) -> list[Finding]:
@@ -90,7 +103,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     Raises:
         InputError: if it is missing, of another kind, damaged, empty, flat or not finite.
     """
-    if not path.is_file():
+    if not os.path.isfile(path):  # unlike Path.is_file it takes names of any length
         raise InputError(
             f"mesh file {str(path)!r} does not exist: give the path of an obj, stl, ply or glb file"
         )
@@ -117,14 +130,25 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     return mesh
 
 
+_DAMAGE = (
+    ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError, EOFError, MemoryError,
+    NotImplementedError, RecursionError, struct.error,
+)  # fmt: skip
+"""What the mesh library's parsers raise on files that are not what they say they are."""
+
+
 def _parsed(path: Path) -> trimesh.Trimesh:
     """Read a file with the mesh library, whose many errors become one."""
-    options: dict[str, Any] = {"skip_materials": True} if path.suffix.lower() == ".obj" else {}
+    kind = path.suffix.lower()[1:]
+    options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     try:
-        kind = path.suffix.lower()[1:]
-        loaded = trimesh.load(io.BytesIO(path.read_bytes()), file_type=kind, process=False, **options)
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"mesh file {path.name!r} cannot be opened: {error.strerror}") from None
+    try:
+        loaded = trimesh.load(io.BytesIO(content), file_type=kind, process=False, **options)
         geometry = loaded.to_geometry() if isinstance(loaded, trimesh.Scene) else loaded
-    except Exception as error:
+    except _DAMAGE as error:
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:80]
         raise InputError(
             f"mesh file {path.name!r} cannot be read as {kind} ({reason}): export it again"
@@ -136,8 +160,9 @@ def _parsed(path: Path) -> trimesh.Trimesh:
 
 def _check_size(mesh: trimesh.Trimesh, name: str) -> None:
     used = mesh.vertices[np.unique(mesh.faces)]
-    largest = float(np.ptp(used, axis=0).max())
-    if largest > _LARGEST:
+    with np.errstate(over="ignore"):
+        largest = float(np.ptp(used, axis=0).max())
+    if not largest <= _LARGEST:
         unit = "millimetres: pass --mesh-scale 0.001" if largest > 40 else (
             "centimetres or millimetres: pass --mesh-scale 0.01 or 0.001")  # fmt: skip
         raise InputError(f"mesh {name!r} is {largest:.4g} m large and looks like {unit}")
@@ -147,7 +172,7 @@ def _check_size(mesh: trimesh.Trimesh, name: str) -> None:
             "objects need 5 mm at least, pass a larger --mesh-scale"
         )
     spread = np.linalg.svd(used - used.mean(axis=0), compute_uv=False)
-    if spread[2] < 1e-4 * spread[0]:
+    if len(spread) < 3 or spread[2] < 1e-4 * spread[0]:
         raise InputError(f"mesh {name!r} is flat and encloses no volume: give the object a thickness")
 
 
@@ -156,14 +181,14 @@ def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[s
     key = content_hash(np.asarray(raw.vertices), np.asarray(raw.faces, dtype=np.int64), _VERSION)
 
     def make() -> Arrays:
-        mesh, notes = repair(raw)
+        try:
+            mesh, notes = repair(raw)
+        except InputError as error:
+            raise InputError(f"mesh {name!r} {error}") from None
         if not mesh.volume > 1e-4 * mesh.convex_hull.volume:
             raise InputError(f"mesh {name!r} encloses no volume: close its surface or give it a thickness")
-        return {
-            "vertices": np.asarray(mesh.vertices),
-            "faces": np.asarray(mesh.faces),
-            "notes": np.array(notes, str),
-        }
+        arrays = {"vertices": np.asarray(mesh.vertices), "faces": np.asarray(mesh.faces)}
+        return arrays | {"notes": np.array(notes, dtype=str)}
 
     layout = {"vertices": (None, 3), "faces": (None, 3), "notes": (None,)}
     found = cached_arrays(f"meshes/{key}.npz", layout, make)
@@ -189,6 +214,7 @@ _REMEDIES = (
     ("dropped", "warning", "done; delete them in your modelling program if that is wrong"),
     ("rebuilt", "warning", "look at it with dexgrasp view; close the surface in your modelling program"),
     ("replaced", "warning", "close the surface in your modelling program to keep its hollows"),
+    ("resized", "warning", "look at it with dexgrasp view; close the surface in your modelling program"),
     ("filled", "warning", "done; look at it with dexgrasp view"),
     ("too large", "warning", "check the unit (--mesh-scale), or expect no grasp"),
 )
