@@ -38,7 +38,7 @@ def repair(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     shells, crumbs = _shells(mesh)
     if crumbs:
         notes.append(f"dropped {crumbs} loose piece{'s' * (crumbs > 1)} of under 1 % of the surface")
-    given = shells[0] if len(shells) == 1 else trimesh.util.concatenate(shells)
+    given = shells[0] if len(shells) == 1 else _together(shells)
     if len(given.faces) > MOST_FACES:
         notes.append(f"simplified from {len(mesh.faces)} faces to about {MOST_FACES}")
         share = MOST_FACES / len(given.faces)
@@ -47,6 +47,12 @@ def repair(mesh: trimesh.Trimesh) -> tuple[trimesh.Trimesh, tuple[str, ...]]:
     if solid is None or not (is_sound(solid) and _same_size(solid, given)):
         solid, done = _closed_firmly(given)
     return solid, (*notes, *done, *_size_notes(solid, given))
+
+
+def _together(shells: list[trimesh.Trimesh]) -> trimesh.Trimesh:
+    """Return the triangles of all shells as one surface."""
+    triangles = np.concatenate([shell.triangles for shell in shells])
+    return welded(trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3)))
 
 
 def _united(shells: list[trimesh.Trimesh]) -> tuple[trimesh.Trimesh | None, list[str]]:
