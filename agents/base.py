@@ -3,6 +3,7 @@
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar
 
 import numpy as np
@@ -36,8 +37,10 @@ class Agent(ABC):
     env_settings: ClassVar[Mapping[str, Any]] = {}
     """Keyword arguments of `gym.make` that this agent needs, e.g. obs_mode and control_mode."""
 
-    report: Report = Report()
-    """Filled in by `reset`."""
+    @cached_property
+    def report(self) -> Report:
+        """Filled in by `reset`, or set to another one there."""
+        return Report()
 
     def seed(self, seed: int) -> None:  # noqa: B027  (agents without randomness need not override it)
         """Seed the agent's own randomness; called before every episode's `reset`."""

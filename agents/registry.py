@@ -57,6 +57,8 @@ def _load(spec: str) -> Any:
     module_name, _, attribute = spec.partition(":")
     try:
         module = _import(module_name)
+    except InputError:  # it needs an extra, and says which
+        raise
     except Exception as error:  # whatever the module does when it is imported
         raise InputError(f"agent {spec!r}: module {module_name!r} cannot be imported ({error})") from error
     if not callable(getattr(module, attribute, None)):

@@ -7,15 +7,18 @@ timestep = env.step(action)
 
 from typing import Any
 
-import dm_env
 import gymnasium as gym
 import numpy as np
-from dm_env import specs
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
+
+with from_extra():
+    import dm_env
+    from dm_env import specs
 
 
 def load(

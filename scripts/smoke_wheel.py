@@ -1,10 +1,13 @@
 """Try an installed wheel: run by .ci/run with the Python of an empty environment, outside the checkout.
 
 The environment has the wheel's declared dependencies and nothing else, so a file or a dependency that was left out
-shows here. Prints a line for each thing tried; the first that fails ends it.
+shows here. With no argument it is the plain installation: environments step, and the planner says which extra it
+needs. With `[planner]` a grasp is planned, without torch. Prints a line for each thing tried; the first that fails
+ends it.
 """
 
 import importlib
+import importlib.util
 import json
 import pkgutil
 import subprocess
@@ -13,9 +16,6 @@ from importlib.metadata import version
 from pathlib import Path
 from types import ModuleType
 from typing import Any
-
-EXTRAS = {"torch", "stable_baselines3", "safetensors", "tensorboard", "ray"}
-"""What only the extras bring; a module that needs one may fail to import here."""
 
 FILES = [
     ("robot", "panda.xml"),
@@ -28,7 +28,11 @@ FILES = [
 
 def main() -> None:
     """Try everything."""
-    for trial in (check_home, import_all, check_assets, step_environment, run_commands):
+    planner = sys.argv[1:] == ["[planner]"]
+    trials = (
+        (plan_without_torch,) if planner else (check_home, check_assets, step_environment, miss_the_planner)
+    )
+    for trial in (import_all, *trials):
         print(f"smoke: {trial.__name__}: {trial()}", flush=True)
 
 
@@ -59,10 +63,12 @@ def _modules(package: ModuleType) -> list[str]:
 
 
 def _imports(name: str) -> bool:
+    from dexgrasp_env.extras import MissingExtraError, missing_extra
+
     try:
         importlib.import_module(name)
-    except ModuleNotFoundError as error:
-        if (error.name or "").partition(".")[0] not in EXTRAS:
+    except ImportError as error:
+        if not isinstance(error, MissingExtraError) and missing_extra(error) is None:
             raise
         return False
     return True
@@ -91,20 +97,42 @@ def step_environment() -> str:
     return f"reward {float(reward):.3f}, {int(observation['cloud_mask'].sum())} points seen"
 
 
-def run_commands() -> str:
-    """The console script answers, plans without torch, and says in one line what is wrong."""
-    script = str(Path(sys.executable).with_name("dexgrasp"))
+SCRIPT = str(Path(sys.executable).with_name("dexgrasp"))
+
+
+def miss_the_planner() -> str:
+    """The console script answers, and says in one line which extra planning needs."""
     module = [sys.executable, "-m", "dexgrasp_env"]
-    assert _output([script, "--version"]).split() == ["dexgrasp", version("dexgrasp")]
+    assert _output([SCRIPT, "--version"]).split() == ["dexgrasp", version("dexgrasp")]
+    assert _output([SCRIPT, "--help"])
     assert _output([*module, "list", "agents"])
-    objects = json.loads(_output([script, "list", "objects", "--json"]))["objects"]
-    wrong = subprocess.run([script, "plan", "no_such_object"], capture_output=True, text=True)
-    assert wrong.returncode == 2, wrong
-    assert wrong.stderr.splitlines()[-1].startswith("dexgrasp plan: unknown object"), wrong.stderr
-    plan: dict[str, Any] = json.loads(_output([script, "plan", "sugar_box", "--json"]))
+    objects = json.loads(_output([SCRIPT, "list", "objects", "--json"]))["objects"]
+    said = [
+        _refusal([SCRIPT, *words])
+        for words in (["plan", "sugar_box"], ["train", "cvae", "--data", "a", "--out", "b"])
+    ]
+    assert "pip install 'dexgrasp[planner]'" in said[0], said
+    assert "pip install 'dexgrasp[learning]'" in said[1], said
+    return f"{len(objects)} objects; {said[0]}"
+
+
+def plan_without_torch() -> str:
+    """A grasp is planned and verified, and a wrong name is answered in one line."""
+    wrong = _refusal([SCRIPT, "plan", "no_such_object"])
+    assert wrong.startswith("dexgrasp plan: unknown object"), wrong
+    plan: dict[str, Any] = json.loads(_output([SCRIPT, "plan", "sugar_box", "--json", "--out", "plan"]))
     assert plan["success"], plan
     assert plan["certificate"]["holds"], plan
-    return f"{len(objects)} objects; sugar_box planned in {plan['planning_seconds']:.2f} s"
+    assert _output([SCRIPT, "verify", "plan/grasp.json"])
+    assert importlib.util.find_spec("torch") is None
+    return f"sugar_box planned in {plan['planning_seconds']:.2f} s"
+
+
+def _refusal(command: list[str]) -> str:
+    done = subprocess.run(command, capture_output=True, text=True)
+    assert done.returncode == 2, f"{' '.join(command)} exited {done.returncode}:\n{done.stdout}{done.stderr}"
+    assert "Traceback" not in done.stderr, done.stderr
+    return done.stderr.splitlines()[-1]
 
 
 def _output(command: list[str]) -> str:

@@ -1,5 +1,6 @@
 import ast
 import re
+import subprocess
 import sys
 import tomllib
 from importlib.metadata import entry_points, packages_distributions, version
@@ -9,11 +10,15 @@ import pytest
 
 import dexgrasp_env
 from dexgrasp_env.assets import asset_path
+from dexgrasp_env.extras import EXTRAS
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("dexgrasp_env", "agents")
-UNIMPORTED = {"imageio-ffmpeg", "osqp", "tensorboard"}
-"""Used through another: imageio's writer of videos, a solver that qpsolvers finds, torch's log of training."""
+UNIMPORTED = {"imageio-ffmpeg", "osqp", "rtree", "tensorboard"}
+"""Used through another: imageio's videos, a solver that qpsolvers finds, trimesh's proximity, torch's log."""
+
+PEERS = {"gymnasium-robotics"}
+"""A benchmark compares with them where somebody has them."""
 
 
 def imports_of(package):
@@ -74,25 +79,68 @@ def test_environment_never_imports_agents():
     assert [str(file) for file, name in imports_of("dexgrasp_env") if name == "agents"] == []
 
 
+RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm")
+"""Extras that today's code imports; demos is for a command to come, docs and dev are for developers."""
+
+
 @pytest.fixture(scope="module")
 def declared(project):
     """Names of what the packages may import: nothing that only the extra for developers brings."""
     extras = project["optional-dependencies"]
-    return names(project["dependencies"] + extras["learn"] + extras["cluster"])
+    return names(project["dependencies"] + [line for extra in RUN_TIME for line in extras[extra]])
 
 
 def test_every_import_is_declared(declared, imported):
-    assert imported - declared == set()
+    assert imported - declared == PEERS
 
 
 def test_every_dependency_is_used(declared, imported):
     assert declared - imported == UNIMPORTED
 
 
-def test_constraints_pin_every_dependency(declared):
+def test_extras_say_what_they_bring(project):
+    extras = project["optional-dependencies"]
+    for extra, modules in EXTRAS.items():
+        brought = names(extras[extra]) - names(project["dependencies"])
+        assert {normal(module) for module in modules} <= brought, extra
+    assert set(extras) == {*EXTRAS, "docs", "dev", "all"}
+    (everything,) = extras["all"]
+    assert set(everything.removeprefix("dexgrasp[").removesuffix("]").split(",")) == set(extras) - {"all"}
+
+
+WITHOUT = """
+import sys
+sys.modules.update(dict.fromkeys({modules!r}))  # None: as if not installed
+import importlib.util
+find_spec = importlib.util.find_spec
+importlib.util.find_spec = lambda name, *a: None if name in {modules!r} else find_spec(name, *a)
+from agents.cli.main import main
+sys.exit(main({arguments!r}))
+"""
+
+
+@pytest.mark.parametrize(
+    ("extra", "arguments"),
+    [
+        ("planner", ["plan", "sugar_box"]),
+        ("planner", ["verify", str(ROOT / "README.md")]),
+        ("learning", ["train", "cvae", "--data", "a", "--out", "b"]),
+    ],
+)
+def test_a_missing_extra_is_named_in_one_line(extra, arguments):
+    code = WITHOUT.format(modules=list(EXTRAS[extra]), arguments=arguments)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert done.returncode == 2, done.stderr
+    assert f"pip install 'dexgrasp[{extra}]'" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_constraints_pin_every_dependency(project):
     lines = [line for line in (ROOT / "constraints.txt").read_text().splitlines() if line and line[0] != "#"]
     pinned = dict(line.split("==") for line in lines)
-    assert declared - {normal(name) for name in pinned} <= {"ray"}
+    extras = project["optional-dependencies"].values()
+    every = [*project["dependencies"], *(line for extra in extras for line in extra)]
+    assert names(every) - {normal(name) for name in pinned} == {"dexgrasp"}
     assert (
         pinned["torch"] == "2.13.0"
     )  # without a local part: it also resolves where there is no CPU build of its own

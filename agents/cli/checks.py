@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "dm-env", "gymnasium", "numba", "trimesh", "manifold3d")
+_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
 _OPTIONAL = {
-    "torch": "the learned agents and training need it: pip install dexgrasp[learn]",
-    "stable-baselines3": "reinforcement learning needs it: pip install dexgrasp[learn]",
+    "torch": "the learned agents and training need it: pip install 'dexgrasp[learning]'",
+    "stable-baselines3": "reinforcement learning needs it: pip install 'dexgrasp[learning]'",
 }
 _BACKENDS = ("egl", "osmesa", "glfw")
 _RENDER = """

@@ -14,6 +14,7 @@ from agents import interrupt
 from agents.cli.main import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
 from agents.cli.output import json_output
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import missing_extra
 
 COMMANDS = {
     name: f"agents.cli.{name}"
@@ -109,6 +110,8 @@ def _guarded(args: argparse.Namespace) -> int:
             return _interrupted(f" {args.command}")
         print(f"dexgrasp {args.command}: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
+    except ModuleNotFoundError as error:
+        return _without(args.command, error)
     except KeyboardInterrupt:
         return _interrupted(f" {args.command}")
     except BrokenPipeError:  # the reader, such as `head`, has enough
@@ -116,6 +119,15 @@ def _guarded(args: argparse.Namespace) -> int:
         return OK
     except Exception as error:
         return _unexpected(args.command, error)
+
+
+def _without(command: str, error: ModuleNotFoundError) -> int:
+    """Say which extra brings a module that is not installed."""
+    missing = missing_extra(error)
+    if missing is None:
+        return _unexpected(command, error)
+    print(f"dexgrasp {command}: {missing}", file=sys.stderr)
+    return BAD_INPUT
 
 
 def _unexpected(command: str, error: Exception) -> int:

@@ -7,6 +7,7 @@ from typing import Any
 
 from agents import interrupt
 from agents.cli.options import add_json, natural_int, positive_float, positive_int
+from dexgrasp_env.extras import require_extra
 
 _EPILOG = """examples:
   dexgrasp train cvae --data runs/ycb6 --out runs/cvae --minutes 25
@@ -52,12 +53,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Train, draw curves, print the losses."""
-    try:
-        import torch  # noqa: F401
-    except ImportError:
-        from dexgrasp_env.errors import InputError
-
-        raise InputError("training needs torch: pip install 'dexgrasp[learn]'") from None
+    require_extra("learning", "training")
     return _cvae(args)
 
 

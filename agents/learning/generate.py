@@ -23,6 +23,7 @@ from agents.learning.shards import (
 from agents.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
 from agents.planning.proposals import LEAST_DISTANCE
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import content_hash, write_atomically
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
@@ -115,12 +116,10 @@ def _parallel(
 
 
 def _check_backend(backend: str) -> None:
-    import importlib.util
-
     if backend not in BACKENDS:
         raise InputError(f"backend {backend!r}: valid are {', '.join(BACKENDS)}")
-    if backend == "ray" and importlib.util.find_spec("ray") is None:
-        raise InputError("backend 'ray' needs Ray: pip install 'dexgrasp[cluster]'")
+    if backend == "ray":
+        require_extra("cluster", "backend 'ray'")
 
 
 def _path(folder: Path, job: Job) -> Path:

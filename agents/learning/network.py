@@ -6,8 +6,12 @@ are decimetres. The cloud is encoded once and shared by all grasps on it.
 
 from typing import NamedTuple
 
-import torch
-from torch import Tensor, nn
+from dexgrasp_env.extras import from_extra
+
+with from_extra():
+    import torch
+    from torch import Tensor, nn
+
 
 from agents.learning.settings import GRASP, SCALE, NetworkSettings
 

@@ -8,7 +8,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import torch
 
 from agents.interrupt import held
 from agents.learning.batches import Batch, PoseSplit, split, test_batches, training_batch
@@ -18,7 +17,11 @@ from agents.learning.settings import NetworkSettings
 from agents.learning.shards import read_manifest
 from agents.learning.weights import load_state, save_state, write_weights
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_atomically
+
+with from_extra():
+    import torch
 
 STEPS_PER_EPOCH = 50
 _MEASURED = 20  # steps that tell how many epochs fit into the minutes

@@ -4,12 +4,14 @@ import json
 from pathlib import Path
 from typing import Any
 
-import torch
-
 from agents.learning.decoder import SCHEMA, read_arrays, wrong_schema
 from agents.learning.network import Cvae
 from agents.learning.settings import NetworkSettings
+from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_atomically
+
+with from_extra():
+    import torch
 
 
 def write_weights(path: Path, model: Cvae, about: dict[str, Any]) -> None:

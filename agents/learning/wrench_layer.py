@@ -13,13 +13,16 @@ one side's is returned. Derivatives of derivatives are refused.
 from typing import Any
 
 import numpy as np
-import torch
-from torch import Tensor
-from torch.autograd.function import once_differentiable
 
 from agents.physics.cones import C1, C2, POLE, C
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
+
+with from_extra():
+    import torch
+    from torch import Tensor
+    from torch.autograd.function import once_differentiable
 
 
 class _QpForces(torch.autograd.Function):

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand
 
 ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
@@ -106,12 +107,9 @@ def _read_data(path: Path) -> dict[str, Any]:
 
 def _open(path: Path, algorithm: str) -> Any:
     _read_data(path)
-    try:
-        import stable_baselines3
-    except ImportError as error:
-        raise InputError(
-            f"checkpoint {path} needs Stable-Baselines3 and torch: pip install 'dexgrasp[learn]'"
-        ) from error
+    require_extra("learning", f"checkpoint {path}")
+    import stable_baselines3
+
     try:
         policy = getattr(stable_baselines3, algorithm.upper()).load(path, device="cpu")
     except Exception as error:

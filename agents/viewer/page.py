@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from agents.viewer.film import Film
 from agents.viewer.stage import Stage
+from dexgrasp_env.extras import require_extra
 
 if TYPE_CHECKING:
     import viser
@@ -55,12 +56,9 @@ def serve(films: Sequence[Film], port: int = 8080) -> None:
 
 def start_server(port: int, quiet: bool) -> "viser.ViserServer":
     """Return a server on this machine alone, with a camera that looks at the table."""
-    from dexgrasp_env.errors import InputError
+    require_extra("viewer", "the viewer")
+    import viser
 
-    try:
-        import viser
-    except ImportError:
-        raise InputError("the viewer needs viser: pip install 'dexgrasp[viewer]'") from None
     server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), verbose=not quiet)
     server.scene.set_up_direction("+z")
     server.initial_camera.position = _CAMERA

@@ -1,0 +1,54 @@
+"""Optional parts of the installation: which extra brings what, and one line that says so where it is missing."""
+
+import importlib.util
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from dexgrasp_env.errors import InputError
+
+EXTRAS: dict[str, tuple[str, ...]] = {
+    "planner": (
+        "clarabel", "daqp", "imageio", "imageio_ffmpeg", "joblib", "matplotlib", "ompl", "osqp", "qpsolvers", "rtree",
+        "ruckig", "safetensors", "toppra",
+    ),
+    "learning": ("torch", "stable_baselines3", "tensorboard"),
+    "viewer": ("viser",),
+    "cluster": ("ray",),
+    "dm": ("dm_env",),
+    "demos": ("minari",),
+}  # fmt: skip
+"""Extra -> the modules that it brings and the plain installation lacks."""
+
+
+class MissingExtraError(InputError, ImportError):
+    """A part is used whose extra is not installed; the message says which one to install."""
+
+
+def require_extra(extra: str, what: str) -> None:
+    """Raise `MissingExtraError` unless the extra is installed; imports nothing.
+
+    Args:
+        extra: a key of `EXTRAS`.
+        what: that needs it, the first words of the message.
+    """
+    for module in EXTRAS[extra]:
+        if importlib.util.find_spec(module) is None:
+            raise MissingExtraError(f"{what} needs {module}: pip install 'dexgrasp[{extra}]'")
+
+
+@contextmanager
+def from_extra() -> Iterator[None]:
+    """Imports of third parties go within: what is missing is reported with the extra that brings it."""
+    try:
+        yield
+    except ImportError as error:
+        raise (missing_extra(error) or error) from None
+
+
+def missing_extra(error: ImportError) -> MissingExtraError | None:
+    """Return the error that names the extra, where what is missing belongs to one."""
+    root = (error.name or "").partition(".")[0]
+    for extra, modules in EXTRAS.items():
+        if root in modules:
+            return MissingExtraError(f"{root} is not installed: pip install 'dexgrasp[{extra}]'")
+    return None
