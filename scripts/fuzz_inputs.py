@@ -136,6 +136,11 @@ def solid(rng: Rng) -> trimesh.Trimesh:
     return mesh
 
 
+def block(rng: Rng) -> trimesh.Trimesh:
+    """Return one of a few blocks, which take no time to decompose."""
+    return trimesh.creation.box([0.04, 0.05 + 0.01 * int(rng.integers(12)), 0.06])
+
+
 def damage(mesh: trimesh.Trimesh, rng: Rng) -> tuple[trimesh.Trimesh, float]:
     """Return a mesh with the faults that real files have, and the scale to read it with."""
     vertices, faces, scale = np.array(mesh.vertices), np.array(mesh.faces), 1.0
