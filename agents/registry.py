@@ -26,8 +26,7 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
 
     Args:
         name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
-            too; or a Stable-Baselines3 checkpoint, `path.zip` or `algorithm:path.zip`, only from people you
-            trust (see `agents.policies.checkpoint`).
+            too; or a Stable-Baselines3 checkpoint, `path.zip` or `algorithm:path.zip`.
         kwargs: of the class.
 
     Raises:

@@ -1,8 +1,13 @@
 """The agents that need no planning, and how agents are made."""
 
+import base64
+import json
+import pathlib
+import pickle
 import subprocess
 import sys
 import textwrap
+import zipfile
 
 import gymnasium as gym
 import numpy as np
@@ -144,22 +149,60 @@ def test_not_a_checkpoint(tmp_path):
         make_agent(str(path))
 
 
-def test_checkpoint_acts(tmp_path):
-    pytest.importorskip("stable_baselines3")
-    from stable_baselines3 import PPO
-
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_checkpoint_acts(algorithm, tmp_path):
+    library = pytest.importorskip("stable_baselines3")
     env = gym.make("DexGrasp/Lift-v1", objects="lego")
-    path = tmp_path / "policy.zip"
-    PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(path)
-    for spec in (str(path), f"ppo:{path}"):
+    path = tmp_path / f"{algorithm}.zip"
+    sizes = {"n_steps": 2, "batch_size": 2} if algorithm == "ppo" else {"buffer_size": 10}
+    trained = getattr(library, algorithm.upper())("MultiInputPolicy", env, device="cpu", **sizes)
+    trained.save(path)
+    for spec in (str(path), f"{algorithm}:{path}"):
         agent = make_agent(spec)
         observation, _ = env.reset(seed=0)
         agent.seed(0)
         agent.reset(observation, {})
-        assert env.action_space.contains(np.clip(agent.act(observation), -1, 1))
-    (tmp_path / "policy.json").write_text('{"control_mode": "ee_delta"}')
+        np.testing.assert_array_equal(
+            agent.act(observation), trained.predict(observation, deterministic=True)[0]
+        )
+    (tmp_path / f"{algorithm}.json").write_text('{"control_mode": "ee_delta"}')
     assert make_agent(str(path)).env_settings["control_mode"] == "ee_delta"
     env.close()
+
+
+class Harm:
+    """Unpickled, it leaves a file behind."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return pathlib.Path.touch, (self.path,)
+
+
+@pytest.mark.parametrize("key", ["policy_class", "observation_space", "lr_schedule", "added"])
+def test_checkpoints_run_nothing(key, tmp_path):
+    pytest.importorskip("stable_baselines3")
+    from stable_baselines3 import PPO
+
+    env = gym.make("DexGrasp/Lift-v1", objects="lego")
+    PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(tmp_path / "ppo.zip")
+    env.close()
+    pickled = base64.b64encode(pickle.dumps(Harm(tmp_path / "done"))).decode()
+    with zipfile.ZipFile(tmp_path / "ppo.zip") as old, zipfile.ZipFile(tmp_path / "bad.zip", "w") as new:
+        for name in old.namelist():
+            content = old.read(name)
+            if name == "data":
+                data = json.loads(content)
+                data[key] = {":type:": "?", ":serialized:": pickled}
+                content = json.dumps(data).encode()
+            new.writestr(name, content)
+    if key in ("policy_class", "observation_space"):
+        with pytest.raises(InputError, match="might run code"):
+            make_agent(f"ppo:{tmp_path / 'bad.zip'}")
+    else:
+        make_agent(f"ppo:{tmp_path / 'bad.zip'}")
+    assert not (tmp_path / "done").exists()
 
 
 def test_the_package_imports_neither_torch_nor_numba():

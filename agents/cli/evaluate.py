@@ -32,7 +32,7 @@ interrupted goes on when the same command is given again; other code, meshes or 
 folder of --out then holds trials.jsonl (a line a trial, with all that `dexgrasp replay` needs to make it again),
 summary.json (as --json prints it), run.json (the settings), grasps/ and videos/.
 
-NB: a checkpoint (.zip) runs code of whoever made it when it is opened: name only those of people you trust."""
+NB: package.module:Class runs that module. Checkpoints (.zip) are read without running anything pickled in them."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

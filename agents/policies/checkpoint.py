@@ -1,11 +1,8 @@
 """Policies trained with Stable-Baselines3, as agents.
 
-NB: a checkpoint is a zip with pickled parts: opening one runs whatever its author put in. One is opened only
-because the user names its path; open those of people you trust.
+A checkpoint is a zip with pickled parts; `checkpoint_reader` sees to it that none of them runs.
 """
 
-import json
-import zipfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,9 +12,10 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
+from agents.policies.checkpoint_reader import harmless_objects, read_settings
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import require_extra
-from dexgrasp_env.files import expand
+from dexgrasp_env.files import expand, parse_json
 
 ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
 
@@ -80,8 +78,9 @@ def _split(spec: str) -> tuple[str | None, Path]:
 
 def _guess(path: Path) -> str:
     """Find the algorithm in the names of the policy class and of the file; nothing is unpickled for it."""
-    data = _read_data(path)
-    policy = str(data.get("policy_class", {}).get("__module__", ""))
+    data = read_settings(path)
+    about = data.get("policy_class")
+    policy = str(about.get("__module__", "")) if isinstance(about, dict) else ""
     candidates = [name for name in ALGORITHMS if f".{name}." in policy or name in path.stem.lower()]
     if candidates:
         return candidates[0]
@@ -94,26 +93,19 @@ def _guess(path: Path) -> str:
     )
 
 
-def _read_data(path: Path) -> dict[str, Any]:
-    """Return the settings that a checkpoint holds as JSON."""
-    try:
-        with zipfile.ZipFile(path) as archive:
-            return dict(json.loads(archive.read("data")))
-    except (zipfile.BadZipFile, KeyError, ValueError, TypeError):
-        raise InputError(
-            f"{path} is not a checkpoint of Stable-Baselines3: no zip with an entry 'data'"
-        ) from None
-
-
 def _open(path: Path, algorithm: str) -> Any:
-    _read_data(path)
+    settings = read_settings(path)
     require_extra("learning", f"checkpoint {path}")
     import stable_baselines3
 
+    objects = harmless_objects(path, settings)
     try:
-        policy = getattr(stable_baselines3, algorithm.upper()).load(path, device="cpu")
+        policy = getattr(stable_baselines3, algorithm.upper()).load(
+            path, device="cpu", custom_objects=objects
+        )
     except Exception as error:
-        raise InputError(f"{path} cannot be opened as a {algorithm} checkpoint: {error}") from error
+        why = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
+        raise InputError(f"{path} cannot be opened as a {algorithm} checkpoint: {why}") from error
     if not isinstance(policy.observation_space, spaces.Dict):
         raise InputError(
             f"{path} was not trained on this environment's dict observations: use MultiInputPolicy"
@@ -126,7 +118,9 @@ def _sidecar(path: Path) -> dict[str, Any]:
     if not settings.is_file():
         return {}
     try:
-        loaded = json.loads(settings.read_text())
+        loaded = parse_json(settings.read_bytes())
+    except OSError as error:
+        raise InputError(f"cannot read {settings}: {error.strerror or error}") from None
     except ValueError as error:
         raise InputError(f"{settings} is not JSON: {error}") from error
     if not isinstance(loaded, dict):

@@ -1,0 +1,111 @@
+"""What a Stable-Baselines3 checkpoint holds, read without running anything that its author put in.
+
+Its zip has tensors, which torch reads as such (`weights_only`), and settings as JSON, some of them pickled. Stable-
+Baselines3 would unpickle these whatever they are; here only spaces, policies and schedules of known libraries and of
+this project are made, and what else there is, such as the optimiser's schedule, is replaced: acting needs none of it.
+"""
+
+import base64
+import binascii
+import importlib
+import io
+import json
+import pickle
+import re
+import zipfile
+from pathlib import Path
+from typing import Any
+
+from dexgrasp_env.errors import InputError
+
+_ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
+_LARGEST = 2**31  # bytes unpacked: a zip may promise anything
+_NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
+_REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0}
+_CLASSES = re.compile(
+    r"stable_baselines3\.((common|\w+)\.policies|common\.(buffers|utils|type_aliases|torch_layers|noise))"
+    r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam|adamw)|(agents|dexgrasp_env)\.[\w.]+"
+)
+"""Modules of which classes may be made."""
+_NAMES = {
+    ("collections", "OrderedDict"), ("collections", "deque"), ("builtins", "set"), ("builtins", "slice"),
+    ("numpy", "dtype"), ("numpy", "ndarray"), ("numpy.random._pickle", "__generator_ctor"),
+    ("numpy.random._pickle", "__bit_generator_ctor"), ("numpy.random._pcg64", "PCG64"),
+    ("numpy.random.bit_generator", "__pyx_unpickle_SeedSequence"), ("numpy.random.bit_generator", "SeedSequence"),
+    *((f"numpy.{core}.multiarray", name) for core in ("core", "_core") for name in ("_reconstruct", "scalar")),
+    *((f"numpy.{core}.numeric", "_frombuffer") for core in ("core", "_core")),
+}  # fmt: skip
+
+
+def read_settings(path: Path) -> dict[str, Any]:
+    """Return the settings of a checkpoint as JSON holds them, pickled ones still as text.
+
+    Raises:
+        InputError: if it is no checkpoint of Stable-Baselines3.
+    """
+    try:
+        with zipfile.ZipFile(path) as archive:
+            _check_layout(archive)
+            return dict(json.loads(archive.read("data")))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except Exception as error:  # a zip can be damaged in many ways
+        raise InputError(
+            f"{path} is not a checkpoint of Stable-Baselines3: {' '.join(str(error).split())[:100]}"
+        ) from None
+
+
+def _check_layout(archive: zipfile.ZipFile) -> None:
+    names = archive.namelist()
+    for needed in ("data", "policy.pth"):
+        if names.count(needed) != 1:
+            raise ValueError(f"no zip with one entry {needed!r}")
+    for name in names:
+        if not _ENTRY.fullmatch(name):
+            raise ValueError(f"entry {name[:60]!r} is none of theirs")
+    if sum(info.file_size for info in archive.infolist()) > _LARGEST:
+        raise ValueError("it unpacks to more than 2 GiB")
+
+
+def harmless_objects(path: Path, settings: dict[str, Any]) -> dict[str, Any]:
+    """Return what stands for each pickled setting: Stable-Baselines3 then unpickles nothing.
+
+    Raises:
+        InputError: naming what a policy cannot do without and this reader does not make.
+    """
+    found = {}
+    for key, value in settings.items():
+        if not isinstance(value, dict) or ":serialized:" not in value:
+            continue
+        try:
+            found[key] = _unpickled(value[":serialized:"])
+        except Exception as error:
+            if key in _NEEDED:
+                raise InputError(
+                    f"{path}: {key} is not read, as {' '.join(str(error).split())[:120]}"
+                ) from None
+            found[key] = _REPLACED.get(key)
+    return found
+
+
+def _unpickled(text: Any) -> Any:
+    try:
+        return _Reader(io.BytesIO(base64.b64decode(text))).load()
+    except (binascii.Error, TypeError, EOFError) as error:
+        raise pickle.UnpicklingError(f"it is damaged ({error})") from None
+
+
+class _Reader(pickle.Unpickler):
+    """Makes objects of known classes alone."""
+
+    def find_class(self, module: str, name: str) -> Any:
+        """Return a class or constructor that is known to do no harm."""
+        if (module, name) in _NAMES:
+            return getattr(importlib.import_module(module), name)
+        if _CLASSES.fullmatch(module):
+            found = getattr(importlib.import_module(module), name, None)
+            if isinstance(found, type):
+                return found
+        raise pickle.UnpicklingError(
+            f"{module}.{name} might run code of its author (an agent of your own is named package.module:Class)"
+        )
