@@ -77,8 +77,10 @@ class Episodes:
         self.slots = [Slot() for _ in range(number)]
         self.told = np.zeros((number, len(TOLD) + len(TERMS)))
         self.rewards = np.zeros(number)
-        self._rows = np.zeros((number, CONTROL_STEPS, 23))
-        self._push = np.zeros((number, 3))
+        rows, push = np.zeros((number, CONTROL_STEPS, 23)), np.zeros((number, 3))
+        self._whole = (self.records, self.told, self.rewards, rows, push)
+        self._mode, self._dense = CONTROL_MODES.index(settings.control_mode), settings.reward_mode == "dense"
+        self._kind, self._length = KINDS.index(settings.disturbance.kind), settings.disturbance.steps
         hulls = [simulation.hull for simulation in self.simulations.values()]
         self._hulls = np.concatenate(hulls)
         ends = np.cumsum([len(hull) for hull in hulls]).tolist()
@@ -178,46 +180,47 @@ class Episodes:
         Raises:
             InputError: for an action that is not finite.
         """
-        disturbance = self.settings.disturbance
-        rows, push = self._rows[part], self._push[part]
+        records, _, _, rows, push = self._part(part)
         fine = kernel.set_points(
-            self.records[part], actions, CONTROL_MODES.index(self.settings.control_mode), self._chain,
-            KINDS.index(disturbance.kind), disturbance.size, rows, push,
-        )  # fmt: skip
+            records, actions, self._mode, self._chain, self._kind, self.settings.disturbance.size, rows, push
+        )
         if not fine:
             bad = np.argwhere(~np.isfinite(actions)).tolist()
             raise InputError(f"action has NaN or infinite entries at {bad}")
         return rows, push
 
-    def judge(self, part: slice, moment: Moment, warnings: NDArray[np.int64]) -> None:
-        """Advance progress, terms and rewards of a part of the episodes to the moment.
+    def conclude(
+        self,
+        part: slice,
+        moment: Moment,
+        warnings: NDArray[np.int64],
+        rngs: Sequence[Generator | None],
+        alone: bool = False,
+    ) -> dict[str, NDArray[Any]]:
+        """Advance progress, terms and rewards of a part of the episodes to the moment, and observe it.
 
         Args:
             part: which.
             moment: theirs.
             warnings: (n,) bits of MuJoCo's that came up.
-        """
-        disturbance = self.settings.disturbance
-        kernel.judge(
-            self.records[part], *moment, self._columns, self._hulls, KINDS.index(disturbance.kind), disturbance.steps,
-            warnings, BAD_NUMBERS, self.settings.reward_mode == "dense", self.told[part], self.rewards[part],
-        )  # fmt: skip
-
-    def observe(
-        self, part: slice, moment: Moment, rngs: Sequence[Generator | None], alone: bool = False
-    ) -> dict[str, NDArray[Any]]:
-        """Return the observation of a part of the episodes, without cameras: arrays (n, ...) by key.
-
-        Args:
-            part: which.
-            moment: theirs.
             rngs: theirs; None for one whose sensors are not read.
             alone: whether the arrays have no axis for environments, which must be one.
+
+        Returns:
+            The observation without cameras: arrays (n, ...) by key.
         """
-        records = self.records[part]
+        records, told, rewards = self._part(part)[:3]
         rows = np.empty((len(records), self._width), np.float32)
-        kernel.observe(records, *moment, self._columns, self._joint_noise(records, rngs), rows)
+        kernel.conclude(
+            records, *moment, self._columns, self._hulls, self._kind, self._length, warnings, BAD_NUMBERS, self._dense,
+            told, rewards, self._joint_noise(records, rngs), rows,
+        )  # fmt: skip
         return cut(rows[0] if alone else rows, self._layout)
+
+    def _part(self, part: slice) -> tuple[NDArray[Any], ...]:
+        """Return records, told, rewards, rows and pushes of a part; slices cost, so the whole is not sliced."""
+        whole = self._whole
+        return whole if part == slice(None) else tuple(array[part] for array in whole)
 
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
         if self.settings.randomisation.joint_noise is None:

@@ -516,3 +516,26 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, at: Columns, o: Arr
     o[30] = min(e.held / HOLD_STEPS, 1.0)
     for j in range(6):
         o[31 + j] = e.variation[j]
+
+
+@njit(cache=True)
+def conclude(
+    episodes: Records,
+    qpos: Array,
+    qvel: Array,
+    sensors: Array,
+    at: Columns,
+    hulls: Array,
+    kind: int,
+    length: int,
+    warnings: Columns,
+    bad_numbers: int,
+    dense: bool,
+    told: Array,
+    rewards: Array,
+    noise: Array,
+    out: Array,
+) -> None:
+    """Do what `judge` and then `observe` do, in one call."""  # fmt: skip
+    judge(episodes, qpos, qvel, sensors, at, hulls, kind, length, warnings, bad_numbers, dense, told, rewards)
+    observe(episodes, qpos, qvel, sensors, at, noise, out)

@@ -20,7 +20,7 @@ from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.views import Views
 
-_ONLY = slice(0, 1)
+_ONLY = slice(None)
 _FAILURE = TOLD.index("failure")
 NO_WARNINGS = np.zeros(1, np.int64)
 
@@ -248,9 +248,9 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         super().reset(seed=seed)
         self._over = True  # options may be refused
         self._simulation = self._episodes.begin(0, self.np_random, options)
-        self._episodes.judge(_ONLY, self._simulation.moment, NO_WARNINGS)
+        observation = self._conclude(0)
         self._over = False
-        return self._look(at_reset=True)
+        return self._look(observation, at_reset=True)
 
     def step(
         self, action: NDArray[np.float32]
@@ -267,14 +267,19 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         if self.settings.disturbance.kind == "pushed":
             simulation.data.xfrc_applied[simulation.body, :3] = push[0]
         bits = simulation.step(rows)
-        episodes.judge(_ONLY, simulation.moment, np.array([bits]) if bits else NO_WARNINGS)
+        observation = self._conclude(bits)
         self._over = bool(episodes.told[0, _FAILURE])
-        observation, info = self._look(at_reset=False)
+        observation, info = self._look(observation, at_reset=False)
         return observation, float(episodes.rewards[0]), self._over, False, info
 
-    def _look(self, at_reset: bool) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    def _conclude(self, bits: int) -> dict[str, NDArray[Any]]:
+        warnings = np.array([bits]) if bits else NO_WARNINGS
+        return self._episodes.conclude(_ONLY, self._simulation.moment, warnings, [self.np_random], alone=True)
+
+    def _look(
+        self, observation: dict[str, NDArray[Any]], at_reset: bool
+    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         episodes, simulation = self._episodes, self._simulation
-        observation = episodes.observe(_ONLY, simulation.moment, [self.np_random], alone=True)
         info = episodes.info(0)
         if self.settings.obs_mode != "state":
             views, seen = self._views.observe(episodes.slots[0].view, simulation, self.np_random, at_reset)

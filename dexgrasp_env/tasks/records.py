@@ -46,6 +46,9 @@ EPISODE = np.dtype(
         ("disturbed", "i8"),  # control steps it has run
         ("origin", "f8", (3,)),  # object in the palm frame when it began
         ("shift", "f8"),  # m, largest distance from there since
+        # The goal of Place.
+        ("goal", "f8", (3,)),  # m, where the object's centre is to be
+        ("at_goal", "i8"),  # consecutive control steps there
     ],
     align=True,
 )

@@ -194,8 +194,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         simulation = self._episodes.begin(i, self._rng(i), options)
         self._physics.load(i, self._episodes.slots[i].target)
         only, moment = self._part(i)
-        self._episodes.judge(only, moment, NO_WARNINGS)
-        self._note(only, self._episodes.observe(only, moment, [self._rng(i)]))
+        self._note(only, self._episodes.conclude(only, moment, NO_WARNINGS, [self._rng(i)]))
         self._look(i, simulation, at_reset=True)
         self._started[i], self._ended[i] = True, False
 
@@ -205,9 +204,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         everything, moment = slice(None), (physics.qpos, physics.qvel, physics.sensors)
         rows, push = episodes.set_points(everything, actions)
         warnings = physics.step(rows, push if self.settings.disturbance.kind == "pushed" else None, running)
-        episodes.judge(everything, moment, warnings)
         rngs = [self._rng(i) if not self._ended[i] else None for i in range(self.num_envs)]
-        self._note(everything, episodes.observe(everything, moment, rngs))
+        self._note(everything, episodes.conclude(everything, moment, warnings, rngs))
         if self.settings.obs_mode != "state":
             for i in map(int, running):
                 self._look(i, self.simulation(i) if self.settings.observe == "step" else None, at_reset=False)

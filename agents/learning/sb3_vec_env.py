@@ -1,0 +1,91 @@
+"""The native vector environment as stable-baselines3 wants it."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+from stable_baselines3.common.vec_env import VecEnv
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+
+
+class SB3VecEnv(VecEnv):
+    """`gym.make_vec` with terminal observations and time-limit flags in the infos, as SB3's learners read them.
+
+    env = SB3VecEnv("DexGrasp/Lift-v1", num_envs=16, objects="sugar_box")
+    PPO("MultiInputPolicy", env).learn(1_000_000)
+    """
+
+    def __init__(self, env_id: str, num_envs: int, **kwargs: Any) -> None:
+        """Make the environment.
+
+        Args:
+            env_id: of one that has a native vector environment.
+            num_envs: how many.
+            **kwargs: more arguments of `gym.make_vec`.
+        """
+        self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, autoreset_mode="SameStep", **kwargs)
+        self._actions: NDArray[Any] | None = None
+        super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
+
+    def reset(self) -> Any:
+        """Start all episodes; infos are in `reset_infos`."""
+        observation, infos = self.envs.reset(seed=self._seeds)
+        self.reset_infos = [self._one(infos, i) for i in range(self.num_envs)]
+        self._reset_seeds()
+        self._reset_options()
+        return observation
+
+    def step_async(self, actions: NDArray[Any]) -> None:
+        """Note the actions."""
+        self._actions = actions
+
+    def step_wait(self) -> Any:
+        """Advance all by 50 ms."""
+        assert self._actions is not None
+        observation, rewards, terminated, truncated, infos = self.envs.step(self._actions)
+        done = terminated | truncated
+        told = [self._one(infos, i) for i in range(self.num_envs)]
+        for i in np.flatnonzero(done).tolist():
+            self.reset_infos[i] = told[i]
+            told[i] = self._one(infos["final_info"], i) | {
+                "terminal_observation": infos["final_obs"][i],
+                "TimeLimit.truncated": bool(truncated[i] and not terminated[i]),
+            }
+        return observation, rewards.astype(np.float32), done, told
+
+    def _one(self, infos: dict[str, Any], i: int) -> dict[str, Any]:
+        """Return the infos of environment `i`, without Gymnasium's masks."""
+        return {
+            key: self._one(value, i) if isinstance(value, dict) else value[i]
+            for key, value in infos.items()
+            if not key.startswith("_") and key not in ("final_obs", "final_info")
+        }
+
+    def close(self) -> None:
+        """Free the environments."""
+        self.envs.close()
+
+    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
+        """Return an attribute of the vector environment, once for each environment asked for."""
+        value = getattr(self.envs, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
+        """Set an attribute of the vector environment."""
+        setattr(self.envs, attr_name, value)
+
+    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
+        """Call a method of the vector environment with each index asked for as first argument."""
+        method = getattr(self.envs, method_name)
+        return [method(i, *args, **kwargs) for i in self._get_indices(indices)]
+
+    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
+        """Return False for each: nothing wraps the simulations singly."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[NDArray[np.uint8] | None]:
+        """Return a picture of each environment."""
+        return list(self.envs.render() or [])
