@@ -1,6 +1,6 @@
 """Random actions on every object for many steps: nothing may raise, go wrong or grow.
 
-    python scripts/soak.py [--steps 10000] [--objects all20 ycb6]
+    python scripts/soak.py [--steps 10000] [--objects all20 ycb6] [--vector 16]
 
 Prints steps, episodes, endings, warnings of the physics engine and the process's memory; exits with 1 if a number was
 not finite, or if memory grew by more than 32 MB after the first tenth.
@@ -22,6 +22,10 @@ from dexgrasp_env.errors import InputError
 
 GROWTH_MB = 32.0
 MODES = ("joint_position", "joint_delta", "ee_delta")
+VECTOR_RANDOMISATION = {
+    "mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2), "gain": (0.7, 1.3), "latency": (0.0, 0.05),
+    "joint_noise": (0.0, 0.01),
+}  # fmt: skip
 RANDOMISATION = {"mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2)}
 
 
@@ -85,6 +89,46 @@ def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60, pro
     return soak
 
 
+def run_vector(
+    steps: int, objects: list[str], number: int, *, seed: int = 0, episode: int = 60, progress: bool = False
+) -> Soak:
+    """Step the native vector environments of every preset and control mode in turns, over all objects."""
+    rng, soak = np.random.default_rng(seed), Soak()
+    presets = sorted(name for name in gym.registry if name.startswith("DexGrasp/Lift"))
+    kinds = [(name, mode) for mode in MODES for name in presets]
+    turn = 0
+    while soak.steps < steps:
+        name, mode = kinds[turn % len(kinds)]
+        turn += 1
+        envs = gym.make_vec(
+            name, num_envs=number, objects=objects, control_mode=mode, max_episode_steps=episode,
+            randomisation=VECTOR_RANDOMISATION, **({"observe": "reset"} if "View" in name else {}),
+        )  # fmt: skip
+        _vector_episodes(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
+        envs.close()
+        soak.memory_mb.append(memory_mb())
+        if progress:
+            print(f"{soak.steps} steps, {name} {mode}, {soak.memory_mb[-1]:.0f} MB", file=sys.stderr)
+    return soak
+
+
+def _vector_episodes(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
+    envs.reset(seed=int(rng.integers(2**31)))
+    centre = rng.uniform(-1, 1, envs.action_space.shape)
+    for _ in range(steps):
+        action = np.clip(centre + rng.normal(0, 0.5, centre.shape), -1, 1)
+        observation, rewards, terminated, truncated, infos = envs.step(action)
+        soak.steps += envs.num_envs
+        finite = (
+            all(np.isfinite(values).all() for values in observation.values()) and np.isfinite(rewards).all()
+        )
+        soak.not_finite += not finite
+        over = terminated | truncated
+        soak.episodes += int(over.sum())
+        soak.endings.update((infos["failure"][i] or infos["stage"][i]) for i in np.flatnonzero(over))
+        soak.warnings.update(" ".join(infos["mujoco_warnings"]).split())
+
+
 def _episode(env: gym.Env[Any, Any], name: str, steps: int, rng: np.random.Generator, soak: Soak) -> None:
     observation, info = _reset(env, name, rng)
     soak.episodes += 1
@@ -130,8 +174,12 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--objects", nargs="+", default=["all20", "ycb6"])
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--vector", type=int, metavar="N", help="through native vector environments of N")
     args = parser.parse_args()
-    soak = run(args.steps, args.objects, seed=args.seed, progress=True)
+    if args.vector:
+        soak = run_vector(args.steps, args.objects, args.vector, seed=args.seed, progress=True)
+    else:
+        soak = run(args.steps, args.objects, seed=args.seed, progress=True)
     print(f"{soak.steps} steps, {soak.episodes} episodes; endings {dict(soak.endings)}")
     print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
     print(

@@ -92,6 +92,30 @@ def test_checkers_accept_every_mode(obs_mode, control_mode, reward_mode):
     env.close()
 
 
+IDS = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_every_id_is_deterministic_and_accepted(name):
+    env, other = (gym.make(name, objects="gelatin_box", disable_env_checker=True) for _ in range(2))
+    assert_same(rollout(env, 3, 6), rollout(other, 3, 6))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        warnings.filterwarnings("ignore", message=".*(infinity|symmetric|not within|pixel|image|render).*")
+        check_env(env.unwrapped, skip_render_check=True)
+    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        sb3.check_env(env.unwrapped, warn=False, skip_render_check=True)
+
+
+def test_registrations_know_how_long_disturbances_take():
+    for name in IDS:
+        env = gym.make(name, objects="sugar_box", disable_env_checker=True)
+        assert gym.spec(name).max_episode_steps == 300 + env.unwrapped.disturbance_steps
+        gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
+
+
 def test_renders():
     if choose_gl() is None:
         pytest.skip("no GL library here")
