@@ -6,7 +6,7 @@ from pathlib import Path
 from agents.cli.options import add_json
 
 _EPILOG = """examples:
-  dexgrasp report runs/tables                    markdown on stdout; report.md and plots in the folder
+  dexgrasp report runs/tables                    markdown on stdout; report.html, report.md and plots in the folder
   dexgrasp report runs/a runs/b --out report     several evaluations in one report
 The paper's Tables 1-3 stand beside ours, and 4-6 where the agents report certificates and times."""
 
@@ -15,11 +15,14 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser(
         "report", help="tables and plots from evaluations, the paper's beside ours", epilog=_EPILOG,
-        description="Write report.md and plots from the folders of `dexgrasp evaluate`.",
+        description="Write report.html (one page that needs no other file) and report.md from `dexgrasp evaluate`.",
     )  # fmt: skip
     parser.add_argument("folders", nargs="+", type=Path, metavar="DIR", help="the --out of an evaluation")
     parser.add_argument(
-        "--out", type=Path, metavar="DIR", help="where report.md and the plots go (default: the first DIR)"
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="where report.html, report.md and the plots go (default: the first DIR)",
     )
     add_json(parser)
 
@@ -33,7 +36,14 @@ def run(args: argparse.Namespace) -> int:
     text = write_report(args.folders, out)
     note(f"report and plots are in {out}")
     if args.json:
-        print_json({"schema": 1, "report": str(out / "report.md"), "agents": read_agents(args.folders)})
+        print_json(
+            {
+                "schema": 1,
+                "report": str(out / "report.md"),
+                "html": str(out / "report.html"),
+                "agents": read_agents(args.folders),
+            }
+        )
     else:
         print(text, end="")
     return 0

@@ -1,24 +1,42 @@
-"""The report of one or more evaluations: markdown and plots."""
+"""The report of one or more evaluations: one HTML page, and markdown with plots."""
 
-import json
 from collections.abc import Mapping, Sequence
+from functools import partial
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
+from agents.evaluation.comparison import compare_rows
+from agents.evaluation.reasons import sentence
 from agents.evaluation.report import paper
 from agents.evaluation.report.constraint_tables import constraint_tables
+from agents.evaluation.report.document import (
+    Block,
+    Commands,
+    FigureBlock,
+    Heading,
+    Lines,
+    Paragraph,
+    TableBlock,
+    as_html,
+    as_markdown,
+)
+from agents.evaluation.report.origin import commands, describe_run, replay_commands
+from agents.evaluation.report.plots import plot_rates, plot_stages
 from agents.evaluation.report.tables import failure_rows, object_table, set_table
-from agents.evaluation.report.text import markdown_table
-from agents.evaluation.statistics import wilson_interval
 from agents.evaluation.store import read_rows
-from agents.evaluation.summary import compare, summarise_agent
+from agents.evaluation.summary import summarise_agent
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
+Rows = Mapping[str, Sequence[Mapping[str, Any]]]
+"""Agent, as the report calls it -> its trials."""
+
+_TITLE = "Evaluation of grasping agents"
 _NOTE = (
     "The paper's figures are from a real robot and objects whose sizes and masses were not published; ours are from "
-    "simulation. Intervals are Wilson's at 95 %."
+    "simulation. Intervals are Wilson's at 95 %; “over objects” draws objects anew, for claims about other objects."
 )
 
 
@@ -28,8 +46,26 @@ def read_agents(folders: Sequence[Path]) -> dict[str, Any]:
     Raises:
         InputError: if a folder holds no evaluation.
     """
+    return {name: summarise_agent(own) for name, own in _rows_by_agent(folders).items()}
+
+
+def write_report(folders: Sequence[Path], out: Path) -> str:
+    """Write report.html, report.md and its plots to `out`, and return the markdown.
+
+    Raises:
+        InputError: if a folder holds no evaluation.
+    """
     rows = _rows_by_agent(folders)
-    return {name: summarise_agent(own) for name, own in rows.items()}
+    agents = {name: summarise_agent(own) for name, own in rows.items()}
+    blocks = _blocks(folders, rows, agents)
+    text = as_markdown(blocks)
+    out.mkdir(parents=True, exist_ok=True)
+    for block in blocks:
+        if isinstance(block, FigureBlock):
+            write_atomically(out / f"{block.name}.png", block.draw("png"))
+    write_atomically(out / "report.html", as_html(_TITLE, blocks).encode())
+    write_atomically(out / "report.md", text.encode())
+    return text
 
 
 def _rows_by_agent(folders: Sequence[Path]) -> dict[str, list[dict[str, Any]]]:
@@ -44,45 +80,84 @@ def _rows_by_agent(folders: Sequence[Path]) -> dict[str, list[dict[str, Any]]]:
     return found
 
 
-def protocol_line(folder: Path) -> str:
-    """Return one line on how an evaluation was made."""
-    try:
-        run = json.loads((folder / "run.json").read_text())
-    except (OSError, ValueError):
-        return f"- `{folder.name}`: settings unknown"
-    versions = ", ".join(f"{name} {version}" for name, version in run["versions"].items())
-    return (
-        f"- `{folder.name}`: {run['protocol']}, seed {run['seed']}, {run['trials']} trials a cell; {versions}"
-    )
+def _blocks(folders: Sequence[Path], rows: Rows, agents: Mapping[str, Any]) -> list[Block]:
+    return [
+        Heading(_TITLE, 1),
+        Lines([describe_run(folder) for folder in folders]),
+        Paragraph(_NOTE),
+        *_by_set(agents),
+        *_by_protocol(agents),
+        *_by_object(agents),
+        *_paired(rows),
+        *_failures(agents),
+        *_constraints(agents),
+        Heading("How to make it again"),
+        Commands([line for folder in folders for line in commands(folder)]),
+        *_replays(folders),
+    ]
 
 
-def write_report(folders: Sequence[Path], out: Path) -> str:
-    """Write report.md and the plots to `out`, and return the markdown.
+def _by_set(agents: Mapping[str, Any]) -> list[Block]:
+    known = ("seen", "familiar", "novel", "ycb6", "meshes")
+    sets = [s for s in known if any(s in a["by_set"] for a in agents.values())]
+    printed = {
+        name: {s: cell for s in paper.TABLES if (cell := paper.set_successes(name, OBJECT_SETS[s]))}
+        for name in agents
+    }
+    counts = {n: {**a["by_set"], "all": a} for n, a in agents.items()}
+    draw = partial(plot_rates, ["all", *sets], counts, printed)
+    return [
+        Heading("By set"),
+        set_table(agents, TableBlock),
+        _tries_table(agents),
+        FigureBlock("success_by_set", "Success by set of objects", draw),
+    ]
 
-    Raises:
-        InputError: if a folder holds no evaluation.
-    """
-    agents = read_agents(folders)
-    parts = ["# Evaluation", "\n".join(protocol_line(folder) for folder in folders), _NOTE]
-    parts += ["## By set", set_table(agents, markdown_table), "![by set](success_by_set.png)"]
-    for name, members in {**{s: OBJECT_SETS[s] for s in paper.TABLES}, "other": None}.items():  # type: ignore[dict-item]
+
+def _tries_table(agents: Mapping[str, Any]) -> TableBlock:
+    def cells(agent: Mapping[str, Any]) -> list[str]:
+        low, high = agent["ci95_objects"]
+        tries = [agent["within_tries"].get(k) for k in ("1", "2", "3")]
+        return [
+            f"[{100 * low:.0f}, {100 * high:.0f}]",
+            *("-" if p is None else f"{100 * p:.1f} %" for p in tries),
+        ]
+
+    header = ("agent", "95 % over objects", "first try", "within 2", "within 3")
+    return TableBlock(header, [[name, *cells(agent)] for name, agent in agents.items()])
+
+
+def _by_protocol(agents: Mapping[str, Any]) -> list[Block]:
+    names = list(dict.fromkeys(p for a in agents.values() for p in a["by_protocol"]))
+    if len(names) < 2:
+        return []
+    draw = partial(plot_rates, names, {n: a["by_protocol"] for n, a in agents.items()}, {})
+
+    def cell(agent: Mapping[str, Any], name: str) -> str:
+        own = agent["by_protocol"].get(name)
+        if not own:
+            return "-"
+        low, high = (100 * end for end in own["ci95"])
+        return f"{100 * own['rate']:.1f} % [{low:.0f}, {high:.0f}]"
+
+    table = TableBlock(("protocol", *agents), [[p, *(cell(a, p) for a in agents.values())] for p in names])
+    return [Heading("By protocol"), table, FigureBlock("success_by_protocol", "Success by protocol", draw)]
+
+
+def _by_object(agents: Mapping[str, Any]) -> list[Block]:
+    ordered = [o for names in OBJECT_SETS.values() for o in names]
+    found = dict.fromkeys(o for a in agents.values() for o in a["by_object"])
+    objects = sorted(found, key=lambda o: ordered.index(o) if o in ordered else len(ordered))
+    printed = {name: paper.SUCCESSES.get(name, {}) for name in agents}
+    draw = partial(plot_rates, objects, {n: a["by_object"] for n, a in agents.items()}, printed)
+    blocks: list[Block] = [Heading("By object")]
+    groups: dict[str, Sequence[str] | None] = {**{s: OBJECT_SETS[s] for s in paper.TABLES}, "other": None}
+    for name, members in groups.items():
         own = _restricted(agents, members)
         if own:
-            title = f"{name.capitalize()} objects" + (
-                f" ({paper.TABLES[name]})" if name in paper.TABLES else ""
-            )
-            parts += [f"## {title}", object_table(own, markdown_table)]
-    parts += ["![by object](success_by_object.png)"]
-    if failure_rows(agents):
-        parts += ["## Failures", markdown_table(("agent", "trials", "reason"), failure_rows(agents))]
-    parts += _paired(folders)
-    for name, agent in agents.items():
-        for title, table in constraint_tables(name, agent, markdown_table):
-            parts += [f"## {title}", table]
-    text = "\n\n".join(parts) + "\n"
-    write_plots(agents, out)
-    write_atomically(out / "report.md", text.encode())
-    return text
+            table = f" ({paper.TABLES[name]})" if name in paper.TABLES else ""
+            blocks += [Heading(f"{name.capitalize()} objects{table}", 3), object_table(own, TableBlock)]
+    return [*blocks, FigureBlock("success_by_object", "Success by object", draw)]
 
 
 def _restricted(agents: Mapping[str, Any], members: Sequence[str] | None) -> dict[str, Any]:
@@ -99,116 +174,59 @@ def _restricted(agents: Mapping[str, Any], members: Sequence[str] | None) -> dic
     return {agent: content for agent, content in own.items() if content["by_object"]}
 
 
-def _paired(folders: Sequence[Path]) -> list[str]:
-    rows = _rows_by_agent(folders)
-    names = list(rows)
-    pairs = [
-        compare(a, _scenes(rows[a]), b, _scenes(rows[b])) for i, a in enumerate(names) for b in names[i + 1 :]
-    ]
-    pairs = [pair for pair in pairs if pair["only_a"] + pair["only_b"] + pair["both"] + pair["neither"] > 0]
-    if not pairs:
+def _paired(rows: Rows) -> list[Block]:
+    """Agents two by two on the same scenes; trials of different evaluations are so if the scene's seed is the same."""
+    body = []
+    for a, b in combinations(rows, 2):
+        named = [{**row, "agent": name} for name in (a, b) for row in rows[name]]
+        found = compare_rows(named, a, b)
+        if found["scenes"]:
+            low, high = (100 * end for end in found["ci95"])
+            counts = [str(found[key]) for key in ("both", "only_a", "only_b", "neither")]
+            difference = f"{100 * found['difference']:+.1f} [{low:+.0f}, {high:+.0f}]"
+            body.append([a, b, *counts, difference, f"{found['p_value']:.3g}"])
+    if not body:
         return []
-    body = [
-        [
-            p["a"],
-            p["b"],
-            str(p["both"]),
-            str(p["only_a"]),
-            str(p["only_b"]),
-            str(p["neither"]),
-            f"{p['p_value']:.3g}",
-        ]
-        for p in pairs
-    ]
-    header = ("first", "second", "both", "first alone", "second alone", "neither", "p (exact McNemar)")
-    return ["## Scene by scene", markdown_table(header, body)]
-
-
-def _scenes(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
-    """Trials of different evaluations are the same scene only if the scene's seed is the same."""
-    return [{**row, "trial": (row["trial"], row["scene_seed"])} for row in rows]
-
-
-def write_plots(agents: Mapping[str, Any], out: Path) -> None:
-    """Write success_by_set.png and success_by_object.png: rates with 95 % intervals, the paper's as crosses."""
-    out.mkdir(parents=True, exist_ok=True)
-    sets = [
-        s
-        for s in ("seen", "familiar", "novel", "ycb6", "meshes")
-        if any(s in a["by_set"] for a in agents.values())
-    ]
-    _plot(out / "success_by_set.png", sets, {n: a["by_set"] for n, a in agents.items()}, _paper_sets(agents))
-    ordered = [o for names in OBJECT_SETS.values() for o in names]
-    found = dict.fromkeys(o for a in agents.values() for o in a["by_object"])
-    objects = sorted(found, key=lambda o: ordered.index(o) if o in ordered else len(ordered))
-    printed = {name: paper.SUCCESSES.get(name, {}) for name in agents}
-    _plot(out / "success_by_object.png", objects, {n: a["by_object"] for n, a in agents.items()}, printed)
-
-
-def _paper_sets(agents: Mapping[str, Any]) -> dict[str, dict[str, tuple[int, int]]]:
-    found = {name: {s: paper.set_successes(name, OBJECT_SETS[s]) for s in paper.TABLES} for name in agents}
-    return {name: {s: cell for s, cell in own.items() if cell} for name, own in found.items()}
-
-
-def _plot(
-    path: Path,
-    names: Sequence[str],
-    counts: Mapping[str, Mapping[str, Mapping[str, int]]],
-    printed: Mapping[str, Mapping[str, tuple[int, int]]],
-) -> None:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(
-        figsize=(max(5.0, 1.2 + 0.28 * len(names) * (1 + len(counts))), 4.2), layout="constrained"
+    header = ("first", "second", "both", "first alone", "second alone", "neither", "difference, points", "p")
+    words = Paragraph(
+        "p is of the exact McNemar test, two-sided: only scenes that one of the two alone solved count."
     )
-    axes = figure.add_subplot()
-    width = 0.8 / len(counts)
-    for i, (agent, own) in enumerate(counts.items()):
-        shown = [
-            (x + (i - 0.5 * (len(counts) - 1)) * width, own[name])
-            for x, name in enumerate(names)
-            if name in own
-        ]
-        places = [x for x, _ in shown]
-        rates = [cell["successes"] / cell["trials"] for _, cell in shown]
-        ends = [wilson_interval(cell["successes"], cell["trials"]) for _, cell in shown]
-        errors = [
-            [r - low for r, (low, _) in zip(rates, ends, strict=True)],
-            [high - r for r, (_, high) in zip(rates, ends, strict=True)],
-        ]
-        axes.bar(
-            places,
-            rates,
-            width,
-            label=agent,
-            color=f"C{i}",
-            yerr=errors,
-            capsize=2,
-            error_kw={"lw": 0.8, "ecolor": "0.25"},
+    return [Heading("Scene by scene"), words, TableBlock(header, body)]
+
+
+def _failures(agents: Mapping[str, Any]) -> list[Block]:
+    if not failure_rows(agents):
+        return [Heading("Failures"), Paragraph("None.")]
+    rows = [
+        [name, str(n), sentence(reason)]
+        for name, agent in agents.items()
+        for reason, n in agent["failures"].items()
+    ]
+    return [Heading("Failures"), TableBlock(("agent", "trials", "why"), rows, words=True)]
+
+
+def _constraints(agents: Mapping[str, Any]) -> list[Block]:
+    blocks: list[Block] = []
+    for name, agent in agents.items():
+        for title, table in constraint_tables(name, agent, TableBlock):
+            blocks += [Heading(title, 3), table]
+    staged = {name: _stage_seconds(agent) for name, agent in agents.items() if agent["planning_seconds"]}
+    if staged:
+        printed = paper.SECONDS["overall"] if "bilevel" in staged else {}
+        draw = partial(plot_stages, staged, printed)
+        blocks.append(
+            FigureBlock("planning_times", "Planning time by stage; the paper's is of its planner", draw)
         )
-        crosses = [
-            (x + (i - 0.5 * (len(counts) - 1)) * width, printed[agent][n])
-            for x, n in enumerate(names)
-            if n in printed.get(agent, {})
-        ]
-        if crosses:
-            label = f"{agent}, paper (real robot)"
-            axes.plot(
-                [x for x, _ in crosses],
-                [k / n for _, (k, n) in crosses],
-                "x",
-                color="black",
-                mfc="none",
-                label=label,
-            )
-    axes.set_xticks(
-        range(len(names)),
-        [n.replace("_", " ") for n in names],
-        rotation=40 if len(names) > 5 else 0,
-        ha="right" if len(names) > 5 else "center",
-    )
-    axes.set(ylim=(0.0, 1.05), ylabel="success rate, 95 % interval")
-    axes.legend(fontsize="small", loc="upper left", bbox_to_anchor=(1.0, 1.0), frameon=False)
-    axes.spines[["top", "right"]].set_visible(False)
-    FigureCanvasAgg(figure).print_png(str(path))
+    return [Heading("Constraints and times"), *blocks] if blocks else []
+
+
+def _stage_seconds(agent: Mapping[str, Any]) -> dict[str, Any]:
+    own = agent["stages"].get("overall", {}).get("stage_seconds", {})
+    return {**own, "total": agent["planning_seconds"]}
+
+
+def _replays(folders: Sequence[Path]) -> list[Block]:
+    lines = [line for folder in folders for line in replay_commands(folder, read_rows(folder))]
+    if not lines:
+        return []
+    return [Paragraph("Every trial can be watched again, exactly; the first failures:"), Commands(lines)]

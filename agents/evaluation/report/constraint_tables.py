@@ -4,12 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from agents.evaluation.report import paper
-from agents.evaluation.report.tables import Table
+from agents.evaluation.report.tables import T, Table
 
+_PLANNER = "bilevel"  # Table 6 is of the paper's planner alone
 _GROUPS = ("seen", "familiar", "novel", "overall")
 
 
-def constraint_tables(name: str, agent: Mapping[str, Any], table: Table) -> list[tuple[str, str]]:
+def constraint_tables(name: str, agent: Mapping[str, Any], table: Table[T]) -> list[tuple[str, T]]:
     """Return titles and tables of one agent's constraints and times; none where the data are not there."""
     parts = []
     constraints = agent.get("constraints") or {}
@@ -20,13 +21,13 @@ def constraint_tables(name: str, agent: Mapping[str, Any], table: Table) -> list
         parts.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups, table)))
     stages = agent.get("stages") or {}
     if agent.get("planning_seconds"):
-        parts.append(
-            (f"Planning time, s, {name} (Table 6)", _times(agent["planning_seconds"], stages, table))
-        )
+        table_6 = " (Table 6)" if name == _PLANNER else ""
+        times = _times(name, agent["planning_seconds"], stages, table)
+        parts.append((f"Planning time, s, {name}{table_6}", times))
     return parts
 
 
-def _distances(groups: Mapping[str, Any], table: Table) -> str:
+def _distances(groups: Mapping[str, Any], table: Table[T]) -> T:
     keys = ("median", "min", "max", "max_violation")
     rows = []
     for group, content in groups.items():
@@ -36,7 +37,7 @@ def _distances(groups: Mapping[str, Any], table: Table) -> str:
     return table(["set", "median", "min.", "max.", "max. violation", "paper"], rows)
 
 
-def _ratios(groups: Mapping[str, Any], table: Table) -> str:
+def _ratios(groups: Mapping[str, Any], table: Table[T]) -> T:
     rows = []
     for group, content in groups.items():
         printed = paper.RATIOS.get(group, {})
@@ -47,12 +48,13 @@ def _ratios(groups: Mapping[str, Any], table: Table) -> str:
     return table(["set", "force ratio", "paper", "torque ratio", "paper"], rows)
 
 
-def _times(total: Mapping[str, float], stages: Mapping[str, Any], table: Table) -> str:
-    rows = [["total, overall", _quartiles(total), "", _spread(paper.SECONDS["overall"]["total"])]]
+def _times(name: str, total: Mapping[str, float], stages: Mapping[str, Any], table: Table[T]) -> T:
+    printed_of = paper.SECONDS if name == _PLANNER else {}
+    rows = [["total, overall", _quartiles(total), "", _spread(printed_of.get("overall", {}).get("total"))]]
     for group in (g for g in _GROUPS if g in stages):
         seconds, repeats = stages[group].get("stage_seconds", {}), stages[group].get("stage_repeats", {})
         for stage in seconds:
-            printed = paper.SECONDS[group].get(stage)
+            printed = printed_of.get(group, {}).get(stage)
             rows.append(
                 [
                     f"{stage}, {group}",

@@ -1,7 +1,7 @@
 """Results as tables: agents by sets, objects one by one, the paper's figures beside ours."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import Any, TypeVar
 
 from agents.evaluation.reasons import sentence
 from agents.evaluation.report import paper
@@ -9,7 +9,9 @@ from agents.evaluation.report.text import left_table, text_table
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 Summary = Mapping[str, Any]
-Table = Callable[[Sequence[str], Sequence[Sequence[str]]], str]
+T = TypeVar("T")
+Table = Callable[[Sequence[str], Sequence[Sequence[str]]], T]
+"""What makes a table of a header and rows: text for a terminal, markdown, or a block of a document."""
 _SET_NAMES = ("seen", "familiar", "novel", "ycb6", "meshes")
 
 
@@ -24,7 +26,7 @@ def render_summary(summary: Summary) -> str:
     return "\n\n".join(parts)
 
 
-def set_table(agents: Mapping[str, Any], table: Table) -> str:
+def set_table(agents: Mapping[str, Any], table: Table[T]) -> T:
     """Return agents by sets with intervals and planning times; the paper's row follows an agent that it has."""
     sets = [name for name in _SET_NAMES if any(name in a["by_set"] for a in agents.values())]
     header = ["agent", "all", *sets, "stable", "planning s"]
@@ -38,7 +40,7 @@ def set_table(agents: Mapping[str, Any], table: Table) -> str:
     return table(header, rows)
 
 
-def object_table(agents: Mapping[str, Any], table: Table) -> str:
+def object_table(agents: Mapping[str, Any], table: Table[T]) -> T:
     """Return objects by agents, ours and in brackets the paper's."""
     objects = list(dict.fromkeys(o for agent in agents.values() for o in agent["by_object"]))
     ordered = [o for names in OBJECT_SETS.values() for o in names]

@@ -1,0 +1,68 @@
+"""Where figures come from: settings, versions, and the commands that make them again."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
+
+_MOST_REPLAYS = 12
+
+
+def describe_run(folder: Path) -> str:
+    """Return one line on how an evaluation was made."""
+    run = _run(folder)
+    if run is None:
+        return f"{folder.name}: settings unknown"
+    versions = ", ".join(f"{name} {version}" for name, version in run.get("versions", {}).items())
+    return f"{folder.name}: {_protocols(run)}, seed {run['seed']}, {run['trials']} trials a cell; {versions}"
+
+
+def commands(folder: Path) -> list[str]:
+    """Return the commands that make an evaluation again, as far as its settings are known."""
+    run = _run(folder)
+    if run is None or "agents" not in run or "objects" not in run:
+        return [f"dexgrasp report {folder}"]
+    words = ["dexgrasp evaluate --agents", *run["agents"], "--objects", *_sets(run["objects"])]
+    words += [
+        "--trials",
+        str(run["trials"]),
+        "--seed",
+        str(run["seed"]),
+        "--protocol",
+        _protocols(run).replace("+", " "),
+    ]
+    for key in ("mount", "friction", "mesh_mass"):
+        words += [f"--{key.replace('_', '-')} {run[key]}"] if run.get(key) is not None else []
+    words += [f"--mesh-scale {run['mesh_scale']}"] if run.get("mesh_scale", 1.0) != 1.0 else []
+    return [" ".join([*words, "--out", str(folder)]), f"dexgrasp report {folder}"]
+
+
+def replay_commands(folder: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return the commands that show the first failures of an evaluation again."""
+    failed = [row for row in rows if not row["success"]][:_MOST_REPLAYS]
+    return [
+        f"dexgrasp replay {folder} --agent {row['agent']} --object {row['object']} --trial {row['trial']} --video"
+        for row in failed
+    ]
+
+
+def _run(folder: Path) -> dict[str, Any] | None:
+    try:
+        content = json.loads((folder / "run.json").read_text())
+    except (OSError, ValueError):
+        return None
+    return content if isinstance(content, dict) else None
+
+
+def _protocols(run: Mapping[str, Any]) -> str:
+    names = run.get("protocols") or run.get("protocol") or "?"
+    return names if isinstance(names, str) else "+".join(names)
+
+
+def _sets(objects: Sequence[str]) -> list[str]:
+    """The name of a set where the objects are just its members."""
+    return next(
+        ([name] for name, members in OBJECT_SETS.items() if list(members) == list(objects)), list(objects)
+    )

@@ -1,0 +1,112 @@
+"""`dexgrasp report`: one page that needs no other file, markdown that says the same."""
+
+import base64
+import json
+import re
+from html.parser import HTMLParser
+
+import pytest
+
+from agents.cli.main import main
+from agents.evaluation.report.build import write_report
+from agents.evaluation.report.document import TableBlock, as_html, as_markdown
+from agents.evaluation.report.origin import commands
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
+
+VOID = {"meta", "img", "br"}
+
+
+class Page(HTMLParser):
+    """Notes tags that do not close, and everything that would be fetched."""
+
+    def __init__(self):
+        super().__init__()
+        self.open, self.wrong, self.fetched, self.text = [], [], [], ""
+
+    def handle_starttag(self, tag, attrs):
+        self.fetched += [value for name, value in attrs if name in ("src", "href")]
+        if tag not in VOID:
+            self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        if not self.open or self.open.pop() != tag:
+            self.wrong.append(tag)
+
+    def handle_data(self, data):
+        self.text += data
+
+
+def parsed(text):
+    page = Page()
+    page.feed(text)
+    assert page.open == page.wrong == []
+    return page
+
+
+def row(agent, target, trial, success, protocol):
+    stages = {"stage_seconds": {"cvae": 0.04, "ik": 0.02, "bilevel": 0.4 + 0.1 * trial}}
+    return {
+        "agent": agent, "object": target, "trial": trial, "scene_seed": 10 * trial, "protocol": protocol,
+        "success": success, "stable": success, "reason": None if success else "not_lifted",
+        "planning_seconds": 0.5 + trial, "details": stages if agent == "bilevel" else {}, "error": None,
+    }  # fmt: skip
+
+
+@pytest.fixture
+def folder(tmp_path):
+    rows = [
+        row(agent, target, k, agent == "bilevel" or k > 0, protocol)
+        for agent in ("bilevel", "hardcoded")
+        for target in (*OBJECT_SETS["seen"], "my_mesh")
+        for k in range(3)
+        for protocol in ("lift", "heavy")
+    ]
+    (tmp_path / "trials.jsonl").write_text("".join(json.dumps(r) + "\n" for r in rows))
+    run = {"agents": ["bilevel", "hardcoded"], "objects": list(OBJECT_SETS["seen"]), "trials": 3, "seed": 0,
+           "protocol": "lift+heavy", "versions": {"mujoco": "3.17.0"}, "friction": 0.5}  # fmt: skip
+    (tmp_path / "run.json").write_text(json.dumps(run))
+    return tmp_path
+
+
+def test_one_page_that_needs_no_other_file(folder):
+    markdown = write_report([folder], folder / "out")
+    page = parsed((folder / "out" / "report.html").read_text())
+    assert page.fetched
+    assert all(address.startswith("data:image/svg+xml;base64,") for address in page.fetched)
+    for address in page.fetched:
+        drawing = base64.b64decode(address.partition(",")[2]).decode()
+        assert "<svg" in drawing
+        assert not re.search(r'(href|src)="(?!#)', drawing)
+    for words in ("the object was touched and not lifted", "By protocol", "heavy", "Table 6", "94.4 % 17/18", "my_mesh",
+                  "dexgrasp replay", "mujoco 3.17.0", "95 % over objects"):  # fmt: skip
+        assert words in page.text, words
+        assert words in markdown, words
+    write_report([folder], folder / "again")  # the same trials make the same page
+    assert (folder / "again" / "report.html").read_bytes() == (folder / "out" / "report.html").read_bytes()
+    hardcoded = markdown.partition("Planning time, s, hardcoded")[2].partition("###")[0].partition("!")[0]
+    assert "14.40" not in hardcoded  # the paper's times stand beside its planner alone
+    assert "14.40" in markdown
+    assert sorted(p.name for p in (folder / "out").iterdir()) == [
+        "planning_times.png", "report.html", "report.md", "success_by_object.png", "success_by_protocol.png",
+        "success_by_set.png",
+    ]  # fmt: skip
+
+
+def test_commands_are_those_that_made_it(folder):
+    line = commands(folder)[0]
+    assert "--agents bilevel hardcoded --objects seen --trials 3 --seed 0 --protocol lift heavy" in line
+    assert "--friction 0.5" in line
+
+
+def test_names_are_escaped():
+    table = TableBlock(("<b>", "b"), [["<script>alert(1)</script>", "a|b"]])
+    page = parsed(as_html("<title>", [table]))
+    assert "<script>alert(1)</script>" in page.text
+    assert "a\\|b" in as_markdown([table])
+
+
+def test_report_command(folder, capsys):
+    assert main(["report", str(folder), "--json"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found["html"].endswith("report.html")
+    assert (folder / "report.html").is_file()
