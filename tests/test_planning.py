@@ -1,4 +1,4 @@
-"""Proposals, the atlas, tip IK, and the constraints of the programme with their gradients."""
+"""Proposals, the atlas, tip IK, and the constraints of the optimisation with their gradients."""
 
 import itertools
 
@@ -19,8 +19,10 @@ from agents.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
 from agents.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
 from agents.planning.postures import atlas_postures, oriented_postures
 from agents.planning.proposals import SurfaceProposals, UniformProposals
+from agents.planning.ranking import robustness
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import MOVED, bounds_of
+from agents.policies.bilevel import make_source
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec
@@ -118,6 +120,15 @@ def test_proposals_are_varied_and_reproducible(proposals):
     points, counts = np.unique(again.contacts.reshape(-1, 3), axis=0, return_counts=True)
     assert len(points) > 15
     assert counts.max() < 0.25 * len(again.contacts) + 5
+
+
+@pytest.mark.parametrize("source", ["surface", "cvae"])
+def test_every_source_ranks_alike(source):
+    target = SUBJECTS["box"]
+    found = make_source(source).propose(target, SETTINGS, np.random.default_rng(0))
+    score = robustness(found.contacts, found.normals, found.margins, target)
+    assert len(score) > 20
+    assert (np.diff(score) <= 1e-9).all()
 
 
 @pytest.mark.parametrize(
@@ -247,7 +258,7 @@ def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
     assert miss == pytest.approx(np.linalg.norm(tips_by_mujoco(far) - targets - shift, axis=1).max())
 
 
-# The programme's constraints
+# The constraints of the optimisation
 
 
 def near_contact(name, proposals, count, seed=0):
@@ -327,8 +338,8 @@ def test_clearance_rows_are_shifted_by_what_is_asked_for(proposals):
         assert loose[key][0] - tight[key][0] == pytest.approx(0.003)
 
 
-def test_the_programme_and_the_clearances_are_of_one_compilation(proposals):
-    """Compiled code is cached by file: a stale copy of the clearances inside the programme would differ here."""
+def test_constraints_and_clearances_are_of_one_compilation(proposals):
+    """Compiled code is cached by file: a stale copy of the clearances inside the constraints would differ here."""
     grasp_target, rows = SUBJECTS["box"], empty_rows(160)
     for q in near_contact("box", proposals, 5):
         n = clearance_rows(TREE, body_frames(q, TREE), grasp_target.distance.obstacle, 0.02, True, rows)
@@ -336,7 +347,7 @@ def test_the_programme_and_the_clearances_are_of_one_compilation(proposals):
         np.testing.assert_allclose(at.values[FIXED_ROWS:], rows.values[:n] - SETTINGS.clearance, atol=1e-12)
 
 
-def test_the_programme_repeats_itself_bit_for_bit(proposals):
+def test_the_constraints_repeat_themselves_bit_for_bit(proposals):
     for q in near_contact("stone", proposals, 3):
         (one, _), (two, _) = rows_at(q, SUBJECTS["stone"]), rows_at(q, SUBJECTS["stone"])
         np.testing.assert_array_equal(one.rows, two.rows)

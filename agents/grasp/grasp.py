@@ -41,7 +41,7 @@ class Grasp:
     """A certified grasp; fingers in the order thumb, index, middle, robot base frame.
 
     Attributes:
-        q: (23,) rad, the configuration that the programme made feasible.
+        q: (23,) rad, the configuration that the optimisation made feasible.
         contacts: (3, 3) m on the object's surface.
         normals: (3, 3) out of the object.
         forces: (3, 3) N on the object, that hold it.

@@ -1,6 +1,6 @@
 """Inverse kinematics from three fingertip positions, hand on arm, compiled (damped least squares).
 
-Clearances are left to the bilevel programme; here the tips go to their targets within the joint range, from several
+Clearances are left to the bilevel optimisation; here the tips go to their targets within the joint range, from several
 starting postures.
 """
 

@@ -13,13 +13,13 @@ from agents.learning.decoder import Decoder, read_decoder
 from agents.learning.settings import SCALE
 from agents.physics.margin import margins
 from agents.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource
+from agents.planning.ranking import best_apart, robustness
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 
 LATENTS = 1024
-_APART = 0.006  # m, mean distance of the fingertips of two proposals
 _NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
 
 
@@ -57,7 +57,7 @@ class CvaeProposals(ProposalSource):
         if not closed.any():
             return Proposals.none(_NO_CLOSURE)
         contacts, normals, margin = contacts[closed], normals[closed], margin[closed]
-        chosen = _varied(contacts, _score(contacts, normals, margin, target), settings.triples)
+        chosen = best_apart(contacts, robustness(contacts, normals, margin, target), settings.triples)
         return Proposals(contacts[chosen], normals[chosen], margin[chosen], assigned=True)
 
 
@@ -107,27 +107,6 @@ def on_surface(
     usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
     return contacts, normals.reshape(tips.shape), usable & (sides.min(1) > LEAST_DISTANCE)
-
-
-def _score(contacts: Array, normals: Array, margin: Array, target: GraspTarget) -> Array:
-    """Rank as the surface's triples are ranked: margin, nearness to the centre of mass, no upward normals."""
-    size = float(np.linalg.norm(np.ptp(target.hull.vertices, axis=0)))
-    offset = np.linalg.norm(contacts.mean(1) - target.centre, axis=1) / size
-    upward = np.maximum(normals[:, :, 2], 0.0).max(1)
-    return np.minimum(margin, 0.7) - 1.0 * offset - 0.8 * upward
-
-
-def _varied(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
-    """Take the best, leaving out what is nearly the same as one taken."""
-    near, chosen = np.zeros(len(contacts), bool), []
-    for k in np.argsort(-score, kind="stable"):
-        if near[k]:
-            continue
-        chosen.append(int(k))
-        if len(chosen) == count:
-            break
-        near |= np.linalg.norm(contacts - contacts[k], axis=-1).mean(1) < _APART
-    return np.array(chosen, dtype=np.int64)
 
 
 def shipped_weights() -> Path:

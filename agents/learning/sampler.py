@@ -2,7 +2,7 @@
 
 Triples are drawn with a probability inverse to how often their points are used in grasps found so far, so that
 grasps cover the object. Each drawn triple is tried with all six assignments; each assignment that the hand's atlas can
-place gets a random placement of the object before the robot, arm and hand, and the bilevel programme.
+place gets a random placement of the object before the robot, arm and hand, and the bilevel optimisation.
 """
 
 from collections import Counter

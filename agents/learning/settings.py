@@ -11,7 +11,7 @@ from dexgrasp_env.errors import InputError
 
 SCHEMA = 1
 MU = 0.4
-"""Friction coefficient of the dataset's closure programme (facts of the original: 0.4)."""
+"""Friction coefficient of Eq. 4 in the dataset (the original's, as far as we know)."""
 POINTS = 256
 """Candidate contact points a rest pose (section 1.3, step 2)."""
 

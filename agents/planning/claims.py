@@ -40,7 +40,7 @@ def certificate_of(
         target: the object.
         tree: the robot.
         settings: friction coefficients and tip radius.
-        with_capacity: False leaves `capacity` at NaN, for grasps that are still to be chosen among (26 programmes).
+        with_capacity: False leaves `capacity` at NaN, for grasps still to be chosen among (26 conic programmes).
     """
     contacts, distances = contacts_of(q, target, tree, settings.friction_hold)
     internal = solve_wrench_qp(contacts.points, contacts.normals, settings.friction)

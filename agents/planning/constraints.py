@@ -1,8 +1,9 @@
-"""The constraints of the bilevel programme and their gradients at one configuration, compiled.
+"""The constraints of the bilevel optimisation and their gradients at one configuration, compiled.
 
 Every constraint is written c(q) >= 0 in metres or scaled to them: fingertip distances within [d_min, d_max] (section
-1.2), closure margin of the lower problem (Eq. 4 with a margin), orientation of the tips, clearances. Joint limits are
-bounds of the quadratic programme, and the arm is part of q, so reachability needs no constraint of its own.
+1.2), margin of force closure, the lower problem (Eq. 4 with a margin), orientation of the tips, clearances. Joint
+limits are bounds of the SQP's quadratic programme (QP), and the arm is part of q, so reachability needs no constraint
+of its own.
 """
 
 from typing import NamedTuple

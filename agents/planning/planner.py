@@ -1,4 +1,4 @@
-"""From an object to a certified grasp: proposals, postures, bilevel programme, certificate, approach."""
+"""From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
 from collections.abc import Iterator
 from functools import lru_cache
@@ -14,7 +14,8 @@ from agents.kinematics.tree import RobotTree, robot_tree
 from agents.planning.certifier import Certifier
 from agents.planning.plan import Clock, Plan
 from agents.planning.postures import Posture, atlas_postures, oriented_postures
-from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals, contact_sensitivity
+from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals
+from agents.planning.ranking import robustness
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution, solve
 from dexgrasp_env.arrays import Array
@@ -39,7 +40,7 @@ class Planner:
             source: of contact triples; all triples of the surface by default.
             mount: of the hand.
             starts: `atlas` or `oriented` (section 3.3), how a proposal becomes starting postures.
-            with_closure: False leaves wrench closure out (the ablation CVAE + kinematics).
+            with_closure: False leaves force closure out (the ablation CVAE + kinematics).
         """
         self.settings, self.mount = settings or PlannerSettings(), mount
         self.tree: RobotTree = robot_tree(mount)
@@ -84,7 +85,7 @@ class Planner:
         bearing: list[Grasp] = []
         solutions = self._solutions(proposals, target, settings, plan, clock)
         for batch in iter(lambda: list(islice(solutions, settings.candidates)), []):
-            batch.sort(key=lambda solution: -_merit(solution, target))
+            batch.sort(key=lambda solution: -_robustness(solution, target))
             for solution in batch:
                 grasp = self._certifier.certify(solution, target, plan)
                 clock.lap("certificate")
@@ -158,10 +159,9 @@ class Planner:
         return over
 
 
-def _merit(solution: Solution, target: GraspTarget) -> float:
-    """Which of several feasible configurations bears errors best: its margin, less what places its contacts at risk."""
+def _robustness(solution: Solution, target: GraspTarget) -> float:
     at = solution.evaluation
-    return min(at.margin, 0.8) - float(contact_sensitivity(at.contacts[None], at.normals[None], target)[0])
+    return float(robustness(at.contacts[None], at.normals[None], np.array([at.margin]), target)[0])
 
 
 @lru_cache(maxsize=8)

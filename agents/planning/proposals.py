@@ -2,16 +2,15 @@
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from agents.geometry.samples import surface_samples
 from agents.grasp.target import GraspTarget
 from agents.physics.closure import closure_sweep
 from agents.physics.margin import margins
+from agents.planning.ranking import best_shared, robustness
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 
@@ -55,7 +54,7 @@ class ProposalSource(ABC):
 
 
 class SurfaceProposals(ProposalSource):
-    """All triples of sampled surface points, judged for closure, ranked by margin and by nearness to the centre."""
+    """All triples of sampled surface points, judged for force closure and ranked."""
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` triples, varied as well as good."""
@@ -70,8 +69,7 @@ class SurfaceProposals(ProposalSource):
             triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
         margin = margins(contacts, at, settings.friction)[0]
-        score = np.minimum(margin, 0.7) - contact_sensitivity(contacts, at, target)
-        chosen = _varied(triples, score, settings.triples)
+        chosen = best_shared(triples, robustness(contacts, at, margin, target), settings.triples)
         return Proposals(contacts[chosen], at[chosen], margin[chosen])
 
 
@@ -99,31 +97,3 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     )
     distance, gradient = target.distance.distance_gradient(centres[above])
     return centres[above] - distance[:, None] * gradient, gradient
-
-
-def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) -> Array:
-    """Return what K triples (K, 3, 3) risk, in units of closure margin, if the surface is not quite where it was seen.
-
-    Gravity turns contacts far from the centre of mass. A contact off the object's middle height, or whose normal points
-    up, squeezes the object out of the hand if the true surface curves away.
-    """
-    size = float(np.linalg.norm(np.ptp(target.hull.vertices, axis=0)))
-    height = float(target.hull.vertices[:, 2].max())
-    offset = np.linalg.norm(contacts.mean(1) - target.centre, axis=1) / size
-    uneven = np.abs(contacts[:, :, 2] - target.centre[2]).max(1) / height
-    return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)
-
-
-def _varied(triples: NDArray[np.integer[Any]], score: Array, count: int) -> NDArray[np.int64]:
-    """Take the best, but no surface point more often than its share."""
-    order = np.argsort(-score, kind="stable")
-    used = np.zeros(int(triples.max()) + 1, dtype=int)
-    limit = max(4, 6 * count // len(used))
-    chosen = []
-    for k in order:
-        if (used[triples[k]] < limit).all():
-            used[triples[k]] += 1
-            chosen.append(k)
-            if len(chosen) == count:
-                break
-    return np.array(chosen)

@@ -28,7 +28,7 @@ class PlannerSettings:
         candidates: feasible configurations among which the one that bears errors best is carried out.
         breadths: rounds of the search; each multiplies the samples, and the next is entered only if one finds nothing.
         initial_orientations: starting postures a proposal (six in section 3.3).
-        iterations: of the sequential quadratic programme, for one posture.
+        iterations: steps of the SQP, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
         least_press: least pressing force of each contact, N: what the eye's error in place costs the squeeze.
         friction_hold: coefficient in whose cones the holding forces stay.

@@ -1,6 +1,6 @@
-"""The bilevel programme, solved by sequential quadratic programming with a trust region.
+"""The bilevel optimisation, by sequential quadratic programming (SQP) with a trust region.
 
-min |dq|^2 subject to the linearised constraints of `programme`, softened so that every subproblem has a solution; a
+min |dq|^2 subject to the linearised constraints of `constraints`, softened so that every subproblem has a solution; a
 step is kept if it lowers the sum of violations. The lower problem enters through its value and its gradient (envelope
 theorem). It ends with a feasible configuration, or with the constraint that blocks and by how much.
 """
@@ -73,7 +73,7 @@ def solve(
         tree: the robot.
         target: the object.
         settings: thresholds and the budget of iterations.
-        with_margin: whether wrench closure is asked for.
+        with_margin: whether force closure is asked for.
     """
     solver = _Solver(tree, target, settings, with_margin)
     return solver.run(np.array(q, dtype=float))

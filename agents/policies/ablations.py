@@ -1,4 +1,4 @@
-"""The ablations of the paper that run the CVAE with less than the bilevel programme behind it."""
+"""The ablations of the paper that run the CVAE with less than the bilevel optimisation behind it."""
 
 from dataclasses import replace
 
@@ -47,7 +47,7 @@ class CvaeAgent(BilevelAgent):
 
 
 class CvaeKinematicsAgent(BilevelAgent):
-    """Agent `cvae_kinematics`: as `bilevel` with learned proposals, but without wrench closure anywhere."""
+    """Agent `cvae_kinematics`: as `bilevel` with learned proposals, but without force closure anywhere."""
 
     def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
         """Prepare; arguments and errors are those of `CvaeAgent`."""

@@ -1,4 +1,4 @@
-"""Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel programme -> certified grasp -> actions."""
+"""Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel optimisation -> certified grasp -> actions."""
 
 import importlib.util
 import time
