@@ -239,3 +239,6 @@ def test_benchmark_tables():
     assert "0.9123" in text
     assert "parts a" in text
     assert "total: 3" in text
+    text = render({"speed": [{"shape": "box", "rate": 2.5}, {"shape": "can", "rate": 3.5}]})
+    assert "speed box" in text
+    assert "{" not in text

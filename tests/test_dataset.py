@@ -1,6 +1,7 @@
 import hashlib
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -9,6 +10,7 @@ import time
 import numpy as np
 import pytest
 
+from agents.cli.dataset import describe
 from agents.cli.main import main
 from agents.kinematics.forward import finger_jacobians  # noqa: F401  (compiles once for all tests)
 from agents.learning.dataset import read_dataset
@@ -16,7 +18,7 @@ from agents.learning.generate import Job, generate, make
 from agents.learning.info import check_sample, summary
 from agents.learning.rest_scene import placed, rest_scene, turn
 from agents.learning.settings import DatasetSettings
-from agents.learning.shards import FIELDS, complete, read_manifest
+from agents.learning.shards import FIELDS, complete, read_arrays, read_manifest, write_arrays
 from agents.planning.proposals import closure_sweep
 from dexgrasp_env.errors import InputError
 
@@ -115,6 +117,36 @@ def test_cut_off_and_missing_files_are_refused_and_made_again(made, tmp_path):
         summary(tmp_path / "set")
     generate(SETTINGS, tmp_path / "set")
     assert hashes(tmp_path / "set") == hashes(made)
+
+
+def test_a_changed_file_is_not_blessed(made, tmp_path):
+    """One that is whole, but not as it was made, is made again."""
+    folder = tmp_path / "copy"
+    shutil.copytree(made, folder)
+    shard = next((folder / "grasps").glob("*.npz"))
+    before = shard.read_bytes()
+    arrays = read_arrays(shard)
+    arrays["margin"] = arrays["margin"] * 0 + 7.0
+    write_arrays(shard, arrays)
+    generate(SETTINGS, folder)
+    assert shard.read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"files": {"../x.npz": "a"}}, {"files": []}, {"settings": 3}, {"key": None}, {"complete": "yes"}],
+)
+def test_damaged_manifests_are_refused_in_one_line(change, made, tmp_path):
+    manifest = json.loads((made / "manifest.json").read_text())
+    (tmp_path / "manifest.json").write_text(json.dumps(manifest | change))
+    with pytest.raises(InputError, match="is damaged"):
+        read_manifest(tmp_path)
+
+
+def test_figures_are_tables(made):
+    text = "\n".join(describe(summary(made)))
+    assert "{" not in text
+    assert "closure margin" in text
 
 
 def test_other_settings_in_the_folder_are_refused(made, tmp_path):

@@ -59,13 +59,27 @@ def render(figures: Mapping[str, Any]) -> str:
     """Return nested figures as tables: cases down, quantities across; cases that measure the same share a table."""
     from agents.evaluation.report.text import text_table
 
+    figures = _unlisted(figures)
     cases = {name: _flat(value) for name, value in figures.items() if isinstance(value, Mapping) and value}
-    loose = [f"{name}: {_number(value)}" for name, value in figures.items() if not isinstance(value, Mapping)]
+    loose = [f"{name}: {shown(value)}" for name, value in figures.items() if not isinstance(value, Mapping)]
     groups: dict[tuple[str, ...], list[list[str]]] = {}
     for name, case in cases.items():
-        groups.setdefault(tuple(case), []).append([name, *map(_number, case.values())])
+        groups.setdefault(tuple(case), []).append([name, *map(shown, case.values())])
     tables = [text_table(["case", *columns], rows) + "\n" for columns, rows in groups.items()]
     return "\n".join([*tables, *loose])
+
+
+def _unlisted(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Name each case of a list of cases by the list's name and its own: `speed: [{shape: box}]` is `speed box`."""
+    found: dict[str, Any] = {}
+    for name, value in figures.items():
+        if isinstance(value, list) and value and all(isinstance(case, Mapping) for case in value):
+            for k, case in enumerate(value):
+                key = next((key for key, own in case.items() if isinstance(own, str)), None)
+                found[f"{name} {case[key] if key else k}"] = {n: v for n, v in case.items() if n != key}
+        else:
+            found[name] = value
+    return found
 
 
 def _flat(case: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
@@ -78,9 +92,10 @@ def _flat(case: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
     return flat
 
 
-def _number(value: Any) -> str:
+def shown(value: Any) -> str:
+    """Return a figure in a few digits."""
     if isinstance(value, float):
         return f"{value:.4g}" if abs(value) < 1e5 else f"{value:.0f}"
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(_number, value)) + "]"
+        return "[" + ", ".join(map(shown, value)) + "]"
     return "-" if value is None else str(value)

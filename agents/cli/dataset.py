@@ -1,6 +1,7 @@
 """`dexgrasp dataset`: the grasp dataset of section 1.3, made and looked at."""
 
 import argparse
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -135,7 +136,43 @@ def _print(args: argparse.Namespace, figures: dict[str, Any]) -> int:
         for p in figures["poses"]
     ]
     print(text_table(["object", "pose", "probability", "grasps", "triples", "coverage"], rows))
-    for name, value in figures.items():
-        if name not in ("poses", "schema"):
-            print(f"{name}: {value}")
+    print("\n" + "\n\n".join(describe(figures)))
     return 0
+
+
+def describe(figures: Mapping[str, Any]) -> list[str]:
+    """Return the figures of a dataset as tables: the loose ones, what postures came to, what blocked, distributions."""
+    from agents.cli.benchmark import shown
+    from agents.evaluation.reasons import sentence
+    from agents.evaluation.report.text import left_table, text_table
+
+    loose = [
+        [name.replace("_", " "), shown(v)] for name, v in figures.items() if not isinstance(v, dict | list)
+    ]
+    counts = [[name.replace("_", " "), str(count)] for name, count in figures.get("counts", {}).items()]
+    blocked = [[str(count), sentence(reason)] for reason, count in figures.get("blocked", {}).items()]
+    spread = [
+        [label, *(shown(figures[key].get(q)) for q in ("p10", "median", "p90"))]
+        for key, label in (
+            ("margin", "closure margin"),
+            ("approach_degrees", "approach from straight down, deg"),
+        )
+        if figures.get(key)
+    ]
+    edges, bins = (figures.get("margin_histogram", {}).get(key, []) for key in ("edges", "counts"))
+    histogram = [
+        [f"{low:.2f} .. {high:.2f}", str(n)] for low, high, n in zip(edges, edges[1:], bins, strict=False)
+    ]
+    parts = [
+        left_table(("figure", "value"), loose),
+        text_table(("postures", "count"), counts) if counts else "",
+        left_table(("count", "blocked because"), blocked) if blocked else "",
+        text_table(("", "10 %", "median", "90 %"), spread) if spread else "",
+        text_table(("closure margin", "grasps"), histogram) if histogram else "",
+    ]
+    if "verify" in figures:
+        checked = figures["verify"]
+        rows = [["passed", f"{checked['passed']} of {checked['checked']}"]]
+        rows += [[name, str(n)] for name, n in checked["failures"].items()]
+        parts.append(text_table(("verify", "count"), rows))
+    return [part for part in parts if part]

@@ -42,6 +42,8 @@ class CvaeProposals(ProposalSource):
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` proposals; the same for the same generator."""
+        if target.distance.triangles[..., 2].max() <= CROPPED:
+            return Proposals.none(_NO_SURFACE)
         tips = decode(_decoder(self._path), target, self._latents, rng)
         contacts, normals, usable = on_surface(tips, target, settings)
         contacts, normals = contacts[usable], normals[usable]
@@ -64,6 +66,8 @@ class CvaeProposals(ProposalSource):
 def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> Array:
     """Return fingertips (count, 3, 3) m, robot base frame, of latents from the prior."""
     points, normals = hull_cloud(target, 2 * decoder.settings.points, rng)
+    if not len(points):  # next to nothing stands out of the table
+        points, normals = target.distance.triangles[:1, 0], np.array([[0.0, 0.0, 1.0]])
     centre = centre_of(points)
     cloud = np.concatenate([SCALE * (points - centre), normals], axis=1).astype(np.float32)
     latent = rng.standard_normal((count, decoder.settings.latent)).astype(np.float32)

@@ -63,13 +63,14 @@ def generate(
     identity = _identity(settings)
     key = content_hash(json.dumps(identity, sort_keys=True))
     _claim(folder, identity, key)
+    known = read_manifest(folder).get("files", {})
     jobs = [
         Job(target, pose, chunk)
         for target in settings.objects
         for pose in range(len(rest_poses(load_target(target, settings))))
         for chunk in range(-1, settings.chunks)
     ]
-    left = [job for job in jobs if not complete(_path(folder, job), key)]
+    left = [job for job in jobs if not _as_made(_path(folder, job), folder, key, known)]
     done, began = len(jobs) - len(left), time.perf_counter()
     if progress:
         progress(done, len(jobs))
@@ -78,6 +79,13 @@ def generate(
         if progress:
             progress(done, len(jobs))
     return _finish(folder, identity, key, jobs, time.perf_counter() - began if left else 0.0)
+
+
+def _as_made(path: Path, folder: Path, key: str, known: dict[str, str]) -> bool:
+    """Whether a file is there, whole, of this dataset, and the one whose hash the manifest holds, if it holds one."""
+    if not complete(path, key):
+        return False
+    return known.get(str(path.relative_to(folder))) in (None, file_hash(path))
 
 
 def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:

@@ -3,6 +3,7 @@
 import hashlib
 import io
 import json
+import re
 import zipfile
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,9 @@ from agents.learning.rest_scene import RestScene
 from agents.learning.sampler import COUNTS, Found
 from agents.learning.settings import SCHEMA
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import write_atomically
+from dexgrasp_env.files import parse_json, write_atomically
+
+_FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
 Arrays = dict[str, NDArray[Any]]
 FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
@@ -116,12 +119,12 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     """
     path = folder / "manifest.json"
     try:
-        manifest = json.loads(path.read_text())
+        manifest = parse_json(path.read_bytes())
     except OSError:
         raise InputError(
             f"{folder} holds no dataset (no manifest.json): make one with `dexgrasp dataset generate`"
         ) from None
-    except (UnicodeDecodeError, json.JSONDecodeError):
+    except ValueError:
         raise InputError(
             f"{path} is damaged: run `dexgrasp dataset generate` with the same settings again"
         ) from None
@@ -129,7 +132,26 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         raise InputError(
             f"{path} has schema {manifest.get('schema') if isinstance(manifest, dict) else None}: valid is {SCHEMA}"
         )
+    if fault := _manifest_fault(manifest):
+        raise InputError(
+            f"{path} is damaged ({fault}): run `dexgrasp dataset generate` with the same settings again"
+        )
     return manifest
+
+
+def _manifest_fault(manifest: dict[str, Any]) -> str | None:
+    """Return what is wrong with a manifest; its files lie in its folder, whatever it says."""
+    kinds = {"key": str, "settings": dict, "objects": dict, "complete": bool}
+    for name, kind in kinds.items():
+        if not isinstance(manifest.get(name), kind):
+            return f"no {name}"
+    files = manifest.get("files", {})
+    if not isinstance(files, dict) or (manifest["complete"] and not files):
+        return "no files"
+    for name, hashed in files.items():
+        if not _FILE_NAME.fullmatch(name) or not isinstance(hashed, str):
+            return f"files has {name[:60]!r}"
+    return None
 
 
 def file_hash(path: Path) -> str:

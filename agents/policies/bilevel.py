@@ -14,6 +14,7 @@ from agents.grasp.target import GraspTarget
 from agents.planning.planner import Plan, Planner, warm_up
 from agents.planning.proposals import ProposalSource, SurfaceProposals
 from agents.planning.settings import PlannerSettings
+from agents.policies.seen import points_of, start_of
 from dexgrasp_env.errors import InputError, unknown_name
 
 NO_CLOUD, NO_HULL = "empty_cloud", "cloud_has_no_volume"
@@ -67,7 +68,7 @@ class BilevelAgent(Agent):
         if info.get("mount", self._planner.mount) != self._planner.mount:
             self._planner = self._make(str(info["mount"]))
         self._execution, self.plan, self.grasp_target = None, None, None
-        began = time.perf_counter()
+        start, began = start_of(observation), time.perf_counter()
         if info.get("perception_failure"):
             self.report = Report(failure=str(info["perception_failure"]), planning_seconds=0.0)
             return
@@ -76,7 +77,6 @@ class BilevelAgent(Agent):
             self.report = Report(failure=failure, planning_seconds=time.perf_counter() - began)
             return
         hull_seconds = time.perf_counter() - began
-        start = np.asarray(observation["joint_targets"], dtype=float)
         self.plan = self._planner.plan(self.grasp_target, self._seed, start)
         grasp, script = self.plan.grasp, self.plan.script
         if grasp is not None and script is not None:
@@ -127,8 +127,7 @@ def target_from_cloud(observation: Observation) -> tuple[GraspTarget | None, str
     from dexgrasp_env.perception.hull import cloud_hull
     from dexgrasp_env.perception.plane import Plane
 
-    points = np.asarray(observation["cloud"], dtype=float)[np.asarray(observation["cloud_mask"], dtype=bool)]
-    points = points[np.isfinite(points).all(axis=1)]
+    points = points_of(observation)
     if len(points) < 4:
         return None, NO_CLOUD
     hull = cloud_hull(points, Plane.from_array(observation["table_plane"]))

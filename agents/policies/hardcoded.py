@@ -15,6 +15,7 @@ from agents.geometry.convex import ConvexDistance
 from agents.grasp.grasp import GraspMotion
 from agents.kinematics.palm_ik import solve_palm
 from agents.kinematics.tree import RobotTree, robot_tree
+from agents.policies.seen import points_of, start_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.control import normalise
@@ -78,10 +79,10 @@ class HardcodedAgent(Agent):
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud; stand still for the episode where that fails."""
         began = time.perf_counter()
-        start = np.asarray(observation["joint_targets"], dtype=float)
+        start = start_of(observation)
         self._step, self._script, self._rest = 0, None, normalise(start).astype(np.float32)
         self.report = Report()
-        points = valid_points(observation)
+        points = points_of(observation)
         if len(points) < _MIN_POINTS:
             self.report.failure = "no_cloud"
             return
@@ -91,6 +92,8 @@ class HardcodedAgent(Agent):
         except NoPath as blocked:
             self.report.failure = blocked.reason
             self.report.details = {"detail": blocked.detail}
+        except InputError:  # the hull of the points
+            self.report.failure = "cloud_has_no_volume"
         self.report.planning_seconds = time.perf_counter() - began
 
     def act(self, observation: Observation) -> NDArray[np.float32]:
@@ -141,19 +144,6 @@ class HardcodedAgent(Agent):
         position = points.mean(axis=0) + s.u_offset * axis + s.v_offset * y
         position[2] = max(points[:, 2].max() + s.z_offset, s.least_z)
         return np.stack([x, y, z], axis=1), position
-
-
-def valid_points(observation: Observation) -> Array:
-    """Return the points (N, 3) m of the cloud that count.
-
-    Raises:
-        InputError: where the observation has no cloud.
-    """
-    if "cloud" not in observation or "cloud_mask" not in observation:
-        raise InputError(
-            "this agent plans from a point cloud: make the environment with obs_mode='pointcloud'"
-        )
-    return np.asarray(observation["cloud"], dtype=float)[np.asarray(observation["cloud_mask"], dtype=bool)]
 
 
 def short_axis(points: Array) -> Array:

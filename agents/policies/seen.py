@@ -1,0 +1,37 @@
+"""What planning agents take from an observation, checked: start and points."""
+
+import numpy as np
+
+from agents.base import Observation
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import LOWER, UPPER
+
+_BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
+
+
+def start_of(observation: Observation) -> Array:
+    """Return the set-points (23,) rad that an episode begins with.
+
+    Raises:
+        InputError: where the robot cannot be there: planning from such a start takes minutes to fail.
+    """
+    start = np.asarray(observation["joint_targets"], dtype=float)
+    if start.shape != LOWER.shape or not ((start > LOWER - _BEYOND) & (start < UPPER + _BEYOND)).all():
+        raise InputError(f"joint_targets must be {len(LOWER)} set-points within the joint ranges, in rad")
+    return start
+
+
+def points_of(observation: Observation) -> Array:
+    """Return the points (N, 3) m of the cloud that count and are numbers.
+
+    Raises:
+        InputError: where the observation has no cloud.
+    """
+    if "cloud" not in observation or "cloud_mask" not in observation:
+        raise InputError(
+            "this agent plans from a point cloud: make the environment with obs_mode='pointcloud'"
+        )
+    points = np.asarray(observation["cloud"], dtype=float)
+    mask = np.asarray(observation["cloud_mask"], dtype=bool)
+    return points[mask & np.isfinite(points).all(axis=1)]
