@@ -65,7 +65,16 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
         and plan.grasp is not None
         and agent.grasp_target is not None
     ):
-        record = record_of(grasp_json(name, plan.grasp, agent.grasp_target, agent.settings))
+        content = grasp_json(
+            name,
+            plan.grasp,
+            agent.grasp_target,
+            agent.settings,
+            script=plan.script,
+            agent="bilevel",
+            seed=seed,
+        )
+        record = record_of(content)
         row["broken"] = [check.name for check in verify(record) if not check.holds]
         row["margin"], row["tried"] = plan.grasp.certificate.closure_margin, plan.tried
     return row

@@ -135,12 +135,12 @@ def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> b
     from pathlib import Path
 
     from agents.grasp.file import grasp_json, read_grasp
-    from agents.grasp.verify import verify
+    from agents.grasp.verify import UNEXECUTED, verify
 
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "grasp.json"
         path.write_text(json.dumps(grasp_json("hull", grasp, target, settings)))
-        return all(check.holds for check in verify(read_grasp(path)))
+        return all(check.holds for check in verify(read_grasp(path), UNEXECUTED))
 
 
 def _figures(attempts: list[Attempt]) -> dict[str, Any]:

@@ -29,6 +29,8 @@ class Attempt:
         agent: has planned.
         observation: the first one.
         T_world_object: (4, 4) true pose; for files and pictures, the agent has not seen it.
+        agent_name: as it was asked for.
+        seed: of scene and agent.
     """
 
     name: str
@@ -36,6 +38,8 @@ class Attempt:
     agent: Agent
     observation: dict[str, NDArray[Any]]
     T_world_object: Array
+    agent_name: str
+    seed: int
 
     @property
     def grasp(self) -> Grasp | None:
@@ -52,7 +56,7 @@ class Attempt:
         """Return the object that `dexgrasp plan --json` prints."""
         report = self.agent.report
         reason = report.failure
-        content = planned_grasp(self.env, self.agent, self.T_world_object)
+        content = planned_grasp(self.env, self.agent, self.T_world_object, self.agent_name, self.seed)
         return {
             "schema": SCHEMA,
             "object": self.name,
@@ -109,4 +113,4 @@ def _attempt(target: str, agent: Agent, seed: int, env_settings: Mapping[str, An
     agent.seed(seed)
     agent.reset(observation, public_info(env, info))
     name = env.unwrapped.simulation.object.name  # type: ignore[attr-defined]
-    return Attempt(name, env, agent, observation, pose)
+    return Attempt(name, env, agent, observation, pose, agent_name, seed)

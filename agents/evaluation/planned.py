@@ -1,11 +1,14 @@
 """The grasp that an agent has planned, as a grasp file holds it."""
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import gymnasium as gym
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import pose_matrix
+
+if TYPE_CHECKING:
+    from agents.grasp.identity import ObjectIdentity
 
 
 def object_pose(env: gym.Env[Any, Any]) -> Array:
@@ -14,15 +17,46 @@ def object_pose(env: gym.Env[Any, Any]) -> Array:
     return pose_matrix(qpos[23:26].copy(), qpos[26:30].copy())
 
 
-def planned_grasp(env: gym.Env[Any, Any], agent: Any, T_world_object: Array) -> dict[str, Any] | None:
-    """Return the certified grasp of an agent that has planned, None for agents that certify nothing."""
+def planned_grasp(
+    env: gym.Env[Any, Any], agent: Any, T_world_object: Array, name: str = "", seed: int = 0
+) -> dict[str, Any] | None:
+    """Return the certified grasp of an agent that has planned, None for agents that certify nothing.
+
+    Args:
+        env: that was looked at.
+        agent: that has planned.
+        T_world_object: (4, 4) true pose.
+        name: of the agent; by default that of its class.
+        seed: it planned with.
+    """
     plan, target = getattr(agent, "plan", None), getattr(agent, "grasp_target", None)
     grasp = getattr(plan, "grasp", None)
-    if grasp is None or target is None or agent.report.failure:
+    if plan is None or grasp is None or target is None or agent.report.failure:
         return None
-    from agents.grasp.file import grasp_json
+    from agents.grasp.file import ObjectPose, grasp_json
     from agents.planning.settings import PlannerSettings
 
-    settings = getattr(agent, "settings", None) or PlannerSettings()
-    name = env.unwrapped.simulation.object.name  # type: ignore[attr-defined]
-    return grasp_json(name, grasp, target, settings, T_world_object)
+    model = env.unwrapped.simulation.object  # type: ignore[attr-defined]
+    return grasp_json(
+        object_identity(env), grasp, target, getattr(agent, "settings", None) or PlannerSettings(),
+        script=plan.script, pose=ObjectPose(model.mesh, T_world_object), agent=name or _name_of(agent), seed=seed,
+        planning_seconds=agent.report.planning_seconds,
+    )  # fmt: skip
+
+
+def object_identity(env: gym.Env[Any, Any]) -> "ObjectIdentity":
+    """Return what the object of an environment can be found again by."""
+    from agents.grasp.identity import ObjectIdentity
+    from dexgrasp_env.objects.catalogue import CATALOGUE
+    from dexgrasp_env.objects.load import object_name
+
+    model, settings = env.unwrapped.simulation.object, env.unwrapped.settings  # type: ignore[attr-defined]
+    source = next(target for target in settings.objects if object_name(target) == model.name)
+    return ObjectIdentity.of(model, source, 1.0 if source in CATALOGUE else settings.mesh_scale)
+
+
+def _name_of(agent: Any) -> str:
+    from agents.registry import AGENTS
+
+    spec = f"{type(agent).__module__}:{type(agent).__name__}"
+    return next((name for name, known in AGENTS.items() if known == spec), spec)

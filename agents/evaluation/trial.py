@@ -125,7 +125,7 @@ def _begin(
     report = getattr(agent, "report", None)
     if report is not None and report.failure:
         outcome.reason = str(report.failure)
-    return observation, planned_grasp(env, agent, pose)
+    return observation, planned_grasp(env, agent, pose, seed=seeds.agent)
 
 
 def _go_on(

@@ -29,10 +29,12 @@ class ActionScript:
     Attributes:
         targets: (T, 23) rad, one a control step.
         phases: names and first steps: approach, close, squeeze, lift, hold.
+        start: (23,) rad, set-points before the first step.
     """
 
     targets: Array
     phases: tuple[tuple[str, int], ...]
+    start: Array
 
     def action(self, step: int) -> NDArray[np.float32]:
         """Return the `joint_position` action (23,) of a step from 0 on; the last one is held."""
@@ -75,7 +77,9 @@ def make_script(
     }
     first = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces.values()])[:-1]])
     return ActionScript(
-        np.concatenate(list(pieces.values())), tuple(zip(pieces, (int(f) for f in first), strict=True))
+        np.concatenate(list(pieces.values())),
+        tuple(zip(pieces, (int(f) for f in first), strict=True)),
+        start,
     )
 
 

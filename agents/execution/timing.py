@@ -7,10 +7,9 @@ import numpy as np
 
 from agents.execution.collision import CollisionChecker
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import ARM_ACCELERATION, HAND_ACCELERATION, VELOCITY
+from dexgrasp_env.robot.limits import ACCELERATION, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-ACCELERATION = np.concatenate([ARM_ACCELERATION, HAND_ACCELERATION])
 _BLENDS = (0.3, 0.15, 0.06)  # rad along the path: how far before a corner the turn begins, widest first
 _SPACING = 0.015  # rad along the path between the points that are timed
 _EXCESS = 1.1  # acceleration of the sampled set-points over what was asked for

@@ -1,92 +1,118 @@
-"""A grasp as a JSON file: everything `verify` needs, nothing that has to be trusted to load."""
+"""A grasp as a JSON file: all that will be executed and all that is claimed of it (`docs/grasp-file.md`)."""
 
 import json
-from dataclasses import dataclass
+from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from agents.grasp.grasp import Grasp
-from agents.grasp.target import GraspTarget
-from agents.planning.settings import PlannerSettings
+from agents.grasp.identity import ObjectIdentity
+from agents.grasp.path import bend, stray
+from agents.grasp.record import CONVENTIONS, GraspRecord, parse, parse_1
+from agents.grasp.target import GraspTarget, assumed_mass
+from agents.grasp.thresholds import thresholds_for
+from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.robot.mounts import MOUNTS
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-SCHEMA = 1
-_SHAPES = {
-    "q": (23,), "pregrasp": (23,), "grasp": (23,), "squeeze": (23,), "contacts": (3, 3), "normals": (3, 3),
-    "forces": (3, 3), "centre": (3,),
-}  # fmt: skip
-_CLAIMS: dict[str, tuple[int, ...]] = {
-    "distances_cm": (3,), "closure_margin": (), "min_clearance_m": (), "joint_limit_margin_rad": (),
-    "max_joint_torque_fraction": (),
-}  # fmt: skip
-"""What `verify` compares of the certificate, with shapes."""
-_FLAT = 1e-6  # m: a hull thinner than this has no inside
+if TYPE_CHECKING:
+    from agents.execution.script import ActionScript
 
-
-@dataclass(frozen=True)
-class GraspRecord:
-    """A grasp as read from a file; robot base frame, m, rad, N.
-
-    Attributes:
-        object: name of what was planned on.
-        mount: of the hand.
-        arrays: `q`, `pregrasp`, `grasp`, `squeeze` (23,), `contacts`, `normals`, `forces` (3, 3), `centre` (3,).
-        hull: vertices (V, 3) of the convex hull that was planned on.
-        mass: kg.
-        settings: the planner's thresholds.
-        certificate: what the planner claims.
-        T_world_object: (4, 4) of the true object, where the file knows it.
-    """
-
-    object: str
-    mount: str
-    arrays: dict[str, Array]
-    hull: Array
-    mass: float
-    settings: PlannerSettings
-    certificate: dict[str, Any]
-    T_world_object: Array | None
+SCHEMA = 2
+_LARGEST = 64 << 20  # bytes of a file that is read
 
 
 def grasp_json(
-    name: str,
-    grasp: Grasp,
-    target: GraspTarget,
-    settings: PlannerSettings,
-    T_world_object: Array | None = None,
-) -> dict[str, Any]:
-    """Return the JSON object of a grasp (lengths m, angles rad, forces N, robot base frame)."""
+    name: str | ObjectIdentity, grasp: Grasp, target: GraspTarget, settings: Any, *,
+    script: "ActionScript | None" = None, pose: "ObjectPose | None" = None, agent: str = "", seed: int = 0,
+    planning_seconds: float | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the JSON object of a grasp (lengths m, angles rad, forces N, robot base frame).
+
+    Args:
+        name: which object, or only what to call it.
+        grasp: as planned.
+        target: what it was planned on.
+        settings: of the planner, for its thresholds.
+        script: what will be executed; without it the file has no approach and no lift, and is not verified.
+        pose: of the true object, where it is known.
+        agent: who planned.
+        seed: it planned with.
+        planning_seconds: it took.
+    """
+    identity = ObjectIdentity(name) if isinstance(name, str) else name
     return {
-        "schema": SCHEMA,
-        "frame": "robot_base",
-        "object": name,
+        "schema": SCHEMA, "version": __version__, "created": datetime.now(UTC).isoformat(timespec="seconds"),
+        "agent": agent, "seed": seed, "planning_seconds": planning_seconds,
+        **CONVENTIONS,
         "mount": grasp.mount,
+        "object": {**identity.as_json(), **_known(target)},
+        "T_world_object": None if pose is None else pose.T_world_object.tolist(),
+        "hull_offset": None if pose is None else pose.hull_offset(target).tolist(),
+        "hull_vertices": np.asarray(target.hull.vertices).tolist(),
+        "centre": target.centre.tolist(),
+        "thresholds": thresholds_for(settings).as_json(),
         "q": grasp.q.tolist(),
         "pregrasp": grasp.motion.pregrasp.tolist(),
         "grasp": grasp.motion.grasp.tolist(),
         "squeeze": grasp.motion.squeeze.tolist(),
+        "approach": None if script is None else _approach(script),
+        "lift": None if script is None else _lift(script, grasp),
         "contacts": grasp.contacts.tolist(),
         "normals": grasp.normals.tolist(),
         "forces": grasp.forces.tolist(),
-        "centre": target.centre.tolist(),
-        "mass": grasp.certificate.mass,
-        "hull_vertices": np.asarray(target.hull.vertices).tolist(),
-        "T_world_object": None if T_world_object is None else np.asarray(T_world_object).tolist(),
-        "thresholds": {
-            "friction": settings.friction,
-            "friction_hold": settings.friction_hold,
-            "distance": list(settings.distance),
-            "tip_radius": settings.tip_radius,
-            "closure_margin": settings.closure_margin,
-            "clearance": settings.clearance,
-        },
         "certificate": grasp.certificate.as_json(),
+    }  # fmt: skip
+
+
+class ObjectPose:
+    """Where the true object is: the planner has not seen it, but the file lets everybody check what it took it for."""
+
+    def __init__(self, mesh: Any, T_world_object: Array) -> None:
+        """Take the object's surface (a trimesh, object frame, m) and its pose (4, 4)."""
+        self._mesh, self.T_world_object = mesh, np.asarray(T_world_object, dtype=float)
+
+    def hull_offset(self, target: GraspTarget) -> Array:
+        """Return the volume centroid of the planned hull less that of the true object's hull, (3,) m."""
+        true = self._mesh.convex_hull.center_mass
+        return np.asarray(target.hull.center_mass) - (
+            self.T_world_object[:3, :3] @ true + self.T_world_object[:3, 3]
+        )
+
+
+def _known(target: GraspTarget) -> dict[str, Any]:
+    """What the planner was told of the object, rather than assumed from its hull."""
+    told = abs(target.mass - assumed_mass(target.hull)) > 1e-9
+    moved = np.abs(target.centre - target.hull.center_mass).max() > 1e-9
+    return {
+        "known_mass": target.mass if told else None,
+        "known_centre": target.centre.tolist() if moved else None,
     }
+
+
+def _approach(script: "ActionScript") -> dict[str, Any]:
+    rows = np.concatenate([script.start[None], script.targets[: dict(script.phases)["close"]]])
+    return {"bend": bend(rows), **_timed(rows)}
+
+
+def _lift(script: "ActionScript", grasp: Grasp) -> dict[str, Any]:
+    from agents.kinematics.palm_ik import palm_frame
+    from agents.kinematics.tree import robot_tree
+
+    first = dict(script.phases)
+    rows = np.concatenate([grasp.motion.squeeze[None], script.targets[first["lift"] : first["hold"]]])
+    palms = [palm_frame(q, robot_tree(grasp.mount)) for q in rows]
+    strayed = stray(np.array([p for _, p in palms]), np.array([R for R, _ in palms]))
+    return {"height": grasp.motion.lift_height, "stray": strayed, **_timed(rows)}
+
+
+def _timed(rows: Array) -> dict[str, Any]:
+    times = np.round(np.arange(len(rows)) * CONTROL_PERIOD, 9)
+    return {"times": times.tolist(), "setpoints": rows.tolist()}
 
 
 def write_grasp(path: Path, content: dict[str, Any]) -> None:
@@ -101,10 +127,12 @@ def read_grasp(path: Path) -> GraspRecord:
         InputError: if it is missing, not JSON, of another schema, or a field is missing or malformed.
     """
     try:
-        content = json.loads(path.read_text())
+        if path.stat().st_size > _LARGEST:
+            raise InputError(f"{path} is not a grasp file: it has more than {_LARGEST >> 20} MiB")
+        content = json.loads(path.read_bytes())
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
-    except (UnicodeDecodeError, json.JSONDecodeError):
+    except (ValueError, RecursionError):  # no text, no JSON, a number of too many digits, nested too deep
         raise InputError(f"{path} is not a grasp file: it holds no JSON (was it cut off?)") from None
     return record_of(content, str(path))
 
@@ -113,55 +141,16 @@ def record_of(content: Any, source: str = "this object") -> GraspRecord:
     """Return the grasp of a JSON object, as `grasp_json` or `plan --json` make it; errors as in `read_grasp`."""
     if isinstance(content, dict) and isinstance(content.get("grasp"), dict):
         content = content["grasp"]  # the output of `plan --json`
-    if not isinstance(content, dict) or content.get("schema") != SCHEMA:
-        raise InputError(f"{source} is not a grasp of schema {SCHEMA}, as `dexgrasp plan --out` writes it")
+    parsers = {SCHEMA: parse, 1: parse_1}
+    schema = content.get("schema") if isinstance(content, dict) else None
+    if not isinstance(schema, int) or isinstance(schema, bool) or schema not in parsers:
+        raise InputError(
+            f"{source} is not a grasp of schema {SCHEMA} (or 1), as `dexgrasp plan --out` writes it"
+        )
     try:
-        return _parse(content)
-    except (KeyError, TypeError, ValueError) as error:
-        raise InputError(f"{source} is not a usable grasp: {type(error).__name__} {error}") from None
-
-
-def _parse(content: dict[str, Any]) -> GraspRecord:
-    arrays = {name: _array(name, content[name], shape) for name, shape in _SHAPES.items()}
-    hull = np.asarray(content["hull_vertices"], dtype=float)
-    if hull.ndim != 2 or hull.shape[1] != 3 or len(hull) < 4 or not np.isfinite(hull).all():
-        raise ValueError("hull_vertices must be (V, 3) finite numbers with V >= 4")
-    if np.linalg.svd(hull - hull.mean(0), compute_uv=False)[2] < _FLAT:
-        raise ValueError("hull_vertices must enclose a volume")
-    if content["mount"] not in MOUNTS:
-        raise ValueError(f"mount must be one of {', '.join(MOUNTS)}")
-    settings = _thresholds(content["thresholds"])
-    mass, certificate = _positive("mass", content["mass"]), dict(content["certificate"])
-    for name, shape in _CLAIMS.items():
-        _array(name, certificate[name], shape)
-    pose = content.get("T_world_object")
-    return GraspRecord(
-        str(content["object"]), content["mount"], arrays, hull, mass, settings,
-        certificate, None if pose is None else _array("T_world_object", pose, (4, 4)),
-    )  # fmt: skip
-
-
-def _thresholds(limits: dict[str, Any]) -> PlannerSettings:
-    low, high = _array("distance", limits["distance"], (2,))
-    margin, clearance = (float(_array(name, limits[name], ())) for name in ("closure_margin", "clearance"))
-    return PlannerSettings(
-        friction=_positive("friction", limits["friction"]),
-        friction_hold=_positive("friction_hold", limits["friction_hold"]),
-        distance=(float(low), float(high)), tip_radius=_positive("tip_radius", limits["tip_radius"]),
-        closure_margin=margin, clearance=clearance,
-    )  # fmt: skip
-
-
-def _positive(name: str, value: Any) -> float:
-    number = float(_array(name, value, ()))
-    if number <= 0.0:
-        raise ValueError(f"{name} must be a positive number")
-    return number
-
-
-def _array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
-    array = np.asarray(value, dtype=float)
-    if array.shape != shape or not np.isfinite(array).all():
-        kind = f"finite numbers of shape {shape}" if shape else "a finite number"
-        raise ValueError(f"{name} must be {kind}")
-    return array
+        return parsers[schema](content)
+    except KeyError as error:
+        raise InputError(f"{source} is not a usable grasp: {error} is missing") from None
+    except (TypeError, ValueError, AttributeError, RecursionError) as error:
+        text = " ".join(str(error).split())[:300]
+        raise InputError(f"{source} is not a usable grasp: {text}") from None

@@ -56,6 +56,11 @@ class GraspTarget:
             distance.triangles.reshape(-1, 3), np.arange(3 * len(distance.triangles)).reshape(-1, 3)
         )
         hull.merge_vertices()
-        known = float(np.clip(ASSUMED_DENSITY * hull.volume, *MASS_RANGE)) if mass is None else float(mass)
+        known = assumed_mass(hull) if mass is None else float(mass)
         middle = np.asarray(hull.center_mass if centre is None else centre, dtype=float)
         return cls(hull, distance, middle, known)
+
+
+def assumed_mass(hull: "trimesh.Trimesh") -> float:
+    """Return the mass, kg, that is assumed of an object of which only its hull is known."""
+    return float(np.clip(ASSUMED_DENSITY * hull.volume, *MASS_RANGE))

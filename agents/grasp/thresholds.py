@@ -37,7 +37,7 @@ class Thresholds:
     tip_cosine: float = 0.10
     pad_cosine: float = -0.25
     joint_margin: float = 0.01
-    contact_height: float = 0.010
+    contact_height: float = 0.015
     least_press: float = 2.5
     torque_share: float = 0.95
 

@@ -16,9 +16,9 @@ from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
 OBJECT, TABLE, SELF = 0, 1, 2
-_EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
+EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
 KINDS = ("hand_object", "hand_table", "self")
-_TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
+TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 
 
 class Rows(NamedTuple):
@@ -127,7 +127,7 @@ def _palm_row(tree: RobotTree, frames: Frames, activation: float, rows: Rows, n:
                 deepest, axis = out, c
             inside[c] = max(out, 0.0)
             squared += inside[c] ** 2
-        d = (np.sqrt(squared) if squared > 0.0 else deepest) - _EDGE_ERROR
+        d = (np.sqrt(squared) if squared > 0.0 else deepest) - EDGE_ERROR
         if d >= best:
             continue
         best = d
@@ -154,7 +154,7 @@ def _table_row(
         return n
     best, which = activation, -1
     for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
-        if centres[s, 0] < _TABLE_FROM and b < 4:
+        if centres[s, 0] < TABLE_FROM and b < 4:
             continue
         d = centres[s, 2] - tree.sphere_radius[s]
         if d < best:

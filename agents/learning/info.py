@@ -15,7 +15,7 @@ from agents.planning.settings import PlannerSettings
 from dexgrasp_env.poses import quat_to_matrix
 
 _BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
-_PREGRASP, _FORCES = "pregrasp", ("forces", "torques", "least pressing", "share of friction", "joint torque")
+_PARTS = ("thresholds", "contacts", "limits", "clearance", "closure")
 
 
 def summary(folder: Path) -> dict[str, Any]:
@@ -65,7 +65,8 @@ def _approach(poses: Sequence[PoseGrasps]) -> np.ndarray:
 def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
     """Check a random sample by `verify`'s independent means.
 
-    Grasps in the dataset have no pregrasp; its checks are left out, and those of the forces where `load` is -1.
+    Grasps in the dataset are of a hand that is there already: nothing is checked of how it came there, and nothing of
+    the forces where `load` is -1.
 
     Returns:
         `checked`, `passed`, and how often each check failed.
@@ -78,9 +79,9 @@ def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
     chosen = np.random.default_rng(seed).permutation(len(owner))[:count]
     for k in chosen:
         pose, settings = poses[owner[k]], planner_settings(folder)
-        skip = (_PREGRASP, *(_FORCES if pose.grasps["load"][local[k]] < 0 else ()))
-        checks = [c for c in verify(_record(pose, int(local[k]), settings)) if not c.name.startswith(skip)]
-        failed = [c.name for c in checks if not c.holds and c.name != "joint limits:pregrasp"]
+        holds = int(pose.grasps["load"][local[k]]) >= 0
+        parts = (*_PARTS, "forces") if holds else _PARTS
+        failed = [c.name for c in verify(_record(pose, int(local[k]), settings), parts) if not c.holds]
         passed += not failed
         failures.update(failed)
     return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
@@ -102,7 +103,9 @@ def _tuples(value: Any) -> Any:
 def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     import trimesh
 
-    from agents.grasp.file import GraspRecord
+    from agents.grasp.identity import ObjectIdentity
+    from agents.grasp.record import GraspRecord
+    from agents.grasp.thresholds import thresholds_for
     from agents.learning.rest_scene import turn
     from dexgrasp_env.robot.mounts import MOUNTS
 
@@ -112,17 +115,18 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
         GraspTarget.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
     )
     R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
-    arrays = {name: g["q"] for name in ("q", "pregrasp", "grasp", "squeeze")}
-    arrays |= {
-        "contacts": g["contacts"] @ R.T + shift, "normals": g["normals"] @ R.T, "forces": g["forces"] @ R.T,
-        "centre": target.centre,
+    arrays = {
+        "q": g["q"], "contacts": g["contacts"] @ R.T + shift, "normals": g["normals"] @ R.T,
+        "forces": g["forces"] @ R.T, "centre": target.centre,
     }  # fmt: skip
     share = settings.loads[max(int(g["load"]), 0)][0]
-    certificate = {"distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"])}
-    vertices = target.distance.triangles.reshape(-1, 3)
+    certificate = {
+        "distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"]), "mass": share * target.mass,
+    }  # fmt: skip
     return GraspRecord(
-        pose.name, next(iter(MOUNTS)), arrays, vertices, share * target.mass, settings, certificate, None
-    )
+        ObjectIdentity(pose.name), next(iter(MOUNTS)), arrays, target.distance.triangles.reshape(-1, 3),
+        thresholds_for(settings), certificate,
+    )  # fmt: skip
 
 
 def picture(folder: Path, path: Path) -> None:

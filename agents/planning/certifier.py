@@ -28,6 +28,9 @@ class Certifier:
     def certify(self, solution: Solution, target: GraspTarget, plan: Plan) -> Grasp | None:
         """Return the grasp of a feasible configuration, or None and note in `plan` what it lacks."""
         settings, at = self.settings, solution.evaluation
+        if self._with_closure and at.contacts[:, 2].min() < settings.contact_height:
+            plan.block("contact_height", settings.contact_height - float(at.contacts[:, 2].min()))
+            return None
         hold, _ = firmest_hold(solution.q, target, self.tree, settings)
         if not hold.holds and self._with_closure:
             plan.block(f"holding_forces: {hold.reason}", hold.residual)

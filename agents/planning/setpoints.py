@@ -4,7 +4,7 @@ import numpy as np
 
 from agents.grasp.grasp import GraspMotion
 from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import finger_jacobians, fingertips
+from agents.kinematics.forward import body_frames, fingertips, tip_jacobian
 from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
 from agents.planning.settings import PlannerSettings
@@ -27,7 +27,7 @@ def grasp_motion(
     """Return the set-points of a grasp.
 
     The squeeze is exact for position servos: at rest on the surface a servo whose set-point is J^T f / kp further in
-    presses with f.
+    presses with f, J being that of the contact points.
 
     Args:
         q: (23,) rad, the grasp.
@@ -44,7 +44,9 @@ def grasp_motion(
     to_surface = (settings.tip_radius - distance)[:, None] * normals
     solve_tips(touching, tips + to_surface, tree, 30, 1e-5, True)
     solve_tips(pregrasp, tips + to_surface + opening * normals, tree, 40, 1e-4, True)
-    torque = np.einsum("frj,fr->j", finger_jacobians(touching, tree), forces)
+    contacts = tips - distance[:, None] * normals
+    J = tip_jacobian(tree, body_frames(touching, tree), contacts)[:, :, 7:]
+    torque = np.einsum("frj,fr->j", J, forces)
     squeeze = touching.copy()
     squeeze[7:] = np.clip(touching[7:] + torque / HAND_STIFFNESS, tree.lower[7:], tree.upper[7:])
     return GraspMotion(pregrasp, touching, squeeze)

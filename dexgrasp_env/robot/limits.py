@@ -55,6 +55,8 @@ HAND_STIFFNESS = 10.0
 
 VELOCITY = _table(*ARM_VELOCITY, *HAND_VELOCITY)
 """Velocity limits, (23,) rad/s."""
+ACCELERATION = _table(*ARM_ACCELERATION, *HAND_ACCELERATION)
+"""Acceleration limits, (23,) rad/s^2."""
 TORQUE = _table(*ARM_TORQUE, *HAND_TORQUE)
 """Torque limits, (23,) Nm."""
 

@@ -1,0 +1,65 @@
+"""Which object a grasp is of: its name, where its surface comes from, and a hash of that surface."""
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash
+from dexgrasp_env.objects.model import ObjectModel
+
+
+@dataclass(frozen=True)
+class ObjectIdentity:
+    """An object that can be found again, or the name alone of one that was only seen.
+
+    Attributes:
+        name: as it is shown.
+        source: name of the catalogue or path of a mesh file; None where only a cloud was seen.
+        scale: factor from the source's unit to metres (1 for the catalogue).
+        content_hash: of the surface in its own frame, vertices to a micron; None without a source.
+        known_mass: kg, where the planner was told; None where it assumed one from the hull's volume.
+        known_centre: (3,) m, robot base frame, where the planner was told the centre of mass.
+    """
+
+    name: str
+    source: str | None = None
+    scale: float = 1.0
+    content_hash: str | None = None
+    known_mass: float | None = None
+    known_centre: tuple[float, float, float] | None = None
+
+    @classmethod
+    def of(cls, model: ObjectModel, source: str, scale: float = 1.0) -> "ObjectIdentity":
+        """Identify an object that was loaded from `source` at `scale`."""
+        return cls(model.name, source, scale, surface_hash(model))
+
+    def load(self) -> ObjectModel | None:
+        """Return the object, or None where there is no source.
+
+        Raises:
+            InputError: if the source is not here.
+        """
+        from dexgrasp_env.objects.catalogue import CATALOGUE
+        from dexgrasp_env.objects.load import load_object
+
+        if self.source is None:
+            return None
+        try:
+            model = load_object(self.source, scale=self.scale)
+        except InputError as error:
+            raise InputError(f"the object of the grasp, {self.source!r}, cannot be had: {error}") from None
+        if self.source in CATALOGUE and self.scale != 1.0:
+            raise InputError(f"object scale is {self.scale}: objects of the catalogue have scale 1")
+        return model
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the identity as JSON holds it."""
+        return asdict(self) | {"known_centre": None if self.known_centre is None else list(self.known_centre)}
+
+
+def surface_hash(model: ObjectModel) -> str:
+    """Return a hash of an object's surface: vertices to a micron, and faces."""
+    vertices = np.rint(np.asarray(model.mesh.vertices) * 1e6).astype(np.int64)
+    return content_hash(vertices, np.asarray(model.mesh.faces, dtype=np.int64))

@@ -1,0 +1,42 @@
+"""Measures of a path of set-points that planner and judge share: how sharply it bends, how far a lift strays."""
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+
+TURN = 0.15  # m that a radian of the palm counts as
+_LINE = 1e-7  # of the spread of neighbours: less across their main direction is a line
+
+
+def bend(rows: Array) -> float:
+    """Return how far, rad, set-points (T, 23) stand out of the plane (or line) of two neighbours on either side.
+
+    Straight ways and rounded corners lie in such planes; a single set-point that was changed does not.
+    """
+    worst = 0.0
+    for k in range(1, len(rows) - 1):
+        near = rows[[i for i in (k - 2, k - 1, k + 1, k + 2) if 0 <= i < len(rows)]]
+        middle = near.mean(0)
+        _, spread, directions = np.linalg.svd(near - middle, full_matrices=False)
+        spanned = directions[:2][spread[:2] > max(_LINE * spread[0], 1e-9)]
+        off = rows[k] - middle
+        worst = max(worst, float(np.abs(off - spanned.T @ (spanned @ off)).max()))
+    return worst
+
+
+def stray(positions: Array, rotations: Array) -> float:
+    """Return how far, m, a palm at `positions` (T, 3), `rotations` (T, 3, 3) strays from straight up without a turn."""
+    aside = np.linalg.norm(positions[:, :2] - positions[0, :2], axis=1)
+    relative = rotations @ rotations[0].T
+    skew = np.stack([
+        relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
+        relative[:, 1, 0] - relative[:, 0, 1],
+    ], 1)  # fmt: skip
+    turn = np.arctan2(0.5 * np.linalg.norm(skew, axis=1), 0.5 * (np.trace(relative, axis1=1, axis2=2) - 1.0))
+    return float(np.hypot(aside, TURN * turn).max())
+
+
+def jerkiness(rows: Array) -> float:
+    """Return how far, rad, set-points (T, 23) from rest to rest lie from the cubic through two on either side."""
+    P = np.concatenate([rows[:1], rows[:1], rows, rows[-1:], rows[-1:]])
+    return float(np.abs((-P[:-4] + 4.0 * P[1:-3] + 4.0 * P[3:-1] - P[4:]) / 6.0 - rows).max())
