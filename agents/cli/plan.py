@@ -11,6 +11,8 @@ _EPILOG = """examples:
   dexgrasp plan my_part.stl --mesh-scale 0.001        your own mesh, drawn in millimetres
   dexgrasp plan pear --seed 3 --out grasps/pear       writes grasp.json and grasp.png
   dexgrasp plan pear --json | jq .certificate
+  dexgrasp plan pear --friction 0.35                  a slippery one, and a planner that knows it: it counts on 5/7
+                                                      of MU for closure, 6/7 for the forces (never over 0.5 and 0.6)
 
 The object is put on the table in a pose drawn from --seed, seen with the default sensor noise, and planned for without
 knowledge of its pose or mass. Exit code 1 says that there is no grasp; the reason is printed."""
@@ -118,7 +120,9 @@ def describe(result: dict[str, Any]) -> str:
         "least clearance, mm": f"{1000 * certificate['min_clearance_m']:.1f}",
         "distance to a joint limit, rad": f"{certificate['joint_limit_margin_rad']:.3f}",
         "joint torque over its limit": f"{certificate['max_joint_torque_fraction']:.2f}",
-        "holds": f"{certificate['holds']} (made for {1000 * certificate['mass']:.0f} g)",
+        "load (1: bears its weight, 2: and a push as large)": f"{certificate['load']:.2f}",
+        "capacity (the load that other forces could reach)": f"{certificate['capacity']:.2f}",
+        "holds": f"{certificate['holds']} (assumed to weigh {1000 * certificate['mass']:.0f} g)",
     }
     width = max(map(len, rows))
     return "\n".join(lines + [f"  {name:<{width}}  {value}" for name, value in rows.items()])

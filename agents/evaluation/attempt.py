@@ -11,7 +11,6 @@ import dexgrasp_env  # noqa: F401  (registers the environment)
 from agents.base import Agent
 from agents.evaluation.planned import object_pose, planned_grasp
 from agents.evaluation.trial import public_info
-from agents.grasp.file import SCHEMA
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
 from agents.registry import make_agent
@@ -29,7 +28,6 @@ class Attempt:
         agent: has planned.
         observation: the first one.
         T_world_object: (4, 4) true pose; for files and pictures, the agent has not seen it.
-        agent_name: as it was asked for.
         seed: of scene and agent.
     """
 
@@ -38,7 +36,6 @@ class Attempt:
     agent: Agent
     observation: dict[str, NDArray[Any]]
     T_world_object: Array
-    agent_name: str
     seed: int
 
     @property
@@ -56,9 +53,9 @@ class Attempt:
         """Return the object that `dexgrasp plan --json` prints."""
         report = self.agent.report
         reason = report.failure
-        content = planned_grasp(self.env, self.agent, self.T_world_object, self.agent_name, self.seed)
+        content = planned_grasp(self.env, self.agent, self.T_world_object, self.seed)
         return {
-            "schema": SCHEMA,
+            "schema": 1,
             "object": self.name,
             "success": content is not None,
             "reason": reason,
@@ -83,7 +80,7 @@ def plan_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_s
     Raises:
         InputError: for an unknown target or agent, or an agent that makes no certified plans.
     """
-    agent = make_agent(agent_name)
+    agent = _agent(agent_name, env_settings.get("friction"))
     if not hasattr(agent, "plan"):
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
@@ -94,6 +91,8 @@ def plan_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_s
 def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_settings: Any) -> Attempt:
     """Put an object on the table, look at it, and let an agent plan.
 
+    A planner is told the friction that is asked for, and counts on its usual share of that.
+
     Args:
         target: name of the catalogue or path of a mesh.
         agent_name: see `registry`.
@@ -103,7 +102,17 @@ def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **en
     Raises:
         InputError: for an unknown target or agent.
     """
-    return _attempt(target, make_agent(agent_name), seed, env_settings)
+    return _attempt(target, _agent(agent_name, env_settings.get("friction")), seed, env_settings)
+
+
+def _agent(name: str, friction: float | None) -> Agent:
+    """Make an agent; a planner of ours for surfaces of that friction, where it is given."""
+    from agents.planning.settings import PlannerSettings
+
+    agent = make_agent(name)
+    if friction is None or not isinstance(getattr(agent, "settings", None), PlannerSettings):
+        return agent
+    return make_agent(name, settings=PlannerSettings.for_friction(friction))
 
 
 def _attempt(target: str, agent: Agent, seed: int, env_settings: Mapping[str, Any]) -> Attempt:
@@ -113,4 +122,4 @@ def _attempt(target: str, agent: Agent, seed: int, env_settings: Mapping[str, An
     agent.seed(seed)
     agent.reset(observation, public_info(env, info))
     name = env.unwrapped.simulation.object.name  # type: ignore[attr-defined]
-    return Attempt(name, env, agent, observation, pose, agent_name, seed)
+    return Attempt(name, env, agent, observation, pose, seed)

@@ -18,7 +18,7 @@ def object_pose(env: gym.Env[Any, Any]) -> Array:
 
 
 def planned_grasp(
-    env: gym.Env[Any, Any], agent: Any, T_world_object: Array, name: str = "", seed: int = 0
+    env: gym.Env[Any, Any], agent: Any, T_world_object: Array, seed: int = 0
 ) -> dict[str, Any] | None:
     """Return the certified grasp of an agent that has planned, None for agents that certify nothing.
 
@@ -26,7 +26,6 @@ def planned_grasp(
         env: that was looked at.
         agent: that has planned.
         T_world_object: (4, 4) true pose.
-        name: of the agent; by default that of its class.
         seed: it planned with.
     """
     plan, target = getattr(agent, "plan", None), getattr(agent, "grasp_target", None)
@@ -39,7 +38,7 @@ def planned_grasp(
     model = env.unwrapped.simulation.object  # type: ignore[attr-defined]
     return grasp_json(
         object_identity(env), grasp, target, getattr(agent, "settings", None) or PlannerSettings(),
-        script=plan.script, pose=ObjectPose(model.mesh, T_world_object), agent=name or _name_of(agent), seed=seed,
+        script=plan.script, pose=ObjectPose(model.mesh, T_world_object), agent=_name_of(agent), seed=seed,
         planning_seconds=agent.report.planning_seconds,
     )  # fmt: skip
 

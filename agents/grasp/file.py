@@ -10,7 +10,7 @@ import numpy as np
 from agents.grasp.grasp import Grasp
 from agents.grasp.identity import ObjectIdentity
 from agents.grasp.path import bend, stray
-from agents.grasp.record import CONVENTIONS, GraspRecord, parse, parse_1
+from agents.grasp.record import CONVENTIONS, SCHEMA, GraspRecord, parse, parse_1
 from agents.grasp.target import GraspTarget, assumed_mass
 from agents.grasp.thresholds import thresholds_for
 from dexgrasp_env import __version__
@@ -22,7 +22,6 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 if TYPE_CHECKING:
     from agents.execution.script import ActionScript
 
-SCHEMA = 2
 _LARGEST = 64 << 20  # bytes of a file that is read
 
 

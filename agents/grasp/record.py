@@ -12,6 +12,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.mounts import MOUNTS
 from dexgrasp_env.robot.names import GRASP_FINGERS, JOINTS
 
+SCHEMA = 2
 FRAME = "robot_base"
 UNITS = {"length": "m", "angle": "rad", "force": "N", "mass": "kg", "time": "s"}
 OUTSIDE = ["close", "hold"]
@@ -92,7 +93,7 @@ class GraspRecord:
     lift_height: float = 0.0
     conventions: Mapping[str, Any] | None = None
     agent: str = ""
-    schema: int = 2
+    schema: int = SCHEMA
 
     @property
     def mass(self) -> float:

@@ -15,9 +15,9 @@ from agents.grasp.checks.forces import closure_checks, force_checks, strength_ch
 from agents.grasp.checks.identity import identity_checks, mass_checks
 from agents.grasp.checks.motion import approach_checks, lift_checks, setpoint_checks
 from agents.grasp.checks.scene import Scene
-from agents.grasp.record import GraspRecord
+from agents.grasp.record import SCHEMA, GraspRecord
 
-__all__ = ["PARTS", "PARTS_1", "UNEXECUTED", "Check", "verify"]
+__all__ = ["PARTS", "PARTS_1", "UNEXECUTED", "Check", "unchecked", "verify"]
 
 PARTS = (
     "conventions", "object", "contacts", "limits", "clearance", "closure", "forces", "strength", "setpoints",
@@ -58,5 +58,10 @@ def verify(record: GraspRecord, parts: Collection[str] | None = None) -> list[Ch
         "approach": lambda: approach_checks(record, scene),
         "lift": lambda: lift_checks(record, scene),
     }
-    wanted = (PARTS if record.schema > 1 else PARTS_1) if parts is None else parts
+    wanted = (PARTS if record.schema == SCHEMA else PARTS_1) if parts is None else parts
     return [check for part in wanted for check in ways[part]()]
+
+
+def unchecked(record: GraspRecord) -> list[str]:
+    """Return the parts of the judgement that a file of an older schema has nothing for; none for today's."""
+    return [part for part in PARTS if part not in PARTS_1] if record.schema < SCHEMA else []

@@ -1,0 +1,189 @@
+"""Change every field of good grasp files in turn, and see whether `verify` refuses each.
+
+    python scripts/mutate_grasps.py OUT                 plans six grasps into OUT, then changes them
+    python scripts/mutate_grasps.py --files a.json ...  changes grasp files that are there
+
+Numbers are changed by +-1 % and +-10 %, set-points by 0.05 rad, words and truth values altered, nulls left. Long arrays of
+set-points are sampled (`--rows`). What `verify` lets pass is listed with the size of the change; changes smaller than
+what the field can mean (`SMALL`; docs/grasp-file.md says why) are counted apart. Exit code 1 if a larger one passes.
+"""
+
+import argparse
+import copy
+import json
+import sys
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from tqdm import tqdm
+
+from agents.grasp.file import read_grasp, record_of, write_grasp
+from agents.grasp.verify import PARTS, verify
+from dexgrasp_env.errors import InputError
+
+FREE = ("schema", "seed", "version", "versions", "created", "seconds", "planning_seconds", "agent")
+"""Fields that say where a file comes from; no physics hangs on them."""
+SETPOINTS = ("q", "pregrasp", "grasp", "squeeze", "approach.setpoints", "lift.setpoints")
+SMALL = {
+    "q": 2e-4, "grasp": 1e-9, "pregrasp": 1e-9, "squeeze": 1e-9, "approach.setpoints": 2.5e-3, "lift.setpoints": 4e-3,
+    "approach.times": 1e-9, "lift.times": 1e-9, "approach.bend": 1e-8, "lift.stray": 2e-6, "lift.height": 5e-4,
+    "hull_vertices": 5e-4, "T_world_object": 1e-6, "hull_offset": 2e-6, "centre": 2e-6, "contacts": 2e-6,
+    "normals": 1e-5, "forces": 2e-3, "certificate.distances_cm": 2e-4, "certificate.force_ratio_percent": 1e-3,
+    "certificate.torque_ratio_percent": 1e-3, "certificate.closure_residual": 1e-6, "certificate.hold_residual": 1e-4,
+    "certificate.min_clearance_m": 2e-6, "certificate.max_joint_torque_fraction": 1e-5,
+    "certificate.closure_margin": 2e-4, "certificate.load": 5e-3, "certificate.capacity": 1e-2,
+}  # fmt: skip
+"""Changes up to these, in the field's unit, are below what it can mean or what two ways of computing it agree to."""
+OBJECTS = ("pear", "sugar_box", "tomato_soup_can", "tetrahedron", "mustard_bottle", "lego")
+_NEAR = {
+    "approach": ("approach",), "lift": ("lift",), "hull_vertices": ("object", "contacts"), "certificate": (
+        "object", "contacts", "limits", "clearance", "closure", "forces", "strength"),
+    "forces": ("forces", "setpoints"), "thresholds": ("conventions",), "q": ("contacts", "limits", "setpoints"),
+}  # fmt: skip
+"""Where a field is most likely to be missed first: the other parts are asked only if these let it pass."""
+
+
+class Mutation(NamedTuple):
+    """One change: the field's path, what kind of change, and its size in the field's unit (0 for words)."""
+
+    path: tuple[str | int, ...]
+    kind: str
+    size: float
+    value: Any
+
+    @property
+    def field(self) -> str:
+        """The path without indices."""
+        return ".".join(key for key in self.path if isinstance(key, str))
+
+
+def mutations(content: dict[str, Any], rows: int, rng: np.random.Generator) -> Iterator[Mutation]:
+    """Yield every change of a file, of `rows` random rows of each array of set-points."""
+    for path, value in _leaves(content, ()):
+        field = ".".join(key for key in path if isinstance(key, str))
+        if path[0] in FREE:
+            continue
+        if field in ("approach.setpoints", "lift.setpoints") and not _sampled(content, path, rows, rng):
+            continue
+        yield from _changes(path, field, value)
+
+
+def _sampled(
+    content: dict[str, Any], path: tuple[str | int, ...], rows: int, rng: np.random.Generator
+) -> bool:
+    count = len(content[str(path[0])]["setpoints"])
+    return path[2] in (0, count - 1) or rng.random() < rows / count
+
+
+def _leaves(value: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    if isinstance(value, dict):
+        for key, item in value.items():
+            yield from _leaves(item, (*path, key))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _leaves(item, (*path, index))
+    elif value is not None:
+        yield path, value
+
+
+def _changes(path: tuple[str | int, ...], field: str, value: Any) -> Iterator[Mutation]:
+    if isinstance(value, bool):
+        yield Mutation(path, "not", 0.0, not value)
+    elif isinstance(value, str):
+        yield Mutation(path, "word", 0.0, value + "x")
+    else:
+        for share in (0.01, -0.01, 0.1, -0.1):
+            changed = value * (1.0 + share)
+            if changed != value:
+                yield Mutation(path, f"{100 * share:+.0f} %", abs(changed - value), changed)
+        if field in SETPOINTS:
+            for shift in (0.05, -0.05):
+                yield Mutation(path, f"{shift:+} rad", 0.05, value + shift)
+
+
+def passes(content: dict[str, Any], mutation: Mutation) -> bool:
+    """Whether `verify` accepts a file with one change."""
+    changed = copy.deepcopy(content)
+    target: Any = changed
+    for key in mutation.path[:-1]:
+        target = target[key]
+    target[mutation.path[-1]] = mutation.value
+    near = _NEAR.get(str(mutation.path[0]), ())
+    try:
+        record = record_of(changed)
+        return all(c.holds for c in verify(record, near)) and all(
+            c.holds for c in verify(record, [part for part in PARTS if part not in near])
+        )
+    except InputError:
+        return False
+
+
+def missed(
+    content: dict[str, Any], rows: int, rng: np.random.Generator
+) -> tuple[Counter[str], list[Mutation]]:
+    """Return how many changes there were, refused and passed, and those that passed."""
+    counts, through = Counter[str](), []
+    for mutation in tqdm(list(mutations(content, rows, rng)), unit="change", leave=False):
+        accepted = passes(content, mutation)
+        counts["changes"] += 1
+        counts["refused"] += not accepted
+        if accepted:
+            through.append(mutation)
+    return counts, through
+
+
+def matters(mutation: Mutation) -> bool:
+    """Whether a change is larger than what its field can mean."""
+    return mutation.size == 0.0 or mutation.size > SMALL.get(mutation.field, 0.0)
+
+
+def _planned(out: Path) -> list[Path]:
+    from agents.evaluation.attempt import plan_target
+
+    paths = []
+    for seed, name in enumerate(OBJECTS):
+        attempt = plan_target(name, "bilevel", seed)
+        result = attempt.as_json()
+        attempt.env.close()
+        if result["success"]:
+            paths.append(out / f"{name}.json")
+            write_grasp(paths[-1], result["grasp"])
+    return paths
+
+
+def main() -> int:
+    """Change files, print what passes, return 1 if any of that matters."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("out", type=Path, nargs="?", help="folder for six new grasps and what passed")
+    parser.add_argument("--files", type=Path, nargs="*", default=[], help="grasp files instead")
+    parser.add_argument("--rows", type=int, default=3, help="rows of each array of set-points (default 3)")
+    parser.add_argument("--seed", type=int, default=0)
+    args = parser.parse_args()
+    if not args.files and args.out is None:
+        parser.error("name a folder, or --files")
+    rng, total, bad = np.random.default_rng(args.seed), Counter[str](), 0
+    for path in args.files or _planned(args.out):
+        read_grasp(path)  # says what is wrong with a file that is none
+        content = json.loads(path.read_text())
+        counts, through = missed(content, args.rows, rng)
+        total += counts
+        large = [m for m in through if matters(m)]
+        bad += len(large)
+        print(
+            f"{path.name}: {dict(counts)}, too small to matter {len(through) - len(large)}, missed {len(large)}"
+        )
+        for m in large:
+            print(f"  MISSED {'.'.join(map(str, m.path))} {m.kind}: {m.size:.3g}")
+        small = Counter(m.field for m in through if not matters(m))
+        print("  too small: " + ", ".join(f"{field} {count}" for field, count in small.most_common()))
+    print(f"all: {dict(total)}, missed {bad}")
+    return int(bad > 0)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
