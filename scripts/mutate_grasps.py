@@ -3,9 +3,10 @@
     python scripts/mutate_grasps.py OUT                 plans six grasps into OUT, then changes them
     python scripts/mutate_grasps.py --files a.json ...  changes grasp files that are there
 
-Numbers are changed by +-1 % and +-10 %, set-points by 0.05 rad, words and truth values altered, nulls left. Long arrays of
-set-points are sampled (`--rows`). What `verify` lets pass is listed with the size of the change; changes smaller than
-what the field can mean (`SMALL`; docs/grasp-file.md says why) are counted apart. Exit code 1 if a larger one passes.
+Numbers are changed by +-1 % and +-10 %, set-points by 0.05 rad as well, words and truth values altered, nulls left.
+Of long arrays (approach, lift, hull) the first, the last and some random rows are taken (`--rows`). What `verify` lets
+pass is listed with the size of the change; changes smaller than what the field can mean (`SMALL`; docs/grasp-file.md
+says why) are counted apart. Exit code 1 if a larger one passes.
 """
 
 import argparse
@@ -27,6 +28,11 @@ from dexgrasp_env.errors import InputError
 FREE = ("schema", "seed", "version", "versions", "created", "seconds", "planning_seconds", "agent")
 """Fields that say where a file comes from; no physics hangs on them."""
 SETPOINTS = ("q", "pregrasp", "grasp", "squeeze", "approach.setpoints", "lift.setpoints")
+LONG = {
+    "approach.setpoints": ("approach", "setpoints"), "approach.times": ("approach", "times"),
+    "lift.setpoints": ("lift", "setpoints"), "lift.times": ("lift", "times"), "hull_vertices": ("hull_vertices",),
+}  # fmt: skip
+"""Arrays of which only some rows are changed."""
 SMALL = {
     "q": 2e-4, "grasp": 1e-9, "pregrasp": 1e-9, "squeeze": 1e-9, "approach.setpoints": 2.5e-3, "lift.setpoints": 4e-3,
     "approach.times": 1e-9, "lift.times": 1e-9, "approach.bend": 1e-8, "lift.stray": 2e-6, "lift.height": 5e-4,
@@ -61,21 +67,23 @@ class Mutation(NamedTuple):
 
 
 def mutations(content: dict[str, Any], rows: int, rng: np.random.Generator) -> Iterator[Mutation]:
-    """Yield every change of a file, of `rows` random rows of each array of set-points."""
+    """Yield every change of a file, of `rows` random rows of each long array."""
+    chosen = {field: _chosen(content, keys, rows, rng) for field, keys in LONG.items()}
     for path, value in _leaves(content, ()):
         field = ".".join(key for key in path if isinstance(key, str))
         if path[0] in FREE:
             continue
-        if field in ("approach.setpoints", "lift.setpoints") and not _sampled(content, path, rows, rng):
+        if field in LONG and path[len(LONG[field])] not in chosen[field]:
             continue
         yield from _changes(path, field, value)
 
 
-def _sampled(
-    content: dict[str, Any], path: tuple[str | int, ...], rows: int, rng: np.random.Generator
-) -> bool:
-    count = len(content[str(path[0])]["setpoints"])
-    return path[2] in (0, count - 1) or rng.random() < rows / count
+def _chosen(content: dict[str, Any], keys: tuple[str, ...], rows: int, rng: np.random.Generator) -> set[int]:
+    array = content
+    for key in keys:
+        array = array[key]
+    count = len(array)
+    return {0, count - 1, *rng.choice(count, min(rows, count), replace=False).tolist()}
 
 
 def _leaves(value: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
@@ -161,7 +169,7 @@ def main() -> int:
     )
     parser.add_argument("out", type=Path, nargs="?", help="folder for six new grasps and what passed")
     parser.add_argument("--files", type=Path, nargs="*", default=[], help="grasp files instead")
-    parser.add_argument("--rows", type=int, default=3, help="rows of each array of set-points (default 3)")
+    parser.add_argument("--rows", type=int, default=3, help="random rows of each long array (default 3)")
     parser.add_argument("--seed", type=int, default=0)
     args = parser.parse_args()
     if not args.files and args.out is None:

@@ -1,0 +1,46 @@
+"""No field of a grasp file can be changed unseen: a short run of `scripts/mutate_grasps.py`."""
+
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from agents.evaluation.attempt import plan_target
+from agents.grasp.file import record_of
+from agents.grasp.verify import verify
+
+
+@pytest.fixture(scope="module")
+def script():
+    path = Path(__file__).parents[1] / "scripts" / "mutate_grasps.py"
+    spec = importlib.util.spec_from_file_location("mutate_grasps", path)
+    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+@pytest.fixture(scope="module")
+def content():
+    attempt = plan_target("pear", seed=0)
+    attempt.env.close()
+    return attempt.as_json()["grasp"]
+
+
+def test_the_file_as_planned_is_verified(content):
+    assert [check.name for check in verify(record_of(content)) if not check.holds] == []
+
+
+def test_every_field_is_checked_or_free(content, script):
+    changed = {m.path[0] for m in script.mutations(content, 1, np.random.default_rng(0))}
+    unknown = {name for name, value in content.items() if name not in changed | set(script.FREE)}
+    assert unknown == set()
+
+
+def test_a_sample_of_changes_is_refused(content, script):
+    rng = np.random.default_rng(0)
+    found = [m for m in script.mutations(content, 1, rng) if script.matters(m)]
+    chosen = [found[k] for k in rng.choice(len(found), 40, replace=False)]
+    certificate = [m for m in found if m.path[0] == "certificate" and m.kind == "+1 %"]
+    assert [m for m in (*chosen, *certificate) if script.passes(content, m)] == []
