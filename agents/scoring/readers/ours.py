@@ -29,7 +29,8 @@ def read_ours(path: Path, options: ReadOptions) -> list[Candidate]:
         raise InputError(
             f"{path}: T_world_object is missing: a grasp planned on a cloud alone cannot be simulated"
         )
-    target = find_object(record.object, 1.0, options, path)
+    identity = record.object
+    target = find_object(identity.source or identity.name, identity.scale, options, path)
     stages = {name: _stage(record.mount, record.arrays[name]) for name in ("pregrasp", "grasp", "squeeze")}
     return [
         Candidate(str(path), find_hand(ALLEGRO), target, record.T_world_object, **stages, servo_kp=SERVO_KP)
