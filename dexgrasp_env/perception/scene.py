@@ -45,6 +45,7 @@ WORDS = {
 """Reason -> what it means and what to do."""
 
 _VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
+_ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
 _HEIGHTS = 0.30  # m above and below the base where a table is looked for, to say where it is
 _TABLE_OFF = 0.02  # m that the table may be off the base's height
@@ -101,7 +102,9 @@ def find_object(
         return _none(s, EMPTY, f"{len(scene)} points")
     if float(np.median(np.linalg.norm(scene.points, axis=1))) > _LARGEST:
         return _none(s, UNIT, f"median distance from the base {np.median(np.abs(scene.points)):.0f}")
-    scene = _thinned(scene)
+    scene = _thinned(crop(scene, (-_ROOM,) * 3, (_ROOM,) * 3))
+    if len(scene) < s.min_points:
+        return _none(s, EMPTY, f"{len(scene)} points within {_ROOM:g} m of the base")
     plane, reason, detail = _find_table(scene, rng, s)
     if plane is None:
         return _none(s, reason, detail)

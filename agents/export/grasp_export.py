@@ -1,0 +1,106 @@
+"""A grasp file as a trajectory with what a robot's programmer has to know of it."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.export.formats import write_csv, write_json, write_ros2
+from agents.export.scene_folder import write_scene
+from agents.export.trajectory import Trajectory, Waypoints, make_trajectory
+from agents.grasp.record import GraspRecord
+from agents.kinematics.forward import body_frames, finger_jacobians
+from agents.kinematics.tree import robot_tree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_JOINTS
+from dexgrasp_env.scene.constants import FRICTION
+
+FORMATS = ("csv", "json", "ros2", "mjcf")
+
+
+def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float = 10.0) -> list[Path]:
+    """Write a grasp's trajectory, or its scene, into a folder.
+
+    Args:
+        record: of a grasp file of schema 2.
+        folder: made if it is not there.
+        kind: one of `FORMATS`; `mjcf` writes the scene and the trajectory beside it, so that it can be replayed.
+        stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets.
+
+    Returns:
+        The files.
+
+    Raises:
+        InputError: for an unknown format, a file without approach and lift, or an object that is not here.
+    """
+    if kind not in FORMATS:
+        raise unknown_name("format", kind, FORMATS)
+    if not (np.isfinite(stiffness) and stiffness > 0.0):
+        raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
+    trajectory, facts = trajectory_of(record), grasp_facts(record, stiffness)
+    folder.mkdir(parents=True, exist_ok=True)
+    if kind == "json":
+        return write_json(folder, trajectory, facts)
+    if kind == "ros2":
+        return write_ros2(folder, trajectory, facts)
+    written = write_csv(folder, trajectory, facts)
+    return written if kind == "csv" else [*_scene(record, folder), *written]
+
+
+def trajectory_of(record: GraspRecord) -> Trajectory:
+    """Return the timed trajectory of a grasp file.
+
+    Raises:
+        InputError: if the file has no approach and no lift, or they cannot be timed within the limits.
+    """
+    if record.approach is None or record.lift is None:
+        raise InputError(
+            "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
+        )
+    grasp, squeeze = record.arrays["grasp"], record.arrays["squeeze"]
+    return make_trajectory(Waypoints(record.approach.setpoints, grasp, squeeze, record.lift.setpoints))
+
+
+def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
+    """Return what the files say beside the rows: postures, palm, the squeeze as torques and as offsets."""
+    torque = _torque(record)
+    tree = robot_tree(record.mount)
+    R, p = body_frames(record.arrays["q"], tree)
+    palm_R, palm_p = R[tree.palm] @ tree.palm_rotation, p[tree.palm] + R[tree.palm] @ tree.palm_offset
+    return {
+        "object": record.object.name,
+        "mount": record.mount,
+        "open": record.arrays["pregrasp"][7:].tolist(),
+        "closed": record.arrays["squeeze"][7:].tolist(),
+        "palm": {"position": palm_p.tolist(), "quat_wxyz": matrix_to_quat(palm_R).tolist()},
+        "squeeze": {
+            "joints": list(HAND_JOINTS),
+            "torque": torque.tolist(),
+            "stiffness": stiffness,
+            "offset": (torque / stiffness).tolist(),
+        },
+        "contacts": {"fingers": list(GRASP_FINGERS), "points": record.arrays["contacts"].tolist(),
+                     "forces": record.arrays["forces"].tolist()},
+        "largest_force": float(np.linalg.norm(record.arrays["forces"], axis=1).max()),
+        "quality": float(record.certificate["closure_margin"]),
+        "lift_height": record.lift_height,
+        "hull": record.hull.tolist(),
+        "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
+    }  # fmt: skip
+
+
+def _torque(record: GraspRecord) -> Array:
+    """Joint torques (16,) Nm that press with the planned forces, J^T f."""
+    J = finger_jacobians(record.arrays["grasp"], robot_tree(record.mount))
+    return np.asarray(np.einsum("frj,fr->j", J, record.arrays["forces"]))
+
+
+def _scene(record: GraspRecord, folder: Path) -> list[Path]:
+    model = record.object.load()
+    if model is None or record.T_world_object is None:
+        raise InputError(
+            "the grasp file does not say which object it is of and where: format mjcf needs both"
+        )
+    return write_scene(folder, model, record.T_world_object, record.mount, FRICTION)
