@@ -1,7 +1,10 @@
 """Agents: planners and policies that act in the environments."""
 
-__all__ = ["Agent", "Report", "make_agent"]
-_HOMES = {"Agent": "agents.base", "Report": "agents.base", "make_agent": "agents.registry"}
+__all__ = ["Agent", "Report", "make_agent", "plan_cloud"]
+_HOMES = {
+    "Agent": "agents.base", "Report": "agents.base", "make_agent": "agents.registry",
+    "plan_cloud": "agents.policies.from_cloud",
+}  # fmt: skip
 
 
 def __getattr__(name: str) -> object:

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from agents.planning.from_cloud import plan_cloud
+from agents import plan_cloud
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import find_object

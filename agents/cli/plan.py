@@ -5,12 +5,14 @@ from pathlib import Path
 from typing import Any
 
 from agents.cli.options import add_json, add_mesh, add_scene, check_mesh_options, natural_int
+from agents.cli.plan_cloud import add_cloud, run_cloud
 
 _EPILOG = """examples:
   dexgrasp plan sugar_box                             a box of the catalogue, as four depth cameras see it
   dexgrasp plan my_part.stl --mesh-scale 0.001        your own mesh, drawn in millimetres
   dexgrasp plan pear --seed 3 --out grasps/pear       writes grasp.json and grasp.png
   dexgrasp plan pear --json | jq .certificate
+  dexgrasp plan --cloud scene.ply --out out/scene     your own point cloud, in the robot base frame, metres
   dexgrasp plan pear --friction 0.35                  a slippery one, and a planner that knows it: it counts on 5/7
                                                       of MU for closure, 6/7 for the forces (never over 0.5 and 0.6)
 
@@ -25,8 +27,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Plan one grasp of an object on the table.",
     )  # fmt: skip
     parser.add_argument(
-        "target", metavar="TARGET", help="object of the catalogue or mesh file (obj, stl, ply, glb)"
+        "target",
+        metavar="TARGET",
+        nargs="?",
+        help="object of the catalogue or mesh file (obj, stl, ply, glb)",
     )
+    add_cloud(parser)
     parser.add_argument("--agent", default="bilevel", metavar="NAME", help="which planner (default bilevel)")
     parser.add_argument(
         "--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)"
@@ -41,8 +47,13 @@ def run(args: argparse.Namespace) -> int:
     """Plan, print, and write what was asked for."""
     from agents.cli.output import make_folder, note, print_json, say_when_compiling
     from agents.evaluation.attempt import plan_target
+    from dexgrasp_env.errors import InputError
     from dexgrasp_env.files import jsonable
 
+    if args.cloud is not None:
+        return run_cloud(args)
+    if args.target is None:
+        raise InputError("name an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE")
     check_target(args.target, args)
     if args.out is not None:
         make_folder(args.out)

@@ -1,6 +1,9 @@
 """Films as one self-contained page, or on a live server with a slider."""
 
+import contextlib
 import html
+import io
+import sys
 import time
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -32,7 +35,8 @@ def page(films: Sequence[Film]) -> str:
             recording.insert_sleep(every * films[0].period)
         text = str(recording.as_html())
     finally:
-        server.stop()
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
     return text.replace("</body>", _facts(films) + "</body>", 1)
 
 
@@ -59,7 +63,8 @@ def start_server(port: int, quiet: bool) -> "viser.ViserServer":
     require_extra("viewer", "the viewer")
     import viser
 
-    server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), verbose=not quiet)
+    with contextlib.redirect_stdout(io.StringIO() if quiet else sys.stderr):  # it prints a banner
+        server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), verbose=False)
     server.scene.set_up_direction("+z")
     server.initial_camera.position = _CAMERA
     server.initial_camera.look_at = _LOOK_AT

@@ -7,10 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from agents.grasp.file import grasp_json
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
 from agents.planning.plan import Plan
-from agents.planning.planner import Planner
+from agents.planning.planner import Planner, warm_up
+from agents.planning.settings import PlannerSettings
+from agents.policies.bilevel import NO_HULL, make_source
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
@@ -19,8 +22,6 @@ from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import SceneObject, find_object
 from dexgrasp_env.robot.limits import HOME
 
-NO_VOLUME = "cloud_has_no_volume"
-
 
 @dataclass(frozen=True, eq=False)
 class CloudPlan:
@@ -28,12 +29,16 @@ class CloudPlan:
 
     Attributes:
         seen: the object as it was isolated, or why there is none.
+        seed: that it was planned with.
+        settings: of the planner.
         target: what was planned on; None without an object.
         plan: of the planner; None without an object.
         seconds: from the isolated object to the certified grasp with its approach.
     """
 
     seen: SceneObject
+    seed: int
+    settings: PlannerSettings
     target: GraspTarget | None = None
     plan: Plan | None = None
     seconds: float = 0.0
@@ -49,8 +54,25 @@ class CloudPlan:
         if self.seen.reason is not None:
             return self.seen.reason
         if self.plan is None:
-            return NO_VOLUME
+            return NO_HULL
         return None if self.plan.grasp is not None else f"no_grasp:{self.plan.reason}"
+
+    def as_json(self, name: str) -> dict[str, Any]:
+        """Return what `dexgrasp plan --cloud --json` prints; `grasp` is the content of a grasp file."""
+        content = None
+        if self.grasp is not None and self.plan is not None and self.target is not None:
+            content = grasp_json(
+                name, self.grasp, self.target, self.settings, script=self.plan.script, agent="bilevel",
+                seed=self.seed, planning_seconds=self.seconds,
+            )  # fmt: skip
+        blocked = {} if self.plan is None else self.plan.blocked
+        return {
+            "schema": 1, "object": name, "success": content is not None, "reason": self.reason,
+            "planning_seconds": self.seconds, "stages": {} if self.plan is None else self.plan.seconds,
+            "blocked": {reason: count for reason, (count, _) in blocked.items()},
+            "violations": {reason: float(least) for reason, (_, least) in blocked.items()},
+            "grasp": content, "certificate": None if content is None else content["certificate"],
+        }  # fmt: skip
 
     @property
     def sentence(self) -> str:
@@ -93,16 +115,25 @@ def plan_cloud(
     where = None if near is None else _checked("near", near, 3)
     if mass is not None and not (isinstance(mass, int | float) and np.isfinite(mass) and mass > 0):
         raise InputError(f"mass is {mass!r}: valid is a positive number of kilograms")
-    planner = planner or Planner()
+    planner = planner or default_planner()
     robot, data = _robot_at(q, planner.mount)
     seen = find_object(cloud, np.random.default_rng(seed), near=where, robot=robot, data=data)
     if seen.reason is not None:
-        return CloudPlan(seen)
+        return CloudPlan(seen, seed, planner.settings)
     began = time.perf_counter()
     target = _target(seen, mass)
     if target is None:
-        return CloudPlan(seen)
-    return CloudPlan(seen, target, planner.plan(target, seed, q), time.perf_counter() - began)
+        return CloudPlan(seen, seed, planner.settings)
+    return CloudPlan(
+        seen, seed, planner.settings, target, planner.plan(target, seed, q), time.perf_counter() - began
+    )
+
+
+def default_planner(mount: str = "palm_normal", friction: float | None = None) -> Planner:
+    """Return the planner of agent `bilevel`, its compiled code loaded; for surfaces of some friction, if given."""
+    warm_up(mount)
+    settings = PlannerSettings() if friction is None else PlannerSettings.for_friction(friction)
+    return Planner(settings, make_source("auto"), mount)
 
 
 def _target(seen: SceneObject, mass: float | None) -> GraspTarget | None:
