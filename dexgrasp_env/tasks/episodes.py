@@ -24,6 +24,7 @@ from dexgrasp_env.tasks.observations import cut, layout
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import EPISODE, FAILURES, PHASES, STAGES, TERMS, TOLD
+from dexgrasp_env.tasks.set_points import set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, warning_names
 from dexgrasp_env.tasks.views import View, Views
@@ -181,7 +182,7 @@ class Episodes:
             InputError: for an action that is not finite.
         """
         records, _, _, rows, push = self._part(part)
-        fine = kernel.set_points(
+        fine = set_points(
             records, actions, self._mode, self._chain, self._kind, self.settings.disturbance.size, rows, push
         )
         if not fine:
@@ -212,7 +213,7 @@ class Episodes:
         records, told, rewards = self._part(part)[:3]
         rows = np.empty((len(records), self._width), np.float32)
         kernel.conclude(
-            records, *moment, self._columns, self._hulls, self._kind, self._length, warnings, BAD_NUMBERS, self._dense,
+            records, *moment, self._columns, self._hulls, self._length, warnings, BAD_NUMBERS, self._dense,
             told, rewards, self._joint_noise(records, rngs), rows,
         )  # fmt: skip
         return cut(rows[0] if alone else rows, self._layout)

@@ -1,0 +1,210 @@
+"""Actions to set-points, compiled: the control modes, latency and disturbances, over rows of environments.
+
+This module imports numba: it is imported when an environment is made.
+"""
+
+import math
+
+import numpy as np
+from numba import njit
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import product_components, rotated_components
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
+from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
+from dexgrasp_env.tasks.control import CONTROL_MODES, MAX_STEP
+from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
+from dexgrasp_env.tasks.records import PHASES, Record, Records
+
+_product = njit(cache=True)(product_components)
+_rotated = njit(cache=True)(rotated_components)
+
+_POSITION, _DELTA = CONTROL_MODES.index("joint_position"), CONTROL_MODES.index("joint_delta")
+_PUSHED, _SHAKEN = KINDS.index("pushed"), KINDS.index("shaken")
+_RUNNING = PHASES.index("running")
+
+_GRAVITY = 9.81  # m/s^2, MuJoCo's default
+_DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
+_POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per control step
+
+
+@njit(cache=True)
+def set_points(
+    episodes: Records,
+    actions: Array,
+    mode: int,
+    chain: Array,
+    kind: int,
+    size: float,
+    rows: Array,
+    push: Array,
+) -> bool:
+    """Move the set-points by one control step.
+
+    Args:
+        episodes: (N,); targets, command and the count of steps are advanced.
+        actions: (N, n); clipped to [-1, 1] in place.
+        mode: index of `CONTROL_MODES`.
+        chain: (8, 7) fixed poses of the arm's joints and of the palm, each in the frame before.
+        kind: index of `disturbance.KINDS`.
+        size: of the disturbance.
+        rows: (N, 25, 23) out, what the servos are told in each physics step, rad.
+        push: (N, 3) out, force on the object's centre of mass during the control step, N.
+
+    Returns:
+        False, with nothing done, where an action is not finite.
+    """
+    for action in actions.flat:
+        if not math.isfinite(action):
+            return False
+    for i in range(len(episodes)):
+        e = episodes[i]
+        e.elapsed += 1
+        for j in range(actions.shape[1]):
+            actions[i, j] = min(max(actions[i, j], -1.0), 1.0)
+        _advance_targets(e.targets, actions[i], mode, chain)
+        command = _command(e, kind, size)
+        _ramp(e.before, e.command, command, e.latency, rows[i])
+        e.before[:] = e.command
+        e.command[:] = command
+        _push(e, kind, size, push[i])
+    return True
+
+
+@njit(cache=True)
+def _advance_targets(targets: Array, action: Array, mode: int, chain: Array) -> None:
+    if mode == _POSITION:
+        for j in range(23):
+            _move(targets, j, LOWER[j] + 0.5 * (action[j] + 1.0) * (UPPER[j] - LOWER[j]))
+    elif mode == _DELTA:
+        for j in range(23):
+            _move(targets, j, targets[j] + action[j] * MAX_STEP[j])
+    else:
+        arm = _palm_step(action, targets, chain)
+        for j in range(7):
+            _move(targets, j, arm[j])
+        for j in range(7, 23):
+            _move(targets, j, LOWER[j] + 0.5 * (action[j - 1] + 1.0) * (UPPER[j] - LOWER[j]))
+
+
+@njit(cache=True)
+def _move(targets: Array, j: int, desired: float) -> None:
+    """Take one set-point towards a desired one, within the joint's velocity limit and range."""
+    step = min(max(desired - targets[j], -MAX_STEP[j]), MAX_STEP[j])
+    targets[j] = min(max(targets[j] + step, LOWER[j]), UPPER[j])
+
+
+@njit(cache=True)
+def _palm_step(action: Array, targets: Array, chain: Array) -> Array:
+    """Return arm positions (7,) that move the palm by the action: damped least squares, home in the null space."""
+    J = palm_jacobian(targets, chain)
+    pull = np.empty(7)
+    for j in range(7):
+        pull[j] = _POSTURE_GAIN * (HOME[j] - targets[j])
+    residual = np.empty(6)
+    for r in range(6):
+        residual[r] = action[r] * (PALM_STEP if r < 3 else PALM_TURN)
+        for j in range(7):
+            residual[r] -= J[r, j] * pull[j]
+    weights = _solve(J, residual)
+    step = np.empty(7)
+    excess = 1.0
+    for j in range(7):
+        step[j] = pull[j]
+        for r in range(6):
+            step[j] += J[r, j] * weights[r]
+        excess = max(excess, abs(step[j]) / MAX_STEP[j])
+    # One factor for all joints keeps the direction of the palm's motion.
+    for j in range(7):
+        step[j] = targets[j] + step[j] / excess
+    return step
+
+
+@njit(cache=True)
+def palm_jacobian(targets: Array, chain: Array) -> Array:
+    """Jacobian of the palm (6, 7) at arm positions: rows linear m and angular rad in the robot base frame."""
+    axes, anchors = np.empty((7, 3)), np.empty((8, 3))
+    q = (1.0, 0.0, 0.0, 0.0)
+    x, y, z = 0.0, 0.0, 0.0
+    for j in range(8):
+        c = chain[j]
+        dx, dy, dz = _rotated(q, (c[0], c[1], c[2]))
+        x, y, z = x + dx, y + dy, z + dz
+        anchors[j, 0], anchors[j, 1], anchors[j, 2] = x, y, z
+        q = _product(q, (c[3], c[4], c[5], c[6]))
+        if j < 7:
+            axes[j, 0], axes[j, 1], axes[j, 2] = _rotated(q, (0.0, 0.0, 1.0))
+            half = 0.5 * targets[j]
+            q = _product(q, (math.cos(half), 0.0, 0.0, math.sin(half)))
+    J = np.empty((6, 7))
+    for j in range(7):
+        a, b, c = axes[j]
+        dx, dy, dz = x - anchors[j, 0], y - anchors[j, 1], z - anchors[j, 2]
+        J[0, j], J[1, j], J[2, j] = b * dz - c * dy, c * dx - a * dz, a * dy - b * dx
+        J[3, j], J[4, j], J[5, j] = a, b, c
+    return J
+
+
+@njit(cache=True)
+def _solve(J: Array, b: Array) -> Array:
+    """Return x (6,) with (J Jt + d^2 I) x = b by Cholesky, which keeps to one order of operations."""
+    L = np.zeros((6, 6))
+    for r in range(6):
+        for c in range(r + 1):
+            total = _DAMPING * _DAMPING if r == c else 0.0
+            for j in range(7):
+                total += J[r, j] * J[c, j]
+            for k in range(c):
+                total -= L[r, k] * L[c, k]
+            L[r, c] = math.sqrt(total) if r == c else total / L[c, c]
+    x = b.copy()
+    for r in range(6):
+        for k in range(r):
+            x[r] -= L[r, k] * x[k]
+        x[r] /= L[r, r]
+    for r in range(5, -1, -1):
+        for k in range(r + 1, 6):
+            x[r] -= L[k, r] * x[k]
+        x[r] /= L[r, r]
+    return x
+
+
+@njit(cache=True)
+def _command(e: Record, kind: int, size: float) -> Array:
+    """Return what the servos are to be told at the end of the control step, (23,): targets and shaking."""
+    command = e.targets.copy()
+    if kind == _SHAKEN and e.phase == _RUNNING:
+        t = (e.disturbed + 1) * CONTROL_PERIOD
+        command[0] += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
+        command[3] += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
+        for j in (0, 3):
+            command[j] = min(max(command[j], LOWER[j]), UPPER[j])
+    return command
+
+
+@njit(cache=True)
+def _ramp(before: Array, start: Array, end: Array, latency: int, rows: Array) -> None:
+    """Fill (25, 23) with the commands of the physics steps: evenly from `start` to exactly `end`, late by `latency`."""
+    for k in range(CONTROL_STEPS):
+        at = k + 1 - latency
+        if at == CONTROL_STEPS:
+            rows[k] = end
+        elif at > 0:
+            fraction = at / CONTROL_STEPS
+            for j in range(23):
+                rows[k, j] = start[j] + fraction * (end[j] - start[j])
+        elif at == 0:
+            rows[k] = start
+        else:
+            fraction = (CONTROL_STEPS + at) / CONTROL_STEPS
+            for j in range(23):
+                rows[k, j] = before[j] + fraction * (start[j] - before[j])
+
+
+@njit(cache=True)
+def _push(e: Record, kind: int, size: float, push: Array) -> None:
+    push[:] = 0.0
+    turn, at = divmod(e.disturbed, PUSH_STEPS + PAUSE_STEPS)
+    if kind == _PUSHED and e.phase == _RUNNING and at < PUSH_STEPS:
+        push[turn // 2] = size * e.mass * _GRAVITY * (1.0 if turn % 2 == 0 else -1.0)
