@@ -40,6 +40,7 @@ _CLAIMS_1 = (
     "max_joint_torque_fraction",
 )
 _OF_SCHEMA_1 = ("friction", "friction_hold", "distance", "tip_radius", "closure_margin", "clearance")
+_LARGEST = 1e6  # in SI units: no number of a grasp is nearly as large, and squares of larger ones overflow
 _FLAT = 1e-6  # m: a hull thinner than this has no inside
 _MOST_ROWS, _MOST_VERTICES = 10_000, 100_000
 
@@ -150,8 +151,8 @@ def array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
         raise ValueError(f"{name} must be numbers of shape {shape}") from None
     if found.shape != shape or _has_words(value):
         raise ValueError(f"{name} must be numbers of shape {shape}, not {found.shape}")
-    if not np.isfinite(found).all():
-        raise ValueError(f"{name} must be finite numbers")
+    if not (np.abs(found) < _LARGEST).all():
+        raise ValueError(f"{name} must be finite numbers below {_LARGEST:.0e}")
     return found
 
 

@@ -4,7 +4,6 @@ import hashlib
 import io
 import json
 import re
-import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -92,12 +91,12 @@ def read_arrays(path: Path, key: str | None = None) -> Arrays:
         raise InputError(
             f"{path} is missing: run `dexgrasp dataset generate` again, it makes what is not there"
         ) from None
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile, NotImplementedError):
+    except Exception:  # a zip can be damaged in many ways: zlib, struct, encryption that it does not have
         raise InputError(
             f"{path} is cut off or damaged: run `dexgrasp dataset generate` with the same settings again, "
             "it makes it anew"
         ) from None
-    if key is not None and ("key" not in arrays or text(arrays["key"]) != key):
+    if key is not None and ("key" not in arrays or arrays["key"].tobytes() != key.encode()):
         raise InputError(f"{path} belongs to another dataset: remove it, or use another folder")
     return arrays
 
