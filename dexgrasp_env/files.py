@@ -66,7 +66,7 @@ def _read_cached(path: Path) -> Arrays | None:
 def _write_cached(path: Path, arrays: Arrays) -> None:
     """Write an npz file with the hash of its bytes behind it."""
     buffer = io.BytesIO()
-    np.savez(buffer, allow_pickle=False, **arrays)  # type: ignore[arg-type]
+    np.savez(buffer, allow_pickle=False, **arrays)
     payload = buffer.getvalue()
     try:
         write_atomically(path, payload + hashlib.sha256(payload).digest())

@@ -1,7 +1,7 @@
 """How good a segmented cloud is, judged by what only the simulation knows."""
 
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,10 +56,10 @@ def measure_accuracy(
     cloud: SegmentedCloud,
     mesh: "trimesh.Trimesh",
     T_world_object: Array,
-    true_depths: NDArray,
-    geoms: NDArray,
+    true_depths: NDArray[Any],
+    geoms: NDArray[Any],
     cameras: tuple[Camera, ...],
-    object_geoms: NDArray,
+    object_geoms: NDArray[Any],
 ) -> Accuracy:
     """Judge a cloud.
 

@@ -19,7 +19,7 @@ from agents.geometry.samples import surface_samples
 if TYPE_CHECKING:
     import trimesh
 
-Solid = tuple["trimesh.Trimesh", Callable[[NDArray], NDArray]]
+Solid = tuple["trimesh.Trimesh", Callable[[NDArray[Any]], NDArray[Any]]]
 FACES = 8000
 """The least number of triangles of a solid."""
 CONVEX_FACES = 200
@@ -63,12 +63,12 @@ def solids() -> dict[str, Solid]:
     return {name: (_refined(mesh), analytic) for name, (mesh, analytic) in meshes.items()}
 
 
-def _norm(vectors: NDArray) -> NDArray:
+def _norm(vectors: NDArray[Any]) -> NDArray[Any]:
     """Return the lengths of vectors (N, k)."""
     return np.sqrt((vectors * vectors).sum(-1))
 
 
-def _corner(beyond: NDArray) -> NDArray:
+def _corner(beyond: NDArray[Any]) -> NDArray[Any]:
     """Return the distance to an orthogonal corner, given the distances (N, k) beyond its sides."""
     return _norm(np.maximum(beyond, 0.0)) + np.minimum(beyond.max(axis=-1), 0.0)
 
@@ -81,7 +81,11 @@ def _refined(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
 
 
 def _measure(
-    mesh: trimesh.Trimesh, analytic: Callable[[NDArray], NDArray], count: int, repeats: int, slow_count: int
+    mesh: trimesh.Trimesh,
+    analytic: Callable[[NDArray[Any]], NDArray[Any]],
+    count: int,
+    repeats: int,
+    slow_count: int,
 ) -> dict[str, Any]:
     """Return the figures of one solid."""
     from trimesh.proximity import signed_distance
@@ -109,7 +113,7 @@ def _measure(
     return result
 
 
-def _errors(difference: NDArray) -> dict[str, float]:
+def _errors(difference: NDArray[Any]) -> dict[str, float]:
     """Return the largest, 99th percentile and mean size [mm] of differences [m]."""
     size = 1e3 * np.abs(difference)
     return {

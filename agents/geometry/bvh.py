@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -27,13 +27,13 @@ class Tree(NamedTuple):
         faces: (F,) int64, the mesh's index of each triangle.
     """
 
-    triangles: NDArray
-    boxes: NDArray
-    nodes: NDArray
-    faces: NDArray
+    triangles: NDArray[Any]
+    boxes: NDArray[Any]
+    nodes: NDArray[Any]
+    faces: NDArray[Any]
 
 
-def build_tree(triangles: NDArray) -> Tree:
+def build_tree(triangles: NDArray[Any]) -> Tree:
     """Return the tree over triangles (F, 3, 3), halved where their centres spread most."""
     triangles = np.ascontiguousarray(triangles, dtype=np.float64)
     boxes, nodes, faces = _split(triangles)
@@ -41,7 +41,7 @@ def build_tree(triangles: NDArray) -> Tree:
 
 
 @njit(cache=True)
-def _split(triangles: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+def _split(triangles: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return boxes, nodes and the order of the triangles."""
     count = triangles.shape[0]
     order = np.arange(count)
@@ -69,7 +69,7 @@ def _split(triangles: NDArray) -> tuple[NDArray, NDArray, NDArray]:
 
 
 @njit(cache=True)
-def _bound(triangles: NDArray, part: NDArray, box_out: NDArray) -> int:
+def _bound(triangles: NDArray[Any], part: NDArray[Any], box_out: NDArray[Any]) -> int:
     """Write the box of some triangles and return the axis along which their centres spread most."""
     axis, widest = 0, -1.0
     for k in range(3):
@@ -85,7 +85,7 @@ def _bound(triangles: NDArray, part: NDArray, box_out: NDArray) -> int:
 
 
 @njit(cache=True, error_model="numpy")
-def _squared_to_box(px: float, py: float, pz: float, box: NDArray) -> float:
+def _squared_to_box(px: float, py: float, pz: float, box: NDArray[Any]) -> float:
     """Return the squared distance of p to a box, 0 inside."""
     x = max(box[0] - px, 0.0, px - box[3])
     y = max(box[1] - py, 0.0, py - box[4])
@@ -95,7 +95,13 @@ def _squared_to_box(px: float, py: float, pz: float, box: NDArray) -> float:
 
 @njit(cache=True, error_model="numpy")
 def nearest_triangle(
-    px: float, py: float, pz: float, triangles: NDArray, boxes: NDArray, nodes: NDArray, guess: int
+    px: float,
+    py: float,
+    pz: float,
+    triangles: NDArray[Any],
+    boxes: NDArray[Any],
+    nodes: NDArray[Any],
+    guess: int,
 ) -> tuple[float, float, float, float, int, int]:
     """Return the squared distance, closest point, feature code and index (in the tree's order) of the
     nearest triangle.

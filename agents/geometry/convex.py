@@ -6,7 +6,7 @@ The compiled functions of `convex_kernel` can be had from here; they take a poly
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -50,8 +50,8 @@ class ConvexDistance:
             outside is within [distance - error, distance]. 0 when nothing was simplified.
     """
 
-    triangles: NDArray
-    planes: NDArray
+    triangles: NDArray[Any]
+    planes: NDArray[Any]
     error: float = 0.0
 
     @classmethod
@@ -84,17 +84,17 @@ class ConvexDistance:
         """The polyhedron as compiled code takes it."""
         return Obstacle(self.triangles, self.planes)
 
-    def distance(self, points: ArrayLike) -> NDArray:
+    def distance(self, points: ArrayLike) -> NDArray[Any]:
         """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
         return self.distance_gradient(points)[0]
 
-    def distance_gradient(self, points: ArrayLike) -> tuple[NDArray, NDArray]:
+    def distance_gradient(self, points: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
         """Return the signed distances (N,) [m] of points (N, 3) and their unit gradients (N, 3)."""
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         gradients = np.empty_like(queries)
         return convex_distances(queries, self.obstacle, gradients), gradients
 
-    def closest(self, points: ArrayLike) -> NDArray:
+    def closest(self, points: ArrayLike) -> NDArray[Any]:
         """Return the closest points (N, 3) [m] of the surface to points (N, 3)."""
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         closest, gradient = np.empty_like(queries), np.empty(3)
@@ -103,7 +103,7 @@ class ConvexDistance:
         return closest
 
 
-def _checked_points(points: ArrayLike) -> NDArray:
+def _checked_points(points: ArrayLike) -> NDArray[Any]:
     """Return points as (N, 3) floats, or raise InputError."""
     array = np.array(points, dtype=np.float64)
     if array.ndim != 2 or array.shape[1] != 3 or len(array) < 4:
@@ -113,7 +113,7 @@ def _checked_points(points: ArrayLike) -> NDArray:
     return array
 
 
-def _hull(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
+def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return triangles, planes and the indices of the corners of a convex hull.
 
     The planes are Qhull's, one for all triangles of a merged facet: those of thin triangles would be noise.
@@ -133,7 +133,7 @@ def _hull(points: NDArray) -> tuple[NDArray, NDArray, NDArray]:
     return np.ascontiguousarray(triangles), planes, hull.vertices
 
 
-def _simplify(vertices: NDArray, max_faces: int) -> tuple[NDArray, NDArray, float]:
+def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDArray[Any], float]:
     """Return triangles, planes and error [m] of a hull of some of the vertices.
 
     From the extreme points along 13 axes, the vertex farthest outside is added until the faces are used up.

@@ -6,7 +6,7 @@ The functions are compiled and may be called from compiled code. Source: Eq. (3)
 from __future__ import annotations
 
 import math
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -21,15 +21,15 @@ INCIDENT = 1e-9
 class Obstacle(NamedTuple):
     """A convex polyhedron; one without faces (`NOTHING`) stands for no obstacle."""
 
-    triangles: NDArray  # (F, 3, 3) corners, counter-clockwise seen from outside, m
-    planes: NDArray  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
+    triangles: NDArray[Any]  # (F, 3, 3) corners, counter-clockwise seen from outside, m
+    planes: NDArray[Any]  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
 
 
 NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)))
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest_plane(px: float, py: float, pz: float, planes: NDArray) -> tuple[float, int]:
+def _farthest_plane(px: float, py: float, pz: float, planes: NDArray[Any]) -> tuple[float, int]:
     """Return the largest plane value, a lower bound of the distance, and its face."""
     best, face = -math.inf, 0
     for j in range(planes.shape[0]):
@@ -70,7 +70,7 @@ def _walk(
 
 @njit(cache=True, error_model="numpy")
 def closest_feature(
-    p: NDArray, obstacle: Obstacle, gradient_out: NDArray, point_out: NDArray
+    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], point_out: NDArray[Any]
 ) -> tuple[float, int, int]:
     """Return the signed distance, the closest feature's code and a face that holds it.
 
@@ -103,7 +103,7 @@ def closest_feature(
 
 
 @njit(cache=True, error_model="numpy")
-def convex_distance(p: NDArray, obstacle: Obstacle, gradient_out: NDArray) -> float:
+def convex_distance(p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any]) -> float:
     """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,).
 
     Outside, the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it is
@@ -128,7 +128,7 @@ def convex_distance(p: NDArray, obstacle: Obstacle, gradient_out: NDArray) -> fl
 
 @njit(cache=True, error_model="numpy")
 def convex_distance_hessian(
-    p: NDArray, obstacle: Obstacle, gradient_out: NDArray, hessian_out: NDArray
+    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], hessian_out: NDArray[Any]
 ) -> float:
     """Return the signed distance [m] and write its gradient (3,) and exact Hessian (3, 3) [1/m].
 
@@ -154,7 +154,7 @@ def convex_distance_hessian(
 
 
 @njit(cache=True, error_model="numpy")
-def convex_distances(points: NDArray, obstacle: Obstacle, gradients_out: NDArray) -> NDArray:
+def convex_distances(points: NDArray[Any], obstacle: Obstacle, gradients_out: NDArray[Any]) -> NDArray[Any]:
     """Return the signed distances (N,) [m] of points (N, 3) and write their gradients (N, 3)."""
     distances = np.empty(points.shape[0])
     for i in range(points.shape[0]):

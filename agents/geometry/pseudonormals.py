@@ -6,13 +6,14 @@ Baerentzen and Aanaes, Signed distance computation using the angle weighted pseu
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 
-def pseudonormals(vertices: NDArray, faces: NDArray) -> NDArray:
+def pseudonormals(vertices: NDArray[Any], faces: NDArray[Any]) -> NDArray[Any]:
     """Return the unit pseudonormals (F, 7, 3) of each face, its edges 01, 12, 20 and its vertices 0, 1, 2.
 
     The second axis is the feature code of `triangle.FACE_CODE`.
@@ -36,12 +37,12 @@ def pseudonormals(vertices: NDArray, faces: NDArray) -> NDArray:
     return np.concatenate([flat[:, None], edge_part, vertex_part], axis=1)
 
 
-def _gather(index: NDArray, vectors: NDArray) -> NDArray:
+def _gather(index: NDArray[Any], vectors: NDArray[Any]) -> NDArray[Any]:
     """Return the unit sums of the vectors (N, 3) with equal index (N,)."""
     return _unit(np.stack([np.bincount(index, vectors[:, k]) for k in range(3)], axis=-1))
 
 
-def _unit(vectors: NDArray) -> NDArray:
+def _unit(vectors: NDArray[Any]) -> NDArray[Any]:
     """Return vectors scaled to length 1; zeros stay."""
     lengths = np.sqrt((vectors * vectors).sum(-1, keepdims=True))
     return vectors / np.where(lengths > 0, lengths, 1.0)
@@ -56,8 +57,8 @@ def signed(
     cx: float,
     cy: float,
     cz: float,
-    normal: NDArray,
-    out: NDArray,
+    normal: NDArray[Any],
+    out: NDArray[Any],
 ) -> float:
     """Return the signed distance to the closest point c with pseudonormal (3,); write the gradient (3,)."""
     dx, dy, dz = px - cx, py - cy, pz - cz

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import heapq
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 from numba import njit
@@ -28,9 +28,9 @@ class SurfaceSamples(NamedTuple):
         faces: (n,) int64 face indices.
     """
 
-    points: NDArray
-    normals: NDArray
-    faces: NDArray
+    points: NDArray[Any]
+    normals: NDArray[Any]
+    faces: NDArray[Any]
 
 
 def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | int) -> SurfaceSamples:
@@ -59,7 +59,7 @@ def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | in
     return SurfaceSamples(points[kept], normals[faces[kept]], faces[kept])
 
 
-def _face_data(mesh: trimesh.Trimesh) -> tuple[NDArray, NDArray, NDArray]:
+def _face_data(mesh: trimesh.Trimesh) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
     """Return triangles (F, 3, 3), unit normals (F, 3) and areas (F,)."""
     triangles = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
@@ -69,7 +69,9 @@ def _face_data(mesh: trimesh.Trimesh) -> tuple[NDArray, NDArray, NDArray]:
     return triangles, sides / np.where(doubled > 0, doubled, 1.0)[:, None], doubled / 2
 
 
-def _place(triangles: NDArray, areas: NDArray, uniform: NDArray) -> tuple[NDArray, NDArray]:
+def _place(
+    triangles: NDArray[Any], areas: NDArray[Any], uniform: NDArray[Any]
+) -> tuple[NDArray[Any], NDArray[Any]]:
     """Return the surface points (N, 3) and faces (N,) that uniform numbers (N, 3) in [0, 1) stand for."""
     cumulative = np.cumsum(areas)
     faces = np.searchsorted(cumulative, uniform[:, 0] * cumulative[-1], side="right")
@@ -80,7 +82,7 @@ def _place(triangles: NDArray, areas: NDArray, uniform: NDArray) -> tuple[NDArra
     return (1.0 - root) * corners[:, 0] + (root - share) * corners[:, 1] + share * corners[:, 2], faces
 
 
-def _thin(points: NDArray, normals: NDArray, n: int, reach: float) -> NDArray:
+def _thin(points: NDArray[Any], normals: NDArray[Any], n: int, reach: float) -> NDArray[Any]:
     """Return the sorted indices of n points left when the most crowded of the others have been removed."""
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
     pairs = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(-1) > -0.5]
@@ -93,7 +95,7 @@ def _thin(points: NDArray, normals: NDArray, n: int, reach: float) -> NDArray:
 
 
 @njit(cache=True)
-def _eliminate(starts: NDArray, others: NDArray, crowding: NDArray, n: int) -> NDArray:
+def _eliminate(starts: NDArray[Any], others: NDArray[Any], crowding: NDArray[Any], n: int) -> NDArray[Any]:
     """Return which points stay (N,) bool; `starts`, `others`, `crowding` list each point's neighbours."""
     count = starts.shape[0] - 1
     weights, kept = np.zeros(count), np.ones(count, np.bool_)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from numba import njit
 from numpy.typing import NDArray
 
@@ -20,7 +22,7 @@ def feature_of(code: int) -> int:
 
 @njit(cache=True, error_model="numpy")
 def closest_on_triangle(
-    px: float, py: float, pz: float, triangle: NDArray
+    px: float, py: float, pz: float, triangle: NDArray[Any]
 ) -> tuple[float, float, float, int]:
     """Return the point of a triangle closest to p and the code of the feature that holds it.
 

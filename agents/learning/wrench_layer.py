@@ -29,7 +29,7 @@ class _QpForces(torch.autograd.Function):
     """argmin 0.5 f^T H f subject to A f >= b, for batches H (B, n, n), A (B, m, n), b (B, m)."""
 
     @staticmethod
-    def forward(ctx: Any, H: Tensor, A: Tensor, b: Tensor) -> Tensor:  # type: ignore[override]
+    def forward(ctx: Any, H: Tensor, A: Tensor, b: Tensor) -> Tensor:
         arrays = (t.detach().numpy() for t in (H, A, b))
         solved = [_solve(*one) for one in zip(*arrays, strict=True)]
         f, lam = (torch.from_numpy(np.array(part)) for part in zip(*solved, strict=True))
@@ -38,7 +38,7 @@ class _QpForces(torch.autograd.Function):
 
     @staticmethod
     @once_differentiable
-    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, Tensor, Tensor]:  # type: ignore[override]
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         H, A, f, lam = ctx.saved_tensors
         n, m = A.shape[2], A.shape[1]
         active = (lam > 0).to(A.dtype)

@@ -23,7 +23,6 @@ from numpy.typing import NDArray
 
 from agents.physics.active_set import SOLVED, solve_qp
 from agents.physics.checks import (
-    Array,
     Numbers,
     check_array,
     check_contacts,
@@ -32,6 +31,7 @@ from agents.physics.checks import (
     rms_radius,
 )
 from agents.physics.wedges import chord_tables, closed_form, flatness, frames_into
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 TOLERANCE = 1e-6

@@ -6,7 +6,7 @@ by a separating wrench. Where the bracket stays open, a second method closes it:
 pyramid, solved by the active-set QP of this package.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,7 +73,9 @@ def _cone_rows(normals: Array, mu: float) -> Array:
     return rows
 
 
-def _clarabel(P: Array, q: Array, A: Array, b: Array, cones: list, tolerance: float) -> tuple[Array, bool]:
+def _clarabel(
+    P: Array, q: Array, A: Array, b: Array, cones: list[Any], tolerance: float
+) -> tuple[Array, bool]:
     import clarabel
     from scipy.sparse import csc_matrix
 

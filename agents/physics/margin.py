@@ -25,7 +25,6 @@ from numba import njit
 from numpy.typing import NDArray
 
 from agents.physics.checks import (
-    Array,
     Numbers,
     check_array,
     check_positive,
@@ -33,6 +32,7 @@ from agents.physics.checks import (
 )
 from agents.physics.cones import basis_of
 from agents.physics.max_min import max_min, start_rows
+from dexgrasp_env.arrays import Array
 
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from agents.physics.checks import Array
+from dexgrasp_env.arrays import Array
 
 
 @njit(cache=True)

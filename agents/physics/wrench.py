@@ -71,7 +71,7 @@ def restore_feasible(forces: Array, normals: Array, mu: float, f_min: float) -> 
 
 def _setting(
     points: Numbers, normals: Numbers, mu: float, f_min: float, center: Numbers, length_scale: float | None
-) -> tuple:
+) -> tuple[Array, Array, float, float, Array, float]:
     points, normals = check_contacts(points, normals)
     if len(points) == 0:
         raise InputError("points must hold at least one contact, got none")

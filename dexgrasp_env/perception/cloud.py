@@ -1,6 +1,7 @@
 """Depth images to points in the robot base frame, and fewer of them."""
 
 from dataclasses import dataclass, fields, replace
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
@@ -31,7 +32,7 @@ class Cloud:
     def __len__(self) -> int:
         return len(self.points)
 
-    def select(self, keep: NDArray | slice) -> "Cloud":
+    def select(self, keep: NDArray[Any] | slice) -> "Cloud":
         """Return the rows of a mask, of indices or of a slice."""
         return Cloud(*(getattr(self, f.name)[keep] for f in fields(self)))
 
@@ -45,13 +46,13 @@ class Cloud:
         return cls(*(np.concatenate([getattr(c, f.name) for c in clouds]) for f in fields(cls)))
 
 
-def is_valid(depth: NDArray) -> NDArray[np.bool_]:
+def is_valid(depth: NDArray[Any]) -> NDArray[np.bool_]:
     """Return where a depth image holds a measurement: finite and positive."""
     with np.errstate(invalid="ignore"):
         return np.isfinite(depth) & (depth > 0)
 
 
-def deproject(depth: NDArray, camera: Camera) -> Array:
+def deproject(depth: NDArray[Any], camera: Camera) -> Array:
     """Return the organised cloud of one depth image.
 
     Args:
@@ -65,7 +66,7 @@ def deproject(depth: NDArray, camera: Camera) -> Array:
     return (camera.intrinsics.directions() * z[..., None]) @ camera.rotation.T + camera.position
 
 
-def gather(depths: NDArray, cameras: tuple[Camera, ...]) -> Cloud:
+def gather(depths: NDArray[Any], cameras: tuple[Camera, ...]) -> Cloud:
     """Return the valid points of all images, (cameras, H, W), as one cloud."""
     clouds = []
     for k, (depth, camera) in enumerate(zip(depths, cameras, strict=True)):
@@ -89,7 +90,7 @@ def crop(cloud: Cloud, low: ArrayLike, high: ArrayLike) -> Cloud:
     return cloud.select(np.flatnonzero(keep))
 
 
-def remove_flying(depths: NDArray, tolerance: float = 0.015, neighbours: int = 3) -> NDArray[np.float32]:
+def remove_flying(depths: NDArray[Any], tolerance: float = 0.015, neighbours: int = 3) -> NDArray[np.float32]:
     """Return depth images without pixels that hang in the air between two surfaces.
 
     Args:
@@ -156,7 +157,7 @@ def downsample(points: Array, count: int, rng: Generator, pool: int = 3) -> NDAr
     return candidates[farthest_points(np.ascontiguousarray(points[candidates]), count, first)]
 
 
-def pad(rows: NDArray, count: int) -> NDArray:
+def pad(rows: NDArray[Any], count: int) -> NDArray[Any]:
     """Return `rows` (M, ...) as (count, ...), zeros after the last."""
     padded = np.zeros((count, *rows.shape[1:]), rows.dtype)
     padded[: len(rows)] = rows[:count]

@@ -1,6 +1,6 @@
 """The convex hull of a cloud, trimmed of noise and completed down to the table."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,7 @@ _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the las
 
 
 def cloud_hull(
-    points: NDArray, plane: Plane | None = None, *, reach: float = 0.020, noise: float | None = None
+    points: NDArray[Any], plane: Plane | None = None, *, reach: float = 0.020, noise: float | None = None
 ) -> "trimesh.Trimesh | None":
     """Return the convex hull of the points as a mesh in the robot base frame.
 

@@ -16,7 +16,7 @@ _VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("
 
 def cloud_picture(
     path: str | Path,
-    points: NDArray,
+    points: NDArray[Any],
     hull: "trimesh.Trimesh | None",
     true_mesh: "trimesh.Trimesh | None" = None,
     T_world_object: Array | None = None,
@@ -59,12 +59,12 @@ def cloud_picture(
     return path
 
 
-def _placed(mesh: "trimesh.Trimesh", T: Array) -> tuple[Array, NDArray]:
+def _placed(mesh: "trimesh.Trimesh", T: Array) -> tuple[Array, NDArray[Any]]:
     return np.asarray(mesh.vertices) @ T[:3, :3].T + T[:3, 3], np.asarray(mesh.faces)
 
 
 def _draw(
-    axes: Any, points: Array, hull: "trimesh.Trimesh | None", true: tuple[Array, NDArray] | None
+    axes: Any, points: Array, hull: "trimesh.Trimesh | None", true: tuple[Array, NDArray[Any]] | None
 ) -> None:
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 

@@ -1,7 +1,7 @@
 """Depth images to the segmented cloud of one object, or the reason why there is none."""
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.random import Generator
@@ -106,7 +106,7 @@ class SegmentedCloud:
 
 
 def segment(
-    depths: NDArray,
+    depths: NDArray[Any],
     cameras: tuple[Camera, ...],
     rng: Generator,
     settings: SegmentationSettings | None = None,

@@ -1,6 +1,6 @@
 """Depth and colour through OpenGL, where there is one."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,7 +55,7 @@ class GLBackend:
         extent, planes = self._model.stat.extent, self._model.vis.map
         return planes.znear * extent, planes.zfar * extent
 
-    def _images(self, data: "mujoco.MjData") -> list[NDArray]:
+    def _images(self, data: "mujoco.MjData") -> list[NDArray[Any]]:
         images = []
         self._renderer.update_scene(data, scene_option=self._option)
         for camera in self.cameras:

@@ -7,6 +7,7 @@ own resolution.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,7 +122,7 @@ class SensorModel:
         """Return the cameras where a calibration believes them to be; draw once an episode."""
         return tuple(camera.moved(self._calibration_error(rng)) for camera in cameras)
 
-    def _calibration_error(self, rng: np.random.Generator) -> NDArray:
+    def _calibration_error(self, rng: np.random.Generator) -> NDArray[Any]:
         from scipy.spatial.transform import Rotation
 
         T = np.eye(4)

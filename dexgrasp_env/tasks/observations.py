@@ -1,6 +1,7 @@
 """Observations: what their keys are, where they lie in the kernel's row, and their spaces."""
 
 import itertools
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -50,7 +51,7 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int]) -> space
         image_shape: cameras, rows and columns of the depth images.
     """
     keys = {**ROBOT_KEYS, **(OBJECT_KEYS if obs_mode == "state" else {})}
-    parts: dict[str, spaces.Space] = {
+    parts: dict[str, spaces.Space[Any]] = {
         key: spaces.Box(*_bounds(key, size), dtype=np.float32) for key, size in keys.items()
     }
     if obs_mode == "pointcloud":
