@@ -1,6 +1,7 @@
 """Place-v1: goals, rewards of other goals, and a learner that relabels them."""
 
 import copy
+import re
 
 import gymnasium as gym
 import numpy as np
@@ -9,6 +10,7 @@ from gymnasium.utils.env_checker import check_env
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.place import PlaceEnv
 
 
 def make(**kwargs):
@@ -17,6 +19,14 @@ def make(**kwargs):
 
 def test_checker_accepts_it():
     check_env(make().unwrapped, skip_render_check=True)
+
+
+def test_page_lists_the_spaces():
+    rows = re.findall(r"\| `(\w+)` \| (\(\d+,\)) \| (\w+) \|", PlaceEnv.__doc__)
+    space = make(disable_env_checker=True).observation_space
+    assert {name: (shape, kind) for name, shape, kind in rows} == {
+        name: (str(part.shape), str(part.dtype)) for name, part in space.items()
+    }
 
 
 def test_goals_are_drawn_above_the_table_and_by_the_seed():
