@@ -17,6 +17,11 @@ from dexgrasp_env.tasks.simulation import Simulation, warning_bits
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 
+def _cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
 @dataclass
 class _Group:
     """The environments that hold one object now: MuJoCo batches models of one layout only."""
@@ -47,7 +52,7 @@ class BatchPhysics:
         """
         first = next(iter(simulations.values())).base
         self._simulations, self._number = simulations, number
-        self._threads = threads or len(os.sched_getaffinity(0))
+        self._threads = threads or _cores()
         self._groups: dict[str, _Group] = {}
         self._targets = np.full(number, "", dtype=object)
         self._pool = (
