@@ -3,7 +3,9 @@
 import json
 import os
 import pickle
+from types import SimpleNamespace
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -13,12 +15,13 @@ from agents.scoring.candidate import HandStage, joints_in_order
 from agents.scoring.closing import PRESS, balanced_forces, close_around
 from agents.scoring.hand import find_hand
 from agents.scoring.metrics import diversity
-from agents.scoring.readers import ReadOptions, read_candidates
+from agents.scoring.readers import ReadOptions, ours, read_candidates
 from agents.scoring.readers.plain import FORMAT
 from agents.scoring.readers.restricted import read_dictionary
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import pose_matrix
-from dexgrasp_env.robot.names import HAND_JOINTS
+from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.names import HAND_JOINTS, TIP_SITES
 
 OFFSET = np.array([0.02, -0.01, 0.05])  # of the box's centre in the mesh file, m
 SIDES = (0.05, 0.06, 0.10)
@@ -255,6 +258,34 @@ def test_joint_names_must_fit():
         joints_in_order(find_hand("allegro"), ["a"] * 16, np.zeros(16), "x")
 
 
+@pytest.mark.parametrize("mount", ["palm_normal", "fingers_along"])
+def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mount):
+    """The tips of the floating hand are where those of arm and hand are."""
+    rng = np.random.default_rng(0)
+    q = np.concatenate([[0.1, 0.4, -0.2, -1.9, 0.3, 2.0, 0.7], rng.uniform(0.3, 0.8, 16)])
+    identity = SimpleNamespace(source="sugar_box", name="sugar_box", scale=1.0)
+    record = SimpleNamespace(
+        T_world_object=np.eye(4), object=identity, mount=mount,
+        arrays={"pregrasp": q - 0.1, "grasp": q, "squeeze": np.r_[q[:7], q[7:] + 0.02]},
+    )  # fmt: skip
+    monkeypatch.setattr(ours, "read_grasp", lambda path: record)
+    (found,) = ours.read_ours(tmp_path / "grasp.json", ReadOptions())
+    robot, hand = robot_spec(mount).compile(), found.hand.model
+    whole, alone = mujoco.MjData(robot), mujoco.MjData(hand)
+    whole.qpos[:23], alone.qpos[:] = q, found.grasp.joints
+    mujoco.mj_kinematics(robot, whole)
+    mujoco.mj_kinematics(hand, alone)
+    T = found.grasp.T_world_hand
+    for tip in TIP_SITES:
+        np.testing.assert_allclose(
+            T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9
+        )
+    np.testing.assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
+    record.T_world_object = None
+    with pytest.raises(InputError, match="T_world_object is missing"):
+        ours.read_ours(tmp_path / "grasp.json", ReadOptions())
+
+
 # -- closing ----------------------------------------------------------------------------------------------------
 
 
@@ -270,8 +301,6 @@ def test_forces_are_in_balance_and_in_their_cones():
 
 
 def test_closing_opens_away_and_presses_into():
-    import mujoco
-
     hand = find_hand("allegro")
     joints = np.array([0.0, 0.6, 0.6, 0.6] * 3 + [1.2, 0.3, 0.3, 0.6])
     data = mujoco.MjData(hand.model)
