@@ -81,7 +81,8 @@ def test_verify_says_no_and_which_check(planned, capsys, tmp_path):
     assert main(["verify", str(path)]) == ANSWER_IS_NO
     out = capsys.readouterr().out
     assert [line.split("  ")[1] for line in out.splitlines() if line.startswith("FAIL")] == [
-        "contacts as claimed"
+        "contacts as claimed",
+        "squeeze = grasp + J^T f / kp as stated",
     ]
     assert "NOT verified" in out
     assert main(["verify", str(path), "--json"]) == ANSWER_IS_NO

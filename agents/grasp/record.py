@@ -131,11 +131,13 @@ def parse_1(content: dict[str, Any]) -> GraspRecord:
     """Return the record of a JSON object of schema 1, without what that lacked; errors as in `parse`."""
     certificate = _certificate(content["certificate"], {name: CLAIMS[name] for name in _CLAIMS_1})
     limits = {name: content["thresholds"][name] for name in _OF_SCHEMA_1}
+    pose = content.get("T_world_object")
     return GraspRecord(
         object=ObjectIdentity(str(content["object"])[:200]), mount=_mount(content["mount"]),
         arrays={name: array(name, content[name], shape) for name, shape in _ARRAYS.items()},
         hull=_hull(content["hull_vertices"]), thresholds=_thresholds(Thresholds().as_json() | limits),
-        certificate=certificate | {"mass": positive("mass", content["mass"])}, schema=1,
+        certificate=certificate | {"mass": positive("mass", content["mass"])},
+        T_world_object=None if pose is None else array("T_world_object", pose, (4, 4)), schema=1,
     )  # fmt: skip
 
 
