@@ -3,11 +3,12 @@
 import numpy as np
 from numba import njit
 
-from agents.kinematics.forward import add_row, add_turn_row, empty_frames, forward, to_world
+from agents.kinematics.damped import damped_step
+from agents.kinematics.forward import empty_frames, forward, to_world
+from agents.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
-_TURN_SCALE = 0.15  # m a radian
 _DAMPING = 1e-4
 _CORRECTIONS = 4  # steps of Newton at every point; two are enough away from singularities
 
@@ -31,7 +32,7 @@ def shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]:
 def _shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]:
     frames, palm = empty_frames(tree), tree.palm
     R, p = frames.R, frames.p
-    start, point, unit, row = np.empty(3), np.empty(3), np.zeros(3), np.empty(23)
+    start, point = np.empty(3), np.empty(3)
     J, e = np.empty((6, 7)), np.empty(6)
     forward(q, tree, frames)
     to_world(R[palm], p[palm], tree.palm_offset, start)
@@ -45,22 +46,15 @@ def _shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]
             D = turn @ R[palm].T
             for r in range(3):
                 e[r] = start[r] + shifts[i, r] - point[r]
-            e[3] = 0.5 * _TURN_SCALE * (D[2, 1] - D[1, 2])
-            e[4] = 0.5 * _TURN_SCALE * (D[0, 2] - D[2, 0])
-            e[5] = 0.5 * _TURN_SCALE * (D[1, 0] - D[0, 1])
+            e[3] = 0.5 * TURN_SCALE * (D[2, 1] - D[1, 2])
+            e[4] = 0.5 * TURN_SCALE * (D[0, 2] - D[2, 0])
+            e[5] = 0.5 * TURN_SCALE * (D[1, 0] - D[0, 1])
             error = np.sqrt((e * e).sum())
             if error < 1e-6 or step == _CORRECTIONS:
                 break
-            for r in range(3):
-                unit[:] = 0.0
-                unit[r] = 1.0
-                row[:] = 0.0
-                add_row(row, palm, point, unit, 1.0, tree, frames)
-                J[r] = row[:7]
-                row[:] = 0.0
-                add_turn_row(row, palm, unit, 1.0, tree, frames)
-                J[3 + r] = _TURN_SCALE * row[:7]
-            change = J.T @ np.linalg.solve(J @ J.T + _DAMPING * np.eye(6), e)
+            palm_jacobian(tree, frames, J)
+            # No pull to a posture: the path must follow from where it starts, not drift.
+            change = damped_step(J, e, _DAMPING, np.zeros(7), np.inf)
             for j in range(7):
                 now[j] = min(max(now[j] + change[j], tree.lower[j]), tree.upper[j])
         worst = max(worst, error)

@@ -3,6 +3,7 @@
 import numpy as np
 from numba import njit
 
+from agents.kinematics.damped import damped_step
 from agents.kinematics.forward import (
     Frames,
     add_row,
@@ -16,8 +17,10 @@ from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HOME
 
-_TURN_SCALE = 0.15  # m a radian: how much a turn of the palm weighs against its shift
+TURN_SCALE = 0.15
+"""m a radian: how much a turn of the palm weighs against its shift."""
 _DAMPING = 1e-3
+_LARGEST = 0.5  # rad a joint in a step
 _REACHED = 2e-3  # m, error with which a palm pose counts as reached
 _ELBOWS = ((0.0, 0.0), (0.0, 1.3), (0.0, -1.3), (0.5, 0.0), (-0.5, 0.0))
 """Starts of the arm: shoulder turned from the goal's direction, wrist from home, rad."""
@@ -43,7 +46,7 @@ def solve_palm(
     """
     frames = empty_frames(tree)
     R, p = frames.R, frames.p
-    e, J, row, unit, point = np.empty(6), np.empty((6, 7)), np.empty(23), np.zeros(3), np.empty(3)
+    e, J, point = np.empty(6), np.empty((6, 7)), np.empty(3)
     error = 1e9
     for k in range(iterations + 1):
         forward(q, tree, frames)
@@ -53,26 +56,13 @@ def solve_palm(
         turn = _rotation_error(R_goal, now)
         for r in range(3):
             e[r] = p_goal[r] - point[r]
-            e[3 + r] = _TURN_SCALE * turn[r]
+            e[3 + r] = TURN_SCALE * turn[r]
         error = np.sqrt((e * e).sum())
         if error < tolerance or k == iterations:
             return error
-        for r in range(3):
-            unit[:] = 0.0
-            unit[r] = 1.0
-            row[:] = 0.0
-            add_row(row, palm, point, unit, 1.0, tree, frames)
-            J[r] = row[:7]
-            row[:] = 0.0
-            add_turn_row(row, palm, unit, 1.0, tree, frames)
-            J[3 + r] = _TURN_SCALE * row[:7]
-        inverse = J.T @ np.linalg.inv(J @ J.T + _DAMPING * min(error, 0.1) * np.eye(6))
-        middle = 0.5 * (tree.lower[:7] + tree.upper[:7]) - q[:7]
-        pull = _POSTURE * middle
-        step = inverse @ e + pull - inverse @ (J @ pull)
-        largest = np.abs(step).max()
-        if largest > 0.5:
-            step *= 0.5 / largest
+        palm_jacobian(tree, frames, J)
+        pull = _POSTURE * (0.5 * (tree.lower[:7] + tree.upper[:7]) - q[:7])
+        step = damped_step(J, e, _DAMPING * min(error, 0.1), pull, _LARGEST)
         for j in range(7):
             q[j] = min(max(q[j] + step[j], tree.lower[j] + 1e-3), tree.upper[j] - 1e-3)
     return error
@@ -88,6 +78,22 @@ def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
         if solve_palm(q, R, p, tree, 40, 1e-4) < _REACHED:
             return True
     return False
+
+
+@njit(cache=True, error_model="numpy")
+def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
+    """Write the Jacobian (6, 7) of the palm frame by the arm's joints: m/rad, turns times `TURN_SCALE`."""
+    row, unit, point = np.empty(23), np.empty(3), np.empty(3)
+    to_world(frames.R[tree.palm], frames.p[tree.palm], tree.palm_offset, point)
+    for r in range(3):
+        unit[:] = 0.0
+        unit[r] = 1.0
+        row[:] = 0.0
+        add_row(row, tree.palm, point, unit, 1.0, tree, frames)
+        J[r] = row[:7]
+        row[:] = 0.0
+        add_turn_row(row, tree.palm, unit, 1.0, tree, frames)
+        J[3 + r] = TURN_SCALE * row[:7]
 
 
 @njit(cache=True, error_model="numpy")

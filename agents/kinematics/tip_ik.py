@@ -7,11 +7,13 @@ starting postures.
 import numpy as np
 from numba import njit
 
+from agents.kinematics.damped import damped_step
 from agents.kinematics.forward import empty_frames, forward, tip_jacobian, tip_positions
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
 _DAMPING = 1e-4
+_LARGEST = 0.3  # rad a joint in a step
 _POSTURE = 0.02  # share of the way back to the start in the null space, per step
 
 
@@ -52,12 +54,7 @@ def solve_tips(
         if fingers_only:
             J[:, :7] = 0.0
         _freeze_blocked(J, e, q, tree)
-        inverse = J.T @ np.linalg.inv(J @ J.T + _DAMPING * np.eye(9))
-        pull = _POSTURE * (start - q)
-        step = inverse @ e + pull - inverse @ (J @ pull)
-        largest = np.abs(step).max()
-        if largest > 0.3:
-            step *= 0.3 / largest
+        step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)
         for j in range(23):
             q[j] = min(max(q[j] + step[j], tree.lower[j]), tree.upper[j])
     return miss

@@ -89,4 +89,10 @@ def _hull(points: Array) -> "trimesh.Trimesh | None":
         hull = ConvexHull(points)
     except QhullError:  # all points in a plane or on a line
         return None
-    return trimesh.Trimesh(hull.points[hull.vertices], process=False).convex_hull
+    corner = np.zeros(len(points), dtype=int)
+    corner[hull.vertices] = np.arange(len(hull.vertices))
+    faces, triangles = corner[hull.simplices], points[hull.simplices]
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inward = (sides * hull.equations[:, :3]).sum(-1) < 0.0
+    faces[inward] = faces[inward][:, ::-1]  # Qhull does not order corners
+    return trimesh.Trimesh(points[hull.vertices], faces, process=False)
