@@ -162,7 +162,7 @@ def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDA
             at_once = 1
 
 
-def _farthest(distances: NDArray, gradients: NDArray, count: int) -> list[int]:
+def _farthest(distances: NDArray[Any], gradients: NDArray[Any], count: int) -> list[int]:
     """Return up to `count` vertices at least half as far outside as the farthest, each in a direction of its own."""
     order = np.argsort(-distances, kind="stable")
     found = [int(order[0])]
