@@ -19,7 +19,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import LOWER, UPPER
 from dexgrasp_env.tasks.control import denormalise
 
-TREE = robot_tree()
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
 
 
@@ -39,7 +38,7 @@ def agent():
 
 
 def tips(q):
-    return fingertips(q, TREE)
+    return fingertips(q, robot_tree())
 
 
 def test_reports_a_plan(attempt):
@@ -182,7 +181,7 @@ def closing(attempt, blocked):
     Returns the set-points of the close, and the shares at which the fingers end.
     """
     grasp, script = attempt.agent.plan.grasp, attempt.agent.plan.script
-    execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE)
+    execution = GuardedExecution(script, grasp.normals, grasp.forces, robot_tree())
     first = dict(script.phases)
     start = script.targets[first["close"] - 1]
     end = script.targets[first["squeeze"] - 1]

@@ -19,8 +19,6 @@ from dexgrasp_env.robot.limits import HOME, LOWER, UPPER, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import denormalise
 
-TREE = robot_tree()
-
 
 def box(x, y, size):
     mesh = trimesh.creation.box(size)
@@ -33,7 +31,7 @@ def palm_down(x, y, z, yaw=0.78):
     down = np.array([0.0, 0.0, -1.0])
     q = HOME.copy()
     R = np.stack([down, np.cross(fingers, down), fingers], axis=1)
-    assert solve_palm(q, R, np.array([x, y, z]), TREE, 300, 1e-5) < 1e-4
+    assert solve_palm(q, R, np.array([x, y, z]), robot_tree(), 300, 1e-5) < 1e-4
     return q
 
 
@@ -42,7 +40,7 @@ LEFT, RIGHT = palm_down(0.45, -0.25, 0.2), palm_down(0.45, 0.25, 0.2)
 
 
 def test_home_is_free_and_inside_the_table_is_not():
-    checker = CollisionChecker(TREE, None)
+    checker = CollisionChecker(robot_tree(), None)
     assert checker.free(HOME)
     low = HOME.copy()
     low[[1, 3]] = 1.4, -1.0
@@ -64,7 +62,7 @@ def test_what_the_checker_calls_free_the_simulation_does_not_touch():
     model = spec.compile()
     data = mujoco.MjData(model)
     tower = model.geom("tower").id
-    checker = CollisionChecker(TREE, TOWER, margin=0.0)
+    checker = CollisionChecker(robot_tree(), TOWER, margin=0.0)
     free = 0
     for share in np.linspace(0, 1, 200):
         q = LEFT + share * (RIGHT - LEFT)
@@ -77,7 +75,7 @@ def test_what_the_checker_calls_free_the_simulation_does_not_touch():
 
 
 def test_start_within_the_margin_can_be_left_but_deep_contact_cannot():
-    checker = CollisionChecker(TREE, TOWER, margin=0.5)
+    checker = CollisionChecker(robot_tree(), TOWER, margin=0.5)
     assert not checker.free(LEFT)
     checker.allow(LEFT)
     assert checker.free(LEFT)
@@ -87,7 +85,7 @@ def test_start_within_the_margin_can_be_left_but_deep_contact_cannot():
 
 
 def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
-    checker = CollisionChecker(TREE, TOWER)
+    checker = CollisionChecker(robot_tree(), TOWER)
     assert not checker.free_line(LEFT, RIGHT)
     path = plan_arm(checker, LEFT, RIGHT, seed=1)
     assert path is not None
@@ -101,7 +99,7 @@ def test_script_around_the_tower_is_free_and_reproducible():
     script, again = (make_script(LEFT, motion, TOWER) for _ in range(2))
     np.testing.assert_array_equal(script.targets, again.targets)
     approach = np.concatenate([LEFT[None], script.targets[: script.phases[1][1]]])
-    assert CollisionChecker(TREE, TOWER, margin=0.002).first_contact(approach) is None
+    assert CollisionChecker(robot_tree(), TOWER, margin=0.002).first_contact(approach) is None
 
 
 def test_pregrasp_inside_the_object_is_reported_with_the_bodies():
@@ -151,11 +149,11 @@ def test_rounded_corners_stay_near_the_polyline():
 
 def test_palm_goes_straight_and_keeps_its_turn():
     shifts = np.linspace(0.0, 0.15, 16)[:, None] * np.array([0.0, 0.6, 0.8])
-    path, error = shift_palm(LEFT, TREE, shifts)
-    R0, p0 = palm_frame(LEFT, TREE)
+    path, error = shift_palm(LEFT, robot_tree(), shifts)
+    R0, p0 = palm_frame(LEFT, robot_tree())
     assert error < 1e-5
     for q, shift in zip(path, shifts, strict=True):
-        R, p = palm_frame(q, TREE)
+        R, p = palm_frame(q, robot_tree())
         np.testing.assert_allclose(p, p0 + shift, atol=1e-5)
         np.testing.assert_allclose(R, R0, atol=1e-4)
 
@@ -172,7 +170,7 @@ def test_script_phases_limits_and_actions():
     firsts = dict(script.phases)
     assert (len(script.targets) - firsts["hold"]) * CONTROL_PERIOD >= 3.2
     np.testing.assert_allclose(script.targets[firsts["lift"] - 1], squeeze)
-    rise = palm_frame(script.targets[-1], TREE)[1] - palm_frame(squeeze, TREE)[1]
+    rise = palm_frame(script.targets[-1], robot_tree())[1] - palm_frame(squeeze, robot_tree())[1]
     np.testing.assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
     assert script.phase(0) == "approach"
     assert script.phase(10_000) == "hold"

@@ -18,7 +18,6 @@ from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
 
 MOUNTS = ("palm_normal", "fingers_along")
-TREE = robot_tree()
 NEAR = 0.02
 PALM, THUMB = BODIES.index("palm"), BODIES.index("thumb_medial")
 HULL = trimesh.convex.convex_hull(
@@ -62,7 +61,7 @@ def around_the_object(rng, count):
         R = np.stack([down, np.cross(fingers, down), fingers], axis=1)
         p = HULL.centroid + 0.02 * rng.normal(size=3) - (0.08 + 0.06 * rng.random()) * down
         p[2] -= 0.06 * rng.integers(2)
-        if reach_palm(q, R, p, TREE):
+        if reach_palm(q, R, p, robot_tree()):
             q[7:] = rng.uniform(LOWER[7:], UPPER[7:])
             found.append(q)
     return found
@@ -71,7 +70,7 @@ def around_the_object(rng, count):
 def clearances(q, tips_touch=True):
     """Rows by (kind, body, body): the least of a pair's."""
     rows = empty_rows(160)
-    n = clearance_rows(TREE, body_frames(q, TREE), SHAPE.obstacle, NEAR, tips_touch, rows)
+    n = clearance_rows(robot_tree(), body_frames(q, robot_tree()), SHAPE.obstacle, NEAR, tips_touch, rows)
     assert n < 120  # far from the room that callers give
     least = {}
     for value, row, label in zip(rows.values[:n], rows.gradients[:n], rows.labels[:n], strict=True):
@@ -101,7 +100,7 @@ def true_distances(q, tips_touch=True):
         found[OBJECT, i, -1] = least([g for g in geoms[i] if g not in tips], [model.geom("object").id])
         if i >= 4:  # of the upper arm only what is over the table counts
             found[TABLE, i, -1] = least(geoms[i], [model.geom("table").id])
-    for a, b in {(a, b) for a, b in TREE.pairs.tolist()} | {(THUMB, PALM)}:
+    for a, b in {(a, b) for a, b in robot_tree().pairs.tolist()} | {(THUMB, PALM)}:
         found[SELF, a, b] = least(geoms[a], geoms[b])
     return found
 
@@ -134,8 +133,8 @@ def test_tip_jacobians_are_mujocos(mount):
 
 
 def test_limits_and_unknown_mount():
-    np.testing.assert_array_equal(TREE.lower, LOWER)
-    np.testing.assert_array_equal(TREE.upper, UPPER)
+    np.testing.assert_array_equal(robot_tree().lower, LOWER)
+    np.testing.assert_array_equal(robot_tree().upper, UPPER)
     with pytest.raises(InputError, match="valid are palm_normal"):
         robot_tree("sideways")
 
@@ -161,11 +160,11 @@ def test_palm_ik_reaches_poses_that_can_be_reached(mount):
 
 
 def test_palm_ik_reports_what_it_cannot_reach():
-    R, _ = palm_frame(HOME, TREE)
+    R, _ = palm_frame(HOME, robot_tree())
     q = HOME.copy()
-    assert solve_palm(q, R, np.array([1.5, 0.0, 0.3]), TREE, 60, 1e-4) > 0.3
+    assert solve_palm(q, R, np.array([1.5, 0.0, 0.3]), robot_tree(), 60, 1e-4) > 0.3
     assert ((q >= LOWER) & (q <= UPPER)).all()
-    assert not reach_palm(HOME.copy(), R, np.array([1.5, 0.0, 0.3]), TREE)
+    assert not reach_palm(HOME.copy(), R, np.array([1.5, 0.0, 0.3]), robot_tree())
 
 
 def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
@@ -173,8 +172,8 @@ def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
     rng = np.random.default_rng(3)
     checked = 0
     for b, name in enumerate(BODIES):
-        own = slice(TREE.sphere_first[b], TREE.sphere_first[b + 1])
-        centres, radii = TREE.sphere_centre[own], TREE.sphere_radius[own]
+        own = slice(robot_tree().sphere_first[b], robot_tree().sphere_first[b + 1])
+        centres, radii = robot_tree().sphere_centre[own], robot_tree().sphere_radius[own]
         for geom in range(model.ngeom):
             if model.geom_bodyid[geom] != model.body(name).id or not model.geom_contype[geom]:
                 continue
@@ -195,8 +194,8 @@ def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
             assert gap.max() < 1e-9, name
             checked += 1
     assert checked > 35
-    hand = slice(TREE.sphere_first[PALM + 1], None)
-    assert TREE.sphere_radius[hand].max() < 0.02
+    hand = slice(robot_tree().sphere_first[PALM + 1], None)
+    assert robot_tree().sphere_radius[hand].max() < 0.02
 
 
 def test_clearances_bound_the_true_distances_and_miss_nothing():

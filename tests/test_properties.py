@@ -1,0 +1,135 @@
+"""Properties that hold for every input: poses, cones, distances, parsers."""
+
+import argparse
+import json
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from oracles import cone_distance, project_to_cone
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from agents.cli.options import natural_int, positive_float, positive_int
+from agents.geometry.convex import ConvexDistance
+from agents.geometry.exact import closest_on_mesh
+from agents.grasp.file import record_of
+from agents.physics.cones import cone_edges, tangent_basis
+from agents.physics.margin import cone_margin
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception import kernels
+from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
+
+COORDINATES = st.floats(-1.0, 1.0, width=32)
+FRICTION = st.floats(0.05, 1.5)
+
+
+def vectors(*shape):
+    return hnp.arrays(np.float64, (*shape, 3), elements=COORDINATES)
+
+
+@st.composite
+def directions(draw, *shape):
+    v = draw(vectors(*shape))
+    size = np.linalg.norm(v, axis=-1, keepdims=True)
+    assume((size > 0.1).all())
+    return v / size
+
+
+@st.composite
+def quaternions(draw):
+    q = draw(hnp.arrays(np.float64, (4,), elements=COORDINATES))
+    assume(np.linalg.norm(q) > 0.1)
+    return q / np.linalg.norm(q)
+
+
+@given(quaternions(), quaternions(), vectors())
+def test_quaternions_are_scipy_rotations(p, q, v):
+    first, second = Rotation.from_quat(p[[1, 2, 3, 0]]), Rotation.from_quat(q[[1, 2, 3, 0]])
+    np.testing.assert_allclose(rotate(p, v), first.apply(v), atol=1e-12)
+    np.testing.assert_allclose(quat_to_matrix(quat_multiply(p, q)), (first * second).as_matrix(), atol=1e-12)
+    np.testing.assert_allclose(rotate(quat_conjugate(p), rotate(p, v)), v, atol=1e-12)
+
+
+@given(quaternions())
+def test_a_matrix_gives_its_quaternion_back(q):
+    assert abs(matrix_to_quat(quat_to_matrix(q)) @ q) == pytest.approx(1.0, abs=1e-9)
+
+
+@given(directions(4))
+def test_tangents_complete_a_right_handed_frame(n):
+    t1, t2 = tangent_basis(n)
+    np.testing.assert_allclose(np.cross(t1, t2), n, atol=1e-9)
+
+
+@given(directions(3), vectors(3), FRICTION)
+def test_projection_to_a_cone_is_in_it_and_repeats(n, f, mu):
+    nearest = project_to_cone(f, n, mu)
+    assert cone_distance(nearest, n, mu).max() < 1e-9
+    edges = cone_edges(n, mu, 8)
+    gaps = np.linalg.norm(f[:, None] - edges, axis=-1).min(1)
+    assert (cone_distance(f, n, mu) <= gaps + 1e-9).all()  # no edge of the cone is nearer
+
+
+@given(directions(3), vectors(3), quaternions(), st.permutations(range(3)), st.floats(0.2, 5.0))
+def test_the_margin_knows_no_frame_order_or_scale(n, p, q, order, scale):
+    area = np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[0]))
+    assume(area > 0.05)
+    value = cone_margin(p, n, 0.5)[0]
+    order = list(order)
+    moved = cone_margin(scale * rotate(q, p)[order] + 0.3, rotate(q, n)[order], 0.5)[0]
+    assert moved == pytest.approx(value, rel=1e-5, abs=1e-5)
+    assert value <= 1.0 + 1e-9
+
+
+@given(vectors(5), hnp.arrays(np.float64, (3,), elements=st.floats(0.1, 1.0)))
+def test_distances_to_a_box_are_the_analytic_ones(points, sides):
+    box = trimesh.creation.box(sides)
+    q = np.abs(points) - sides / 2
+    expected = np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+    np.testing.assert_allclose(closest_on_mesh(box, points).distances, expected, atol=1e-9)
+    np.testing.assert_allclose(ConvexDistance.from_mesh(box).distance(points), expected, atol=1e-9)
+
+
+@given(hnp.arrays(np.float64, (40, 3), elements=st.floats(0.0, 0.1)), st.floats(0.005, 0.05))
+def test_neighbours_and_clusters_are_those_of_scipy(points, radius):
+    near = np.linalg.norm(points[:, None] - points, axis=-1)
+    assume(np.abs(near - radius).min() > 1e-12)  # on the radius itself rounding decides
+    tree = cKDTree(points)
+    counts = tree.query_ball_point(points, radius, return_length=True) - 1
+    np.testing.assert_array_equal(kernels.count_neighbours(points, radius), counts)
+    ends = tree.query_pairs(radius, output_type="ndarray").T
+    joined = coo_matrix((np.ones(ends.shape[1]), ends), shape=(len(points), len(points)))
+    labels = connected_components(joined, directed=False)[1]
+    np.testing.assert_array_equal(kernels.cluster(points, radius)[:, None] == kernels.cluster(points, radius),
+                                  labels[:, None] == labels)  # fmt: skip
+
+
+@pytest.mark.parametrize("parse", [natural_int, positive_int, positive_float])
+@given(text=st.text(max_size=20) | st.integers().map(str) | st.floats().map(str))
+def test_options_are_a_number_in_range_or_refused(parse, text):
+    try:
+        value = parse(text)
+    except (argparse.ArgumentTypeError, InputError):
+        return
+    assert np.isfinite(float(value))
+    assert value >= 0 if parse is natural_int else value > 0
+
+
+JSON = st.recursive(
+    st.none() | st.booleans() | st.integers(-5, 5) | st.floats() | st.text(max_size=5),
+    lambda part: st.lists(part, max_size=4) | st.dictionaries(st.text(max_size=5), part, max_size=4),
+    max_leaves=12,
+)
+
+
+@given(JSON)
+def test_no_json_but_a_grasp_is_read_as_one(content):
+    json.dumps(content)  # as read_grasp finds it in a file
+    with pytest.raises(InputError):
+        record_of(content)
