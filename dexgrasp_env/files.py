@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 import platformdirs
@@ -44,7 +44,7 @@ def cached_arrays(name: str, layout: Layout, make: Callable[[], Arrays]) -> Arra
     """
     path = cache_dir() / name
     arrays = _read_cached(path)
-    if arrays is None or not _fits(arrays, layout):
+    if arrays is None or not fits(arrays, layout):
         arrays = make()
         _write_cached(path, arrays)
     return arrays
@@ -74,7 +74,8 @@ def _write_cached(path: Path, arrays: Arrays) -> None:
         _note_unwritable(str(cache_dir()), error.strerror or str(error))
 
 
-def _fits(arrays: Arrays, layout: Layout) -> bool:
+def fits(arrays: Arrays, layout: Layout) -> bool:
+    """Whether arrays have the names and shapes of a layout, and finite numbers."""
     return arrays.keys() == layout.keys() and all(
         array.ndim == len(layout[name])
         and all(want in (None, side) for side, want in zip(array.shape, layout[name], strict=True))
@@ -119,6 +120,28 @@ def write_atomically(path: Path, data: bytes) -> None:
     except BaseException:
         temporary.unlink(missing_ok=True)
         raise
+
+
+def write_json(path: Path, content: object) -> None:
+    """Write JSON as a whole."""
+    write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
+
+
+def lock(file: IO[bytes], busy: str) -> None:
+    """Lock an open file for this process until it is closed.
+
+    Raises:
+        InputError: `busy`, if another process holds it.
+    """
+    try:
+        import fcntl
+    except ImportError:  # not a Unix: two writers are the user's to avoid
+        return
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        file.close()
+        raise InputError(busy) from None
 
 
 def expand(path: str | os.PathLike[str]) -> Path:

@@ -1,4 +1,5 @@
 import json
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -19,6 +20,7 @@ from agents.learning.batches import split, training_batch  # noqa: E402
 from agents.learning.cvae_source import CvaeProposals, on_surface, shipped_weights  # noqa: E402
 from agents.learning.dataset import read_dataset  # noqa: E402
 from agents.learning.decoder import read_decoder  # noqa: E402
+from agents.learning.folder import occupy  # noqa: E402
 from agents.learning.generate import generate  # noqa: E402
 from agents.learning.network import Cvae, losses, rotation_of  # noqa: E402
 from agents.learning.settings import SCALE, DatasetSettings, NetworkSettings  # noqa: E402
@@ -131,6 +133,41 @@ def test_stopped_training_ends_with_the_same_bits(data, trained, tmp_path):
 def test_other_settings_in_the_folder_are_refused(data, trained):
     with pytest.raises(InputError, match="other settings"):
         train(data, trained[0], replace(TRAINING, seed=9))
+
+
+def copied(trained, tmp_path):
+    return shutil.copytree(trained[0], tmp_path / "copy")
+
+
+def test_a_finished_training_without_its_weights_says_so(data, trained, tmp_path):
+    out = copied(trained, tmp_path)
+    (out / "cvae.safetensors").unlink()
+    with pytest.raises(InputError, match=r"weights of epoch .* are gone"):
+        train(data, out, TRAINING)
+
+
+@pytest.mark.parametrize(
+    "note",
+    ["[]", '"x"', "{}", '{"epoch": "3"}', '{"epoch": 3, "epochs": 3, "curve": [1, 2, 3]}', '{"what": 1}'],
+)
+def test_damaged_metadata_of_a_checkpoint_is_refused(data, trained, tmp_path, note):
+    from safetensors.numpy import load_file, save_file
+
+    out = copied(trained, tmp_path)
+    path = out / "checkpoint.safetensors"
+    tensors = load_file(path)
+    if note == "{}":  # the metadata is sound, the tensors are another network's
+        tensors = {name: tensor for name, tensor in tensors.items() if not name.startswith("model.")}
+    save_file(tensors, path, {"dexgrasp": note})
+    with pytest.raises(InputError, match="damaged"):
+        train(data, out, TRAINING)
+
+
+def test_two_trainings_may_not_write_one_folder(data, trained, tmp_path):
+    out = copied(trained, tmp_path)
+    with occupy(out), pytest.raises(InputError, match="another process is writing"):
+        train(data, out, TRAINING)
+    assert train(data, out, TRAINING).epoch == TRAINING.epochs
 
 
 def test_command_line(data, tmp_path, capsys):

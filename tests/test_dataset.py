@@ -182,6 +182,95 @@ def test_killed_generation_ends_with_the_same_files(made, tmp_path):
     assert before.items() <= hashes(made).items()
 
 
+def copied(made, tmp_path):
+    shutil.copytree(made, tmp_path / "copy")
+    return tmp_path / "copy"
+
+
+def rewrite(path, **changes):
+    with np.load(path) as file:
+        arrays = {name: file[name] for name in file.files}
+    np.savez_compressed(path, **(arrays | changes))
+
+
+@pytest.mark.parametrize("complete_before", [True, False])
+def test_a_changed_shard_is_never_blessed(made, tmp_path, complete_before):
+    folder = copied(made, tmp_path)
+    shard = sorted((folder / "grasps").iterdir())[2]
+    with np.load(shard) as file:
+        forces = file["forces"]
+    rewrite(shard, forces=2.0 * forces)
+    if not complete_before:
+        manifest = json.loads((folder / "manifest.json").read_text())
+        del manifest["files"]
+        manifest["complete"] = False
+        (folder / "manifest.json").write_text(json.dumps(manifest))
+    else:
+        with pytest.raises(InputError, match=r"cut off|changed"):
+            read_dataset(folder)
+    generate(SETTINGS, folder)
+    assert hashes(folder) == hashes(made)
+
+
+def test_contacts_that_are_not_finite_are_refused(made, tmp_path):
+    folder = copied(made, tmp_path)
+    shard = sorted((folder / "grasps").iterdir())[0]
+    arrays = read_arrays(shard)
+    write_arrays(shard, arrays | {"contacts": np.full_like(arrays["contacts"], np.nan)})
+    with pytest.raises(InputError, match="contacts holds numbers that are not finite"):
+        read_arrays(shard)
+    assert main(["dataset", "info", str(folder)]) == 2
+
+
+@pytest.mark.parametrize(
+    "name", ["../outside.npz", "/etc/passwd", "grasps/../../x-pose00-0000.npz", "poses/a.npz"]
+)
+def test_names_in_a_manifest_may_not_leave_the_folder(made, tmp_path, name, capsys):
+    folder = copied(made, tmp_path)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["files"][name] = "0" * 64
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert main(["dataset", "info", str(folder)]) == 2
+    assert "is damaged (files has" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "content", ["", "[]", '{"schema": 1}', '{"schema": 1, "key": 3, "files": []}', "[" * 99999]
+)
+def test_text_that_is_no_manifest_is_refused_in_one_line(tmp_path, content, capsys):
+    (tmp_path / "manifest.json").write_text(content)
+    assert main(["dataset", "info", str(tmp_path)]) == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_workers_end_with_a_parent_that_is_killed():
+    code = (
+        "import multiprocessing, os, time\n"
+        "from agents.learning.generate import _end_with\n"
+        "def work(parent):\n"
+        "    _end_with(parent); print(os.getpid(), flush=True); time.sleep(60)\n"
+        "if __name__ == '__main__':\n"
+        "    context = multiprocessing.get_context('fork')\n"
+        "    context.Process(target=work, args=(os.getpid(),)).start(); time.sleep(60)\n"
+    )
+    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    worker = int(parent.stdout.readline())
+    parent.kill()
+    parent.wait()
+    until = time.monotonic() + 10
+    while alive(worker) and time.monotonic() < until:
+        time.sleep(0.05)
+    assert not alive(worker)
+
+
+def alive(pid):
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rpartition(")")[2].split()[0] != "Z"
+    except OSError:
+        return False
+
+
 def test_info_prints_json_and_draws(made, tmp_path, capsys):
     assert main(["dataset", "info", str(made), "--picture", str(tmp_path / "a.png"), "--json"]) == 0
     figures = json.loads(capsys.readouterr().out)

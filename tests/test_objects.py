@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import (
     CATALOGUE,
@@ -16,7 +17,7 @@ from dexgrasp_env.objects import (
 )
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
-from dexgrasp_env.objects.model import ObjectModel, fibonacci_directions, reduced_hull
+from dexgrasp_env.objects.model import ObjectModel, reduced_hull
 from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, hull_part
 from dexgrasp_env.objects.shapes import prism, to_manifold
 

@@ -4,9 +4,10 @@ import os
 import subprocess
 import sys
 import tempfile
-from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
+
+from agents.versions import package_version
+from dexgrasp_env.findings import Finding
 
 _NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
 _OPTIONAL = {
@@ -25,33 +26,18 @@ with mujoco.Renderer(model, 32, 32) as renderer:
 """
 
 
-@dataclass(frozen=True)
-class Finding:
-    """One thing the doctor says.
-
-    Attributes:
-        level: "error" (has to be mended), "warning" or "info".
-        problem: what is the matter.
-        remedy: what to do.
-    """
-
-    level: str
-    problem: str
-    remedy: str = ""
-
-
 def check_versions() -> list[Finding]:
     """Look at Python and the packages."""
     python = ".".join(map(str, sys.version_info[:3]))
     findings = [Finding("info", f"python {python}")]
     for package in _NEEDED:
-        found = _version(package)
+        found = package_version(package)
         if found is None:
             findings.append(Finding("error", f"{package} is not installed", f"pip install {package}"))
         else:
             findings.append(_judged(package, found))
     for package, use in _OPTIONAL.items():
-        found = _version(package)
+        found = package_version(package)
         findings.append(
             Finding("info", f"{package} {found}") if found else Finding("info", f"no {package}", use)
         )
@@ -63,13 +49,6 @@ def _judged(package: str, found: str) -> Finding:
         problem = f"mujoco {found}: 4.0 breaks dm-control 1.0.50 and solves sparse systems wrongly"
         return Finding("error", problem, "pip install 'mujoco>=3.17,<4'")
     return Finding("info", f"{package} {found}")
-
-
-def _version(package: str) -> str | None:
-    try:
-        return version(package)
-    except PackageNotFoundError:
-        return None
 
 
 def check_rendering() -> list[Finding]:
@@ -139,7 +118,7 @@ def _check_cache() -> Finding:
 
 
 def _check_torch() -> list[Finding]:
-    if _version("torch") is None:
+    if package_version("torch") is None:
         return []
     device = "torch.cuda.get_device_name() if torch.cuda.is_available() else 'no GPU'"
     code = f"import torch; print({device}, torch.get_num_threads())"
@@ -159,4 +138,4 @@ def check_mesh(path: Path, scale: float) -> list[Finding]:
     """Look at a mesh file."""
     from dexgrasp_env.objects.user_mesh import describe_mesh
 
-    return [Finding(f.level, f.problem, f.remedy) for f in describe_mesh(path, scale=scale)]
+    return describe_mesh(path, scale=scale)

@@ -5,11 +5,11 @@ import hashlib
 import importlib.util
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from agents.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol
+from agents.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -129,13 +129,7 @@ class EvaluationSettings:
 
 def versions() -> dict[str, str]:
     """Return the versions of the packages that outcomes depend on."""
-    found = {}
-    for package in _PACKAGES:
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return package_versions(_PACKAGES)
 
 
 def code_hash(agents: Sequence[str] = ()) -> str:

@@ -7,11 +7,11 @@
 import json
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any
 
 from agents.evaluation.rows import row_fault, trial_name
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import parse_json, write_atomically
+from dexgrasp_env.files import lock, parse_json, write_atomically
 
 Key = tuple[str, str, str, int]  # protocol, agent, object, trial
 
@@ -29,7 +29,10 @@ class TrialStore:
         self.folder = folder
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            self._file = _lock((folder / "trials.jsonl").open("ab+"), folder)
+            self._file = (folder / "trials.jsonl").open("ab+")
+            lock(
+                self._file, f"another evaluation is writing to {folder}: wait for it, or choose another --out"
+            )
             self._file.seek(0)
             content = self._file.read()
             _check_identity(folder / "run.json", identity, has_trials=b"\n" in content)
@@ -101,21 +104,6 @@ def _once_each(rows: Iterator[dict[str, Any]]) -> list[dict[str, Any]]:
     for row in rows:
         found.setdefault(row_key(row), row)
     return list(found.values())
-
-
-def _lock(file: BinaryIO, folder: Path) -> BinaryIO:
-    try:
-        import fcntl
-    except ImportError:  # not a Unix: two writers are the user's to avoid
-        return file
-    try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError:
-        file.close()
-        raise InputError(
-            f"another evaluation is writing to {folder}: wait for it, or choose another --out"
-        ) from None
-    return file
 
 
 def _check_identity(path: Path, identity: Mapping[str, Any], *, has_trials: bool) -> None:

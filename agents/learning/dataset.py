@@ -74,6 +74,10 @@ def read_dataset(folder: Path, check_hashes: bool = True) -> list[PoseGrasps]:
     for path in sorted(p for p in manifest["files"] if p.startswith("poses/")):
         name, _, pose = Path(path).stem.rpartition("-pose")
         shards = sorted(p for p in manifest["files"] if p.startswith(f"grasps/{name}-pose{pose}-"))
+        if not shards:
+            raise InputError(
+                f"{folder / 'manifest.json'} names no grasps of {path}: run `dexgrasp dataset generate` again"
+            )
         found.append(_pose(folder, path, shards, name, int(pose), manifest["key"]))
     return found
 

@@ -1,13 +1,17 @@
 """Generation of a dataset: jobs that can run anywhere in any order, and go on where they were stopped."""
 
 import json
+import os
+import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 from typing import Any
 
-from agents.learning.rest_scene import load_target, rest_scene
+from agents.learning.folder import claim
+from agents.learning.rest_scene import model_of, rest_scene
 from agents.learning.sampler import REACH, sample_shard
 from agents.learning.settings import SCHEMA, DatasetSettings, versions
 from agents.learning.shards import (
@@ -24,7 +28,7 @@ from agents.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
 from agents.planning.proposals import LEAST_DISTANCE
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import require_extra
-from dexgrasp_env.files import content_hash, write_atomically
+from dexgrasp_env.files import content_hash, parse_json, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
 
@@ -62,15 +66,23 @@ def generate(
     _check_backend(backend)
     identity = _identity(settings)
     key = content_hash(json.dumps(identity, sort_keys=True))
-    _claim(folder, identity, key)
-    known = read_manifest(folder).get("files", {})
+    old = read_manifest(folder) if (folder / "manifest.json").exists() else None
+    claim(
+        folder,
+        "manifest.json",
+        old,
+        {"schema": SCHEMA, **identity, "key": key},
+        "dataset",
+        {"complete": False},
+    )
+    hashes = (old or {}).get("files", {})
     jobs = [
         Job(target, pose, chunk)
         for target in settings.objects
-        for pose in range(len(rest_poses(load_target(target, settings))))
+        for pose in range(len(rest_poses(model_of(target, settings))))
         for chunk in range(-1, settings.chunks)
     ]
-    left = [job for job in jobs if not _as_made(_path(folder, job), folder, key, known)]
+    left = [job for job in jobs if not complete(_path(folder, job), key, hashes.get(_name(folder, job)))]
     done, began = len(jobs) - len(left), time.perf_counter()
     if progress:
         progress(done, len(jobs))
@@ -79,13 +91,6 @@ def generate(
         if progress:
             progress(done, len(jobs))
     return _finish(folder, identity, key, jobs, time.perf_counter() - began if left else 0.0)
-
-
-def _as_made(path: Path, folder: Path, key: str, known: dict[str, str]) -> bool:
-    """Whether a file is there, whole, of this dataset, and the one whose hash the manifest holds, if it holds one."""
-    if not complete(path, key):
-        return False
-    return known.get(str(path.relative_to(folder))) in (None, file_hash(path))
 
 
 def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
@@ -113,7 +118,7 @@ def _parallel(
 ) -> Iterable[None]:
     from joblib import Parallel, delayed, parallel_config
 
-    calls = [delayed(make)(job, settings, folder, key) for job in jobs]
+    calls = [delayed(_make_below)(os.getpid(), job, settings, folder, key) for job in jobs]
     if backend == "ray":
         from ray.util.joblib import register_ray
 
@@ -121,6 +126,25 @@ def _parallel(
         with parallel_config(backend="ray", n_jobs=workers):
             return Parallel(batch_size=1)(calls)
     return Parallel(n_jobs=workers, backend=backend, batch_size=1, return_as="generator_unordered")(calls)
+
+
+def _make_below(parent: int, job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
+    """Make one file; a process that `parent` started ends with it, even if that is killed."""
+    if os.getppid() == parent:
+        _end_with(parent)
+    make(job, settings, folder, key)
+
+
+@cache
+def _end_with(parent: int) -> None:
+    """End this process soon after its parent is gone."""
+
+    def watch() -> None:
+        while os.getppid() == parent:
+            time.sleep(0.5)
+        os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
 
 
 def _check_backend(backend: str) -> None:
@@ -137,11 +161,15 @@ def _path(folder: Path, job: Job) -> Path:
     )
 
 
+def _name(folder: Path, job: Job) -> str:
+    return _path(folder, job).relative_to(folder).as_posix()
+
+
 def _identity(settings: DatasetSettings) -> dict[str, Any]:
     """Return all that the grasps depend on."""
     objects = {}
     for target in settings.objects:
-        model, name = load_target(target, settings), object_name(target)
+        model, name = model_of(target, settings), object_name(target)
         if name in objects:
             raise InputError(f"two objects are called {name!r}: rename one of the files")
         objects[name] = {
@@ -156,37 +184,11 @@ def _identity(settings: DatasetSettings) -> dict[str, Any]:
     return {"settings": settings.as_json(), "objects": objects, "fixed": fixed, "versions": versions()}
 
 
-def _claim(folder: Path, identity: dict[str, Any], key: str) -> None:
-    """Write the manifest of a new dataset, or check that the one in the folder is this one."""
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: --out must be a folder")
-    if (folder / "manifest.json").exists():
-        old = read_manifest(folder)
-        if old.get("key") != key:
-            raise InputError(
-                f"{folder} holds a dataset of other settings ({_difference(old, identity)}): choose another --out"
-            )
-        return
-    if folder.is_dir() and any(folder.iterdir()):
-        raise InputError(f"{folder} is not empty and holds no dataset: choose another --out")
-    _write(folder, {"schema": SCHEMA, "key": key, **identity, "complete": False})
-
-
-def _difference(old: dict[str, Any], new: dict[str, Any]) -> str:
-    """Name the first setting that differs."""
-    for part in ("settings", "objects", "versions", "fixed"):
-        before, now = old.get(part) or {}, json.loads(json.dumps(new[part]))
-        for name in sorted({*before, *now}):
-            if before.get(name) != now.get(name):
-                return f"{name}: {str(before.get(name))[:60]} there, {str(now.get(name))[:60]} now"
-    return "they differ"
-
-
 def _finish(
     folder: Path, identity: dict[str, Any], key: str, jobs: list[Job], seconds: float
 ) -> dict[str, Any]:
     """Write the manifest with the hash of every file, and the time, which is no part of the dataset, beside it."""
-    files = {str(_path(folder, job).relative_to(folder)): file_hash(_path(folder, job)) for job in jobs}
+    files = {_name(folder, job): file_hash(_path(folder, job)) for job in jobs}
     manifest = {
         "schema": SCHEMA, "key": key, **identity, "complete": True,
         "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
@@ -196,7 +198,7 @@ def _finish(
         },
         "files": files,
     }  # fmt: skip
-    _write(folder, manifest)
+    write_json(folder / "manifest.json", manifest)
     if seconds:
         _log_time(folder, seconds)
     return manifest
@@ -204,9 +206,13 @@ def _finish(
 
 def _log_time(folder: Path, seconds: float) -> None:
     path = folder / "seconds.json"
-    before = json.loads(path.read_text())["last_run"] if path.is_file() else []
-    write_atomically(path, (json.dumps({"last_run": [*before, round(seconds, 1)]}) + "\n").encode())
-
-
-def _write(folder: Path, manifest: dict[str, Any]) -> None:
-    write_atomically(folder / "manifest.json", (json.dumps(manifest, indent=1) + "\n").encode())
+    try:
+        before = list(parse_json(path.read_bytes())["last_run"])
+    except (
+        OSError,
+        ValueError,
+        LookupError,
+        TypeError,
+    ):  # the times are for people: what is damaged is dropped
+        before = []
+    write_json(path, {"last_run": [*before, round(seconds, 1)]})

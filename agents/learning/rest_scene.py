@@ -18,7 +18,7 @@ from agents.physics.closure import closure_sweep
 from agents.planning.proposals import LEAST_DISTANCE, graspable_points
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.objects.load import load_object, object_name
+from dexgrasp_env.objects.load import load_target, object_name
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.poses import pose_matrix
@@ -64,17 +64,15 @@ def rng_of(settings: DatasetSettings, *key: int | str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence([settings.seed, *numbers]))
 
 
-def load_target(target: str, settings: DatasetSettings) -> ObjectModel:
-    """Return an object; scale and mass apply to mesh files alone."""
-    if object_name(target) == target:
-        return load_object(target)
-    return load_object(target, scale=settings.mesh_scale, mass=settings.mesh_mass)
+def model_of(target: str, settings: DatasetSettings) -> ObjectModel:
+    """Return an object as the settings scale and weigh it."""
+    return load_target(target, settings.mesh_scale, settings.mesh_mass)
 
 
 @lru_cache(maxsize=2)
 def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     """Prepare an object in a rest pose: steps 2 to 4 of section 1.3."""
-    model = load_target(target, settings)
+    model = model_of(target, settings)
     rest, name = rest_poses(model)[pose], object_name(target)
     T = pose_matrix(np.array([0.0, 0.0, rest.height]), np.array(rest.quat_wxyz))
     mesh = model.mesh.copy()

@@ -3,13 +3,14 @@
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from agents.planning.settings import PlannerSettings
+from agents.versions import package_versions
 from dexgrasp_env.errors import InputError
 
 SCHEMA = 1
+_PACKAGES = ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
 MU = 0.4
 """Friction coefficient of Eq. 4 in the dataset (the original's, as far as we know)."""
 POINTS = 256
@@ -86,13 +87,7 @@ def _plain(value: Any) -> Any:
 
 def versions() -> dict[str, str]:
     """Return the versions that bits may depend on."""
-    found = {"python": platform.python_version()}
-    for package in ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco"):
-        try:
-            found[package] = version(package)
-        except PackageNotFoundError:
-            found[package] = "not installed"
-    return found
+    return {"python": platform.python_version()} | package_versions(_PACKAGES)
 
 
 SCALE = 10.0

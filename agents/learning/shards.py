@@ -4,6 +4,9 @@ import hashlib
 import io
 import json
 import re
+import struct
+import zipfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +17,7 @@ from agents.learning.rest_scene import RestScene
 from agents.learning.sampler import COUNTS, Found
 from agents.learning.settings import SCHEMA
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import parse_json, write_atomically
+from dexgrasp_env.files import Layout, content_hash, fits, parse_json, write_atomically
 
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
@@ -72,49 +75,96 @@ def write_pose(path: Path, scene: RestScene, key: str) -> None:
 
 
 def write_arrays(path: Path, arrays: Arrays) -> None:
-    """Write arrays as npz; the same arrays give the same bytes."""
+    """Write arrays as npz, sealed with a hash of them all; the same arrays give the same bytes."""
     buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays)  # type: ignore[arg-type]
+    np.savez_compressed(buffer, **arrays, seal=_text(_seal(arrays)))  # type: ignore[arg-type]
     write_atomically(path, buffer.getvalue())
 
 
 def read_arrays(path: Path, key: str | None = None) -> Arrays:
-    """Read an npz file whole.
+    """Read an npz file of a dataset whole.
 
     Raises:
-        InputError: missing, cut off, damaged, or of another dataset (`key`).
+        InputError: missing, cut off, damaged, changed, numbers that are not finite, or of another dataset (`key`).
     """
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
+        seal = arrays.pop("seal", None)  # 0.1.0 wrote none
+        if seal is not None and text(seal) != _seal(arrays):
+            raise ValueError("changed")
     except FileNotFoundError:
         raise InputError(
             f"{path} is missing: run `dexgrasp dataset generate` again, it makes what is not there"
         ) from None
-    except Exception:  # a zip can be damaged in many ways: zlib, struct, encryption that it does not have
+    except _DAMAGE:
         raise InputError(
             f"{path} is cut off or damaged: run `dexgrasp dataset generate` with the same settings again, "
             "it makes it anew"
         ) from None
-    if key is not None and ("key" not in arrays or arrays["key"].tobytes() != key.encode()):
+    fault = _fault(arrays)
+    if fault:
+        raise InputError(
+            f"{path} is damaged ({fault}): run `dexgrasp dataset generate` again, it makes it anew"
+        )
+    if key is not None and arrays["key"].tobytes() != key.encode():
         raise InputError(f"{path} belongs to another dataset: remove it, or use another folder")
     return arrays
 
 
-def complete(path: Path, key: str) -> bool:
-    """Whether a file is there, whole, and of this dataset."""
+_DAMAGE = (
+    OSError,
+    ValueError,
+    LookupError,
+    TypeError,
+    EOFError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    struct.error,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What numpy and zipfile raise on an archive that is not whole."""
+
+
+def _seal(arrays: Arrays) -> str:
+    return content_hash(*(part for name in sorted(arrays) for part in (name, arrays[name])))
+
+
+def _fault(arrays: Arrays) -> str:
+    """Return what is wrong with the arrays of a shard or of a rest pose; empty if nothing is."""
+    for name, array in arrays.items():
+        if array.dtype.kind == "f" and not np.isfinite(array).all():
+            return f"{name} holds numbers that are not finite"
+    layout = _POSE if "cloud" in arrays else _SHARD
+    lengths = {len(arrays[name]) for name in FIELDS if name in arrays and arrays[name].ndim}
+    return "" if fits(arrays, layout) and len(lengths) < 2 else "not the arrays of a dataset"
+
+
+_POSE: Layout = {
+    "cloud": (None, 6), "points": (None, 3), "normals": (None, 3), "hull": (None, 3), "centre": (3,), "mass": (),
+    "quat_wxyz": (4,), "height": (), "probability": (), "triples": (2,), "key": (None,),
+}  # fmt: skip
+_SHARD: Layout = {name: (None, *shape) for name, (shape, _, _) in FIELDS.items()} | {
+    "counts": (len(COUNTS),), "blocked": (None,), "key": (None,),
+}  # fmt: skip
+
+
+def complete(path: Path, key: str, hashed: str | None = None) -> bool:
+    """Whether a file is there, whole, of this dataset, and, where its hash is known, as it was made."""
     try:
         read_arrays(path, key)
+        return hashed is None or file_hash(path) == hashed
     except InputError:
         return False
-    return True
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
     """Read manifest.json.
 
     Raises:
-        InputError: no dataset, or of another schema.
+        InputError: no dataset, damaged, or of another schema.
     """
     path = folder / "manifest.json"
     try:

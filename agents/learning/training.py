@@ -1,6 +1,5 @@
 """Training of the CVAE: resumable to the bit on a CPU, as every batch depends on seed and step alone."""
 
-import json
 import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
@@ -12,13 +11,14 @@ import numpy as np
 from agents.interrupt import held
 from agents.learning.batches import Batch, PoseSplit, split, test_batches, training_batch
 from agents.learning.dataset import read_dataset
+from agents.learning.folder import claim, occupy
 from agents.learning.network import Cvae, Losses, losses
 from agents.learning.settings import NetworkSettings
 from agents.learning.shards import read_manifest
 from agents.learning.weights import load_state, save_state, write_weights
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import write_atomically
+from dexgrasp_env.files import parse_json
 
 with from_extra():
     import torch
@@ -26,6 +26,7 @@ with from_extra():
 STEPS_PER_EPOCH = 50
 _MEASURED = 20  # steps that tell how many epochs fit into the minutes
 _NAMES = Losses._fields
+WEIGHTS = "cvae.safetensors"
 
 
 @dataclass(frozen=True)
@@ -87,12 +88,20 @@ def train(
         stop_after: epochs of this call, for tests of resuming.
 
     Raises:
-        InputError: no usable dataset, other settings in `out`, no such device.
+        InputError: no usable dataset, other settings or another process in `out`, no such device.
     """
     place = _device(device)
     torch.set_num_threads(settings.threads)
     parts = split(read_dataset(data), settings.held_out_object, settings.held_out_poses, seed=settings.seed)
-    key = _claim(data, out, settings, minutes)
+    with occupy(out):
+        key = _claim(data, out, settings, minutes)
+        return _train(parts, out, settings, key, minutes, place, progress, stop_after)
+
+
+def _train(
+    parts: dict[str, list[PoseSplit]], out: Path, settings: TrainingSettings, key: str, minutes: float | None,
+    place: torch.device, progress: Callable[[Progress], None] | None, stop_after: int | None,
+) -> Progress:  # fmt: skip
     torch.manual_seed(settings.seed)
     model = Cvae(settings.network).to(place)
     optimiser = torch.optim.Adam(model.parameters(), lr=settings.rate)
@@ -201,26 +210,51 @@ def _device(name: str) -> torch.device:
 
 def _claim(data: Path, out: Path, settings: TrainingSettings, minutes: float | None) -> str:
     """Write what is trained on what into `out`, or check that it is the same."""
-    run = {
-        "schema": 1,
-        "dataset": read_manifest(data)["key"],
-        "minutes": minutes,
-        "settings": asdict(settings),
-    }
-    content = json.dumps(run, indent=1, sort_keys=True) + "\n"
+    key = str(read_manifest(data)["key"])
     path = out / "run.json"
-    if path.is_file():
-        if path.read_text() != content:
-            raise InputError(f"{out} holds a training of other settings or data: choose another --out")
-    elif out.exists() and (not out.is_dir() or any(out.iterdir())):
-        raise InputError(f"{out} is not an empty folder and holds no training: choose another --out")
-    write_atomically(path, content.encode())
-    return str(run["dataset"])
+    try:
+        old = parse_json(path.read_bytes())
+    except FileNotFoundError:
+        old = None
+    except ValueError:
+        raise InputError(f"{path} is damaged: choose another --out") from None
+    if old is not None and not isinstance(old, dict):
+        raise InputError(f"{path} holds no settings of a training: choose another --out")
+    run = {"schema": 1, "dataset": key, "minutes": minutes, "settings": asdict(settings)}
+    claim(out, "run.json", old, run, "training")
+    return key
 
 
 def _resume(out: Path, model: Cvae, optimiser: torch.optim.Adam) -> Progress | None:
-    loaded = load_state(out / "checkpoint.safetensors", model, optimiser)
-    return None if loaded is None else Progress(**loaded)
+    """Fill model and optimiser from the checkpoint in `out`; None where there is none.
+
+    Raises:
+        InputError: damaged, or its best weights are gone, which no further epoch can bring back.
+    """
+    path = out / "checkpoint.safetensors"
+    loaded = load_state(path, model, optimiser)
+    if loaded is None:
+        return None
+    state = _progress(loaded)
+    if state is None:
+        raise InputError(f"{path} is damaged: remove it to train from the start, or choose another --out")
+    if state.best_epoch and not (out / WEIGHTS).is_file():
+        raise InputError(
+            f"the weights of epoch {state.best_epoch} are gone from {out} ({WEIGHTS}): remove {path.name} to train "
+            "from the start, or choose another --out"
+        )
+    return state
+
+
+def _progress(loaded: object) -> Progress | None:
+    """Return a checkpoint's progress, None where it cannot be one."""
+    try:
+        state = Progress(**loaded)  # type: ignore[arg-type]
+        whole = all(isinstance(row, dict) and isinstance(row["test"]["total"], float) for row in state.curve)
+        fits = len(state.curve) == state.epoch <= state.epochs and 0 <= state.best_epoch <= state.epoch
+        return state if whole and fits and float(state.best) == state.best and state.seconds >= 0 else None
+    except (TypeError, KeyError, ValueError):
+        return None
 
 
 def _keep(
@@ -234,7 +268,7 @@ def _keep(
         state.best, state.best_epoch = tested, state.epoch
         row = {k: v for k, v in state.curve[-1].items() if k != "epoch"}
         about = {"epoch": state.epoch, "dataset": key, "seed": settings.seed, "losses": row}
-        write_weights(out / "cvae.safetensors", model, about)
+        write_weights(out / WEIGHTS, model, about)
     save_state(out / "checkpoint.safetensors", model, optimiser, asdict(state))
 
 

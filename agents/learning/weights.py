@@ -7,6 +7,7 @@ from typing import Any
 from agents.learning.decoder import SCHEMA, read_arrays, wrong_schema
 from agents.learning.network import Cvae
 from agents.learning.settings import NetworkSettings
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_atomically
 
@@ -55,13 +56,18 @@ def load_state(path: Path, model: Cvae, optimiser: torch.optim.Adam) -> dict[str
     if not path.is_file():
         return None
     tensors, progress = _read(path)
-    model.load_state_dict({name[6:]: t for name, t in tensors.items() if name.startswith("model.")})
-    states: dict[int, dict[str, torch.Tensor]] = {}
-    for name, tensor in tensors.items():
-        if name.startswith("adam."):
-            _, k, what = name.split(".")
-            states.setdefault(int(k), {})[what] = tensor
-    optimiser.load_state_dict({"state": states, "param_groups": optimiser.state_dict()["param_groups"]})
+    try:
+        model.load_state_dict({name[6:]: t for name, t in tensors.items() if name.startswith("model.")})
+        states: dict[int, dict[str, torch.Tensor]] = {}
+        for name, tensor in tensors.items():
+            if name.startswith("adam."):
+                _, k, what = name.split(".")
+                states.setdefault(int(k), {})[what] = tensor
+        optimiser.load_state_dict({"state": states, "param_groups": optimiser.state_dict()["param_groups"]})
+    except (RuntimeError, ValueError, KeyError, TypeError):
+        raise InputError(
+            f"{path} is damaged, or of another network: remove it to train from the start"
+        ) from None
     return progress
 
 

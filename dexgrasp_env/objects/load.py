@@ -50,6 +50,13 @@ def load_object(
     return _mesh_object(path, stamp, scale, mass)
 
 
+def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:
+    """Return an object as `load_object` does; scale and mass apply to mesh files alone."""
+    if target in CATALOGUE:
+        return load_object(target)
+    return load_object(target, scale=mesh_scale, mass=mesh_mass)
+
+
 def resolve_targets(targets: Sequence[str]) -> list[str]:
     """Expand the names of sets; names and paths stay as they are, each once, in the order given.
 

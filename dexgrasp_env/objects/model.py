@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.parts import ContactPart
@@ -163,15 +163,6 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
         inner.add_points(corners[kept[-1:]])
     inner.close()
     return trimesh.Trimesh(corners[kept], process=False).convex_hull
-
-
-def fibonacci_directions(count: int) -> Array:
-    """Return (count, 3) unit vectors spread evenly over the sphere, always the same."""
-    index = np.arange(count) + 0.5
-    z = 1.0 - 2.0 * index / count
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * index
-    across = np.sqrt(1.0 - z**2)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
 
 
 def _microns(values: Array) -> np.ndarray:

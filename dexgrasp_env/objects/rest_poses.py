@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import Arrays, cached_arrays, write_atomically
 from dexgrasp_env.objects.dropping import drop, stays
-from dexgrasp_env.objects.model import ObjectModel, fibonacci_directions
+from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import support_height
 
 DROPS = 240

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import trimesh
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
-from dexgrasp_env.objects.model import fibonacci_directions
 from dexgrasp_env.objects.parts import ContactPart, hull_part
 from dexgrasp_env.poses import matrix_to_quat
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 import io
 import os
 import struct
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ import trimesh
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import Arrays, cached_arrays, content_hash, printable_stem
+from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair
@@ -28,21 +29,6 @@ DENSITY = 400.0
 MASS_RANGE = (0.02, 1.0)
 _LARGEST, _SMALLEST, _HAND = 2.0, 0.005, 0.12
 _VERSION = 3
-
-
-@dataclass(frozen=True)
-class Finding:
-    """One thing `dexgrasp doctor` says of a mesh.
-
-    Attributes:
-        level: "error" (cannot be used), "warning" (used, but look at it) or "info".
-        problem: what is the matter.
-        remedy: what to do, or what was done.
-    """
-
-    level: str
-    problem: str
-    remedy: str
 
 
 def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float | None = None) -> ObjectModel:

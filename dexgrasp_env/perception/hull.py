@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.perception.plane import Plane
 
 if TYPE_CHECKING:
@@ -73,12 +73,9 @@ def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
 
 
 def _directions(count: int) -> Array:
-    """Unit vectors spread evenly over the upper half sphere and a little below its equator (Fibonacci)."""
-    index = np.arange(count) + 0.5
-    z = 1.0 - 2.0 * index / count
-    turn = np.pi * (1.0 + np.sqrt(5.0)) * index
-    across = np.sqrt(1.0 - z * z)
-    return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)[z > -0.1]
+    """Even directions (n, 3) over the upper half sphere and a little below its equator."""
+    directions = fibonacci_directions(count)
+    return directions[directions[:, 2] > -0.1]
 
 
 def _hull(points: Array) -> "trimesh.Trimesh | None":

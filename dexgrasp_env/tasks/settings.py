@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.load import load_object, resolve_targets
+from dexgrasp_env.objects.load import load_target, resolve_targets
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.mounts import MOUNTS
 from dexgrasp_env.scene.constants import FRICTION
@@ -102,12 +102,3 @@ def _check_views(value: Any) -> tuple[str, ...] | int:
     if not names or len(set(names)) < len(names):
         raise InputError(f"views = {value!r}: valid are one or more of {', '.join(CAMERA_NAMES)}, each once")
     return names
-
-
-def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:
-    """Load a name of the catalogue, or a mesh file with its scale and mass."""
-    from dexgrasp_env.objects.catalogue import CATALOGUE
-
-    if target in CATALOGUE:
-        return load_object(target)
-    return load_object(target, scale=mesh_scale, mass=mesh_mass)
