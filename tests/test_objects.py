@@ -115,7 +115,6 @@ def test_geoms_have_the_agreed_names_and_groups():
     assert list(mj_model.geom_group) == [2, 3, 3]
     assert mj_model.geom_contype[0] == mj_model.geom_conaffinity[0] == 0
     assert list(mj_model.geom_condim[1:]) == [3, 3]
-    assert mj_model.geom_friction[1, 0] == 0.7
 
 
 @pytest.mark.parametrize("name", ["mustard_bottle", "sandwich_side", "massage_ball"])

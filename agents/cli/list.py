@@ -39,7 +39,7 @@ def run(args: argparse.Namespace) -> int:
     print(left_table(tuple(rows[0]), [[_words(value) for value in row.values()] for row in rows]))
     if args.what == "objects":
         print("\nSets: " + "; ".join(f"{name} ({len(members)})" for name, members in _sets()["sets"].items()))
-        print("A mesh file (obj, stl, ply, glb) does wherever an object is named.")
+        print("A mesh file (obj, stl, ply, glb) or a set file (json) does wherever an object is named.")
     return 0
 
 

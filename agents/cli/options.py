@@ -76,11 +76,12 @@ def check_mesh_options(args: argparse.Namespace, targets: Sequence[str]) -> None
     """
     from dexgrasp_env.errors import InputError
     from dexgrasp_env.objects.catalogue import CATALOGUE
+    from dexgrasp_env.objects.sets import is_set
 
     given = args.mesh_scale != 1.0 or args.mesh_mass is not None
-    if given and all(target in CATALOGUE for target in targets):
+    if given and all(target in CATALOGUE or is_set(target) for target in targets):
         raise InputError(
-            f"--mesh-scale and --mesh-mass are of mesh files alone: {targets[0]!r} is of the catalogue"
+            f"--mesh-scale and --mesh-mass are of mesh files alone: {targets[0]!r} is of the catalogue or of a set file"
         )
 
 

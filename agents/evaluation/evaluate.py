@@ -17,7 +17,7 @@ from agents.evaluation.workers import run_cells
 from agents.interrupt import held, kept
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import CATALOGUE
-from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.objects.load import load_target
 
 
 def evaluate(
@@ -83,7 +83,7 @@ def _check(settings: EvaluationSettings, planned: Sequence[TrialSpec], bench: Tr
     """Let mistakes show before the first trial: agents, settings, and every mesh."""
     for target in settings.objects:
         if target not in CATALOGUE:
-            load_object(target, scale=settings.mesh_scale, mass=settings.mesh_mass)
+            load_target(target, settings.mesh_scale, settings.mesh_mass)
     first = {(spec.agent, spec.protocol): spec for spec in reversed(planned)}
     for spec in first.values():
         bench.make_env(spec).close()

@@ -3,12 +3,12 @@
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.objects.load import seed_name
 
 AGENT_KEYS = ("obs_mode", "control_mode", "observe", "reward_mode")
 """The settings that an agent may choose; everything else belongs to the protocol."""
@@ -75,7 +75,7 @@ def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
         target: name of the catalogue, or path of a mesh, of which the file's name counts.
         trial: number from 0 on.
     """
-    digest = hashlib.sha256(Path(target).name.encode()).digest()
+    digest = hashlib.sha256(seed_name(target).encode()).digest()
     words = np.frombuffer(digest[:16], dtype="<u4").tolist()
     scene, agent = np.random.SeedSequence([seed, trial, *words]).generate_state(2)
     return TrialSeeds(int(scene), int(agent))

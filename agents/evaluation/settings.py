@@ -12,7 +12,7 @@ from agents.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol
 from agents.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
-from dexgrasp_env.objects.catalogue import CATALOGUE
+from dexgrasp_env.objects.load import target_files
 
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
@@ -115,7 +115,7 @@ class EvaluationSettings:
         """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these."""
         from agents.policies.checkpoint import checkpoint_files
 
-        named = [Path(name) for name in self.objects if name not in CATALOGUE]
+        named = [path for name in self.objects for path in target_files(name)]
         for agent in self.agents:
             named += checkpoint_files(agent)
         return [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]

@@ -7,6 +7,7 @@ from pathlib import Path
 from agents.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds
 from agents.evaluation.settings import EvaluationSettings
 from dexgrasp_env.objects.catalogue import CATALOGUE
+from dexgrasp_env.objects.load import object_name
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,7 @@ def object_labels(targets: Sequence[str]) -> dict[str, str]:
     """Return what each object is called in the results: name or file's stem, the path where two are alike."""
     labels: dict[str, str] = {}
     for target in targets:
-        label = target if target in CATALOGUE else Path(target).stem
+        label = object_name(target)
         if target not in CATALOGUE and (label in CATALOGUE or label in labels.values()):
             label = Path(target).name if Path(target).name not in labels.values() else target
         labels[target] = label

@@ -23,7 +23,7 @@ _CHECK_EVERY = 25
 _STILL_CHECKS = 4
 _STILL = 2e-3
 _SPIN_TIME = 0.3
-_ROLLING = 2e-4
+_FRICTION = [0.7, 0.005, 2e-4]  # sliding, torsional m, rolling m
 
 
 def drop(model: ObjectModel, ups: Array) -> tuple[Array, Array]:
@@ -58,14 +58,12 @@ def drop_model(model: ObjectModel) -> mujoco.MjModel:
     spec = mujoco.MjSpec()
     spec.option.timestep = _TIMESTEP
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    spec.worldbody.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1], friction=[model.friction, 0.005, _ROLLING]
-    )
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_PLANE, size=[5, 5, 1], friction=_FRICTION)
     body = spec.worldbody.add_body(name="object")
     body.add_freejoint(name="object")
     add_to_spec(spec, body, model, visual=False, condim=6)
     for geom in body.geoms:
-        geom.friction = [model.friction, 0.005, _ROLLING]
+        geom.friction = _FRICTION
     mj_model = spec.compile()
     mj_model.dof_damping[3:6] = np.trace(model.inertia) / 3 / _SPIN_TIME
     return mj_model

@@ -5,17 +5,19 @@ from __future__ import annotations
 import difflib
 import os
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+
+import numpy as np
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.sets import MASS_LIMITS, SetMember, is_set, set_member, set_targets
 
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
-MASS_LIMITS = (1e-4, 100.0)
-"""kg: lighter bodies vanish in the solver's tolerance, heavier ones are no objects for a hand."""
 
 
 def load_object(
@@ -24,7 +26,8 @@ def load_object(
     """Return an object of the catalogue, or a user's mesh made fit for use.
 
     Args:
-        target: a name of the catalogue, or the path of an obj, stl, ply or glb file.
+        target: a name of the catalogue, the path of an obj, stl, ply or glb file, or `FILE.json#name` of a set file,
+            whose scale and mass then hold.
         scale: factor from the file's unit to metres (0.001 for millimetres), or from the catalogue's size.
         mass: kilograms, in place of the object's own.
 
@@ -39,6 +42,8 @@ def load_object(
     if target in CATALOGUE:
         model = _catalogue_object(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)
+    if is_set(target):
+        return _member_object(set_member(target))
     if not is_mesh_path(target):
         raise unknown_object(target)
     if not is_file(target):
@@ -50,8 +55,14 @@ def load_object(
     return _mesh_object(path, stamp, scale, mass)
 
 
+def _member_object(member: SetMember) -> ObjectModel:
+    model = load_object(member.mesh, scale=member.scale, mass=member.mass)
+    upright = None if member.upright is None else np.array(member.upright)
+    return replace(model, name=member.name, friction=member.friction, upright=upright)
+
+
 def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:
-    """Return an object as `load_object` does; scale and mass apply to mesh files alone."""
+    """Return an object as `load_object` does; scale and mass apply to bare mesh files alone."""
     if target in CATALOGUE:
         return load_object(target)
     return load_object(target, scale=mesh_scale, mass=mesh_mass)
@@ -63,11 +74,11 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
     Raises:
         InputError: for an unknown name or a missing file, listing what is valid.
     """
-    names = [name for target in targets for name in OBJECT_SETS.get(target, (target,))]
+    names = [name for target in targets for name in _expanded(target)]
     if not names:
         raise InputError(f"no objects given: name some, or a set: {', '.join(OBJECT_SETS)}")
     for name in names:
-        if name in CATALOGUE:
+        if name in CATALOGUE or is_set(name):
             continue
         if not is_mesh_path(name):
             raise unknown_object(name)
@@ -76,8 +87,33 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(names))
 
 
+def _expanded(target: str) -> Sequence[str]:
+    if not is_set(target):
+        return OBJECT_SETS.get(target, (target,))
+    if "#" in target:
+        set_member(target)
+        return (target,)
+    return set_targets(target)
+
+
+def target_files(target: str) -> tuple[Path, ...]:
+    """Return the files that an object is made from: none, a mesh, or a set file and the member's mesh."""
+    if target in CATALOGUE:
+        return ()
+    if is_set(target):
+        return Path(os.path.expanduser(target.partition("#")[0])), set_member(target).mesh
+    return (Path(os.path.expanduser(target)),)
+
+
+def seed_name(target: str) -> str:
+    """Return what an object's trials are drawn from: its name, of a mesh the name of its file."""
+    return target.partition("#")[2] if is_set(target) else Path(target).name
+
+
 def object_name(target: str) -> str:
-    """Return the name an object is shown by: itself, or the stem of a mesh file."""
+    """Return the name an object is shown by: itself, the stem of a mesh file, or a member's of a set file."""
+    if is_set(target):
+        return target.partition("#")[2]
     return target if target in CATALOGUE else printable_stem(Path(target))
 
 
@@ -98,7 +134,7 @@ def unknown_object(name: str) -> InputError:
     hint = f"; did you mean {' or '.join(near)}?" if near else ""
     return InputError(
         f"unknown object {name!r}{hint} (objects: {', '.join(CATALOGUE)}; sets: {', '.join(OBJECT_SETS)}; "
-        f"or a mesh file: {', '.join(MESH_SUFFIXES)})"
+        f"or a mesh file: {', '.join(MESH_SUFFIXES)}; or a set file: .json)"
     )
 
 

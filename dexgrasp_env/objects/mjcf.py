@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     import mujoco
 
 VISUAL_GEOM = "object_visual"
-_TORSION, _ROLLING = 0.005, 0.0001
 
 
 def add_to_spec(
@@ -28,7 +27,7 @@ def add_to_spec(
     """Give `body` the shape and the mass of `model`; its frame becomes the object frame.
 
     Adds the geom `<prefix>_visual` (group 2, collides with nothing), the geoms `<prefix>_0`, `<prefix>_1`,
-    ... (group 3) and the inertia. Joints are the caller's.
+    ... (group 3) and the inertia. Joints and friction are the caller's.
 
     Args:
         spec: the specification that `body` belongs to; it receives the meshes.
@@ -48,7 +47,6 @@ def add_to_spec(
     for index, part in enumerate(model.parts):
         names.append(f"{prefix}_{index}")
         geom = _add_part(spec, body, part, names[-1])
-        geom.friction = [model.friction, _TORSION, _ROLLING]
         geom.group = 3
         geom.rgba = model.rgba
         for key, value in contact.items():

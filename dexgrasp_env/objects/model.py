@@ -31,8 +31,9 @@ class ObjectModel:
         mass: kilograms.
         inertia: (3, 3) kg m^2 about the centre of mass, axes of the object frame. The mass is spread evenly
             over the volume of the mesh.
-        friction: sliding coefficient of its surface.
+        friction: sliding coefficient of its contacts where the scene names none; None: the default.
         fixed_pose: (4,) wxyz of the one pose it is presented in, or None: then any of `rest_poses`.
+        upright: (4,) wxyz of the pose it stands upright in; None: as built.
         rgba: colour it is drawn in.
         notes: what was done to it or assumed of it, one sentence each.
         file_centre: (3,) metres, where the origin lies in the frame of the mesh file; zero for the catalogue.
@@ -43,10 +44,11 @@ class ObjectModel:
     parts: tuple[ContactPart, ...]
     mass: float
     inertia: Array
-    friction: float = 0.7
+    friction: float | None = None
     fixed_pose: Array | None = None
     rgba: tuple[float, float, float, float] = (0.75, 0.55, 0.3, 1.0)
     notes: tuple[str, ...] = ()
+    upright: Array | None = None
     file_centre: Array = field(default_factory=lambda: np.zeros(3))
 
     def __post_init__(self) -> None:

@@ -3,7 +3,6 @@
 import mujoco
 
 from dexgrasp_env.scene.constants import (
-    FRICTION,
     IMPRATIO,
     TABLE_CENTRE_X,
     TABLE_HEIGHT,
@@ -50,7 +49,6 @@ def add_arena(spec: mujoco.MjSpec) -> None:
         pos=[0, 0, -half[2]],
         material="table",
         condim=3,
-        friction=[FRICTION, 0.005, 0.0001],
     )
     for x in (-1, 1):
         for y in (-1, 1):

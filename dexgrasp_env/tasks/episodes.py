@@ -113,7 +113,8 @@ class Episodes:
         drawn = names[int(rng.integers(len(names)))]
         target = options.get("object", drawn)
         simulation = self.simulations[target]
-        variation = settings.randomisation.sample(rng, settings.mass, settings.friction)
+        friction = settings.friction_of(simulation.object)
+        variation = settings.randomisation.sample(rng, settings.mass, friction)
         pose = settings.object_pose.sample(simulation.object, rng, settings.presentation)
         pose[2] *= variation.size
         given = options.get("object_pose")

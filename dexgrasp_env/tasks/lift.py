@@ -11,7 +11,7 @@ from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ACTION_SIZE
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState
 from dexgrasp_env.tasks.observations import observation_space
@@ -132,7 +132,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta` |
     | `reward_mode` | `'dense'` | `dense`, `sparse` |
     | `mount` | `'palm_normal'` | `palm_normal`, `fingers_along`: how the hand sits on the flange |
-    | `friction` | `0.7` | sliding friction coefficient of every contact, above 0 and up to 2 |
+    | `friction` | `None` | sliding friction of every contact, above 0 and up to 2; None: 0.7, or a set file's |
     | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
     | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
     | `disturbance` | `None` | `none`, `pushed`, `shaken`, or `kind` and `size` (of the weight; of the shaking) |
@@ -177,7 +177,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         control_mode: str = "joint_delta",
         reward_mode: str = "dense",
         mount: str = "palm_normal",
-        friction: float = FRICTION,
+        friction: float | None = None,
         mass: float = 1.0,
         presentation: str = "rest",
         disturbance: Mapping[str, Any] | str | None = None,

@@ -13,7 +13,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import MERGE_ANGLE, rest_poses
-from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
+from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
 from dexgrasp_env.robot.limits import REACH
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
@@ -99,19 +99,20 @@ def fixed_rest(model: ObjectModel) -> tuple[NDArray[np.float64], float]:
 
 @lru_cache(maxsize=64)
 def upright_rest(model: ObjectModel) -> tuple[Array, float] | None:
-    """Return quaternion and centre height of the object as built, z up, or None where it does not stay so.
+    """Return quaternion and centre height of the object standing, or None where it does not stay so.
 
-    An object that the catalogue presents in one pose keeps that.
+    It stands as it is built, z up, or as its set file says; what the catalogue presents in one pose keeps that.
     """
     if model.fixed_pose is not None:
         return fixed_rest(model)
     from dexgrasp_env.objects.dropping import stays
     from dexgrasp_env.objects.parts import support_height
 
-    up = np.array([0.0, 0.0, 1.0])
+    quat = np.array([1.0, 0.0, 0.0, 0.0]) if model.upright is None else np.asarray(model.upright)
+    up = rotate(quat_conjugate(quat), np.array([0.0, 0.0, 1.0]))
     if not stays(model, up, MERGE_ANGLE):
         return None
-    return np.array([1.0, 0.0, 0.0, 0.0]), support_height(model.parts, up)
+    return quat, support_height(model.parts, up)
 
 
 def check_pose(value: Any, hull: Array) -> Array:

@@ -33,7 +33,7 @@ class LiftSettings:
     control_mode: str = "joint_delta"
     reward_mode: str = "dense"
     mount: str = "palm_normal"
-    friction: float = FRICTION
+    friction: float | None = None
     mass: float = 1.0
     presentation: str = "rest"
     disturbance: Disturbance = Disturbance()
@@ -56,7 +56,8 @@ class LiftSettings:
         for key, valid in _CHOICES.items():
             if given[key] not in valid:
                 raise unknown_name(key, given[key], valid)
-        _check_number("friction", given["friction"], 2.0)
+        if given["friction"] is not None:
+            _check_number("friction", given["friction"], 2.0)
         _check_number("mass", given["mass"], 100.0)
         parts = {
             "object_pose": Placement.of(given["object_pose"]),
@@ -67,6 +68,11 @@ class LiftSettings:
         }
         targets = resolve_targets([objects] if isinstance(objects, str) else list(objects))
         return cls(objects=tuple(targets), **(given | parts))
+
+    def friction_of(self, model: ObjectModel) -> float:
+        """Return the sliding coefficient given, else the object's own, else the default."""
+        given = (self.friction, model.friction, FRICTION)
+        return next(float(value) for value in given if value is not None)
 
     def load_objects(self) -> dict[str, ObjectModel]:
         """Load the objects; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""

@@ -1,0 +1,212 @@
+"""Set files: members with units, masses, friction and poses of their own; fetching from a publisher."""
+
+import http.server
+import importlib.util
+import io
+import json
+import tarfile
+import threading
+from pathlib import Path
+
+import gymnasium as gym
+import numpy as np
+import pytest
+import trimesh
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from agents.cli.main import main
+from agents.evaluation.protocol import trial_seeds
+from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.spec import object_labels
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects import load_object, object_name, resolve_targets
+
+BRICK = {
+    "name": "brick",
+    "mesh": "brick.stl",
+    "scale": 0.001,
+    "mass": 0.2,
+    "friction": 0.4,
+    "source": "made here",
+}
+BALL = {"name": "ball", "mesh": "more/ball.ply", "upright": [0.5, 0.5, 0.5, 0.5]}
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch) -> Path:
+    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "cache"))
+    (tmp_path / "more").mkdir()
+    trimesh.creation.box((50, 60, 80)).export(tmp_path / "brick.stl")
+    trimesh.creation.box((0.05, 0.06, 0.07)).export(tmp_path / "more" / "ball.ply")
+    return tmp_path
+
+
+def written(folder: Path, *objects: object, **more: object) -> str:
+    path = folder / "my.json"
+    path.write_text(json.dumps({"schema": 1, "objects": list(objects)} | more))
+    return str(path)
+
+
+def test_members_have_their_own_unit_mass_friction_and_pose(folder):
+    path = written(folder, BRICK, BALL)
+    targets = resolve_targets([path, "pear"])
+    assert targets == [f"{path}#brick", f"{path}#ball", "pear"]
+    brick, ball = map(load_object, targets[:2])
+    np.testing.assert_allclose(brick.extents, [0.05, 0.06, 0.08])
+    assert (brick.name, brick.mass, brick.friction) == ("brick", 0.2, 0.4)
+    assert (ball.name, ball.friction) == ("ball", None)
+    np.testing.assert_allclose(ball.upright, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("objects", "message"),
+    [
+        ([], "must hold"),
+        ([3], "object 1: it must be like"),
+        ([BRICK, BRICK], "object 2: name 'brick' is taken"),
+        ([BRICK | {"name": "pear"}], "name 'pear' is taken"),
+        ([BRICK | {"name": "a/b"}], "name is 'a/b'"),
+        ([BRICK, BALL | {"mesh": "no.ply"}], "object 2: mesh file"),
+        ([BRICK | {"mesh": 7}], "mesh is 7"),
+        ([BRICK | {"mass": 1e-300}], "mass is 1e-300: valid are numbers from 0.0001 to 100"),
+        ([BRICK | {"mass": True}], "mass is True"),
+        ([BRICK | {"scale": 0}], "scale is 0"),
+        ([BRICK | {"friction": 3}], "friction is 3"),
+        ([BRICK | {"upright": [1, 1, 0, 0]}], "unit quaternion"),
+        ([BRICK | {"upright": "up"}], "unit quaternion"),
+        ([BRICK | {"wieght": 1}], "unknown key 'wieght'"),
+    ],
+)
+def test_a_set_is_checked_as_a_whole(folder, objects, message):
+    path = written(folder, *objects)
+    with pytest.raises(InputError) as caught:
+        resolve_targets([path])
+    assert message in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "content", [b"", b"[]", b"{}", b"\xff\xfe", b"[" * 99999, b'{"schema": 2, "objects": [1]}']
+)
+def test_files_that_are_no_sets_are_refused(folder, content):
+    (folder / "bad.json").write_bytes(content)
+    for target in ("bad.json", "bad.json#x", "missing.json"):
+        with pytest.raises(InputError, match="set file"):
+            resolve_targets([str(folder / target)])
+
+
+def test_a_member_is_named_in_results_and_seeds_by_its_name(folder):
+    path = written(folder, BRICK, BALL)
+    other = folder / "other.json"
+    other.write_text(Path(path).read_text())
+    targets = resolve_targets([path, str(other)])
+    assert object_name(targets[0]) == "brick"
+    labels = object_labels(targets)
+    assert len(set(labels.values())) == 4
+    assert labels[targets[0]] == "brick"
+    assert trial_seeds(0, targets[0], 2) == trial_seeds(0, targets[2], 2) == trial_seeds(0, "brick", 2)
+    with pytest.raises(InputError, match=r"no object 'x': valid are brick, ball"):
+        resolve_targets([f"{path}#x"])
+
+
+def test_an_evaluation_knows_the_set_and_its_meshes(folder):
+    path = written(folder, BRICK, BALL)
+    settings = EvaluationSettings.of(["random"], [path])
+    files = settings.identity()["files"]
+    assert {Path(name).name for name in files} == {"my.json", "brick.stl", "ball.ply"}
+    trimesh.creation.box((50, 60, 81)).export(folder / "brick.stl")
+    assert settings.identity()["files"] != files
+
+
+def test_environments_take_the_friction_of_the_member_unless_they_name_one(folder):
+    path = written(folder, BRICK)
+    for given, expected in ((None, 0.4), (0.9, 0.9)):
+        env = gym.make("DexGrasp/Lift-v1", objects=path, friction=given)
+        env.reset(seed=0)
+        model = env.unwrapped.model
+        assert set(model.pair_friction[:, 0]) == {expected}
+        assert model.body("object").mass == pytest.approx(0.2)
+        env.close()
+
+
+def test_members_stand_upright_as_the_set_says(folder):
+    path = written(folder, BALL | {"upright": [2**-0.5, 2**-0.5, 0, 0]})
+    env = gym.make("DexGrasp/LiftUpright-v1", objects=path)
+    env.reset(seed=0)
+    vertical = env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]
+    np.testing.assert_allclose(vertical, [0, 1, 0], atol=1e-2)
+    env.close()
+
+
+def test_mesh_options_do_not_apply_to_a_set(folder, capsys):
+    path = written(folder, BRICK)
+    assert main(["plan", path, "--mesh-scale", "0.001"]) == 2
+    assert "of a set file" in capsys.readouterr().err
+
+
+@pytest.fixture
+def publisher():
+    """A server on this machine that holds one archive that is whole and one that is not."""
+    mesh = trimesh.creation.box((0.04, 0.09, 0.17)).export(file_type="ply")
+    archives = {"004_sugar_box": archive(mesh), "011_banana": archive(b"no mesh", "011_banana")}
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_GET(self) -> None:
+            content = archives.get(self.path.strip("/").removesuffix("_google_16k.tgz"))
+            self.send_response(200 if content else 404)
+            self.end_headers()
+            self.wfile.write(content or b"")
+
+        def log_message(self, *_: object) -> None:
+            pass
+
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Handler)
+    threading.Thread(target=server.serve_forever, daemon=True).start()
+    yield f"http://127.0.0.1:{server.server_port}"
+    server.shutdown()
+
+
+def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
+    buffer = io.BytesIO()
+    with tarfile.open(fileobj=buffer, mode="w:gz") as tar:
+        entry = tarfile.TarInfo(f"{name}/google_16k/nontextured.ply")
+        entry.size = len(content)
+        tar.addfile(entry, io.BytesIO(content))
+    return buffer.getvalue()
+
+
+@pytest.fixture(scope="module")
+def fetch_ycb():
+    spec = importlib.util.spec_from_file_location(
+        "fetch_ycb", Path(__file__).parents[1] / "scripts" / "fetch_ycb.py"
+    )
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module.main
+
+
+def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fetch_ycb, capsys):
+    path = folder / "sets" / "ycb.json"
+    arguments = [str(path), "--objects", "004_sugar_box", "--publisher", publisher]
+    assert fetch_ycb(arguments) == 0
+    assert not path.exists()
+    assert "--yes" in capsys.readouterr().out
+    assert fetch_ycb([*arguments, "--yes"]) == 0
+    (target,) = resolve_targets([str(path)])
+    model = load_object(target)
+    assert (model.name, model.mass) == ("ycb_004_sugar_box", 0.514)
+    np.testing.assert_allclose(model.extents, [0.04, 0.09, 0.17], atol=1e-6)
+    arguments[-1] = "http://127.0.0.1:1"  # nobody is there: what is in the cache is not fetched again
+    assert fetch_ycb([*arguments, "--yes"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [("011_banana", "no ply file"), ("013_apple", "404"), ("spoon", "unknown object 'spoon'")],
+)
+def test_what_cannot_be_fetched_is_said_in_one_line(folder, publisher, fetch_ycb, name, message, capsys):
+    arguments = [str(folder / "ycb.json"), "--objects", name, "--publisher", publisher, "--yes"]
+    assert fetch_ycb(arguments) == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if line.startswith("fetch_ycb")]
+    assert message in line
+    assert not (folder / "ycb.json").exists()
