@@ -11,6 +11,7 @@ import pytest
 import trimesh
 
 from agents.cli.main import main
+from agents.cli.score import short_names
 from agents.scoring.candidate import HandStage, joints_in_order
 from agents.scoring.closing import PRESS, balanced_forces, close_around
 from agents.scoring.hand import find_hand
@@ -335,6 +336,12 @@ def test_score_command(folder, capsys):
     assert "valid are dgb_fc" in capsys.readouterr().err
     assert main(["score", files[0]]) == 2
     assert "--mesh" in capsys.readouterr().err
+
+
+def test_files_of_the_same_name_are_told_apart():
+    assert short_names(["a/x/g.json", "a/y/g.json"]) == {"a/x/g.json": "x/g.json", "a/y/g.json": "y/g.json"}
+    assert short_names(["a/x/g.json", "a/x/h.npy[1]"]) == {"a/x/g.json": "g.json", "a/x/h.npy[1]": "h.npy[1]"}
+    assert short_names([]) == {}
 
 
 def test_diversity_of_the_same_and_of_different_grasps(folder):

@@ -1,6 +1,7 @@
 """`dexgrasp score`: grasp files, ours or others', under published protocols."""
 
 import argparse
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -82,8 +83,9 @@ def render_scores(content: dict[str, Any]) -> str:
     names = list(content["protocols"])
     grasps = {row["grasp"]: row for row in content["rows"]}
     verdicts = {(row["grasp"], row["protocol"]): row for row in content["rows"]}
+    labels = short_names(list(grasps))
     rows = [
-        [Path(grasp).name, row["object"], *(_cell(verdicts[grasp, name]) for name in names)]
+        [labels[grasp], row["object"], *(_cell(verdicts[grasp, name]) for name in names)]
         for grasp, row in grasps.items()
     ]
     parts = [left_table(("grasp", "object", *names), rows)]
@@ -100,6 +102,17 @@ def render_scores(content: dict[str, Any]) -> str:
     return "\n\n".join(
         parts + ([left_table(("grasp", "protocol", "why it failed"), failed)] if failed else [])
     )
+
+
+def short_names(paths: Sequence[str]) -> dict[str, str]:
+    """Return path -> its last parts, as many as it takes to tell all of them apart."""
+    parts = {path: Path(path).parts for path in paths}
+    deepest = max((len(own) for own in parts.values()), default=1)
+    for count in range(1, deepest + 1):
+        names = {path: "/".join(own[-count:]) for path, own in parts.items()}
+        if len(set(names.values())) == len(names):
+            return names
+    return {path: path for path in paths}
 
 
 def _cell(row: dict[str, Any]) -> str:
