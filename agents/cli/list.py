@@ -95,7 +95,7 @@ def list_agents() -> list[dict[str, Any]]:
 
 def list_protocols() -> list[dict[str, Any]]:
     """Return the protocols: name, environment, what is special."""
-    from agents.evaluation.protocol import PROTOCOLS
+    from agents.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST
     from agents.scoring.protocols import GRASP_PROTOCOLS
 
     of_agents = [
@@ -106,7 +106,11 @@ def list_protocols() -> list[dict[str, Any]]:
         {"name": name, "env": "grasp files", "description": protocol.summary}
         for name, protocol in GRASP_PROTOCOLS.items()
     ]
-    return of_agents + of_files
+    made_of = [
+        {"name": name, "env": "", "description": "the mean of " + ", ".join(names)}
+        for name, names in (GROUPS | {"robust": ROBUST}).items()
+    ]
+    return of_agents + made_of + of_files
 
 
 def _describe(spec: str) -> dict[str, Any]:

@@ -46,7 +46,7 @@ def evaluate(
         KeyboardInterrupt: as it comes; finished trials and their summary are kept.
         WorkerDiedError: likewise.
     """
-    if stop_level is not None and len(settings.protocols) > 1:
+    if stop_level is not None and len(settings.parts) > 1:
         raise InputError("--stop-early tells agents apart under one protocol: name one")
     bench = TrialRunner(settings)
     planned = plan_trials(settings)

@@ -33,17 +33,53 @@ class Protocol:
 
 DEFAULT_PROTOCOL = "lift"
 
+_LIFT = "DexGrasp/Lift-v1"
+_LIMIT = 300  # control steps of an episode; a disturbance adds its own
+_PUSHED, _SHAKEN = 80, 40  # control steps that pushes and shaking take
+
+
+def _disturbed(kind: str, steps: int, size: float = 1.0) -> dict[str, Any]:
+    """Settings of a scene in which the held object is disturbed, at a friction of 0.5."""
+    return {"friction": 0.5, "disturbance": {"kind": kind, "size": size}, "max_episode_steps": _LIMIT + steps}
+
+
 PROTOCOLS: dict[str, Protocol] = {
     protocol.name: protocol
     for protocol in (
+        Protocol("lift", _LIFT, {}, "the environment as registered: 15 s, lift 10 cm, hold 3 s, friction 0.7"),
+        Protocol("upright", _LIFT, {"presentation": "upright"}, "standing as built where that is stable, else at rest"),
+        Protocol("slippery@0.5", _LIFT, {"friction": 0.5}, "friction 0.5"),
+        Protocol("slippery@0.35", _LIFT, {"friction": 0.35}, "friction 0.35"),
+        Protocol("heavy", _LIFT, {"mass": 1.5}, "1.5 times the mass"),
         Protocol(
-            "lift",
-            "DexGrasp/Lift-v1",
-            description="the environment as registered: 15 s, lift 10 cm, hold 3 s",
+            "pushed@0.5", _LIFT, _disturbed("pushed", _PUSHED, 0.5),
+            "friction 0.5; once held, pushed 0.5 s along +-x, +-y, +-z by half the object's weight, then held 3 s",
+        ),
+        Protocol(
+            "pushed@1", _LIFT, _disturbed("pushed", _PUSHED, 1.0),
+            "the same by its whole weight; a failure where pushed@0.5 was one",
+        ),
+        Protocol(
+            "shaken", _LIFT, _disturbed("shaken", _SHAKEN),
+            "friction 0.5; once held, shaken for 2 s by joints 1 and 4 of the arm, then held 3 s",
+        ),
+        Protocol("one_view", _LIFT, {"views": 1}, "one camera, drawn by the scene's seed"),
+        Protocol(
+            "miscalibrated", _LIFT, {"calibration": {"position": 0.010, "rotation": float(np.radians(2.0))}},
+            "all cameras off by the same 10 mm in a random direction, and 2 deg about a random axis at the table",
         ),
     )
+}  # fmt: skip
+"""Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""
+
+GROUPS: dict[str, tuple[str, ...]] = {
+    "slippery": ("slippery@0.5", "slippery@0.35"),
+    "pushed": ("pushed@0.5", "pushed@1"),
 }
-"""Every protocol by name; a published number names the one it was made with."""
+"""Protocols of two parts; the rate is the mean of the parts' rates."""
+
+ROBUST = ("lift", "upright", "slippery", "heavy", "pushed", "shaken", "one_view", "miscalibrated")
+"""What `robust` is the mean of."""
 
 
 def get_protocol(name: str) -> Protocol:
@@ -53,8 +89,24 @@ def get_protocol(name: str) -> Protocol:
         InputError: naming the valid ones.
     """
     if name not in PROTOCOLS:
-        raise unknown_name("protocol", name, PROTOCOLS)
+        raise unknown_name("protocol", name, protocol_names())
     return PROTOCOLS[name]
+
+
+def protocol_names() -> list[str]:
+    """Return every name that `--protocol` takes."""
+    return [*PROTOCOLS, *GROUPS, "robust"]
+
+
+def parts(name: str) -> tuple[str, ...]:
+    """Return the protocols that a name stands for: itself, or its parts.
+
+    Raises:
+        InputError: for an unknown name.
+    """
+    if name == "robust":
+        return tuple(part for member in ROBUST for part in parts(member))
+    return GROUPS[name] if name in GROUPS else (get_protocol(name).name,)
 
 
 @dataclass(frozen=True)

@@ -57,6 +57,7 @@ REASONS: dict[str, Reason] = {
     "out_of_reach": Reason("the arm does not reach the object", _SEED),
     # trials
     "no_grasp": Reason("no grasp was found"),
+    "failed_pushed@0.5": Reason("the object was lost under pushes half as hard, in the same scene"),
     "not_touched": Reason("the object was not touched"),
     "not_lifted": Reason("the object was touched and not lifted"),
     "not_held_3s": Reason("the object was lifted and not held for 3 s"),

@@ -8,7 +8,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol
+from agents.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol, parts
 from agents.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
@@ -60,7 +60,7 @@ class EvaluationSettings:
                 f"trials = {settings.trials}, seed = {settings.seed}: valid are trials >= 1 and seed >= 0"
             )
         for name in settings.protocols:
-            get_protocol(name)
+            parts(name)
         return dataclasses.replace(settings, protocols=tuple(dict.fromkeys(settings.protocols)))
 
     @classmethod
@@ -87,6 +87,11 @@ class EvaluationSettings:
     def protocol(self) -> str:
         """The protocols' names in one."""
         return "+".join(self.protocols)
+
+    @property
+    def parts(self) -> tuple[str, ...]:
+        """The protocols that trials are run under: the named ones, or what they are made of."""
+        return tuple(dict.fromkeys(part for name in self.protocols for part in parts(name)))
 
     def scene(self, protocol: str) -> dict[str, Any]:
         """Settings of `gym.make` that make the scenes of a protocol."""

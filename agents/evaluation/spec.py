@@ -40,7 +40,7 @@ def plan_trials(settings: EvaluationSettings) -> list[TrialSpec]:
         TrialSpec(agent, target, labels[target], trial, protocol)
         for agent in settings.agents
         for target in settings.objects
-        for protocol in settings.protocols
+        for protocol in settings.parts
         for trial in range(settings.trials)
     ]
 

@@ -5,6 +5,7 @@ from collections.abc import Callable, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
+from agents.evaluation.protocol_counts import judged, protocol_counts
 from agents.evaluation.settings import EvaluationSettings, versions
 from agents.evaluation.statistics import (
     Counts,
@@ -43,6 +44,7 @@ def summarise(
     """
     if stopped_after is not None:
         rows = [row for row in rows if row["trial"] < stopped_after]
+    rows = judged(rows)
     ordered = sorted(rows, key=lambda row: (settings.agents.index(row["agent"]), row["object"], row["trial"]))
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
     return {
@@ -51,8 +53,7 @@ def summarise(
         "seed": settings.seed,
         "versions": versions(),
         "complete": stopped_after is not None
-        or len(rows)
-        == len(settings.agents) * len(settings.objects) * len(settings.protocols) * settings.trials,
+        or len(rows) == len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials,
         **(
             {}
             if stop_level is None
@@ -80,7 +81,7 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
             for name, own in members.items()
         },
         "by_object": {name: _bare_count([row for row in rows if row["object"] == name]) for name in objects},
-        "by_protocol": {name: count(own) for name, own in by_protocol(rows).items()},
+        "by_protocol": protocol_counts(by_protocol(rows)),
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
         "planning_seconds": quantiles(times, **_QUARTILES, p90=0.9),
         "stable": sum(row["stable"] and row["success"] for row in rows),

@@ -1,0 +1,71 @@
+"""Protocols: what they are made of, their scenes, and how parts are counted together."""
+
+import gymnasium as gym
+import pytest
+
+import dexgrasp_env  # noqa: F401
+from agents.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST, parts, protocol_names
+from agents.evaluation.protocol_counts import judged, protocol_counts
+from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.statistics import wilson_interval
+from dexgrasp_env.errors import InputError
+
+
+def row(protocol, success, trial=0, agent="a"):
+    return {
+        "protocol": protocol,
+        "agent": agent,
+        "object": "pear",
+        "trial": trial,
+        "success": success,
+        "reason": None,
+    }
+
+
+def test_robust_is_all_eight_and_their_parts():
+    assert len(ROBUST) == 8
+    assert set(parts("robust")) == set(PROTOCOLS)
+    assert parts("slippery") == GROUPS["slippery"]
+    assert parts("lift") == ("lift",)
+    assert EvaluationSettings.of(["random"], ["pear"], protocols=("robust", "lift")).parts == parts("robust")
+
+
+def test_an_unknown_name_lists_the_valid_ones():
+    with pytest.raises(InputError, match="robust"):
+        parts("v9")
+    assert "pushed@1" in protocol_names()
+
+
+@pytest.mark.parametrize("name", PROTOCOLS)
+def test_every_protocol_makes_its_environment(name):
+    protocol = PROTOCOLS[name]
+    env = gym.make(protocol.env_id, objects="gelatin_box", **protocol.scene)
+    steps = env.unwrapped.disturbance_steps
+    assert env.spec.max_episode_steps == 300 + steps
+    assert steps == {"pushed@0.5": 80, "pushed@1": 80, "shaken": 40}.get(name, 0)
+    env.close()
+
+
+def test_a_push_counts_only_where_the_weaker_one_was_borne():
+    rows = [
+        row("pushed@0.5", False),
+        row("pushed@1", True),
+        row("pushed@0.5", True, 1),
+        row("pushed@1", True, 1),
+    ]
+    rows += [row("pushed@1", True, 0, "b"), row("pushed@0.5", True, 0, "b")]
+    assert [r["success"] for r in judged(rows)] == [False, False, True, True, True, True]
+    assert judged(rows)[1]["reason"] == "failed_pushed@0.5"
+
+
+def test_a_group_is_the_mean_of_its_parts():
+    rows = {name: [row(name, k < 3, k) for k in range(4)] for name in PROTOCOLS}
+    rows["slippery@0.35"] = [row("slippery@0.35", k < 1, k) for k in range(4)]
+    counts = protocol_counts(rows)
+    assert counts["lift"] == {"trials": 4, "successes": 3, "rate": 0.75, "ci95": list(wilson_interval(3, 4))}
+    assert counts["slippery"]["rate"] == pytest.approx(0.5)
+    assert (counts["slippery"]["trials"], counts["slippery"]["successes"]) == (8, 4)
+    assert counts["robust"]["rate"] == pytest.approx((7 * 0.75 + 0.5) / 8)
+    low, high = counts["robust"]["ci95"]
+    assert low < counts["robust"]["rate"] < high
+    assert "robust" not in protocol_counts({"lift": rows["lift"]})
