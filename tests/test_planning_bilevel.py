@@ -188,8 +188,10 @@ def test_the_squeeze_presses_with_the_planned_forces(plan):
     data, J, torque = mujoco.MjData(model), np.zeros((3, model.nv)), np.zeros(23)
     data.qpos[:23] = plan.grasp.motion.grasp
     mujoco.mj_forward(model, data)
-    for finger, force in zip(("thumb", "index", "middle"), plan.grasp.forces, strict=True):
-        mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
+    for finger, force, at in zip(
+        ("thumb", "index", "middle"), plan.grasp.forces, plan.grasp.contacts, strict=True
+    ):
+        mujoco.mj_jac(model, data, J, None, at, model.body(f"{finger}_distal").id)
         torque += J.T @ force
     stiffness = model.actuator_gainprm[7:, 0]
     pressed = stiffness * (plan.grasp.motion.squeeze - plan.grasp.motion.grasp)[7:]
