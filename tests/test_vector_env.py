@@ -202,3 +202,18 @@ def test_wrong_use_is_named_in_one_line():
     envs.step(np.zeros((2, 23)))
     with pytest.raises(InputError, match=r"\[0, 1\]"):
         envs.step(np.zeros((2, 23)))
+
+
+def test_models_of_objects_left_behind_are_given_back():
+    """Each is several MB: at most one of its own for each environment, however many objects it has met."""
+    envs = native(3, randomisation=RANDOM, max_episode_steps=1, autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    met = set()
+    for _ in range(12):
+        *_, infos = envs.step(np.zeros((3, 23)))
+        met |= set(infos["object"])
+    shared = {id(simulation.base) for simulation in envs._episodes.simulations.values()}
+    own = {id(model) for group in envs._physics._groups.values() for model in group.models} - shared
+    assert met == set(OBJECTS)
+    assert len(own) <= envs.num_envs
+    envs.close()

@@ -64,11 +64,21 @@ class BatchPhysics:
     def load(self, i: int, target: str) -> None:
         """Make environment `i` what its object's scene holds now: model, state and sensors."""
         simulation, group = self._simulations[target], self._group(target)
+        self._leave(i, target)
         group.models[i], group.changed = simulation.model, True
         group.batch.state[i] = simulation.get_state()
         self._targets[i] = target
         self.qpos[i], self.qvel[i] = simulation.data.qpos, simulation.data.qvel
         self.sensors[i] = simulation.data.sensordata
+
+    def _leave(self, i: int, target: str) -> None:
+        """Give back the model of the object that environment `i` had before: several MB each."""
+        before = self._targets[i]
+        if before and before != target:
+            group = self._groups[before]
+            group.models[i] = self._simulations[before].base
+            group.batch.set_models(group.models)
+            group.changed = False
 
     def state(self, i: int) -> Array:
         """Return the full integration state of environment `i`."""
