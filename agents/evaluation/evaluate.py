@@ -9,7 +9,7 @@ from agents.evaluation.replay import record
 from agents.evaluation.sequential import decided_after
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.spec import TrialSpec, plan_trials
-from agents.evaluation.store import Key, TrialStore
+from agents.evaluation.store import Key, TrialStore, check_folder
 from agents.evaluation.summary import summarise
 from agents.evaluation.trial_runner import TrialRunner
 from agents.evaluation.video import check_rendering
@@ -48,6 +48,7 @@ def evaluate(
     """
     if stop_level is not None and len(settings.parts) > 1:
         raise InputError("--stop-early tells agents apart under one protocol: name one")
+    check_folder(folder, settings.identity())
     bench = TrialRunner(settings)
     planned = plan_trials(settings)
     _check(settings, planned, bench)

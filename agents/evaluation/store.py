@@ -66,6 +66,16 @@ class TrialStore:
         self._file.close()
 
 
+def check_folder(folder: Path, identity: Mapping[str, Any]) -> None:
+    """Refuse a folder that holds another evaluation, without touching it: before anything that takes time.
+
+    Raises:
+        InputError: naming what is different.
+    """
+    if (folder / "run.json").is_file():
+        _check_identity(folder / "run.json", identity, has_trials=True)
+
+
 def row_key(row: Mapping[str, Any]) -> Key:
     """Return what tells a trial from the others of its evaluation."""
     return row.get("protocol") or "", row["agent"], row["object"], row["trial"]
