@@ -1,10 +1,10 @@
 """Where figures come from: settings, versions, and the commands that make them again."""
 
-import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from dexgrasp_env.files import parse_json
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 _MOST_REPLAYS = 12
@@ -50,7 +50,7 @@ def replay_commands(folder: Path, rows: Sequence[Mapping[str, Any]]) -> list[str
 
 def _run(folder: Path) -> dict[str, Any] | None:
     try:
-        content = json.loads((folder / "run.json").read_text())
+        content = parse_json((folder / "run.json").read_bytes())
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) else None
