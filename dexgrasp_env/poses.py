@@ -91,11 +91,6 @@ def rotated_components(q: Any, v: Any) -> tuple[Any, ...]:
     )
 
 
-def rotation_angle(q: Array) -> Array:
-    """Angle in [0, pi] of the rotation of unit quaternions (..., 4) wxyz."""
-    return 2.0 * np.arctan2(np.sqrt((q[..., 1:] ** 2).sum(-1)), np.abs(q[..., 0]))
-
-
 def yaw_quat(yaw: Array | float) -> Array:
     """Quaternions (..., 4) wxyz of turns about z by `yaw` radians."""
     half = np.asarray(yaw, dtype=float) / 2.0

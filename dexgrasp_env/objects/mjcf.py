@@ -12,7 +12,6 @@ from dexgrasp_env.objects.parts import ContactPart
 if TYPE_CHECKING:
     import mujoco
 
-VISUAL_GEOM = "object_visual"
 
 
 def add_to_spec(

@@ -6,24 +6,6 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
 
 
-def estimate_normals(
-    cloud: Cloud, queries: Cloud | None = None, radius: float = 0.010, least: int = 8
-) -> Array:
-    """Return unit normals by principal components of the neighbourhood, towards the cameras.
-
-    Args:
-        cloud: the points that neighbourhoods are made of.
-        queries: where normals are wanted; None takes the cloud itself.
-        radius: of the neighbourhood, metres.
-        least: with fewer points in it the radius is doubled once.
-
-    Returns:
-        (Q, 3); the view direction where no plane can be fitted.
-    """
-    queries = cloud if queries is None else queries
-    return _planes(cloud, queries, radius, least)[1]
-
-
 def smooth(
     cloud: Cloud, queries: Cloud, noise: float, radius: float = 0.010, least: int = 8
 ) -> tuple[Array, Array]:

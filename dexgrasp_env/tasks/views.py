@@ -4,6 +4,7 @@ import copy
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
+from weakref import WeakKeyDictionary
 
 import mujoco
 import numpy as np
@@ -47,12 +48,13 @@ class Views:
         self._settings = settings
         self._render_size = render_size
         self._sensor = sensor_model(sensor)
-        self._perceptions: dict[int, tuple[float, tuple[str, ...], Perception]] = {}
-        self._colour_key: tuple[int, float] | None = None
+        self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
+        self._perceptions = WeakKeyDictionary()
+        self._colour_key: tuple[Simulation, float] | None = None
         self._colour_backend: DepthBackend | None = None
         self._renderer: mujoco.Renderer | None = None
         self._viewer: Any = None
-        self._shown: tuple[int, float] | None = None
+        self._shown: tuple[Simulation, float] | None = None
         intrinsics = default_cameras()[0].intrinsics
         number = settings.views if isinstance(settings.views, int) else len(settings.views)
         self.image_shape = (number, intrinsics.height, intrinsics.width)
@@ -120,11 +122,11 @@ class Views:
 
     def _perception(self, simulation: Simulation, names: tuple[str, ...]) -> Perception:
         """The cell of this simulation; made anew when the object's size or the cameras have changed."""
-        known, size = self._perceptions.get(id(simulation)), simulation.variation.size
+        known, size = self._perceptions.get(simulation), simulation.variation.size
         if known is None or known[:2] != (size, names):
             cameras = tuple(camera for camera in default_cameras() if camera.name in names)
             known = (size, names, Perception(simulation.model, cameras=cameras, sensor=self._sensor))
-            self._perceptions[id(simulation)] = known
+            self._perceptions[simulation] = known
         return known[2]
 
     def _colour(self, simulation: Simulation) -> DepthBackend:
@@ -174,9 +176,9 @@ class Views:
         self._renderer = self._viewer = self._shown = self._colour_backend = self._colour_key = None
 
 
-def _shape_key(simulation: Simulation) -> tuple[int, float]:
+def _shape_key(simulation: Simulation) -> tuple[Simulation, float]:
     """What a GL context depends on: meshes are uploaded when it is made, in the size of the episode."""
-    return id(simulation.model), simulation.variation.size
+    return simulation, simulation.variation.size
 
 
 def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
