@@ -228,7 +228,7 @@ def test_doctor_survives_broken_backends(monkeypatch):
 
 
 def test_doctor_knows_the_wrong_mujoco(monkeypatch):
-    monkeypatch.setattr(checks, "version", lambda package: "4.0.0")
+    monkeypatch.setattr(checks, "package_version", lambda package: "4.0.0")
     wrong = [finding for finding in checks.check_versions() if finding.level == "error"]
     assert ["mujoco" in finding.problem for finding in wrong] == [True]
 
