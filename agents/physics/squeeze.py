@@ -1,0 +1,304 @@
+"""The squeeze that bears the largest push: a linear programme in four variables, exact by cutting planes.
+
+Three contacts that are not on a line balance any wrench, and all forces that do are f = s f_g + N x: f_g balances
+gravity, s is the share of it that is borne, and x are the three internal forces along the sides of the triangle. A
+push w, any force through the centre of mass, is answered by the forces of least norm; contact i answers with -B_i w.
+f + df lies in the exact cone of contact i for every push up to D x weight if and only if for every plane that touches
+the cone, with inward normal a,
+
+    a . f_i >= D x weight x |B_i^T a|.
+
+The firmest squeeze is the largest D over x with s = 1, within joint torque limits, or, where that would be negative,
+the largest s with D = 0. Planes are added where the answer breaks them until it does not.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from agents.physics.active_set import SOLVED, solve_qp
+from agents.physics.checks import Numbers, check_array, check_contacts, check_positive
+from agents.physics.cones import basis_of
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+
+FACES = 12
+"""Planes of each cone that a programme starts with."""
+_ROUNDS = 8
+_CUTS = 3 * _ROUNDS
+_TOLERANCE = 1e-4  # of D: what cutting planes may leave
+_FLAT = 2e-3  # height of the triangle over its longest side, below which contacts count as lying on a line
+_REGULARISER = 1e-7  # weight of |x|^2: the programme is linear, its solver quadratic
+_PUSH, _SHARE = 3, 4  # columns of D and s, after the three internal forces
+
+
+class Squeeze(NamedTuple):
+    """Forces of a squeeze, and what they bear."""
+
+    forces: Array
+    """(3, 3) N on the object, world axes."""
+    push: float
+    """D: largest force in any direction that they bear, in weights; 0 where they bear gravity alone, or less."""
+    share: float
+    """Of the weight that they balance: 1, or less where the joints or the cones allow no more; 0: nothing holds."""
+
+    @property
+    def load(self) -> float:
+        """Of the weight, how much is borne: 1 + D, or the share that is balanced."""
+        return self.share + self.push
+
+
+@njit(cache=True, error_model="numpy")
+def _balance(points: Array, centre: Array, gravity: Array, N: Array, B: Array, f_g: Array) -> bool:
+    """Write internal forces (9, 3), answers to a force (9, 3) and forces against gravity (9,); False on a line."""
+    size, area = 0.0, np.zeros(3)
+    for side in range(3):
+        i, j = (0, 1) if side == 0 else (0, 2) if side == 1 else (1, 2)
+        d = points[j] - points[i]
+        length = np.sqrt((d * d).sum())
+        size = max(size, length)
+        N[:, side] = 0.0
+        for k in range(3):
+            N[3 * i + k, side], N[3 * j + k, side] = d[k] / length, -d[k] / length
+    area = np.cross(points[1] - points[0], points[2] - points[0])
+    if not np.sqrt((area * area).sum()) > _FLAT * size * size:
+        return False
+    G = np.zeros((6, 9))
+    for i in range(3):
+        x, y, z = (points[i] - centre) / size
+        for k in range(3):
+            G[k, 3 * i + k] = 1.0
+        G[3, 3 * i + 1], G[3, 3 * i + 2] = -z, y
+        G[4, 3 * i], G[4, 3 * i + 2] = z, -x
+        G[5, 3 * i], G[5, 3 * i + 1] = -y, x
+    B[:] = (G.T @ np.linalg.inv(G @ G.T))[:, :3]
+    f_g[:] = -(B @ gravity)
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _tangents(n: Array, t1: Array, t2: Array) -> None:
+    t1[0], t1[1], t1[2], t2[0], t2[1], t2[2] = basis_of(n[0], n[1], n[2])
+
+
+@njit(cache=True, error_model="numpy")
+def _plane(normal: Array, t1: Array, t2: Array, mu: float, angle: float, block: Array, a: Array) -> float:
+    """Write the inward normal (3,) of the plane that touches a cone at an angle; return |block^T a|."""
+    scale, c, s = 1.0 / np.sqrt(1.0 + mu * mu), np.cos(angle), np.sin(angle)
+    size = 0.0
+    for k in range(3):
+        a[k] = scale * (-mu * normal[k] - c * t1[k] - s * t2[k])
+    for q in range(3):
+        h = block[0, q] * a[0] + block[1, q] * a[1] + block[2, q] * a[2]
+        size += h * h
+    return np.sqrt(size)
+
+
+@njit(cache=True, error_model="numpy")
+def _cone_row(i: int, a: Array, answer: float, N: Array, f_g: Array, row: Array) -> None:
+    """Write a plane's row (5,): a . f_i - D answer >= 0 in the variables (x, D, s)."""
+    row[_SHARE] = a[0] * f_g[3 * i] + a[1] * f_g[3 * i + 1] + a[2] * f_g[3 * i + 2]
+    row[_PUSH] = -answer
+    for q in range(3):
+        row[q] = a[0] * N[3 * i, q] + a[1] * N[3 * i + 1, q] + a[2] * N[3 * i + 2, q]
+
+
+@njit(cache=True, error_model="numpy")
+def _torque_rows(J: Array, limit: Array, N: Array, f_g: Array, A: Array, b: Array) -> int:
+    """Write rows +-J^T f / limit >= -1; return how many."""
+    r = 0
+    for i in range(3):
+        for j in range(J.shape[2]):
+            g0, g1, g2 = J[i, 0, j], J[i, 1, j], J[i, 2, j]
+            if g0 == 0.0 and g1 == 0.0 and g2 == 0.0:
+                continue
+            for sign in (1.0, -1.0):
+                scale = -sign / limit[j]
+                for q in range(3):
+                    A[r, q] = scale * (g0 * N[3 * i, q] + g1 * N[3 * i + 1, q] + g2 * N[3 * i + 2, q])
+                A[r, _PUSH] = 0.0
+                A[r, _SHARE] = scale * (g0 * f_g[3 * i] + g1 * f_g[3 * i + 1] + g2 * f_g[3 * i + 2])
+                b[r] = -1.0
+                r += 1
+    return r
+
+
+@njit(cache=True, error_model="numpy")
+def _maximise(A: Array, b: Array, rows: int, column: int, fixed: float, most: float, y: Array) -> bool:
+    """Maximise variable `column` (D or s) of y (5,), at most `most`; the other of the two is `fixed`."""
+    other = _PUSH + _SHARE - column
+    C, c = np.empty((rows + 1, 4)), np.empty(rows + 1)
+    for r in range(rows):
+        for q in range(3):
+            C[r, q] = A[r, q]
+        C[r, 3], c[r] = A[r, column], b[r] - A[r, other] * fixed
+    C[rows] = 0.0
+    C[rows, 3], c[rows] = -1.0, -most
+    H, g, z, multipliers = _REGULARISER * np.eye(4), np.zeros(4), np.zeros(4), np.zeros(rows + 1)
+    g[3] = -1.0
+    if solve_qp(H, g, C, c, z, multipliers) != SOLVED:
+        return False
+    y[:3], y[column], y[other] = z[:3], z[3], fixed
+    return True
+
+
+@njit(cache=True, error_model="numpy")
+def _borne(f: Array, normal: Array, t1: Array, t2: Array, mu: float, block: Array) -> tuple[float, float]:
+    """The largest D (weights) that a contact's force (3,) bears, and the angle of the plane that says so.
+
+    `block` (3, 3) is the contact's answer to a push of one weight.
+    """
+    a = np.empty(3)
+    step, best, at = 2.0 * np.pi / 48, np.inf, 0.0
+    for k in range(48):
+        value = _ratio(f, normal, t1, t2, mu, block, k * step, a)
+        if value < best:
+            best, at = value, k * step
+    low, high = at - step, at + step
+    golden = 0.5 * (np.sqrt(5.0) - 1.0)
+    for _ in range(40):
+        m1, m2 = high - golden * (high - low), low + golden * (high - low)
+        if _ratio(f, normal, t1, t2, mu, block, m1, a) < _ratio(f, normal, t1, t2, mu, block, m2, a):
+            high = m2
+        else:
+            low = m1
+    middle = 0.5 * (low + high)
+    value = _ratio(f, normal, t1, t2, mu, block, middle, a)
+    return (value, middle) if value < best else (best, at)
+
+
+@njit(cache=True, error_model="numpy")
+def _ratio(
+    f: Array, normal: Array, t1: Array, t2: Array, mu: float, block: Array, angle: float, a: Array
+) -> float:
+    """How far f is from a plane of the cone over what a push of one weight moves it towards there."""
+    answer = _plane(normal, t1, t2, mu, angle, block, a)
+    return (a[0] * f[0] + a[1] * f[1] + a[2] * f[2]) / max(answer, 1e-12)
+
+
+@njit(cache=True, error_model="numpy")
+def squeeze_kernel(
+    points: Array, normals: Array, centre: Array, gravity: Array, mu: float, J: Array, limit: Array, most: float,
+    rounds: int, forces: Array,
+) -> tuple[float, float]:  # fmt: skip
+    """Write the firmest forces (3, 3) and return the D that they bear, and the share of gravity they balance; no checks.
+
+    Args:
+        points: (3, 3) m. normals: (3, 3) unit, out of the object. centre: (3,) m, centre of mass.
+        gravity: (3,) N.
+        mu: friction coefficient.
+        J: (3, 3, joints) of the contact points. limit: (joints,) Nm.
+        most: D beyond which nothing is gained.
+        rounds: of cutting planes; 0 is an estimate that is at most a few percent too high.
+        forces: (3, 3), written.
+    """
+    N, B, f_g = np.empty((9, 3)), np.empty((9, 3)), np.empty(9)
+    forces[:] = 0.0
+    if not _balance(points, centre, gravity, N, B, f_g):
+        return 0.0, 0.0
+    weight = np.sqrt((gravity * gravity).sum())
+    B *= weight
+    A, b = np.zeros((3 * FACES + 6 * J.shape[2] + _CUTS, 5)), np.zeros(3 * FACES + 6 * J.shape[2] + _CUTS)
+    T, a = np.empty((3, 2, 3)), np.empty(3)
+    rows = 0
+    for i in range(3):
+        _tangents(normals[i], T[i, 0], T[i, 1])
+        block = B[3 * i : 3 * i + 3]
+        for k in range(FACES):
+            answer = _plane(normals[i], T[i, 0], T[i, 1], mu, 2.0 * np.pi * k / FACES, block, a)
+            _cone_row(i, a, answer, N, f_g, A[rows])
+            rows += 1
+    rows += _torque_rows(J, limit, N, f_g, A[rows:], b[rows:])
+    y, column, fixed, top = np.zeros(5), _PUSH, 1.0, most
+    value = 0.0
+    for turn in range(rounds + 1):
+        if column == _PUSH and (not _maximise(A, b, rows, column, fixed, top, y) or y[_PUSH] < 0.0):
+            column, fixed, top = _SHARE, 0.0, 1.0
+        if column == _SHARE and not _maximise(A, b, rows, column, fixed, top, y):
+            return 0.0, 0.0
+        for i in range(3):
+            for k in range(3):
+                c = 3 * i + k
+                forces[i, k] = y[_SHARE] * f_g[c] + N[c, 0] * y[0] + N[c, 1] * y[1] + N[c, 2] * y[2]
+        if turn == rounds and rounds == 0:
+            return y[_PUSH], y[_SHARE]
+        value, done = np.inf, True
+        for i in range(3):
+            block = B[3 * i : 3 * i + 3]
+            borne, angle = _borne(forces[i], normals[i], T[i, 0], T[i, 1], mu, block)
+            value = min(value, borne)
+            if borne < y[_PUSH] - _TOLERANCE and turn < rounds:
+                done = False
+                answer = _plane(normals[i], T[i, 0], T[i, 1], mu, angle, block, a)
+                _cone_row(i, a, answer, N, f_g, A[rows])
+                rows += 1
+        if done:
+            break
+    return max(value, 0.0), y[_SHARE]
+
+
+@njit(cache=True, error_model="numpy")
+def push_estimates(
+    points: Array,
+    normals: Array,
+    centre: Array,
+    gravity: Array,
+    mu: float,
+    J: Array,
+    limit: Array,
+    most: float,
+) -> Array:
+    """Loads (K,) of K grasps, (K, 3, 3) and (K, 3, 3, joints), a few percent too high at most; no checks."""
+    out, forces = np.empty(points.shape[0]), np.empty((3, 3))
+    for k in range(points.shape[0]):
+        push, share = squeeze_kernel(points[k], normals[k], centre, gravity, mu, J[k], limit, most, 0, forces)
+        out[k] = push + share
+    return out
+
+
+def _check(
+    points: Numbers, normals: Numbers, mu: float, mass: float, com: Numbers, gravity: Numbers
+) -> tuple[Array, Array, Array, Array]:
+    points, normals = check_contacts(points, normals, 3)
+    check_positive("mu", mu)
+    down = check_positive("mass", mass) * check_array("gravity", gravity, (3,))
+    if not (down * down).sum() > 0.0:
+        raise InputError("gravity must not be zero: pushes are measured in weights")
+    return points, normals, check_array("com", com, (3,)), down
+
+
+def _check_joints(jacobians: Numbers, torque_limits: Numbers) -> tuple[Array, Array]:
+    J = check_array("jacobians", jacobians, (3, 3, None))
+    try:
+        limit = np.ascontiguousarray(np.broadcast_to(np.asarray(torque_limits, dtype=float), (J.shape[2],)))
+    except (TypeError, ValueError):
+        raise InputError(f"torque_limits must be one number or ({J.shape[2]},)") from None
+    if not (np.isfinite(limit).all() and (limit > 0).all()):
+        raise InputError("torque_limits must be finite and above 0")
+    return J, limit
+
+
+def firmest_squeeze(
+    points: Numbers, normals: Numbers, mu: float, mass: float, com: Numbers, jacobians: Numbers,
+    torque_limits: Numbers, gravity: Numbers = (0.0, 0.0, -9.81), most: float = 10.0,
+) -> Squeeze:  # fmt: skip
+    """Return the forces of three contacts that bear the largest push in any direction.
+
+    Args:
+        points: (3, 3) m, world axes. normals: (3, 3) unit, out of the object.
+        mu: friction coefficient.
+        mass: kg. com: (3,) m, centre of mass. gravity: (3,) m/s^2.
+        jacobians: (3, 3, joints) of each contact point by its finger's joints.
+        torque_limits: Nm, one number or (joints,).
+        most: push, in weights, beyond which the squeeze need not be firmer.
+
+    Raises:
+        InputError: wrong shapes, NaN, or values out of range.
+    """
+    points, normals, centre, down = _check(points, normals, mu, mass, com, gravity)
+    J, limit = _check_joints(jacobians, torque_limits)
+    forces = np.empty((3, 3))
+    most = check_positive("most", most)
+    push, share = squeeze_kernel(points, normals, centre, down, mu, J, limit, most, _ROUNDS, forces)
+    return Squeeze(forces, float(push), float(share))

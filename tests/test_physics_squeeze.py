@@ -1,0 +1,158 @@
+import numpy as np
+import pytest
+
+from agents.physics.squeeze import firmest_squeeze, push_estimates
+from agents.physics.wrench import grasp_map
+from dexgrasp_env.errors import InputError
+
+POINTS = np.array([[0.03, 0, 0.05], [-0.03, 0.02, 0.05], [-0.03, -0.02, 0.05]])
+NORMALS = np.array([[1.0, 0, 0], [-1, 0, 0], [-1, 0, 0]])
+COM = np.array([0.0, 0, 0.05])
+MU, MASS = 0.5, 0.3
+WEIGHT = 9.81 * MASS
+DOWN = np.array([0.0, 0.0, -WEIGHT])
+
+
+def outside(forces, normals):
+    """How far (N) friction exceeds what forces (..., 3, 3) may have; <= 0 in the cones."""
+    press = -(forces * normals).sum(-1)
+    return np.linalg.norm(forces + press[..., None] * normals, axis=-1) - MU * press
+
+
+def fingers(reach=0.08):
+    """Three fingers of three joints each, that press with 0.7 / reach N along any axis."""
+    J = np.zeros((3, 3, 9))
+    for i in range(3):
+        J[i, :, 3 * i : 3 * i + 3] = reach * np.eye(3)
+    return J
+
+
+def random_grasp(rng):
+    """Contacts on opposite sides of a body of some width, turned and moved at random."""
+    points = POINTS + rng.normal(size=(3, 3)) * 0.01
+    normals = NORMALS + rng.normal(size=(3, 3)) * 0.2
+    J = np.zeros((3, 3, 12))
+    for i in range(3):
+        J[i, :, 4 * i : 4 * i + 4] = 0.06 * rng.normal(size=(3, 4))
+    return (
+        points,
+        normals / np.linalg.norm(normals, axis=1, keepdims=True),
+        J,
+        COM + rng.normal(size=3) * 0.01,
+    )
+
+
+def touching_planes(normals, count):
+    """Inward normals (3, count, 3) of planes that touch the cones of MU, made without the package's tangents."""
+    a = np.cross(normals, normals[:, [1, 2, 0]] + [0.3, -0.2, 0.5])
+    a /= np.linalg.norm(a, axis=1, keepdims=True)
+    b = np.cross(normals, a)
+    turn = 2 * np.pi * np.arange(count) / count
+    planes = -MU * normals[:, None] + np.cos(turn)[:, None] * a[:, None] + np.sin(turn)[:, None] * b[:, None]
+    return planes / np.sqrt(1 + MU * MU)
+
+
+def highs(points, normals, J, centre, limit, count=150):
+    """The largest D by a linear programme in all nine forces, with the cones as `count` planes each."""
+    from scipy.optimize import linprog
+
+    G = grasp_map(points, centre, 0.03)
+    B = np.linalg.pinv(G)[:, :3].reshape(3, 3, 3)
+    rows, bound = [], []
+    for i, planes in enumerate(touching_planes(normals, count)):
+        for a in planes:
+            row = np.zeros(10)
+            row[3 * i : 3 * i + 3], row[9] = -a, WEIGHT * np.linalg.norm(B[i].T @ a)
+            rows.append(row)
+            bound.append(0.0)
+        for j in range(J.shape[2]):
+            for sign in (1.0, -1.0):
+                row = np.zeros(10)
+                row[3 * i : 3 * i + 3] = sign * J[i, :, j]
+                rows.append(row)
+                bound.append(limit)
+    equal = np.c_[G, np.zeros(6)]
+    answer = linprog(
+        np.r_[np.zeros(9), -1.0], np.array(rows), bound, equal, -np.r_[DOWN, 0, 0, 0],
+        bounds=[(None, None)] * 9 + [(None, 10.0)],
+    )  # fmt: skip
+    return answer.x[9] if answer.status == 0 else None
+
+
+def test_the_firmest_squeeze_is_the_linear_programmes():
+    rng, compared = np.random.default_rng(0), 0
+    for _ in range(14):
+        points, normals, J, centre = random_grasp(rng)
+        best = highs(points, normals, J, centre, 0.7)
+        mine = firmest_squeeze(points, normals, MU, MASS, centre, J, 0.7)
+        if best is None or best < 0.0:
+            assert mine.push == 0.0
+            assert mine.share < 1.0
+            continue
+        compared += 1
+        assert mine.share == 1.0
+        assert mine.push == pytest.approx(best, rel=2e-3, abs=2e-3)
+    assert compared > 5
+
+
+def test_forces_balance_within_cones_and_torques():
+    rng = np.random.default_rng(1)
+    for _ in range(30):
+        points, normals, J, centre = random_grasp(rng)
+        squeeze = firmest_squeeze(points, normals, MU, MASS, centre, J, 0.7)
+        if squeeze.share == 0.0:
+            continue
+        wrench = grasp_map(points, centre, 0.03) @ squeeze.forces.ravel()
+        np.testing.assert_allclose(wrench, -np.r_[DOWN, 0, 0, 0] * squeeze.share, atol=1e-7)
+        assert outside(squeeze.forces, normals).max() < 1e-3 * WEIGHT
+        assert np.abs(np.einsum("frj,fr->j", J, squeeze.forces)).max() <= 0.7 * (1 + 1e-6)
+
+
+def test_every_push_up_to_the_claim_is_borne_and_the_worst_beyond_it_is_not():
+    rng = np.random.default_rng(2)
+    points, normals, J, centre = POINTS + 0.004 * rng.normal(size=(3, 3)), NORMALS, fingers(), COM
+    squeeze = firmest_squeeze(points, normals, MU, MASS, centre, J, 0.7)
+    assert squeeze.push > 0.5
+    answer = np.linalg.pinv(grasp_map(points, centre, 0.03))[:, :3]
+    push = rng.normal(size=(20_000, 3))
+    push /= np.linalg.norm(push, axis=1, keepdims=True)
+    for share, borne in ((0.999, True), (1.02, False)):
+        forces = squeeze.forces.ravel() - share * squeeze.push * WEIGHT * push @ answer.T
+        assert (outside(forces.reshape(-1, 3, 3), normals).max() < 1e-9) == borne
+
+
+def test_weaker_joints_bear_less_and_in_the_end_only_a_share():
+    loads = [
+        firmest_squeeze(POINTS, NORMALS, MU, MASS, COM, fingers(), limit) for limit in (0.7, 0.5, 0.1, 0.05)
+    ]
+    assert loads[0].push > loads[1].push > 0.0
+    assert loads[2].push == loads[3].push == 0.0
+    assert 1.0 > loads[2].share > loads[3].share > 0.0
+    assert loads[3].load == pytest.approx(0.5 * loads[2].load, rel=1e-3)
+
+
+def test_estimates_are_a_little_too_high_at_most():
+    rng = np.random.default_rng(4)
+    grasps = [random_grasp(rng) for _ in range(40)]
+    for points, normals, J, centre in grasps:
+        load = firmest_squeeze(points, normals, MU, MASS, centre, J, 0.7).load
+        guess = push_estimates(
+            points[None], normals[None], centre, DOWN, MU, J[None], np.full(12, 0.7), 10.0
+        )[0]
+        assert load - 1e-3 <= guess <= 1.12 * load + 0.03
+
+
+def test_contacts_that_cannot_hold():
+    line = firmest_squeeze(POINTS * [1, 0, 1], NORMALS, MU, MASS, COM, fingers(), 0.7)
+    assert (line.share, line.push, line.load) == (0.0, 0.0, 0.0)
+    one_face = firmest_squeeze(POINTS, np.tile([0, 0, 1.0], (3, 1)), MU, MASS, COM, fingers(), 0.7)
+    assert one_face.load == pytest.approx(0.0, abs=1e-6)
+
+
+def test_bad_input():
+    with pytest.raises(InputError, match="torque_limits"):
+        firmest_squeeze(POINTS, NORMALS, MU, MASS, COM, fingers(), [1.0, 2.0])
+    with pytest.raises(InputError, match="mass"):
+        firmest_squeeze(POINTS, NORMALS, MU, 0.0, COM, fingers(), 0.7)
+    with pytest.raises(InputError, match="gravity"):
+        firmest_squeeze(POINTS, NORMALS, MU, MASS, COM, fingers(), 0.7, gravity=(0.0, 0.0, 0.0))
