@@ -1,7 +1,8 @@
 import numpy as np
 import pytest
 
-from agents.physics.squeeze import firmest_squeeze, push_estimates
+from agents.physics.squeeze import firmest_squeeze, squeeze_kernel
+from agents.physics.strength import Contacts, load_of
 from agents.physics.wrench import grasp_map
 from dexgrasp_env.errors import InputError
 
@@ -52,6 +53,11 @@ def touching_planes(normals, count):
     return planes / np.sqrt(1 + MU * MU)
 
 
+def claimed(forces, points, normals, J, centre):
+    """What the certificate says of the forces."""
+    return load_of(Contacts(points, normals, J, np.full(J.shape[2], 0.7), MU, centre, MASS), forces)
+
+
 def highs(points, normals, J, centre, limit, count=150):
     """The largest D by a linear programme in all nine forces, with the cones as `count` planes each."""
     from scipy.optimize import linprog
@@ -91,6 +97,7 @@ def test_the_firmest_squeeze_is_the_linear_programmes():
             continue
         compared += 1
         assert mine.share == 1.0
+        assert mine.load == pytest.approx(claimed(mine.forces, points, normals, J, centre), abs=1e-4)
         assert mine.push == pytest.approx(best, rel=2e-3, abs=2e-3)
     assert compared > 5
 
@@ -132,14 +139,32 @@ def test_weaker_joints_bear_less_and_in_the_end_only_a_share():
 
 
 def test_estimates_are_a_little_too_high_at_most():
-    rng = np.random.default_rng(4)
-    grasps = [random_grasp(rng) for _ in range(40)]
-    for points, normals, J, centre in grasps:
+    rng, forces = np.random.default_rng(4), np.empty((3, 3))
+    for _ in range(40):
+        points, normals, J, centre = random_grasp(rng)
         load = firmest_squeeze(points, normals, MU, MASS, centre, J, 0.7).load
-        guess = push_estimates(
-            points[None], normals[None], centre, DOWN, MU, J[None], np.full(12, 0.7), 10.0
-        )[0]
+        guess = sum(
+            squeeze_kernel(
+                points, normals, centre, DOWN, np.full(3, MU), 0.0, J, np.full(12, 0.7), 10.0, 0, forces
+            )
+        )
         assert load - 1e-3 <= guess <= 1.12 * load + 0.03
+
+
+def test_contacts_press_as_much_as_they_must():
+    free = firmest_squeeze(POINTS, NORMALS, MU, MASS, COM, fingers(), 0.7)
+    assert -(free.forces * NORMALS).sum(1).min() > 2.5
+    uneven = firmest_squeeze(
+        POINTS, NORMALS, MU, MASS, COM + np.array([0, 0.015, 0]), fingers(), 0.7, press=3.0
+    )
+    assert (-(uneven.forces * NORMALS).sum(1)).min() >= 3.0 - 1e-6
+    assert firmest_squeeze(POINTS, NORMALS, MU, MASS, COM, fingers(), 0.7, press=30.0).share == 0.0
+
+
+def test_friction_may_differ_from_contact_to_contact():
+    slippery = firmest_squeeze(POINTS, NORMALS, [0.2, 0.5, 0.5], MASS, COM, fingers(), 0.7)
+    even = [firmest_squeeze(POINTS, NORMALS, mu, MASS, COM, fingers(), 0.7).push for mu in (0.2, 0.5)]
+    assert even[0] <= slippery.push < even[1]
 
 
 def test_contacts_that_cannot_hold():

@@ -107,6 +107,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     from agents.grasp.record import GraspRecord
     from agents.grasp.thresholds import thresholds_for
     from agents.learning.rest_scene import turn
+    from agents.physics.strength import GRAVITY
     from dexgrasp_env.robot.mounts import MOUNTS
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
@@ -119,9 +120,9 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
         "q": g["q"], "contacts": g["contacts"] @ R.T + shift, "normals": g["normals"] @ R.T,
         "forces": g["forces"] @ R.T, "centre": target.centre,
     }  # fmt: skip
-    share = settings.loads[max(int(g["load"]), 0)][0]
+    borne = float(arrays["forces"][:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
     certificate = {
-        "distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"]), "mass": share * target.mass,
+        "distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"]), "mass": borne,
     }  # fmt: skip
     return GraspRecord(
         ObjectIdentity(pose.name), next(iter(MOUNTS)), arrays, target.distance.triangles.reshape(-1, 3),

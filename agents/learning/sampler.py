@@ -17,9 +17,10 @@ from agents.kinematics.palm_ik import palm_frame, reach_palm
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from agents.learning.settings import DatasetSettings
+from agents.physics.strength import load_of, torque_fraction
 from agents.planning.atlas import hand_atlas
 from agents.planning.constraints import FIXED_ROWS
-from agents.planning.holding import firmest_hold
+from agents.planning.holding import NONE, firmest_hold, level_of
 from agents.planning.placement import ASSIGNMENTS, place_on_atlas
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution, solve
@@ -86,7 +87,7 @@ def _try(
     at = place_on_atlas(scene.points[triples], scene.normals[triples], obstacle, settings, ASSIGNMENTS)
     ordered = triples[:, ASSIGNMENTS].reshape(-1, 3)
     found.counts.update(triples_tried=len(triples), assignments_tried=len(ordered))
-    for k in np.flatnonzero(at.scores > 0.0):
+    for k in at.best():
         if len(found) >= quota:
             return
         found.counts["placed_by_atlas"] += 1
@@ -101,9 +102,9 @@ def _try(
         if not solution.feasible:
             found.blocked[str(solution.blocking).split(":")[0]] += 1
             continue
-        use[ordered[k]] += 1
+        use[ordered[at.triple[k]]] += 1
         found.counts["feasible"] += 1
-        _add(solution, placement, ordered[k], grasp_target, tree, settings, found)
+        _add(solution, placement, ordered[at.triple[k]], grasp_target, tree, settings, found)
 
 
 def _reach(q: Array, R: Array, p: Array, tree: RobotTree, rng: np.random.Generator) -> Array | None:
@@ -127,8 +128,9 @@ def _add(
     at, back = solution.evaluation, turn(-placement[2])
     shift = np.array([placement[0], placement[1], 0.0])
     palm_R, palm_p = palm_frame(solution.q, tree)
-    hold, level = firmest_hold(solution.q, grasp_target, tree, settings, explain=False)
-    found.counts["holding"] += hold.holds
+    hold = firmest_hold(solution.q, grasp_target, tree, settings)
+    level = level_of(load_of(hold.contacts, hold.forces), settings)
+    found.counts["holding"] += level != NONE
     clearances = at.values[FIXED_ROWS:]
     found.add(
         q=solution.q, placement=placement, triple=triple,
@@ -137,5 +139,5 @@ def _add(
         margin=at.margin, distances=at.distances - settings.tip_radius,
         clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
         joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
-        load=level, torque_fraction=settings.torque_share * hold.max_torque_fraction,
+        load=level, torque_fraction=torque_fraction(hold.contacts, hold.forces),
     )  # fmt: skip

@@ -25,8 +25,9 @@ from dexgrasp_env.errors import InputError
 
 FACES = 12
 """Planes of each cone that a programme starts with."""
-_ROUNDS = 8
-_CUTS = 3 * _ROUNDS
+ROUNDS = 8
+"""Rounds of cutting planes at most; two or three are enough as a rule."""
+_CUTS = 3 * ROUNDS
 _TOLERANCE = 1e-4  # of D: what cutting planes may leave
 _FLAT = 2e-3  # height of the triangle over its longest side, below which contacts count as lying on a line
 _REGULARISER = 1e-7  # weight of |x|^2: the programme is linear, its solver quadratic
@@ -150,8 +151,8 @@ def _borne(f: Array, normal: Array, t1: Array, t2: Array, mu: float, block: Arra
     `block` (3, 3) is the contact's answer to a push of one weight.
     """
     a = np.empty(3)
-    step, best, at = 2.0 * np.pi / 48, np.inf, 0.0
-    for k in range(48):
+    step, best, at = 2.0 * np.pi / 144, np.inf, 0.0
+    for k in range(144):
         value = _ratio(f, normal, t1, t2, mu, block, k * step, a)
         if value < best:
             best, at = value, k * step
@@ -179,15 +180,15 @@ def _ratio(
 
 @njit(cache=True, error_model="numpy")
 def squeeze_kernel(
-    points: Array, normals: Array, centre: Array, gravity: Array, mu: float, J: Array, limit: Array, most: float,
-    rounds: int, forces: Array,
+    points: Array, normals: Array, centre: Array, gravity: Array, mu: Array, press: float, J: Array, limit: Array,
+    most: float, rounds: int, forces: Array,
 ) -> tuple[float, float]:  # fmt: skip
-    """Write the firmest forces (3, 3) and return the D that they bear, and the share of gravity they balance; no checks.
+    """Write the firmest forces and return the D that they bear, and the share of gravity they balance; no checks.
 
     Args:
         points: (3, 3) m. normals: (3, 3) unit, out of the object. centre: (3,) m, centre of mass.
         gravity: (3,) N.
-        mu: friction coefficient.
+        mu: (3,) friction coefficients. press: N, least of each contact.
         J: (3, 3, joints) of the contact points. limit: (joints,) Nm.
         most: D beyond which nothing is gained.
         rounds: of cutting planes; 0 is an estimate that is at most a few percent too high.
@@ -199,16 +200,20 @@ def squeeze_kernel(
         return 0.0, 0.0
     weight = np.sqrt((gravity * gravity).sum())
     B *= weight
-    A, b = np.zeros((3 * FACES + 6 * J.shape[2] + _CUTS, 5)), np.zeros(3 * FACES + 6 * J.shape[2] + _CUTS)
+    size = 3 * FACES + 3 + 6 * J.shape[2] + _CUTS
+    A, b = np.zeros((size, 5)), np.zeros(size)
     T, a = np.empty((3, 2, 3)), np.empty(3)
     rows = 0
     for i in range(3):
         _tangents(normals[i], T[i, 0], T[i, 1])
         block = B[3 * i : 3 * i + 3]
         for k in range(FACES):
-            answer = _plane(normals[i], T[i, 0], T[i, 1], mu, 2.0 * np.pi * k / FACES, block, a)
+            answer = _plane(normals[i], T[i, 0], T[i, 1], mu[i], 2.0 * np.pi * k / FACES, block, a)
             _cone_row(i, a, answer, N, f_g, A[rows])
             rows += 1
+        _cone_row(i, -normals[i], 0.0, N, f_g, A[rows])
+        b[rows] = press
+        rows += 1
     rows += _torque_rows(J, limit, N, f_g, A[rows:], b[rows:])
     y, column, fixed, top = np.zeros(5), _PUSH, 1.0, most
     value = 0.0
@@ -226,11 +231,11 @@ def squeeze_kernel(
         value, done = np.inf, True
         for i in range(3):
             block = B[3 * i : 3 * i + 3]
-            borne, angle = _borne(forces[i], normals[i], T[i, 0], T[i, 1], mu, block)
+            borne, angle = _borne(forces[i], normals[i], T[i, 0], T[i, 1], mu[i], block)
             value = min(value, borne)
             if borne < y[_PUSH] - _TOLERANCE and turn < rounds:
                 done = False
-                answer = _plane(normals[i], T[i, 0], T[i, 1], mu, angle, block, a)
+                answer = _plane(normals[i], T[i, 0], T[i, 1], mu[i], angle, block, a)
                 _cone_row(i, a, answer, N, f_g, A[rows])
                 rows += 1
         if done:
@@ -238,30 +243,10 @@ def squeeze_kernel(
     return max(value, 0.0), y[_SHARE]
 
 
-@njit(cache=True, error_model="numpy")
-def push_estimates(
-    points: Array,
-    normals: Array,
-    centre: Array,
-    gravity: Array,
-    mu: float,
-    J: Array,
-    limit: Array,
-    most: float,
-) -> Array:
-    """Loads (K,) of K grasps, (K, 3, 3) and (K, 3, 3, joints), a few percent too high at most; no checks."""
-    out, forces = np.empty(points.shape[0]), np.empty((3, 3))
-    for k in range(points.shape[0]):
-        push, share = squeeze_kernel(points[k], normals[k], centre, gravity, mu, J[k], limit, most, 0, forces)
-        out[k] = push + share
-    return out
-
-
 def _check(
-    points: Numbers, normals: Numbers, mu: float, mass: float, com: Numbers, gravity: Numbers
+    points: Numbers, normals: Numbers, mass: float, com: Numbers, gravity: Numbers
 ) -> tuple[Array, Array, Array, Array]:
     points, normals = check_contacts(points, normals, 3)
-    check_positive("mu", mu)
     down = check_positive("mass", mass) * check_array("gravity", gravity, (3,))
     if not (down * down).sum() > 0.0:
         raise InputError("gravity must not be zero: pushes are measured in weights")
@@ -280,25 +265,32 @@ def _check_joints(jacobians: Numbers, torque_limits: Numbers) -> tuple[Array, Ar
 
 
 def firmest_squeeze(
-    points: Numbers, normals: Numbers, mu: float, mass: float, com: Numbers, jacobians: Numbers,
-    torque_limits: Numbers, gravity: Numbers = (0.0, 0.0, -9.81), most: float = 10.0,
+    points: Numbers, normals: Numbers, mu: Numbers, mass: float, com: Numbers, jacobians: Numbers,
+    torque_limits: Numbers, press: float = 0.0, gravity: Numbers = (0.0, 0.0, -9.81), most: float = 10.0,
 ) -> Squeeze:  # fmt: skip
     """Return the forces of three contacts that bear the largest push in any direction.
 
     Args:
         points: (3, 3) m, world axes. normals: (3, 3) unit, out of the object.
-        mu: friction coefficient.
+        mu: friction coefficient, one or one a contact.
         mass: kg. com: (3,) m, centre of mass. gravity: (3,) m/s^2.
         jacobians: (3, 3, joints) of each contact point by its finger's joints.
         torque_limits: Nm, one number or (joints,).
+        press: N that each contact presses with at least.
         most: push, in weights, beyond which the squeeze need not be firmer.
 
     Raises:
         InputError: wrong shapes, NaN, or values out of range.
     """
-    points, normals, centre, down = _check(points, normals, mu, mass, com, gravity)
+    points, normals, centre, down = _check(points, normals, mass, com, gravity)
+    friction = check_array("mu", np.broadcast_to(np.asarray(mu, dtype=float), (3,)), (3,))
+    if not (friction > 0.0).all():
+        raise InputError(f"mu must be above 0, got {mu!r}")
     J, limit = _check_joints(jacobians, torque_limits)
     forces = np.empty((3, 3))
     most = check_positive("most", most)
-    push, share = squeeze_kernel(points, normals, centre, down, mu, J, limit, most, _ROUNDS, forces)
+    press = float(press)
+    push, share = squeeze_kernel(
+        points, normals, centre, down, friction, press, J, limit, most, ROUNDS, forces
+    )
     return Squeeze(forces, float(push), float(share))

@@ -7,7 +7,7 @@ from agents.grasp.target import GraspTarget
 from agents.kinematics.tree import RobotTree
 from agents.physics.strength import capacity_of
 from agents.planning.claims import certificate_of, contacts_of, least_clearance
-from agents.planning.holding import firmest_hold
+from agents.planning.holding import UNBALANCED, Hold
 from agents.planning.plan import Plan
 from agents.planning.setpoints import OPENINGS, grasp_motion
 from agents.planning.settings import PlannerSettings
@@ -25,22 +25,21 @@ class Certifier:
         self.tree, self.settings, self.mount = tree, settings, mount
         self._with_closure = with_closure
 
-    def certify(self, solution: Solution, target: GraspTarget, plan: Plan) -> Grasp | None:
-        """Return the grasp of a feasible configuration, or None and note in `plan` what it lacks."""
+    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
+        """Return the grasp of a feasible configuration and its squeeze, or None and note in `plan` what it lacks."""
         settings, at = self.settings, solution.evaluation
         if self._with_closure and at.contacts[:, 2].min() < settings.contact_height:
             plan.block("contact_height", settings.contact_height - float(at.contacts[:, 2].min()))
             return None
-        hold, _ = firmest_hold(solution.q, target, self.tree, settings)
-        if not hold.holds and self._with_closure:
-            plan.block(f"holding_forces: {hold.reason}", hold.residual)
+        if hold.share == 0.0 and self._with_closure:
+            plan.block(f"holding_forces: {UNBALANCED}", 1.0)
             return None
         motion = self._open(solution.q, at.normals, hold.forces, target)
         if motion is None:
             plan.block("pregrasp_clearance")
             return None
         certificate = certificate_of(
-            solution.q, hold.forces, target, self.tree, settings, with_capacity=False
+            solution.q, hold.forces, target, self.tree, self.settings, with_capacity=False
         )
         return Grasp(solution.q, at.contacts, at.normals, hold.forces, certificate, motion, self.mount)
 

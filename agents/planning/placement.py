@@ -38,13 +38,20 @@ class Tips(NamedTuple):
 
 
 class Placements(NamedTuple):
-    """Postures of the atlas put on K assigned triples."""
+    """M postures of the atlas put on assigned triples; those of one triple follow each other."""
 
-    goals: Goals
-    scores: Array  # (K,), -1 where none will do
-    which: NDArray[np.int64]  # (K,) posture of the atlas
-    rotations: Array  # (K, 3, 3) of the palm frame
-    positions: Array  # (K, 3) m
+    goals: Goals  # K of them
+    triple: NDArray[np.int64]  # (M,) which goal
+    scores: Array  # (M,) above 0
+    which: NDArray[np.int64]  # (M,) posture of the atlas
+    rotations: Array  # (M, 3, 3) of the palm frame
+    positions: Array  # (M, 3) m
+
+    def best(self) -> NDArray[np.int64]:
+        """Return the index of the placement with the highest score of each triple that has any."""
+        order = np.lexsort((-self.scores, self.triple))
+        first = np.diff(self.triple[order], prepend=-1) > 0
+        return order[first]
 
 
 @njit(cache=True, error_model="numpy")
@@ -95,28 +102,28 @@ def _place(goal: Goals, posture: Tips, obstacle: Obstacle) -> tuple[float, Array
 
 
 @njit(cache=True, error_model="numpy")
-def _best(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle) -> Placements:
-    """Put on each of K assigned triples the best of its neighbours in the atlas, `near` (K, n)."""
-    K = goals.centres.shape[0]
-    best = Placements(
-        goals, np.full(K, -1.0), np.zeros(K, dtype=np.int64), np.zeros((K, 3, 3)), np.zeros((K, 3))
-    )
+def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle) -> Placements:
+    """Put on each of K assigned triples those of its neighbours in the atlas, `near` (K, n), that will do."""
+    K, most = near.shape
+    triple, which = np.empty(K * most, dtype=np.int64), np.empty(K * most, dtype=np.int64)
+    scores, rotations, positions = np.empty(K * most), np.empty((K * most, 3, 3)), np.empty((K * most, 3))
+    m = 0
     for k in range(K):
         goal = Goals(goals.centres[k], goals.inward[k])
         for n in near[k]:
             if n >= tips.centres.shape[0]:
                 break
             score, R, p = _place(goal, Tips(tips.centres[n], tips.axes[n], tips.pads[n]), obstacle)
-            if score > best.scores[k]:
-                best.scores[k], best.which[k] = score, n
-                best.rotations[k], best.positions[k] = R, p
-    return best
+            if score > 0.0:
+                triple[m], which[m], scores[m], rotations[m], positions[m] = k, n, score, R, p
+                m += 1
+    return Placements(goals, triple[:m], scores[:m], which[:m], rotations[:m], positions[:m])
 
 
 def place_on_atlas(
     contacts: Array, normals: Array, obstacle: Obstacle, settings: PlannerSettings, orders: NDArray[np.int64]
 ) -> Placements:
-    """Put hand postures on contact triples: a neighbour search by triangle, one rigid alignment each, the best kept.
+    """Put hand postures on contact triples: a neighbour search by triangle, and one rigid alignment each.
 
     Args:
         contacts: (K, 3, 3) m.
@@ -126,11 +133,11 @@ def place_on_atlas(
         orders: (A, 3) rows of `ASSIGNMENTS`: which contact thumb, index and middle take.
 
     Returns:
-        A placements for each triple, triple by triple.
+        What will do; goal A k + a is triple k in order a.
     """
     atlas = hand_atlas()
     centres = (contacts + settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
     inward = -normals[:, orders].reshape(-1, 3, 3)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), NEIGHBOURS, distance_upper_bound=SIDE_TOLERANCE)
-    return _best(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle)
+    return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle)

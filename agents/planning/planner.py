@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from functools import lru_cache
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 
@@ -12,10 +13,10 @@ from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.planning.certifier import Certifier
+from agents.planning.holding import Hold, firmest_hold
 from agents.planning.plan import Clock, Plan
 from agents.planning.postures import Posture, atlas_postures, oriented_postures
 from agents.planning.proposals import Proposals, ProposalSource, SurfaceProposals
-from agents.planning.ranking import robustness
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution, solve
 from dexgrasp_env.arrays import Array
@@ -24,6 +25,13 @@ from dexgrasp_env.robot.limits import HOME
 __all__ = ["Plan", "Planner", "warm_up"]
 
 NO_POSTURE, BUDGET = "no_reachable_posture", "time_budget"
+
+
+class Candidate(NamedTuple):
+    """A feasible configuration and its squeeze."""
+
+    solution: Solution
+    hold: Hold
 
 
 class Planner:
@@ -57,7 +65,7 @@ class Planner:
         """
         plan, rng = Plan(), np.random.default_rng(seed)
         clock = Clock(plan)
-        below_weight: list[Grasp] = []
+        pool: list[Candidate] = []
         for breadth in self.settings.breadths:
             if self._out_of_time(plan):
                 break
@@ -66,47 +74,49 @@ class Planner:
             plan.rounds += 1
             clock.lap("proposals")
             plan.reason = proposals.failure
-            if self._try_all(proposals, target, settings, start, plan, clock, below_weight):
+            if self._firm(proposals, target, settings, start, plan, clock, pool):
                 return plan
-        if self._any(below_weight, target, start, plan, clock):
-            return plan
-        plan.reason = plan.commonest() or plan.reason or NO_POSTURE
+        if not self._any(pool, 0.0, target, start, plan, clock):
+            plan.reason = plan.commonest() or plan.reason or NO_POSTURE
         return plan
 
-    def _try_all(
+    def _firm(
         self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, start: Array | None, plan: Plan,
-        clock: Clock, below_weight: list[Grasp],
+        clock: Clock, pool: list[Candidate],
     ) -> bool:  # fmt: skip
-        """Try proposals batch by batch; whether one became a grasp that can be carried out.
+        """Whether proposals gave a firm grasp that can be carried out; what is feasible but weaker goes to `pool`.
 
-        A firm grasp is taken at once. Weaker ones wait until there are `settings.patience` to choose from, and those
-        whose squeeze falls short of the assumed weight go to `below_weight`, for when there is nothing better.
+        Postures come firmest first, so that a batch without a firm one is the last that is looked at.
         """
-        bearing: list[Grasp] = []
         solutions = self._solutions(proposals, target, settings, plan, clock)
         for batch in iter(lambda: list(islice(solutions, settings.candidates)), []):
-            batch.sort(key=lambda solution: -_robustness(solution, target))
-            for solution in batch:
-                grasp = self._certifier.certify(solution, target, plan)
-                clock.lap("certificate")
-                if grasp is None:
-                    continue
-                if grasp.certificate.load < settings.firm_load:
-                    (bearing if grasp.certificate.load >= 1.0 else below_weight).append(grasp)
-                elif self._carry_out(grasp, target, start, plan, clock):
-                    return True
-            if len(bearing) >= settings.patience and self._any(bearing, target, start, plan, clock):
+            held = [Candidate(at, firmest_hold(at.q, target, self.tree, self.settings)) for at in batch]
+            clock.lap("certificate")
+            pool += held
+            if self._any(pool, settings.firm_load, target, start, plan, clock):
                 return True
-        return self._any(bearing, target, start, plan, clock)
+            if max(candidate.hold.merit for candidate in held) < settings.firm_load:
+                return False
+        return False
 
     def _any(
-        self, grasps: list[Grasp], target: GraspTarget, start: Array | None, plan: Plan, clock: Clock
+        self,
+        pool: list[Candidate],
+        least: float,
+        target: GraspTarget,
+        start: Array | None,
+        plan: Plan,
+        clock: Clock,
     ) -> bool:
-        """Whether one of the grasps can be carried out; the firmest that can goes into `plan`."""
-        firmest = sorted(
-            grasps, key=lambda grasp: -grasp.certificate.load - 0.5 * grasp.certificate.closure_margin
-        )
-        return any(self._carry_out(grasp, target, start, plan, clock) for grasp in firmest)
+        """Whether a candidate of at least this merit can be carried out; the firmest goes into `plan`, failures out."""
+        pool.sort(key=lambda candidate: -candidate.hold.merit)
+        while pool and pool[0].hold.merit >= least:
+            solution, hold = pool.pop(0)
+            grasp = self._certifier.certify(solution, hold, target, plan)
+            clock.lap("certificate")
+            if grasp is not None and self._carry_out(grasp, target, start, plan, clock):
+                return True
+        return False
 
     def _solutions(
         self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, plan: Plan, clock: Clock
@@ -157,11 +167,6 @@ class Planner:
         if over:
             plan.block(BUDGET)
         return over
-
-
-def _robustness(solution: Solution, target: GraspTarget) -> float:
-    at = solution.evaluation
-    return float(robustness(at.contacts[None], at.normals[None], np.array([at.margin]), target)[0])
 
 
 @lru_cache(maxsize=8)

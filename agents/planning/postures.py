@@ -15,16 +15,18 @@ from agents.kinematics.forward import empty_frames, forward, tip_jacobian, tip_p
 from agents.kinematics.palm_ik import reach_palm
 from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
+from agents.physics.squeeze import squeeze_kernel
+from agents.physics.strength import GRAVITY
 from agents.planning.atlas import hand_atlas
-from agents.planning.placement import ASSIGNMENTS, place_on_atlas
+from agents.planning.holding import ENOUGH, narrowed_friction
+from agents.planning.placement import ASSIGNMENTS, Placements, place_on_atlas
 from agents.planning.proposals import Proposals
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HAND_TORQUE, HOME
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
-_JOINT_TORQUE = float(HAND_TORQUE.min())  # Nm
-_STRONG = 18.0  # N of the thumb, from where more strength is no merit
+_POSE = 0.2  # load that a unit of a placement's score is worth
 
 
 @dataclass(frozen=True)
@@ -39,43 +41,62 @@ class Posture:
 def atlas_postures(
     proposals: Proposals, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
 ) -> Iterator[Posture]:
-    """Yield postures from the atlas, best first, with the arm solved; at most `settings.postures`."""
-    atlas = hand_atlas()
+    """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
     orders = ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
     placed = place_on_atlas(proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders)
-    joints = atlas.joints[placed.which]
-    strength = _strengths(joints, placed.rotations, placed.goals.inward, tree)
-    margins = np.repeat(np.nan_to_num(proposals.margins, nan=0.3), len(orders))
-    total = placed.scores + np.minimum(margins, 0.5) + 2.0 * np.minimum(strength / _STRONG, 1.0)
-    total[placed.scores <= 0.0] = -np.inf
+    merit = _loads(placed, target, tree, settings) + _POSE * placed.scores
+    tried: set[int] = set()
     found = 0
-    # Where the arm does not reach at all, it should not be asked about every posture there is.
-    for k in np.argsort(-total, kind="stable")[: _REACH_ATTEMPTS * settings.postures]:
-        if found == settings.postures or not np.isfinite(total[k]):
+    for k in np.argsort(-merit, kind="stable"):
+        # Where the arm does not reach at all, it should not be asked about every posture there is.
+        if found == settings.postures or len(tried) == _REACH_ATTEMPTS * settings.postures:
             return
+        if placed.triple[k] in tried:
+            continue
+        tried.add(placed.triple[k])
         q = HOME.copy()
-        q[7:] = joints[k]
+        q[7:] = hand_atlas().joints[placed.which[k]]
         if reach_palm(q, placed.rotations[k], placed.positions[k], tree):
             found += 1
-            yield Posture(q, int(k) // len(orders), float(total[k]))
+            yield Posture(q, int(placed.triple[k]) // len(orders), float(merit[k]))
+
+
+def _loads(placed: Placements, target: GraspTarget, tree: RobotTree, settings: PlannerSettings) -> Array:
+    """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly."""
+    goals = placed.goals
+    tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
+    friction = narrowed_friction(tips, normals, target, settings).reshape(-1, 3)
+    limit, gravity = settings.torque_share * HAND_TORQUE, np.array([0.0, 0.0, -GRAVITY * target.mass])
+    return _estimates(
+        placed, hand_atlas().joints, tree, settings.tip_height, target.centre, gravity, friction, limit
+    )
 
 
 @njit(cache=True, error_model="numpy")
-def _strengths(joints: Array, rotations: Array, inward: Array, tree: RobotTree) -> Array:
-    """Force (K,) N that the thumb can press with, the two fingers half of it each, before a joint is at its limit."""
-    K, frames = joints.shape[0], empty_frames(tree)
-    out, q = np.empty(K), np.zeros(23)
-    for k in range(K):
-        q[7:] = joints[k]
+def _estimates(
+    placed: Placements, joints: Array, tree: RobotTree, height: float, centre: Array, gravity: Array, friction: Array,
+    limit: Array,
+) -> Array:  # fmt: skip
+    """Loads (M,) of placements; a contact is `height` m from its tip's centre. The arm does not matter to them."""
+    frames, q = empty_frames(tree), np.zeros(23)
+    out, forces, J = np.empty(len(placed.which)), np.empty((3, 3)), np.empty((3, 3, 16))
+    for m in range(len(placed.which)):
+        goal = placed.triple[m]
+        inward = placed.goals.inward[goal]
+        q[7:] = joints[placed.which[m]]
         forward(q, tree, frames)
-        palm = frames.R[tree.palm] @ tree.palm_rotation
-        J = tip_jacobian(tree, frames, tip_positions(tree, frames))
-        worst = 1e-9
+        turn = placed.rotations[m] @ np.ascontiguousarray((frames.R[tree.palm] @ tree.palm_rotation).T)
+        points = tip_positions(tree, frames)
         for i in range(3):
-            direction = palm @ (rotations[k].T @ inward[k, i])
-            torque = np.abs(direction @ np.ascontiguousarray(J[i, :, 7:])).max()
-            worst = max(worst, torque if i == 0 else 0.5 * torque)
-        out[k] = _JOINT_TORQUE / worst
+            points[i] += height * (turn.T @ inward[i])
+        own = tip_jacobian(tree, frames, points)
+        for i in range(3):
+            J[i] = turn @ np.ascontiguousarray(own[i, :, 7:])
+        push, share = squeeze_kernel(
+            placed.goals.centres[goal] + height * inward, -inward, centre, gravity, friction[goal], 0.0, J, limit,
+            ENOUGH, 0, forces,
+        )  # fmt: skip
+        out[m] = push + share
     return out
 
 

@@ -25,17 +25,18 @@ class PlannerSettings:
         contact_height: contacts of a grasp are.
         triples: triples that are turned into hand postures.
         postures: postures that are tried by the optimiser before the planner gives up.
-        candidates: feasible configurations among which the one that bears errors best is carried out.
-        breadths: rounds of the search; each multiplies the samples, and the next is entered only if one finds nothing.
+        candidates: feasible configurations among which the firmest is carried out.
+        breadths: rounds of the search; each multiplies the samples, and follows only where the last found nothing firm.
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: steps of the SQP, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
         least_press: least pressing force of each contact, N: what the eye's error in place costs the squeeze.
         friction_hold: coefficient in whose cones the holding forces stay.
-        loads: what the squeeze is made for, firmest first: share of the assumed mass, and acceleration in any direction
-            that must be resisted, in multiples of gravity. The first that the joint torques allow is taken.
-        firm_load: load (share of the weight, and what it resists beyond) from which a grasp is taken at once.
-        patience: grasps that bear the weight, but not the firm load, after which the firmest of them is taken.
+        loads: levels that the dataset sorts grasps by, firmest first: share of the assumed mass, and push in any
+            direction that is borne, in weights.
+        friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by: less than is counted on.
+        place_error: how far the surface may be from where it was seen, m.
+        firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
         torque_share: share of the joint torque limits that the squeeze may use.
     """
 
@@ -61,8 +62,9 @@ class PlannerSettings:
     least_press: float = FROZEN.least_press
     friction_hold: float = FROZEN.friction_hold
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
+    friction_squeeze: float = 0.42
+    place_error: float = 0.003
     firm_load: float = 2.0
-    patience: int = 8
     torque_share: float = FROZEN.torque_share
 
     @classmethod

@@ -7,6 +7,7 @@ from agents.grasp.target import GraspTarget
 from agents.learning.cvae_source import CvaeProposals
 from agents.planning.certifier import Certifier
 from agents.planning.claims import certificate_of
+from agents.planning.holding import Hold
 from agents.planning.plan import Plan
 from agents.planning.planner import Planner
 from agents.planning.postures import Posture
@@ -79,7 +80,7 @@ class RawPlanner(Planner):
 class UncheckedCertifier(Certifier):
     """Presses straight in with what nobody has checked; the certificate tells what is true of that."""
 
-    def certify(self, solution: Solution, target: GraspTarget, plan: Plan) -> Grasp | None:
+    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
         """Return the grasp, whatever it is worth."""
         q, at = solution.q, solution.evaluation
         forces = -PRESS * at.normals
