@@ -68,8 +68,10 @@ def make_script(
     lift = _lift(tree, motion)  # cheap, so that it fails first
     checker = CollisionChecker(tree, obstacle, margin)
     waypoints = plan_approach(checker, start, motion.pregrasp, seed)
+    # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
+    approach = np.clip(time_path(waypoints, checker, speed), tree.lower, tree.upper)
     pieces = {
-        "approach": np.concatenate([time_path(waypoints, checker, speed), _still(motion.pregrasp, _SETTLE)]),
+        "approach": np.concatenate([approach, _still(motion.pregrasp, _SETTLE)]),
         "close": _ramp(motion.pregrasp, motion.grasp, _CLOSE),
         "squeeze": _ramp(motion.grasp, motion.squeeze, _SQUEEZE),
         "lift": lift,
