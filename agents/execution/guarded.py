@@ -1,19 +1,21 @@
 """Closing until contact, then pressing with the planned forces: execution that feels through the joints.
 
 What perception sees is a few millimetres off, and position servos turn millimetres into newtons. So each finger closes
-until it lags behind its set-point, and the squeeze starts from where the joints stand then: set-point = measured
-position + J^T f / kp presses with f wherever the surface really is. Only joint positions are used, which every
-observation mode has.
+until it lags behind its set-point, and the squeeze follows the joints: set-point = measured position + torque / kp
+presses with that torque wherever the surface is, and while the object gives way to it. The torque is J^T f at the
+contact points, and what the finger's own weight takes. From the lift on the set-points stand still. Only joint
+positions are used, which every observation mode has.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.execution.script import ActionScript
-from agents.kinematics.forward import finger_jacobians, fingertips
+from agents.kinematics.forward import body_frames, fingertips, tip_jacobian
+from agents.kinematics.gravity import hand_gravity
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_STIFFNESS
+from dexgrasp_env.robot.limits import HAND_STIFFNESS, HAND_TORQUE
 from dexgrasp_env.robot.names import FINGER_COLUMNS, GRASP_FINGERS
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import normalise
@@ -22,13 +24,18 @@ _COLUMNS = [FINGER_COLUMNS[finger] for finger in GRASP_FINGERS]
 _TOUCH_LAG = 0.0018  # m that a tip stays behind its set-point when it has touched: about 2 N
 _CLOSE_SPEED = 0.03  # m/s of the tips
 _OVERTRAVEL = 0.016  # m past where the surface is believed to be
-_CLOSE_STEPS, _SETTLE_STEPS, _SQUEEZE_STEPS = 60, 3, 8  # control steps at most, after contact, for the ramp
+_CLOSE_STEPS, _SETTLE_STEPS = 60, 3  # control steps at most, and after contact
+_RAMP_STEPS, _SQUEEZE_STEPS = 8, 16  # control steps until the torque is asked for in full, and until the lift
+_GAIN = 0.6  # of the way to the wanted torque, per control step: less than 1, as the joints move on meanwhile
+_TIP_DEPTH = 0.0105  # m from a tip's centre to where it touches
 
 
 class GuardedExecution:
     """Carries out one grasp with feedback from the joint positions."""
 
-    def __init__(self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree) -> None:
+    def __init__(
+        self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree, mount: str = "palm_normal"
+    ) -> None:
         """Prepare.
 
         Args:
@@ -36,8 +43,9 @@ class GuardedExecution:
             normals: (3, 3) out of the object, thumb, index, middle.
             forces: (3, 3) N on the object, to press with.
             tree: the robot.
+            mount: of the hand, the tree's.
         """
-        self._script, self._tree, self._forces = script, tree, forces
+        self._script, self._tree, self._forces, self._mount = script, tree, forces, mount
         first = dict(script.phases)
         self._approach_end, self._lift_start = first["close"], first["lift"]
         self._base = script.targets[self._approach_end - 1] if self._approach_end else script.targets[0]
@@ -71,7 +79,7 @@ class GuardedExecution:
         if self._phase == "close":
             return self._close(q)
         if self._phase == "squeeze":
-            return self._squeeze()
+            return self._squeeze(q)
         return self._carry()
 
     def _close(self, q: Array) -> Array:
@@ -88,23 +96,26 @@ class GuardedExecution:
         if not moving.any() or self._count >= _CLOSE_STEPS:
             self._settled += 1
             if self._settled > _SETTLE_STEPS:
-                self._start_squeeze(q)
+                self._count, self._phase = 0, "squeeze"
         return self._targets
 
-    def _start_squeeze(self, q: Array) -> None:
-        J = finger_jacobians(q, self._tree)
-        self._pressed = self._targets.copy()
-        torque = np.r_[np.zeros(7), np.einsum("frj,fr->j", J, self._forces)]
-        for columns in _COLUMNS:
-            self._pressed[columns] = (q + torque / HAND_STIFFNESS)[columns]
-        self._pressed = np.clip(self._pressed, self._tree.lower, self._tree.upper)
-        self._from, self._count, self._phase = self._targets.copy(), 0, "squeeze"
+    def _wanted(self, q: Array) -> Array:
+        """Torques (23,) Nm of the joints that press with the planned forces; 0 for the arm."""
+        frames = body_frames(q, self._tree)
+        points = fingertips(q, self._tree) - _TIP_DEPTH * self._normals
+        J = tip_jacobian(self._tree, frames, points)[:, :, 7:]
+        torque = np.einsum("frj,fr->j", J, self._forces) + hand_gravity(q, self._mount)
+        return np.concatenate([np.zeros(7), np.clip(torque, -HAND_TORQUE, HAND_TORQUE)])
 
-    def _squeeze(self) -> Array:
+    def _squeeze(self, q: Array) -> Array:
         self._count += 1
-        share = min(1.0, self._count / _SQUEEZE_STEPS)
-        self._targets = self._from + share * (self._pressed - self._from)
+        lag = min(1.0, self._count / _RAMP_STEPS) * self._wanted(q) / HAND_STIFFNESS
+        self._targets = self._targets.copy()
+        for columns in _COLUMNS:
+            self._targets[columns] += _GAIN * (q + lag - self._targets)[columns]
+        self._targets = np.clip(self._targets, self._tree.lower, self._tree.upper)
         if self._count >= _SQUEEZE_STEPS:
+            self._pressed = self._targets
             self._phase, self._step = "carry", self._lift_start
         return self._targets
 

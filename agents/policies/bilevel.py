@@ -80,7 +80,10 @@ class BilevelAgent(Agent):
         self.plan = self._planner.plan(self.grasp_target, self._seed, start)
         grasp, script = self.plan.grasp, self.plan.script
         if grasp is not None and script is not None:
-            self._execution = GuardedExecution(script, grasp.normals, grasp.forces, self._planner.tree)
+            planner = self._planner
+            self._execution = GuardedExecution(
+                script, grasp.normals, grasp.forces, planner.tree, planner.mount
+            )
         self.report = Report(
             failure=None if self._execution else f"no_grasp:{self.plan.reason}",
             planning_seconds=time.perf_counter() - began,
