@@ -243,19 +243,31 @@ def test_a_finger_that_meets_nothing_stops_soon_after_the_surface(attempt):
             np.testing.assert_allclose(at, beyond, atol=1e-4)
 
 
-def test_the_squeeze_starts_from_where_the_joints_stand(attempt):
+def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
+    """A servo at rest bears the planned force at its contact, and its own weight."""
+    import mujoco
+
+    from dexgrasp_env.robot.model import robot_spec
+
     start, end, targets, _ = closing(attempt, (0.6, 0.9, 1.1))
     grasp = attempt.agent.plan.grasp
     stand = targets[-1].copy()
     for finger, columns in enumerate(COLUMNS):
         stand[columns] = start[columns] + (0.6, 0.9, 1.1)[finger] * (end - start)[columns]
-    h, torque = 1e-6, np.zeros(23)
-    for j in range(7, 23):
-        step = h * np.eye(23)[j]
-        torque[j] = (((tips(stand + step) - tips(stand - step)) / (2 * h)) * grasp.forces).sum()
+    model = robot_spec().compile()
+    data, J = mujoco.MjData(model), np.zeros((3, model.nv))
+    data.qpos[:23] = stand
+    mujoco.mj_forward(model, data)
+    torque = data.qfrc_bias[:23].copy()
+    for finger, normal, force in zip(("thumb", "index", "middle"), grasp.normals, grasp.forces, strict=True):
+        site = model.site(f"{finger}_tip").id
+        mujoco.mj_jac(model, data, J, None, data.site_xpos[site] - 0.0105 * normal, model.site_bodyid[site])
+        torque += (J.T @ force)[:23]
     for columns in COLUMNS:
-        expected = np.clip(stand[columns] + torque[columns] / 10.0, LOWER[columns], UPPER[columns])
-        np.testing.assert_allclose(targets[-1][columns], expected, atol=2e-4)
+        pressed = stand[columns] + np.clip(torque[columns], -0.7, 0.7) / 10.0
+        np.testing.assert_allclose(
+            targets[-1][columns], np.clip(pressed, LOWER[columns], UPPER[columns]), atol=2e-4
+        )
 
 
 def test_the_arm_alone_moves_in_the_lift(attempt):
