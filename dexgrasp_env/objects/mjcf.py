@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     import mujoco
 
 
-
 def add_to_spec(
     spec: mujoco.MjSpec,
     body: mujoco.MjsBody,
