@@ -11,7 +11,8 @@ from agents.evaluation.comparison import compare_rows
 def row(agent, target, trial, success, **more):
     return {
         "agent": agent, "object": target, "trial": trial, "scene_seed": 7 * trial, "success": success,
-        "reason": None if success else "dropped", **more,
+        "reason": None if success else "dropped", "stable": success, "planning_seconds": None, "details": {},
+        "error": None, **more,
     }  # fmt: skip
 
 

@@ -421,15 +421,15 @@ def test_cells_and_labels(tmp_path):
 
 
 def test_several_protocols_are_counted_apart():
-    settings = EvaluationSettings(("a",), ("soda",), trials=2, protocols=("lift", "other"))
+    settings = EvaluationSettings(("a",), ("soda",), trials=2, protocols=("lift", "heavy"))
     assert [(spec.protocol, spec.trial) for spec in plan_trials(settings)] == [
-        ("lift", 0), ("lift", 1), ("other", 0), ("other", 1),
+        ("lift", 0), ("lift", 1), ("heavy", 0), ("heavy", 1),
     ]  # fmt: skip
     rows = [row(trial=k, success=p == "lift", protocol=p) for p in settings.protocols for k in range(2)]
     summary = summarise(settings, rows)
     agent = summary["agents"]["a"]
-    assert (summary["protocol"], summary["complete"], agent["trials"]) == ("lift+other", True, 4)
-    assert {name: part["rate"] for name, part in agent["by_protocol"].items()} == {"lift": 1.0, "other": 0.0}
+    assert (summary["protocol"], summary["complete"], agent["trials"]) == ("lift+heavy", True, 4)
+    assert {name: part["rate"] for name, part in agent["by_protocol"].items()} == {"lift": 1.0, "heavy": 0.0}
 
 
 def test_identity_changes_with_the_content(tmp_path):

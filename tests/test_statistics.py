@@ -164,10 +164,12 @@ def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeyp
     def run_cells(settings, cells, workers, bench):
         for cell in cells:
             asked.append(cell)
-            yield {
-                "agent": cell.agent, "object": cell.label, "trial": cell.trial, "success": cell.agent == "hardcoded",
+            row = {
+                "protocol": cell.protocol, "agent": cell.agent, "object": cell.label, "trial": cell.trial,
+                "success": cell.agent == "hardcoded",
                 "stable": True, "reason": None, "planning_seconds": None, "details": {}, "error": None,
             }  # fmt: skip
+            yield row, None
 
     monkeypatch.setattr(evaluate_module, "run_cells", run_cells)
     settings = EvaluationSettings.of(["hardcoded", "random"], ["gelatin_box"], trials=30)

@@ -53,7 +53,9 @@ def run(args: argparse.Namespace) -> int:
     if args.cloud is not None:
         return run_cloud(args)
     if args.target is None:
-        raise InputError("name an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE")
+        raise InputError(
+            "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
+        )
     check_target(args.target, args)
     if args.out is not None:
         make_folder(args.out)

@@ -12,6 +12,7 @@ from agents.execution.motion import NoPath
 from agents.execution.timing import smooth_step, time_path
 from agents.geometry.convex import ConvexDistance
 from agents.grasp.grasp import GraspMotion
+from agents.grasp.path import jerkiness
 from agents.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -19,6 +20,7 @@ from dexgrasp_env.tasks.control import MAX_STEP, normalise
 
 _SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
 _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
+_LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
 _LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
 
 
@@ -105,4 +107,7 @@ def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     fast = (np.abs(np.diff(path, axis=0, prepend=motion.squeeze[None])) / MAX_STEP).max()
     if fast > 1.0:
         raise NoPath("lift_out_of_reach", f"a joint would move at {fast:.1f} times its limit")
+    jerk = jerkiness(np.concatenate([motion.squeeze[None], path]))
+    if jerk > _LIFT_JERK:  # the arm turns at a joint limit or near a singularity
+        raise NoPath("lift_out_of_reach", f"a joint would jerk by {1000 * jerk:.0f} mrad on the way up")
     return path
