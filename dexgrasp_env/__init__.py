@@ -39,4 +39,7 @@ _register("LiftSlippery-v1", friction=0.35)
 _register("LiftPushed-v1", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
 _register("LiftOneView-v1", obs_mode="pointcloud", views=1)
 
-register(id="DexGrasp/Place-v1", entry_point="dexgrasp_env.tasks.place:PlaceEnv", max_episode_steps=_LIMIT)
+register(
+    id="DexGrasp/Place-v1", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
+    vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=_LIMIT,
+)  # fmt: skip

@@ -1,104 +1,164 @@
-"""The lift task as a `dm_env.Environment`, for users of that ecosystem.
+"""The tasks as `dm_control.rl.control.Environment`s, for users of that ecosystem.
 
 env = dexgrasp_env.dm.load(objects="seen", control_mode="joint_delta")
 timestep = env.reset()
 timestep = env.step(action)
+env.physics.named.data.xpos["object"]
+
+dm_control's viewer, pixel wrapper and action wrappers run on it. Where there is no screen, import this module before
+dm_control, or set MUJOCO_GL: dm_control settles on a GL library when it is imported.
 """
 
 from typing import Any
 
 import gymnasium as gym
+import mujoco
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.errors import InputError
+from dexgrasp_env import rendering
+from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.simulation import Simulation
 
+rendering.use_offscreen_gl()  # dm_control settles on a backend when it is imported
 with from_extra():
-    import dm_env
+    from dm_control import mujoco as dm_mujoco
+    from dm_control.mujoco.wrapper import MjData
+    from dm_control.rl import control
     from dm_env import specs
+
+_PREFIX = "DexGrasp/"
 
 
 def load(
-    objects: str | list[str] | tuple[str, ...] = "ycb6", *, seed: int | None = None, **kwargs: Any
-) -> "LiftTask":
-    """Return the task of `DexGrasp/Lift-v1` as a dm_env environment.
+    objects: str | list[str] | tuple[str, ...] = "ycb6",
+    *,
+    env_id: str = "DexGrasp/Lift-v1",
+    seed: int | None = None,
+    flat_observation: bool = False,
+    **kwargs: Any,
+) -> control.Environment:
+    """Return an environment of dm_control: the observations, rewards and time limit of Gymnasium's, step by step.
+
+    An episode that terminates ends with discount 0; one that the time limit truncates ends with discount 1, since
+    its state had a future.
 
     Args:
         objects: as for `gym.make`.
+        env_id: of which environment.
         seed: of all episodes; None draws one.
-        kwargs: everything else that `gym.make("DexGrasp/Lift-v1")` accepts.
+        flat_observation: whether all observations are put into one array.
+        kwargs: everything else that `gym.make(env_id)` accepts.
 
     Raises:
         InputError: if an argument is wrong.
     """
-    return LiftTask(gym.make("DexGrasp/Lift-v1", objects=objects, disable_env_checker=True, **kwargs), seed)
+    if env_id not in gym.registry or not env_id.startswith(_PREFIX):
+        raise unknown_name(
+            "env_id", env_id, sorted(name for name in gym.registry if name.startswith(_PREFIX))
+        )
+    task = Task(gym.make(env_id, objects=objects, disable_env_checker=True, **kwargs), seed)
+    return control.Environment(
+        Physics(task.inner.simulation), task, n_sub_steps=CONTROL_STEPS, flat_observation=flat_observation,
+        legacy_step=False,
+    )  # fmt: skip
 
 
-class LiftTask(dm_env.Environment):
-    """A view of a Gymnasium environment: the same simulation, observations, rewards and time limit.
+class Physics(dm_mujoco.Physics):
+    """The environment's own model and data: what is written here, the environment simulates.
 
-    An episode that terminates ends with discount 0; one that the time limit truncates ends with discount 1, since
-    its state had a future.
+    They are of the episode's object: `model` and `data` are others once an episode has another object.
     """
 
+    warnings = 0  # of the last control step, one bit each
+    _rows: NDArray[np.float64] | None = None
+
+    def __init__(self, simulation: Simulation) -> None:
+        super().__init__(MjData(simulation.data))
+        self._shown = (simulation, simulation.variation.size)
+
+    def show(self, simulation: Simulation) -> None:
+        """Take over the scene of a new episode; a GL context holds meshes in the size that they had."""
+        shown = (simulation, simulation.variation.size)
+        if shown != self._shown:
+            self._shown = shown
+            self._reload_from_data(MjData(simulation.data))
+
+    def give(self, rows: NDArray[np.float64]) -> None:
+        """Set what the servos are told in the next control step: (1, 25, 23) rad."""
+        self._rows = rows
+
+    def step(self, nstep: int = 1) -> None:
+        """Advance the control step that a task has begun, else `nstep` physics steps under `data.ctrl`."""
+        rows, self._rows = self._rows, None
+        if rows is None:
+            super().step(nstep)
+            return
+        self.warnings = self._shown[0].step(rows)  # the task ends episodes whose numbers go wrong
+        mujoco.mj_kinematics(self.model.ptr, self.data.ptr)  # dm_control's users read positions of now
+
+    def after_reset(self) -> None:
+        """Do nothing: the environment's reset leaves everything current, and another pass would change its bits."""
+
+
+class Task(control.Task):
+    """A task of Gymnasium's environment, on the physics that dm_control advances."""
+
     def __init__(self, env: gym.Env[Any, Any], seed: int | None = None) -> None:
-        self._env, self._seed = env, seed
-        self._running = False
-        self._info: dict[str, Any] = {}
-
-    @property
-    def info(self) -> dict[str, Any]:
+        inner = env.unwrapped
+        assert isinstance(inner, LiftEnv)
+        self.inner, self._seed = inner, seed
+        self._limit = env.spec.max_episode_steps if env.spec is not None else None
+        self._steps = 0
+        self._seen: dict[str, NDArray[Any]] = {}
+        self._reward, self._terminated = 0.0, False
+        self.info: dict[str, Any] = {}
         """What Gymnasium's `info` says of the last step: is_success, failure, reward_terms, ..."""
-        return self._info
 
-    @property
-    def gym_env(self) -> gym.Env[Any, Any]:
-        """The environment that this is a view of."""
-        return self._env
-
-    def reset(self) -> dm_env.TimeStep:
-        """Start an episode."""
-        observation, self._info = self._env.reset(seed=self._seed)
+    def initialize_episode(self, physics: Physics) -> None:
+        """Start an episode of the environment."""
+        self._seen, self.info = self.inner.reset(seed=self._seed)
         self._seed = None  # later episodes go on with the same generator
-        self._running = True
-        return dm_env.restart(observation)
+        self._steps, self._terminated = 0, False
+        physics.show(self.inner.simulation)
 
-    def step(self, action: NDArray[np.float32]) -> dm_env.TimeStep:
-        """Advance 50 ms; after a last step the action is ignored and an episode starts, as dm_env wants it."""
-        if not self._running:
-            return self.reset()
-        observation, reward, terminated, truncated, self._info = self._env.step(action)
-        self._running = not (terminated or truncated)
-        if terminated:
-            return dm_env.termination(float(reward), observation)
-        if truncated:
-            return dm_env.truncation(float(reward), observation, discount=1.0)
-        return dm_env.transition(float(reward), observation)
+    def before_step(self, action: NDArray[np.float32], physics: Physics) -> None:
+        """Move the set-points."""
+        physics.give(self.inner.start_step(action))
 
-    def observation_spec(self) -> dict[str, specs.Array]:
+    def after_step(self, physics: Physics) -> None:
+        """Judge and observe."""
+        self._seen, self._reward, self._terminated, _, self.info = self.inner.finish_step(physics.warnings)
+        self._steps += 1
+
+    def get_observation(self, physics: Physics) -> dict[str, NDArray[Any]]:
+        """Return Gymnasium's observation."""
+        return dict(self._seen)
+
+    def get_reward(self, physics: Physics) -> float:
+        """Return Gymnasium's reward."""
+        return self._reward
+
+    def get_termination(self, physics: Physics) -> float | None:
+        """Return the last discount, None while the episode runs."""
+        if self._terminated:
+            return 0.0
+        return 1.0 if self._limit is not None and self._steps >= self._limit else None
+
+    def observation_spec(self, physics: Physics) -> dict[str, specs.Array]:
         """Return a spec for every key of the observations."""
-        space = self._env.observation_space
+        space = self.inner.observation_space
         assert isinstance(space, spaces.Dict)
         return {key: _spec(key, part) for key, part in space.items()}
 
-    def action_spec(self) -> specs.BoundedArray:
+    def action_spec(self, physics: Physics) -> specs.BoundedArray:
         """Return the actions' spec: within [-1, 1]."""
-        return _spec("action", self._env.action_space)
-
-    def reward_spec(self) -> specs.BoundedArray:
-        """Return the rewards' spec: within [0, 1]."""
-        return specs.BoundedArray((), np.float64, 0.0, 1.0, name="reward")
-
-    def discount_spec(self) -> specs.BoundedArray:
-        """Return the discounts' spec: within [0, 1]."""
-        return specs.BoundedArray((), np.float64, 0.0, 1.0, name="discount")
-
-    def close(self) -> None:
-        """Free what rendering holds."""
-        self._env.close()
+        return _spec("action", self.inner.action_space)
 
 
 def _spec(name: str, space: gym.Space[Any]) -> Any:

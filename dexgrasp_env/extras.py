@@ -14,7 +14,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "learning": ("torch", "stable_baselines3", "tensorboard"),
     "viewer": ("viser",),
     "cluster": ("ray",),
-    "dm": ("dm_env",),
+    "dm": ("dm_control", "dm_env"),
     "demos": ("minari",),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""

@@ -74,6 +74,17 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
         raise InputError(f"{_REMEDY} (MUJOCO_GL={backend}: {error})") from error
 
 
+def use_offscreen_gl() -> None:
+    """Settle on a backend before another library does, where there is no screen; nothing without a backend."""
+    backend = choose_gl()
+    if (
+        backend is not None
+        and backend not in _OFF
+        and not (os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+    ):
+        _use(backend)
+
+
 def _use(backend: str) -> None:
     """Have MuJoCo draw with a backend, unless it does; where it cannot, the environment stays as it was."""
     if os.environ.get("MUJOCO_GL"):

@@ -1,12 +1,22 @@
-"""The dm_env view against the Gymnasium environment that it shows."""
+"""dm_control's environment against the Gymnasium environment whose physics it advances."""
 
-import dm_env
 import gymnasium as gym
 import numpy as np
 import pytest
 
+# First of all: dm_control settles on a GL library when it is imported.
+pytest.importorskip("dexgrasp_env.dm", exc_type=ImportError)
+
+import dm_env
+from dm_control.rl import control
+from dm_control.suite.wrappers import action_scale, pixels
+from dm_control.viewer.runtime import Runtime
+
 from dexgrasp_env import dm
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.rendering import rendering_fault
+
+SIZES = {"size": (0.9, 1.1), "latency": (0.0, 0.04), "joint_noise": (0.0, 0.01)}
 
 
 @pytest.mark.parametrize("obs_mode", ["state", "pointcloud"])
@@ -15,6 +25,8 @@ def test_specs_hold(obs_mode):
     specs, action_spec = env.observation_spec(), env.action_spec()
     rng = np.random.default_rng(0)
     timestep = env.reset()
+    assert isinstance(env, control.Environment)
+    assert env.control_timestep() == 0.05
     assert timestep.first()
     assert timestep.reward is None
     for _ in range(3):
@@ -24,50 +36,117 @@ def test_specs_hold(obs_mode):
         action = rng.uniform(-1, 1, action_spec.shape).astype(action_spec.dtype)
         action_spec.validate(action)
         timestep = env.step(action)
-        env.reward_spec().validate(np.asarray(timestep.reward))
-        env.discount_spec().validate(np.asarray(timestep.discount))
+        env.reward_spec().validate(timestep.reward)
+        env.discount_spec().validate(timestep.discount)
         assert timestep.mid()
         assert timestep.discount == 1.0
 
 
-def test_same_rollout_as_gymnasium():
-    env, other = dm.load("seen", seed=5, control_mode="ee_delta"), gym.make(
-        "DexGrasp/Lift-v1", objects="seen", control_mode="ee_delta", disable_env_checker=True
-    )  # fmt: skip
-    timestep, (observation, _) = env.reset(), other.reset(seed=5)
+@pytest.mark.parametrize(
+    ("env_id", "kwargs"),
+    [
+        ("DexGrasp/Lift-v1", {"control_mode": "ee_delta", "randomisation": SIZES}),
+        ("DexGrasp/LiftPushed-v1", {"reward_mode": "sparse"}),
+        ("DexGrasp/LiftOneView-v1", {"calibration": {"position": 0.01}}),
+        ("DexGrasp/Place-v1", {"reward_mode": "dense"}),
+    ],
+)
+def test_same_rollout_as_gymnasium(env_id, kwargs):
+    """Every number of four episodes, over objects of different models, in every bit."""
+    settings = {"objects": ["sugar_box", "soda", "massage_ball"], "max_episode_steps": 6, **kwargs}
+    env = dm.load(env_id=env_id, seed=3, **settings)
+    other = gym.make(env_id, disable_env_checker=True, **settings)
     rng = np.random.default_rng(0)
-    for _ in range(10):
-        for key in observation:
-            np.testing.assert_array_equal(timestep.observation[key], observation[key])
-        action = rng.uniform(-1, 1, 22)
-        timestep = env.step(action)
-        observation, reward, *_ = other.step(action)
-        assert timestep.reward == reward
-    assert env.info["stage"] == "untouched"
+    objects = set()
+    for episode in range(4):
+        # The first by a reset, the others by the step after a last one.
+        timestep = env.reset() if episode == 0 else env.step(action)
+        assert timestep.first()
+        observation, info = other.reset(seed=3 if episode == 0 else None)
+        objects.add(info["object"])
+        while True:
+            assert set(timestep.observation) == set(observation)
+            for key in observation:
+                np.testing.assert_array_equal(timestep.observation[key], observation[key])
+            assert np.array_equal(env.physics.data.qpos, other.unwrapped.data.qpos)
+            assert env.task.info["reward_terms"] == info["reward_terms"]
+            if timestep.last():
+                break
+            action = rng.uniform(-1, 1, env.action_spec().shape)
+            timestep = env.step(action)
+            observation, reward, terminated, truncated, info = other.step(action)
+            assert timestep.reward == reward
+            assert timestep.last() == (terminated or truncated)
+    assert len(objects) > 1
 
 
-def test_truncation_keeps_the_discount():
+def test_termination_ends_the_discount_and_the_time_limit_does_not():
     env = dm.load("sugar_box", seed=0, max_episode_steps=3)
     env.reset()
     steps = [env.step(np.zeros(23)) for _ in range(3)]
     assert [step.step_type for step in steps] == [dm_env.StepType.MID] * 2 + [dm_env.StepType.LAST]
     assert steps[-1].discount == 1.0
-    assert env.step(np.zeros(23)).first()  # the next step starts an episode
-
-
-def test_termination_ends_the_discount():
-    env = dm.load("sugar_box", seed=0)
     env.reset()
-    env.gym_env.unwrapped.simulation.data.qvel[25] = 1e12
+    env.physics.data.qvel[25] = 1e12
     timestep = env.step(np.zeros(23))
     assert timestep.last()
     assert timestep.discount == 0.0
+    assert env.task.info["failure"] == "simulation_diverged"
 
 
-def test_step_without_reset_starts_an_episode():
-    assert dm.load("sugar_box").step(np.zeros(23)).first()
+def test_physics_is_the_environments_own():
+    env = dm.load("sugar_box", seed=0)
+    assert env.step(np.zeros(23)).first()  # no reset before
+    physics, inner = env.physics, env.task.inner
+    assert physics.data.ptr is inner.data
+    assert physics.model.ptr is inner.model
+    timestep = env.step(np.zeros(23))
+    np.testing.assert_allclose(
+        physics.named.data.xpos["object"], timestep.observation["object_pose"][:3], atol=1e-6
+    )
+    physics.named.data.xfrc_applied["object", 2] = 100.0  # as the viewer's mouse does
+    env.step(np.zeros(23))
+    assert physics.named.data.qvel["object"][2] > 1.0
+    time = physics.time()
+    physics.step(2)  # without a task: physics steps
+    assert physics.time() == pytest.approx(time + 0.004)
+    copy = physics.copy()
+    copy.step()
+    assert copy.time() > physics.time()
+
+
+def test_the_viewers_runtime_and_action_wrappers_run():
+    env = action_scale.Wrapper(dm.load("ycb6", seed=0), minimum=-2.0, maximum=2.0)
+    changed = []
+    runtime = Runtime(env, policy=lambda timestep: np.zeros(23))
+    runtime.on_physics_changed += lambda: changed.append(env.physics)
+    runtime.tick(0.05, paused=False)
+    runtime.single_step()
+    runtime.tick(0.05, paused=True)
+    assert runtime.get_time() >= 0.25  # the settling and a step
+    for _ in range(6):
+        runtime.restart()
+        runtime.stop()
+        runtime.restart()
+        runtime.tick(0.05, paused=False)
+    assert changed  # another object is another model: the viewer loads it
+
+
+@pytest.mark.skipif(rendering_fault() is not None, reason="no GL here")
+def test_pixels():
+    size = dict(height=60, width=80, camera_id="front_left")
+    env = pixels.Wrapper(dm.load("sugar_box", seed=0), pixels_only=False, render_kwargs=size)
+    first = env.reset().observation["pixels"]
+    for _ in range(5):
+        last = env.step(np.ones(23)).observation["pixels"]
+    assert first.shape == (60, 80, 3)
+    assert env.observation_spec()["pixels"].shape == first.shape
+    assert not np.array_equal(first, last)
+    env.physics.free()
 
 
 def test_wrong_arguments():
     with pytest.raises(InputError, match="obs_mode"):
         dm.load("sugar_box", obs_mode="pixels")
+    with pytest.raises(InputError, match="LiftUpright-v1"):
+        dm.load(env_id="DexGrasp/Lift-v7")

@@ -18,14 +18,14 @@ RANDOM = {
 }  # fmt: skip
 
 
-def native(number, **kwargs):
-    return gym.make_vec(ID, num_envs=number, **{"objects": OBJECTS, **kwargs})
+def native(number, env_id=ID, **kwargs):
+    return gym.make_vec(env_id, num_envs=number, **{"objects": OBJECTS, **kwargs})
 
 
-def singles(number, autoreset_mode="NextStep", threads=None, **kwargs):
+def singles(number, env_id=ID, autoreset_mode="NextStep", threads=None, **kwargs):
     settings = {"objects": OBJECTS, "disable_env_checker": True, **kwargs}
     return gym.make_vec(
-        ID,
+        env_id,
         num_envs=number,
         vectorization_mode="sync",
         vector_kwargs={"autoreset_mode": autoreset_mode},
@@ -114,6 +114,32 @@ def test_threads_change_nothing(threads):
     compare(5, 12, threads=threads, disturbance="pushed", max_episode_steps=9)
 
 
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_place_equals_single_environments_bit_for_bit(mode):
+    lost, truncated = compare(
+        3, 60, mode, env_id="DexGrasp/Place-v1", randomisation=RANDOM, threads=2,
+        reward_mode="dense" if mode == "SameStep" else "sparse",
+    )  # fmt: skip
+    assert lost >= 1
+    assert truncated >= 3
+
+
+def test_place_counts_the_time_at_the_goal_alike():
+    ours, theirs = (make(2, env_id="DexGrasp/Place-v1", objects="sugar_box") for make in (native, singles))
+    ours.reset(seed=3)
+    theirs.reset(seed=3)
+    state = theirs.envs[1].unwrapped.get_state()
+    state.record["goal"] = state.physics[1 + 23 : 1 + 26]  # time, then positions: where the object is
+    theirs.envs[1].unwrapped.set_state(state)
+    ours.set_state(state, [1])
+    for _ in range(22):
+        a, b = theirs.step(np.zeros((2, 23))), ours.step(np.zeros((2, 23)))
+        assert_same(a, b)
+    assert b[4]["is_success"].tolist() == [False, True]
+    goals, reached = np.zeros((4, 3)), np.full((4, 3), 0.01)
+    assert ours.compute_reward(reached, goals, {}).tolist() == [0.0] * 4
+
+
 @pytest.mark.parametrize(
     ("obs_mode", "observe"), [("depth", "step"), ("pointcloud", "step"), ("pointcloud", "reset")]
 )
@@ -125,7 +151,7 @@ def test_cameras_equal_single_ones(obs_mode, observe):
 
 
 def test_presets_have_vector_environments():
-    for name in sorted(name for name in gym.registry if name.startswith("DexGrasp/Lift")):
+    for name in sorted(name for name in gym.registry if name.startswith("DexGrasp/")):
         envs = gym.make_vec(name, num_envs=2, objects="sugar_box")
         first, _ = envs.reset(seed=3)
         second, _ = envs.reset(seed=3)

@@ -10,6 +10,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
+from gymnasium import spaces
 from numpy.random import Generator
 from numpy.typing import NDArray
 
@@ -20,7 +21,7 @@ from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import KINDS
-from dexgrasp_env.tasks.observations import cut, layout
+from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import EPISODE, FAILURES, PHASES, STAGES, TERMS, TOLD
@@ -94,6 +95,10 @@ class Episodes:
         self._layout = layout(settings.obs_mode)
         self._width = max(part.stop for part in self._layout.values())
         self._no_noise = np.zeros((1, 23))
+
+    def observation_space(self) -> spaces.Dict:
+        """Return the space of one environment's observations."""
+        return observation_space(self.settings.obs_mode, self.views.image_shape)
 
     # -- starting ------------------------------------------------------------------------------------------------
 
@@ -256,6 +261,10 @@ class Episodes:
             "variation": dict(vars(self.slots[i].variation)),
             "reward_terms": dict(zip(TERMS, terms, strict=True)),
         }
+
+    def more_infos(self) -> dict[str, NDArray[Any]]:
+        """Return what a task tells beside `TOLD`, arrays (N,) by key; `info` has the same."""
+        return {}
 
     def object_name(self, i: int) -> str:
         """Return the name of the object of episode `i`, empty before the first."""

@@ -1,5 +1,6 @@
 """DexGrasp/Lift-v1."""
 
+import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -14,7 +15,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ACTION_SIZE
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState
-from dexgrasp_env.tasks.observations import observation_space
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
@@ -165,6 +165,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     * v0: first version, retired: nothing was published on it.
     """
 
+    episodes_type = Episodes
     metadata = {  # noqa: RUF012  (as Gymnasium has it)
         "render_modes": ["human", "rgb_array", "depth_array"],
         "render_fps": round(1 / CONTROL_PERIOD),
@@ -196,11 +197,17 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         EzPickle.__init__(self, **given)
         self.settings, self._views = make_settings(**given)
         self.render_mode = render_mode
-        self._episodes = Episodes(self.settings, self._views, 1)
+        self._episodes = self.episodes_type(self.settings, self._views, 1)
         self.action_space = spaces.Box(-1.0, 1.0, (ACTION_SIZE[control_mode],), np.float32)
-        self.observation_space = observation_space(obs_mode, self._views.image_shape)  # type: ignore[assignment]
+        self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
         self._simulation = next(iter(self._episodes.simulations.values()))
         self._over = True
+
+    @classmethod
+    def arguments(cls, **given: Any) -> dict[str, Any]:
+        """Return all arguments: those given, and the defaults of the others."""
+        parameters = inspect.signature(LiftEnv.__init__).parameters
+        return {name: parameter.default for name, parameter in parameters.items() if name != "self"} | given
 
     @property
     def simulation(self) -> Simulation:
@@ -260,14 +267,37 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         Raises:
             InputError: if the action has the wrong shape or is not finite, or no episode is running.
         """
+        return self.finish_step(self._simulation.step(self.start_step(action)))
+
+    def start_step(self, action: NDArray[np.float32]) -> NDArray[np.float64]:
+        """Do the first part of a step, before the physics: move the set-points, and push what is to be pushed.
+
+        Args:
+            action: as for `step`.
+
+        Returns:
+            Set-points of the physics steps (1, 25, 23) rad, for `simulation.step`.
+
+        Raises:
+            InputError: as `step`.
+        """
         if self._over:
             raise InputError("step() called without a running episode: call reset() first")
-        episodes, simulation = self._episodes, self._simulation
-        rows, push = episodes.set_points(_ONLY, check_actions(action, self.action_space.shape)[None])
+        rows, push = self._episodes.set_points(_ONLY, check_actions(action, self.action_space.shape)[None])
         if self.settings.disturbance.kind == "pushed":
-            simulation.data.xfrc_applied[simulation.body, :3] = push[0]
-        bits = simulation.step(rows)
-        observation = self._conclude(bits)
+            self._simulation.data.xfrc_applied[self._simulation.body, :3] = push[0]
+        return rows
+
+    def finish_step(self, bits: int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+        """Do the last part of a step, after the physics: judge and observe.
+
+        Args:
+            bits: the physics' warnings, as `simulation.step` returns them.
+
+        Returns:
+            What `step` returns.
+        """
+        observation, episodes = self._conclude(bits), self._episodes
         self._over = bool(episodes.told[0, _FAILURE])
         observation, info = self._look(observation, at_reset=False)
         return observation, float(episodes.rewards[0]), self._over, False, info

@@ -1,18 +1,79 @@
 """DexGrasp/Place-v1."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 from gymnasium import spaces
 from gymnasium.utils import EzPickle
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import GOAL_HEIGHT, GOAL_RADIUS, GOAL_STEPS, PLACE_X, PLACE_Y
+from dexgrasp_env.tasks.episodes import Episodes, Moment
 from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.settings import LiftSettings
+from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.views import Views
 
+_SUCCESS = TOLD.index("is_success")
 _GOAL_LOW, _GOAL_HIGH = np.array([PLACE_X, PLACE_Y, GOAL_HEIGHT]).T
+
+
+class PlaceEpisodes(Episodes):
+    """Episodes with a goal each."""
+
+    def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
+        super().__init__(settings, views, number)
+        self._distances = np.zeros(number)  # m, of the objects' centres to their goals
+
+    def observation_space(self) -> spaces.Dict:
+        """Return the space that goal-conditioned learners want."""
+        size = sum(int(np.prod(part.shape or ())) for part in super().observation_space().values())
+        goals = _GOAL_LOW.astype(np.float32), _GOAL_HIGH.astype(np.float32)
+        return spaces.Dict(
+            {
+                "observation": spaces.Box(-np.inf, np.inf, (size,), np.float32),
+                "achieved_goal": spaces.Box(-np.inf, np.inf, (3,), np.float32),
+                "desired_goal": spaces.Box(*goals, dtype=np.float32),
+            }
+        )
+
+    def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> Simulation:
+        """Start episode `i`; the goal is drawn last."""
+        simulation = super().begin(i, rng, options)
+        self.records[i]["goal"] = rng.uniform(_GOAL_LOW, _GOAL_HIGH)
+        return simulation
+
+    def conclude(
+        self, part: slice, moment: Moment, warnings: NDArray[np.int64], rngs: Sequence[Generator | None],
+        alone: bool = False,
+    ) -> dict[str, NDArray[Any]]:  # fmt: skip
+        """Do what `Episodes.conclude` does; rewards, success and the observation are those of the goal."""
+        state = super().conclude(part, moment, warnings, rngs)
+        records, goals = self.records[part], self.records["goal"][part]
+        self._distances[part] = np.linalg.norm(moment[0][:, 23:26] - goals, axis=-1)
+        observation = {
+            "observation": np.concatenate(list(state.values()), axis=-1),
+            "achieved_goal": state["object_pose"][:, :3].copy(),
+            "desired_goal": goals.astype(np.float32),
+        }
+        achieved, desired = observation["achieved_goal"], observation["desired_goal"]
+        self.rewards[part] = goal_rewards(achieved, desired, self.settings.reward_mode)
+        reached = (goal_rewards(achieved, desired, "sparse") == 0.0) & (records["failure"] == 0)
+        records["at_goal"] = np.where(reached & (records["elapsed"] > 0), records["at_goal"] + 1, 0)
+        self.told[part, _SUCCESS] = records["at_goal"] >= GOAL_STEPS
+        return {key: value[0] for key, value in observation.items()} if alone else observation
+
+    def info(self, i: int) -> dict[str, Any]:
+        """Return the info of episode `i`."""
+        return super().info(i) | {"goal_distance": float(self._distances[i])}
+
+    def more_infos(self) -> dict[str, NDArray[Any]]:
+        """Return what `info` has more than that of `Episodes`, of all episodes."""
+        return {"goal_distance": self._distances.copy()}
 
 
 class PlaceEnv(LiftEnv):
@@ -63,64 +124,38 @@ class PlaceEnv(LiftEnv):
     * v1: first version.
     """
 
+    episodes_type = PlaceEpisodes
+
     def __init__(
         self, objects: str | Sequence[str] = "ycb6", reward_mode: str = "sparse", **kwargs: Any
     ) -> None:
-        if kwargs.get("obs_mode", "state") != "state" or kwargs.get("disturbance") not in (None, "none"):
+        given = {"objects": objects, "reward_mode": reward_mode, **kwargs}
+        super().__init__(**self.arguments(**given))
+        EzPickle.__init__(self, **given)
+
+    @classmethod
+    def arguments(cls, **given: Any) -> dict[str, Any]:
+        """Return all arguments: those given, and the defaults of the others.
+
+        Raises:
+            InputError: for cameras or a disturbance.
+        """
+        if given.get("obs_mode", "state") != "state" or given.get("disturbance") not in (None, "none"):
             raise InputError(
                 "Place-v1 has obs_mode 'state' and no disturbance: valid are the other arguments"
             )
-        super().__init__(objects=objects, reward_mode=reward_mode, **kwargs)
-        EzPickle.__init__(self, objects=objects, reward_mode=reward_mode, **kwargs)
-        size = sum(part.shape[0] for part in self.observation_space.values())  # type: ignore[attr-defined]
-        self.observation_space = spaces.Dict(  # type: ignore[assignment]
-            {
-                "observation": spaces.Box(-np.inf, np.inf, (size,), np.float32),
-                "achieved_goal": spaces.Box(-np.inf, np.inf, (3,), np.float32),
-                "desired_goal": spaces.Box(
-                    _GOAL_LOW.astype(np.float32), _GOAL_HIGH.astype(np.float32), dtype=np.float32
-                ),
-            }
-        )
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Start an episode; see `LiftEnv.reset`. The goal is drawn last."""
-        observation, info = super().reset(seed=seed, options=options)
-        record = self._episodes.records[0]
-        record["goal"] = self.np_random.uniform(_GOAL_LOW, _GOAL_HIGH)
-        return self._goal_observation(observation), self._goal_info(info)
-
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
-        """Advance 50 ms; see `LiftEnv.step`."""
-        state, _, terminated, truncated, info = super().step(action)
-        observation, record = self._goal_observation(state), self._episodes.records[0]
-        achieved, desired = observation["achieved_goal"], observation["desired_goal"]
-        reached = np.linalg.norm(achieved - desired) <= GOAL_RADIUS and not info["failure"]
-        record["at_goal"] = record["at_goal"] + 1 if reached else 0
-        reward = float(self.compute_reward(achieved, desired, info))
-        return observation, reward, terminated, truncated, self._goal_info(info)
+        return super().arguments(**{"reward_mode": "sparse", **given})
 
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
     ) -> NDArray[np.float64]:
         """Return the rewards (...,) of goals (..., 3) m; `info` is not used."""
-        distance = np.linalg.norm(np.asarray(achieved_goal) - np.asarray(desired_goal), axis=-1)
-        if self.settings.reward_mode == "dense":
-            return -distance.astype(np.float64)
-        return -(distance > GOAL_RADIUS).astype(np.float64)
+        return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
-    def _goal_observation(self, state: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-        return {
-            "observation": np.concatenate(list(state.values())),
-            "achieved_goal": state["object_pose"][:3].copy(),
-            "desired_goal": self._episodes.records["goal"][0].astype(np.float32),
-        }
 
-    def _goal_info(self, info: dict[str, Any]) -> dict[str, Any]:
-        steps = int(self._episodes.records["at_goal"][0])
-        distance = float(np.linalg.norm(self.data.qpos[23:26] - self._episodes.records["goal"][0]))
-        return info | {"is_success": steps >= GOAL_STEPS, "goal_distance": distance}
+def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str) -> NDArray[np.float64]:
+    """Return the rewards (...,) of goals (..., 3) m; see `PlaceEnv`."""
+    distance = np.linalg.norm(np.asarray(achieved) - np.asarray(desired), axis=-1)
+    if reward_mode == "dense":
+        return -distance.astype(np.float64)
+    return -(distance > GOAL_RADIUS).astype(np.float64)

@@ -47,7 +47,7 @@ class Simulation:
         self.object = model
         self.base = compiled_scene(model, mount)
         self.model = copy.copy(self.base)
-        self.data = mujoco.MjData(self.base)
+        self.data = mujoco.MjData(self.model)
         self.variation = Variation()
         self.columns = reading_columns(self.base)
         self.hull = np.ascontiguousarray(

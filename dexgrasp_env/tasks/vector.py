@@ -1,4 +1,4 @@
-"""The native vector environment of the lift task: many simulations, one kernel, all cores."""
+"""The native vector environments: many simulations, one kernel, all cores."""
 
 import copy
 from collections.abc import Iterable, Sequence
@@ -17,9 +17,9 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ACTION_SIZE
-from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Moment
+from dexgrasp_env.tasks.episodes import EpisodeState, Moment
 from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv, check_actions, make_settings
-from dexgrasp_env.tasks.observations import observation_space
+from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TERMS, TOLD
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
@@ -47,6 +47,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
     `obs_mode="rgbd"` is not here: GL draws one picture at a time, so many environments gain nothing.
     """
 
+    _env_type = LiftEnv
+
     def __init__(
         self,
         num_envs: int = 1,
@@ -55,7 +57,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         threads: int | None = None,
         **kwargs: Any,
     ) -> None:
-        given = {**_defaults(), **kwargs}
+        given = self._env_type.arguments(**kwargs)
         self.num_envs = _check_count("num_envs", num_envs)
         if given["obs_mode"] == "rgbd" or given["render_mode"] == "human":
             raise InputError(
@@ -65,13 +67,13 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
         self.settings, self._views = make_settings(**given)
         self.render_mode = self.settings.render_mode
-        self._episodes = Episodes(self.settings, self._views, num_envs)
+        self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else _check_count("threads", threads)
         self._physics = BatchPhysics(self._episodes.simulations, num_envs, threads)
         self.single_action_space = spaces.Box(
             -1.0, 1.0, (ACTION_SIZE[self.settings.control_mode],), np.float32
         )
-        self.single_observation_space = observation_space(self.settings.obs_mode, self._views.image_shape)
+        self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[Generator | None] = [None] * num_envs
@@ -265,6 +267,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
                 {name: episodes.told[:, len(TOLD) + k].copy() for k, name in enumerate(TERMS)}
             ),
         }
+        infos |= episodes.more_infos()
         seen = [slot.view.info for slot in episodes.slots]
         if self.settings.obs_mode != "state":
             infos |= {
@@ -274,12 +277,16 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         return _with_masks(infos)
 
 
-def _defaults() -> dict[str, Any]:
-    """The arguments of the single environment."""
-    import inspect
+class PlaceVectorEnv(LiftVectorEnv):
+    """N environments like `PlaceEnv`; see `LiftVectorEnv`."""
 
-    parameters = inspect.signature(LiftEnv.__init__).parameters
-    return {name: parameter.default for name, parameter in parameters.items() if name != "self"}
+    _env_type = PlaceEnv
+
+    def compute_reward(
+        self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
+    ) -> NDArray[np.float64]:
+        """Return the rewards (...,) of goals (..., 3) m; `info` is not used."""
+        return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
 def _objects(values: list[Any]) -> NDArray[Any]:
