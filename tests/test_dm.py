@@ -57,7 +57,7 @@ def test_same_rollout_as_gymnasium(env_id, kwargs):
     env = dm.load(env_id=env_id, seed=3, **settings)
     other = gym.make(env_id, disable_env_checker=True, **settings)
     rng = np.random.default_rng(0)
-    objects = set()
+    objects, action = set(), np.zeros(env.action_spec().shape)
     for episode in range(4):
         # The first by a reset, the others by the step after a last one.
         timestep = env.reset() if episode == 0 else env.step(action)

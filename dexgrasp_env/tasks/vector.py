@@ -47,7 +47,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
     `obs_mode="rgbd"` is not here: GL draws one picture at a time, so many environments gain nothing.
     """
 
-    _env_type = LiftEnv
+    _env_type: type[LiftEnv] = LiftEnv
 
     def __init__(
         self,
