@@ -20,7 +20,7 @@ COMMANDS = {
     name: f"agents.cli.{name}"
     for name in (
         "demo", "list", "plan", "verify", "evaluate", "compare", "score", "replay", "report", "dataset", "train",
-        "benchmark", "doctor", "export", "check", "view",
+        "benchmark", "doctor", "export", "check", "view", "completion",
     )
 }  # fmt: skip
 """Command -> module with `add_parser(subparsers)` and `run(args) -> int`."""

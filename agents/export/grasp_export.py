@@ -13,6 +13,8 @@ from agents.kinematics.forward import body_frames, finger_jacobians
 from agents.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.objects.model import ObjectModel, centred_model
+from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_JOINTS
 from dexgrasp_env.scene.constants import FRICTION
@@ -26,14 +28,15 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     Args:
         record: of a grasp file of schema 2.
         folder: made if it is not there.
-        kind: one of `FORMATS`; `mjcf` writes the scene and the trajectory beside it, so that it can be replayed.
+        kind: one of `FORMATS`; `mjcf` writes the scene and the trajectory beside it, so that it can be replayed. Where
+            only a cloud was seen, the scene's object is the hull that was planned on.
         stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets.
 
     Returns:
         The files.
 
     Raises:
-        InputError: for an unknown format, a file without approach and lift, or an object that is not here.
+        InputError: for an unknown format, a file without approach and lift, or a mesh that is not here any more.
     """
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS)
@@ -98,9 +101,17 @@ def _torque(record: GraspRecord) -> Array:
 
 
 def _scene(record: GraspRecord, folder: Path) -> list[Path]:
-    model = record.object.load()
-    if model is None or record.T_world_object is None:
-        raise InputError(
-            "the grasp file does not say which object it is of and where: format mjcf needs both"
-        )
-    return write_scene(folder, model, record.T_world_object, record.mount, FRICTION)
+    model, pose = record.object.load(), record.T_world_object
+    if model is None or pose is None:
+        model, pose = _seen(record)
+    return write_scene(folder, model, pose, record.mount, FRICTION)
+
+
+def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
+    """The hull that was planned on as an object, and its pose: where only a cloud was seen, nobody knows more."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(record.hull, process=False).convex_hull
+    pose = np.eye(4)
+    pose[:3, 3] = mesh.center_mass
+    return centred_model(record.object.name, mesh, [hull_part(record.hull)], record.mass), pose
