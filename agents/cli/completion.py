@@ -1,6 +1,7 @@
 """`dexgrasp completion`: what a shell needs to complete commands, options and names."""
 
 import argparse
+from typing import Any
 
 _EPILOG = """examples:
   dexgrasp completion bash > ~/.local/share/bash-completion/completions/dexgrasp
@@ -37,21 +38,18 @@ def completion_script(shell: str) -> str:
     import shtab
 
     parser = make_parser()
-    functions = {kind: {"bash": f"_dexgrasp_{kind}", "zsh": f"_dexgrasp_{kind}"} for kind in _names()}
     for action in _actions(parser):
         kind = _kind(action)
-        if kind in functions:
-            action.complete = functions[kind]  # type: ignore[attr-defined]  (read by shtab)
-        elif kind == "folder":
-            action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
-        elif kind == "file":
-            action.complete = shtab.FILE  # type: ignore[attr-defined]
-    return str(shtab.complete(parser, shell=shell, preamble=_preamble()))
+        if kind in ("folder", "file"):
+            action.complete = shtab.DIRECTORY if kind == "folder" else shtab.FILE
+        elif kind:
+            action.complete = {"bash": f"_dexgrasp_{kind}", "zsh": f"_dexgrasp_{kind}"}
+    return str(shtab.complete(parser, shell=shell, preamble=_functions(shell)))
 
 
-def _actions(parser: argparse.ArgumentParser) -> list[argparse.Action]:
-    """Every option and argument of a parser and of its commands."""
-    found = []
+def _actions(parser: argparse.ArgumentParser) -> list[Any]:
+    """Every option and argument of a parser and of its commands, to which shtab wants `complete` added."""
+    found: list[Any] = []
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
             found += [inner for sub in action.choices.values() for inner in _actions(sub)]
@@ -86,13 +84,13 @@ def _names() -> dict[str, list[str]]:
     return {"object": [*OBJECT_SETS, *CATALOGUE], "agent": list(AGENTS), "protocol": protocol_names()}
 
 
-def _preamble() -> dict[str, str]:
+def _functions(shell: str) -> str:
     """Functions that offer our names, and files besides: a mesh, a set or a checkpoint does as well."""
-    bash, zsh = [], []
+    lines = []
     for kind, names in _names().items():
-        words = " ".join(names)
-        files = "" if kind == "protocol" else " -f"
-        bash.append(f'_dexgrasp_{kind}() {{ compgen{files} -W "{words}" -- "$1"; }}')
-        more = "" if kind == "protocol" else "; _files"
-        zsh.append(f"_dexgrasp_{kind}() {{ compadd {words}{more} }}")
-    return {"bash": "\n".join(bash), "zsh": "\n".join(zsh)}
+        words, only = " ".join(names), kind == "protocol"
+        if shell == "bash":
+            lines.append(f'_dexgrasp_{kind}() {{ compgen{"" if only else " -f"} -W "{words}" -- "$1"; }}')
+        else:
+            lines.append(f"_dexgrasp_{kind}() {{ compadd {words}{'' if only else '; _files'} }}")
+    return "\n".join(lines)
