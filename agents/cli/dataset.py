@@ -61,7 +61,11 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
         help="postures tried for a grasp asked for (default 12)",
     )
     parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
-    parser.add_argument("--backend", default="loky", help="of joblib: loky, threading, or ray for a cluster")
+    parser.add_argument("--backend", default="loky", help="loky (processes), threading, or ray for a cluster")
+    parser.add_argument(
+        "--address", metavar="A",
+        help="with --backend ray: the cluster, auto or host:port (default a new one here, of --workers processes)",
+    )  # fmt: skip
     add_mesh(parser)
     add_json(parser)
 
@@ -91,7 +95,7 @@ def _generate(args: argparse.Namespace) -> int:
             bar.update(done - bar.n)
 
         try:
-            generate(settings, args.out, args.workers, args.backend, show)
+            generate(settings, args.out, args.workers, args.backend, show, address=args.address)
         except KeyboardInterrupt:
             interrupt.acknowledge()
             note(

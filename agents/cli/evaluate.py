@@ -6,9 +6,11 @@ from typing import TYPE_CHECKING
 
 from agents import interrupt
 from agents.cli.options import (
+    add_backend,
     add_json,
     add_mesh,
     add_scene,
+    check_backend,
     check_mesh_options,
     natural_int,
     positive_int,
@@ -70,6 +72,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="W",
         help="processes; the outcome does not depend on it",
     )
+    add_backend(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default runs/<from the settings>)"
     )
@@ -113,8 +116,9 @@ def run(args: argparse.Namespace) -> int:
     from agents.cli.output import note
     from agents.evaluation.evaluate import evaluate
     from agents.evaluation.settings import EvaluationSettings
-    from agents.evaluation.workers import WorkerDiedError
+    from agents.evaluation.workers import Backend, WorkerDiedError
 
+    check_backend(args)
     settings = EvaluationSettings.of(
         args.agents, args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol), mount=args.mount,
         friction=args.friction, mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
@@ -125,7 +129,13 @@ def run(args: argparse.Namespace) -> int:
     folder = args.out or settings.default_folder()
     note(f"results go to {folder}")
     try:
-        evaluate(settings, folder, workers=args.workers, videos=args.video, stop_level=args.stop_early)
+        evaluate(
+            settings,
+            folder,
+            workers=Backend(args.backend, args.workers, args.address),
+            videos=args.video,
+            stop_level=args.stop_early,
+        )
     except (KeyboardInterrupt, WorkerDiedError) as stop:
         interrupt.acknowledge()
         what = str(stop) or "interrupted"

@@ -4,6 +4,8 @@ import argparse
 import math
 from collections.abc import Sequence
 
+from dexgrasp_env.errors import InputError
+
 
 def positive_int(text: str) -> int:
     """Parse a whole number above zero."""
@@ -93,3 +95,25 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--friction", type=positive_float, metavar="MU", help="sliding friction coefficient (default 0.7)"
     )
+
+
+def add_backend(parser: argparse.ArgumentParser, local: str = "processes") -> None:
+    """Add `--backend` and `--address`; `local` is the name of the way that needs no cluster."""
+    parser.add_argument(
+        "--backend", choices=(local, "ray"), default=local,
+        help=f"where it runs: {local} of this machine, or ray, tasks on a cluster (default {local})",
+    )  # fmt: skip
+    parser.add_argument(
+        "--address", metavar="A",
+        help="with --backend ray: the cluster, auto or host:port (default a new one here, of --workers processes)",
+    )  # fmt: skip
+
+
+def check_backend(args: argparse.Namespace) -> None:
+    """Refuse an address without Ray.
+
+    Raises:
+        InputError: in one line.
+    """
+    if args.address is not None and args.backend != "ray":
+        raise InputError("--address is of a Ray cluster: add --backend ray")

@@ -13,7 +13,7 @@ from agents.evaluation.store import Key, TrialStore, check_folder
 from agents.evaluation.summary import summarise
 from agents.evaluation.trial_runner import TrialRunner
 from agents.evaluation.video import check_rendering
-from agents.evaluation.workers import run_cells
+from agents.evaluation.workers import Backend, run_cells
 from agents.interrupt import held, kept
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -24,7 +24,7 @@ def evaluate(
     settings: EvaluationSettings,
     folder: Path,
     *,
-    workers: int = 1,
+    workers: int | Backend = 1,
     videos: int | Literal["failures"] = 0,
     progress: bool = True,
     stop_level: float | None = None,
@@ -34,7 +34,7 @@ def evaluate(
     Args:
         settings: what to evaluate.
         folder: where trials.jsonl, summary.json and videos go; made if it is not there.
-        workers: processes.
+        workers: processes, or where else trials run; the outcome does not depend on it.
         videos: how many trials of each agent and object are recorded, or "failures" for those that failed; recording
             makes a trial again, so that it may be asked for after the fact.
         progress: whether to draw a progress bar on standard error.
@@ -48,6 +48,7 @@ def evaluate(
     """
     if stop_level is not None and len(settings.parts) > 1:
         raise InputError("--stop-early tells agents apart under one protocol: name one")
+    backend = workers if isinstance(workers, Backend) else Backend(workers=workers)
     check_folder(folder, settings.identity())
     bench = TrialRunner(settings)
     planned = plan_trials(settings)
@@ -67,10 +68,10 @@ def evaluate(
     try:
         if stopped_after() is None:
             with kept():
-                _run(settings, cells, store, workers, bench, progress, stopped_after)
+                _run(settings, cells, store, backend, bench, progress, stopped_after)
         if videos:
             with kept():
-                _record(settings, store, videos, workers, bench, progress)
+                _record(settings, store, videos, backend, bench, progress)
     finally:
         with held():
             summary = summarise(settings, store.rows, stopped_after=stopped_after(), stop_level=stop_level)
@@ -101,8 +102,13 @@ def _check_rows(store: TrialStore, planned: Sequence[TrialSpec]) -> None:
 
 
 def _record(
-    settings: EvaluationSettings, store: TrialStore, videos: int | str, workers: int, bench: TrialRunner, progress: bool
-) -> None:  # fmt: skip
+    settings: EvaluationSettings,
+    store: TrialStore,
+    videos: int | str,
+    backend: Backend,
+    bench: TrialRunner,
+    progress: bool,
+) -> None:
     from tqdm import tqdm
 
     chosen = [
@@ -110,7 +116,7 @@ def _record(
         for row in store.rows
         if (not row["success"] if videos == "failures" else row["trial"] < int(videos))
     ]
-    shown = record(settings, chosen, store.folder, workers, bench)
+    shown = record(settings, chosen, store.folder, backend, bench)
     for _ in tqdm(shown, desc="videos", unit="video", disable=not progress, file=sys.stderr):
         pass
 
@@ -123,7 +129,7 @@ def _run(
     settings: EvaluationSettings,
     cells: Sequence[TrialSpec],
     store: TrialStore,
-    workers: int,
+    backend: Backend,
     bench: TrialRunner,
     progress: bool,
     stopped_after: Callable[[], int | None],
@@ -141,7 +147,7 @@ def _run(
         mininterval=interval,
     ) as bar:
         errors: set[tuple[str, str]] = set()
-        for row, grasp in run_cells(settings, cells, workers, bench):
+        for row, grasp in run_cells(settings, cells, backend, bench):
             with held():
                 store.append(row, grasp)
             bar.set_postfix_str(_success_so_far(store.rows), refresh=False)

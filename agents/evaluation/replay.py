@@ -14,7 +14,7 @@ from agents.evaluation.spec import TrialSpec, plan_trials
 from agents.evaluation.store import read_rows, read_run
 from agents.evaluation.trial_runner import TrialRunner
 from agents.evaluation.video import check_rendering
-from agents.evaluation.workers import run_cells
+from agents.evaluation.workers import Backend, run_cells
 from dexgrasp_env.errors import InputError
 
 Row = Mapping[str, Any]
@@ -74,13 +74,13 @@ def replay(
 
 
 def record(
-    settings: EvaluationSettings, rows: Sequence[Row], folder: Path, workers: int, runner: TrialRunner
+    settings: EvaluationSettings, rows: Sequence[Row], folder: Path, backend: Backend, runner: TrialRunner
 ) -> Iterator[Row]:
     """Make trials again and record them; yield each line as its video is there. Videos that are there are kept."""
     left = [row for row in rows if not video_path(folder, row).is_file()]
     specs = {_name(row): (row, _spec_of(row, settings)) for row in left}
     recorded = [dataclasses.replace(spec, video=str(video_path(folder, row))) for row, spec in specs.values()]
-    for again, _ in run_cells(settings, recorded, workers, runner):
+    for again, _ in run_cells(settings, recorded, backend, runner):
         row = specs[_name(again)][0]
         if changed := changes(row, again):
             print(

@@ -7,13 +7,16 @@ from collections.abc import Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
+from functools import lru_cache
 from multiprocessing import connection
-from typing import Any
+from typing import Any, NamedTuple
 
+from agents.cluster import run_on_cluster
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.spec import TrialSpec
 from agents.evaluation.trial_runner import TrialRunner, thread_limits
 from agents.interrupt import not_inherited
+from dexgrasp_env.errors import InputError
 
 Finished = tuple[dict[str, Any], dict[str, Any] | None]
 """A line of trials.jsonl, and the grasp."""
@@ -21,25 +24,48 @@ Finished = tuple[dict[str, Any], dict[str, Any] | None]
 _bench: TrialRunner | None = None
 
 
+class Backend(NamedTuple):
+    """Where trials run: processes of this machine, or tasks of a Ray cluster.
+
+    Attributes:
+        name: "processes" or "ray".
+        workers: processes; with 1 everything runs in this one. Of a new Ray cluster where no address is given.
+        address: of the cluster: "auto" or host:port; None for a new one on this machine.
+    """
+
+    name: str = "processes"
+    workers: int = 1
+    address: str | None = None
+
+
+BACKENDS = ("processes", "ray")
+
+
 class WorkerDiedError(RuntimeError):
     """A worker process was killed or crashed."""
 
 
 def run_cells(
-    settings: EvaluationSettings, cells: Sequence[TrialSpec], workers: int, bench: TrialRunner
+    settings: EvaluationSettings, cells: Sequence[TrialSpec], backend: Backend, bench: TrialRunner
 ) -> Iterator[Finished]:
     """Yield rows and grasps of the cells as they are finished.
 
     Args:
         settings: of the evaluation.
         cells: the trials.
-        workers: processes; with 1 everything runs in this one.
+        backend: where they run.
         bench: used with one worker.
 
     Raises:
+        InputError: without Ray, its cluster, or where a node of it has other code or files.
         WorkerDiedError: if a process went away.
     """
-    workers = min(workers, len(cells))
+    workers = min(backend.workers, len(cells))
+    if backend.name == "ray":
+        identity = settings.identity()
+        tasks = (_Task(settings, _frozen(identity), cell) for cell in cells)
+        yield from run_on_cluster(_run_on_node, tasks, address=backend.address, workers=max(1, workers))
+        return
     if workers <= 1:
         yield from map(bench.run, cells)
         return
@@ -88,6 +114,32 @@ def _exit_with_parent() -> None:
 def _run(cell: TrialSpec) -> Finished:
     assert _bench is not None, "the initializer has run"
     return _bench.run(cell)
+
+
+class _Task(NamedTuple):
+    settings: EvaluationSettings
+    identity: tuple[tuple[str, str], ...]
+    cell: TrialSpec
+
+
+def _run_on_node(task: _Task) -> Finished:
+    """Run a trial on a node of a cluster; each of its processes keeps its agents and environments."""
+    return _node_runner(task.settings, task.identity).run(task.cell)
+
+
+@lru_cache(maxsize=1)
+def _node_runner(settings: EvaluationSettings, identity: tuple[tuple[str, str], ...]) -> TrialRunner:
+    here = dict(_frozen(settings.identity()))
+    if other := [key for key, value in identity if here.get(key) != value]:
+        raise InputError(
+            f"a node of the cluster has other {', '.join(other)} than this machine: install the same dexgrasp there, "
+            "and give meshes and checkpoints by paths that every node has"
+        )
+    return TrialRunner(settings)
+
+
+def _frozen(identity: dict[str, Any]) -> tuple[tuple[str, str], ...]:
+    return tuple((key, repr(value)) for key, value in identity.items())
 
 
 @contextmanager

@@ -10,6 +10,7 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+from agents.cluster import run_on_cluster
 from agents.learning.folder import claim
 from agents.learning.rest_scene import model_of, rest_scene
 from agents.learning.sampler import REACH, sample_shard
@@ -46,7 +47,7 @@ class Job:
 
 def generate(
     settings: DatasetSettings, folder: Path, workers: int = 1, backend: str = "loky",
-    progress: Callable[[int, int], None] | None = None,
+    progress: Callable[[int, int], None] | None = None, *, address: str | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Make a dataset, or what is missing of it; the files do not depend on workers, backend or interruptions.
 
@@ -54,8 +55,9 @@ def generate(
         settings: what it is made of.
         folder: where; one that holds a dataset of other settings is refused.
         workers: processes.
-        backend: of joblib: loky (processes), threading, or ray (a cluster that shares `folder`).
+        backend: loky (processes), threading, or ray (a cluster whose nodes share `folder`).
         progress: called with files done and files in all.
+        address: of the cluster, "auto" or host:port; None for a new one on this machine.
 
     Returns:
         The manifest.
@@ -86,7 +88,7 @@ def generate(
     done, began = len(jobs) - len(left), time.perf_counter()
     if progress:
         progress(done, len(jobs))
-    for _ in _run(left, settings, folder, key, workers, backend):
+    for _ in _run(left, settings, folder, key, workers, backend, address):
         done += 1
         if progress:
             progress(done, len(jobs))
@@ -103,8 +105,13 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
 
 
 def _run(
-    jobs: list[Job], settings: DatasetSettings, folder: Path, key: str, workers: int, backend: str
-) -> Iterator[None]:
+    jobs: list[Job], settings: DatasetSettings, folder: Path, key: str, workers: int, backend: str,
+    address: str | None,
+) -> Iterator[None]:  # fmt: skip
+    if backend == "ray":
+        tasks = ((job, settings, folder.resolve(), key) for job in jobs)
+        yield from run_on_cluster(_make_on_node, tasks, address=address, workers=workers)
+        return
     if workers == 1 and backend == "loky":
         for job in jobs:
             make(job, settings, folder, key)
@@ -116,16 +123,14 @@ def _run(
 def _parallel(
     jobs: list[Job], settings: DatasetSettings, folder: Path, key: str, workers: int, backend: str
 ) -> Iterable[None]:
-    from joblib import Parallel, delayed, parallel_config
+    from joblib import Parallel, delayed
 
     calls = [delayed(_make_below)(os.getpid(), job, settings, folder, key) for job in jobs]
-    if backend == "ray":
-        from ray.util.joblib import register_ray
-
-        register_ray()
-        with parallel_config(backend="ray", n_jobs=workers):
-            return Parallel(batch_size=1)(calls)
     return Parallel(n_jobs=workers, backend=backend, batch_size=1, return_as="generator_unordered")(calls)
+
+
+def _make_on_node(task: tuple[Job, DatasetSettings, Path, str]) -> None:
+    make(*task)
 
 
 def _make_below(parent: int, job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
