@@ -14,6 +14,7 @@ from agents.evaluation.report.origin import commands
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 VOID = {"meta", "img", "br"}
+CLIP = b"not really an mp4"
 
 
 class Page(HTMLParser):
@@ -87,9 +88,27 @@ def test_one_page_that_needs_no_other_file(folder):
     assert "14.40" not in hardcoded  # the paper's times stand beside its planner alone
     assert "14.40" in markdown
     assert sorted(p.name for p in (folder / "out").iterdir()) == [
-        "planning_times.png", "report.html", "report.md", "success_by_object.png", "success_by_protocol.png",
-        "success_by_set.png",
+        "planning_times.png", "report.html", "report.md", "success_by_mass.png", "success_by_object.png",
+        "success_by_protocol.png", "success_by_set.png",
     ]  # fmt: skip
+
+
+def test_curves_predictions_and_clips(folder):
+    lines = [json.loads(line) for line in (folder / "trials.jsonl").read_text().splitlines()]
+    for k, line in enumerate(lines):
+        line["details"]["certificate"] = {"load": 1.0 + line["success"] + 0.01 * k}
+    (folder / "trials.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    (folder / "videos").mkdir()
+    (folder / "videos" / f"heavy-hardcoded-{OBJECT_SETS['seen'][0]}-0.mp4").write_bytes(CLIP)
+    markdown = write_report([folder], folder / "out")
+    page = parsed((folder / "out" / "report.html").read_text())
+    clips = [address for address in page.fetched if address.startswith("data:video/mp4;base64,")]
+    assert [base64.b64decode(clip.partition(",")[2]) for clip in clips] == [CLIP]
+    assert "1 of 8 failures" in page.text
+    for words in ("Success against mass", "What the certificate predicts", "load, in weights"):
+        assert words in markdown, words
+    assert (folder / "out" / "success_by_mass.png").stat().st_size > 5_000
+    assert not (folder / "out" / "success_by_friction.png").exists()  # one friction alone
 
 
 def test_commands_are_those_that_made_it(folder):

@@ -14,7 +14,7 @@ _OPTIONAL: dict[str, tuple[type, ...]] = {
     "protocol": (str,), "scene_seed": (int,), "agent_seed": (int,), "error": (str, type(None)),
     "grasp": (str,), "env": (dict,), "stage": (str,), "steps": (int,), "warnings": (list,),
     "height": (*_NUMBER, type(None)), "slip": (*_NUMBER, type(None)), "tilt": (*_NUMBER, type(None)),
-    "seconds": (*_NUMBER, type(None)),
+    "total_reward": (*_NUMBER, type(None)), "seconds": (*_NUMBER, type(None)),
 }  # fmt: skip
 _LARGEST_SEED = 2**32
 

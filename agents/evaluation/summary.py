@@ -84,10 +84,17 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
         "by_protocol": protocol_counts(by_protocol(rows)),
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
         "planning_seconds": quantiles(times, **_QUARTILES, p90=0.9),
+        "mean_return": _mean(rows, "total_reward"),
+        "mean_length": _mean(rows, "steps"),
         "stable": sum(row["stable"] and row["success"] for row in rows),
         "constraints": summarise_constraints(rows, members),
         "stages": summarise_stages(rows, members),
     }
+
+
+def _mean(rows: Sequence[Row], name: str) -> float | None:
+    values = [float(row[name]) for row in rows if row.get(name) is not None]
+    return sum(values) / len(values) if values else None
 
 
 def object_counts(rows: Sequence[Row]) -> Counts:

@@ -41,6 +41,7 @@ class Outcome:
         reason: why it failed, one of a countable few; None for successes.
         stage: how far the object came.
         steps: control steps taken.
+        total_reward: sum of the rewards of these, undiscounted.
         height: of the object's lowest point at the end, m.
         slip: in the hand since it left the table, m.
         tilt: in the hand since it left the table, rad.
@@ -56,6 +57,7 @@ class Outcome:
     reason: str | None = None
     stage: str = "untouched"
     steps: int = 0
+    total_reward: float = 0.0
     height: float = 0.0
     slip: float = 0.0
     tilt: float = 0.0
@@ -137,12 +139,13 @@ def _go_on(
     while not over:
         action = _ask(agent.act, observation)
         try:
-            observation, _, terminated, truncated, info = env.step(_numbers(action))
+            observation, reward, terminated, truncated, info = env.step(_numbers(action))
         except InputError as error:
             outcome.reason, outcome.error = "invalid_action", str(error)
             return
         _record(env, frames)
         outcome.steps += 1
+        outcome.total_reward += float(reward)
         over = terminated or truncated or info["is_success"]
         _note(outcome, info)
 

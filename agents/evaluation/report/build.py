@@ -7,9 +7,12 @@ from pathlib import Path
 from typing import Any
 
 from agents.evaluation.comparison import compare_rows
+from agents.evaluation.protocol_counts import judged
 from agents.evaluation.reasons import sentence
 from agents.evaluation.report import paper
+from agents.evaluation.report.clips import clip_blocks
 from agents.evaluation.report.constraint_tables import constraint_tables
+from agents.evaluation.report.curves import hardness_blocks, prediction_blocks
 from agents.evaluation.report.document import (
     Block,
     Commands,
@@ -68,15 +71,15 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
     return text
 
 
-def _rows_by_agent(folders: Sequence[Path]) -> dict[str, list[dict[str, Any]]]:
-    found: dict[str, list[dict[str, Any]]] = {}
+def _rows_by_agent(folders: Sequence[Path]) -> dict[str, list[Mapping[str, Any]]]:
+    found: dict[str, list[Mapping[str, Any]]] = {}
     for folder in folders:
         rows = read_rows(folder)
         if not rows:
             raise InputError(f"{folder} holds no finished trial yet")
         for name in dict.fromkeys(row["agent"] for row in rows):
             label = name if name not in found else f"{name} ({folder.name})"
-            found[label] = [row for row in rows if row["agent"] == name]
+            found[label] = judged([row for row in rows if row["agent"] == name])
     return found
 
 
@@ -87,9 +90,12 @@ def _blocks(folders: Sequence[Path], rows: Rows, agents: Mapping[str, Any]) -> l
         Paragraph(_NOTE),
         *_by_set(agents),
         *_by_protocol(agents),
+        *hardness_blocks(agents),
         *_by_object(agents),
         *_paired(rows),
         *_failures(agents),
+        *clip_blocks(folders),
+        *prediction_blocks(rows),
         *_constraints(agents),
         Heading("How to make it again"),
         Commands([line for folder in folders for line in commands(folder)]),

@@ -4,6 +4,7 @@ import base64
 import html
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeAlias
 
 from agents.evaluation.report.text import markdown_table
@@ -56,7 +57,22 @@ class FigureBlock:
     draw: Callable[[str], bytes]
 
 
-Block: TypeAlias = Heading | Paragraph | Lines | Commands | TableBlock | FigureBlock
+@dataclass(frozen=True)
+class Clip:
+    """A recording, mp4, and what it shows."""
+
+    path: Path
+    caption: str
+
+
+@dataclass(frozen=True)
+class ClipsBlock:
+    """Recordings side by side."""
+
+    clips: Sequence[Clip]
+
+
+Block: TypeAlias = Heading | Paragraph | Lines | Commands | TableBlock | FigureBlock | ClipsBlock
 
 
 def as_markdown(blocks: Sequence[Block]) -> str:
@@ -77,6 +93,8 @@ def _markdown(block: Block) -> str:
         return markdown_table(
             block.header, [[cell.replace("|", "\\|") for cell in row] for row in block.rows]
         )
+    if isinstance(block, ClipsBlock):
+        return "\n".join(f"- [{clip.caption}](videos/{clip.path.name})" for clip in block.clips)
     return f"![{block.caption}]({block.name}.png)"
 
 
@@ -97,11 +115,21 @@ def _html(block: Block) -> str:
         return "<pre>" + html.escape("\n".join(block.lines)) + "</pre>"
     if isinstance(block, TableBlock):
         return _html_table(block)
+    if isinstance(block, ClipsBlock):
+        return '<div class="clips">' + "".join(map(_html_clip, block.clips)) + "</div>"
     picture = base64.b64encode(block.draw("svg")).decode()
     words = html.escape(block.caption)
     return (
         f'<figure><img src="data:image/svg+xml;base64,{picture}" alt="{words}">'
         f"<figcaption>{words}</figcaption></figure>"
+    )
+
+
+def _html_clip(clip: Clip) -> str:
+    content = base64.b64encode(clip.path.read_bytes()).decode()
+    return (
+        f'<figure><video controls muted loop preload="metadata" src="data:video/mp4;base64,{content}"></video>'
+        f"<figcaption>{html.escape(clip.caption)}</figcaption></figure>"
     )
 
 
@@ -127,7 +155,8 @@ th { font-weight: 600; color: #4a5667; border-bottom: 2px solid #c9d1db; }
 th:first-child, td:first-child, .words th, .words td { text-align: left; }
 .words td:last-child { white-space: normal; min-width: 16rem; }
 tbody tr:hover { background: #f6f8fb; } figure { margin: 1rem 0; } img { max-width: 100%; height: auto; }
-figcaption { font-size: .82rem; color: #5b6778; }
+.clips { display: grid; grid-template-columns: repeat(auto-fill, minmax(15rem, 1fr)); gap: .4rem 1rem; }
+video { width: 100%; border-radius: 6px; background: #e9edf2; } figcaption { font-size: .82rem; color: #5b6778; }
 @media (max-width: 40rem) { body { font-size: 15px; padding: 1rem .8rem 3rem; } }
 """
 

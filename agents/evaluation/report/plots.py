@@ -32,7 +32,7 @@ def plot_rates(
         printed: agent -> the paper's counts, drawn as hollow diamonds in the agent's colour.
         kind: "svg" or "png".
     """
-    figure, axes = _figure(max(2.0, 0.9 + _ROW * len(names) * (0.55 + 0.45 * len(ours))))
+    figure, axes = new_figure(max(2.0, 0.9 + _ROW * len(names) * (0.55 + 0.45 * len(ours))))
     step = 0.7 / len(ours)
     for i, (agent, own) in enumerate(ours.items()):
         offset = (i - 0.5 * (len(ours) - 1)) * step
@@ -45,7 +45,7 @@ def plot_rates(
             )  # fmt: skip
     axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
     axes.set(xlim=(-2, 102), ylim=(len(names) - 0.45, -0.55), xlabel="success, % (95 % interval)")
-    return _finished(figure, axes, kind)
+    return finished(figure, axes, kind)
 
 
 def plot_stages(
@@ -59,7 +59,7 @@ def plot_stages(
         kind: "svg" or "png".
     """
     stages = [s for s in _PAPER_STAGE if any(s in own for own in agents.values())]
-    figure, axes = _figure(1.1 + _ROW * len(stages) * (1 + 0.5 * len(agents)))
+    figure, axes = new_figure(1.1 + _ROW * len(stages) * (1 + 0.5 * len(agents)))
     series = [(name, f"C{i}", own) for i, (name, own) in enumerate(agents.items())]
     spreads = {s: {"median": v[0], "p25": v[1], "p75": v[2]} for s, v in printed.items()}
     series += [("paper", "0.35", spreads)] if spreads else []
@@ -77,7 +77,7 @@ def plot_stages(
     axes.set(
         xscale="log", ylim=(len(stages) - 0.45, -0.55), xlabel="seconds: median, 25th and 75th percentile"
     )
-    return _finished(figure, axes, kind)
+    return finished(figure, axes, kind)
 
 
 def _draw_agent(axes: Any, agent: str, colour: str, own: Counts, names: Sequence[str], offset: float) -> None:
@@ -92,14 +92,16 @@ def _draw_agent(axes: Any, agent: str, colour: str, own: Counts, names: Sequence
     axes.errorbar(rates, places, xerr=errors, fmt="o", color=colour, ms=4.5, capsize=2, lw=1.3, label=agent)
 
 
-def _figure(height: float) -> tuple[Any, Any]:
+def new_figure(height: float) -> tuple[Any, Any]:
+    """Return a figure of the report's width and its axes; `height` in inches."""
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(_WIDTH, height), layout="constrained")
     return figure, figure.add_subplot()
 
 
-def _finished(figure: Any, axes: Any, kind: str) -> bytes:
+def finished(figure: Any, axes: Any, kind: str) -> bytes:
+    """Return a figure with grid and legend as "svg" or "png", the same bytes for the same content."""
     from matplotlib import rc_context
 
     axes.grid(axis="x", color="0.9", lw=0.8)
