@@ -104,6 +104,7 @@ def _guarded(args: argparse.Namespace) -> int:
     try:
         if args.command is None:
             return _no_command(args)
+        _choose_cell(args)
         return int(importlib.import_module(COMMANDS[args.command]).run(args))
     except InputError as error:
         if interrupt.requested():
@@ -119,6 +120,14 @@ def _guarded(args: argparse.Namespace) -> int:
         return OK
     except Exception as error:
         return _unexpected(args.command, error)
+
+
+def _choose_cell(args: argparse.Namespace) -> None:
+    """Everything that is imported after this has the limits of the cell that was named."""
+    if getattr(args, "cell", None):
+        from dexgrasp_env.robot.cell import use_cell
+
+        use_cell(args.cell)
 
 
 def _without(command: str, error: ModuleNotFoundError) -> int:

@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from agents.cli.options import add_json, positive_float
+from agents.cli.options import add_cell, add_json, positive_float
 
 _EPILOG = """examples:
   dexgrasp plan pear --out grasps/pear
@@ -28,9 +28,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--format", default="csv", metavar="F", help="csv (default), json, ros2 or mjcf")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder for the files")
     parser.add_argument(
-        "--stiffness", type=positive_float, default=10.0, metavar="K",
-        help="Nm/rad of the hand's servos, for the squeeze as position offsets (default 10)",
+        "--stiffness", type=positive_float, metavar="K",
+        help="Nm/rad of the hand's servos, for the squeeze as position offsets (default: the cell's, 10)",
     )  # fmt: skip
+    add_cell(parser)
     add_json(parser)
 
 

@@ -88,13 +88,22 @@ def check_mesh_options(args: argparse.Namespace, targets: Sequence[str]) -> None
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
-    """Add `--mount` and `--friction`."""
-    from dexgrasp_env.robot.mounts import MOUNTS
+    """Add `--mount`, `--friction` and `--cell`."""
+    from dexgrasp_env.robot.names import MOUNT_NAMES
 
-    parser.add_argument("--mount", choices=tuple(MOUNTS), help="how the hand sits on the arm's flange")
+    parser.add_argument("--mount", choices=MOUNT_NAMES, help="how the hand sits on the arm's flange")
     parser.add_argument(
         "--friction", type=positive_float, metavar="MU", help="sliding friction coefficient (default 0.7)"
     )
+    add_cell(parser)
+
+
+def add_cell(parser: argparse.ArgumentParser) -> None:
+    """Add `--cell`, which `commands` applies before anything of the command is imported."""
+    parser.add_argument(
+        "--cell", metavar="CELL.yaml",
+        help="mounts, limits, gains, torques and cameras of your cell (default: the simulated one)",
+    )  # fmt: skip
 
 
 def add_backend(parser: argparse.ArgumentParser, local: str = "processes") -> None:

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agents.cli.options import add_json, natural_int
+from agents.cli.options import add_cell, add_json, natural_int
 
 if TYPE_CHECKING:
     from agents.evaluation.replay import Replay
@@ -29,6 +29,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--trial", required=True, type=natural_int, metavar="K", help="number, from 0 on")
     parser.add_argument("--protocol", metavar="P", help="where the evaluation has several")
     parser.add_argument("--video", action="store_true", help="record it, into videos/ of RUN")
+    add_cell(parser)
     add_json(parser)
 
 

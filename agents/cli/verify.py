@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json
+from agents.cli.options import add_cell, add_json
 
 _EPILOG = """examples:
   dexgrasp plan pear --out grasps/pear && dexgrasp verify grasps/pear/grasp.json
@@ -23,6 +23,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "grasp", type=Path, metavar="GRASP.json", help="a grasp file, or the output of `plan --json`"
     )
+    add_cell(parser)
     add_json(parser)
 
 

@@ -13,6 +13,7 @@ from agents.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
 from dexgrasp_env.objects.load import target_files
+from dexgrasp_env.robot.cell import active_cell
 
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
@@ -110,6 +111,8 @@ class EvaluationSettings:
             key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
         }
         settings["protocol"] = "+".join(settings.pop("protocols"))
+        if not active_cell().is_simulated:
+            settings["cell"] = active_cell().stamp
         return settings | {
             "files": {str(path): _file_hash(path) for path in self._files()},
             "code": code_hash(self.agents),

@@ -11,6 +11,7 @@ import numpy as np
 
 from agents.export.read import Recording, Rows
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import SIMULATED, active_cell
 
 SHARE = 0.95
 """Largest share of a limit that a trajectory may use."""
@@ -47,9 +48,10 @@ class Finding:
 
 def check_trajectory(recording: Recording, mount: str = "palm_normal") -> list[Finding]:
     """Check everything that can be known of a trajectory before a robot moves; all findings must hold."""
+    arm, hand = (_in_cell(part, limits) for part, limits in (("arm", _ARM), ("hand", _HAND)))
     return [
-        *_timing("arm", recording.arm), *_timing("hand", recording.hand), _same_end(recording),
-        *_limits("arm", recording.arm, _ARM), *_limits("hand", recording.hand, _HAND),
+        _same_cell(recording), *_timing("arm", recording.arm), *_timing("hand", recording.hand), _same_end(recording),
+        *_limits("arm", recording.arm, arm), *_limits("hand", recording.hand, hand),
         *_collisions(recording, mount),
     ]  # fmt: skip
 
@@ -71,6 +73,22 @@ def _same_end(recording: Recording) -> Finding:
     gap = float(abs(recording.arm.times[-1] - recording.hand.times[-1]))
     bound = _PERIODS["hand"] + _TIME
     return Finding("arm and hand end together, apart by (s)", gap, f"<= {_PERIODS['hand']:g}", gap <= bound)
+
+
+def _same_cell(recording: Recording) -> Finding:
+    own, planned = active_cell().stamp, str(recording.facts.get("cell", SIMULATED))
+    return Finding("cell: of another one", float(own != planned), f"this is {own}", own == planned)
+
+
+def _in_cell(part: str, maker: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
+    """The tighter of the maker's limits and the cell's."""
+    own = getattr(active_cell(), part)
+    return {
+        name: tuple(
+            (max if name == "lower" else min)(pair) for pair in zip(limits, getattr(own, name), strict=True)
+        )
+        for name, limits in maker.items()
+    }
 
 
 def _limits(name: str, rows: Rows, limits: dict[str, tuple[float, ...]]) -> list[Finding]:

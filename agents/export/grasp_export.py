@@ -16,13 +16,15 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.cell import SIMULATED, active_cell
+from dexgrasp_env.robot.limits import HAND_STIFFNESS
 from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_JOINTS
 from dexgrasp_env.scene.constants import FRICTION
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
 
 
-def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float = 10.0) -> list[Path]:
+def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float | None = None) -> list[Path]:
     """Write a grasp's trajectory, or its scene, into a folder.
 
     Args:
@@ -30,7 +32,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
         folder: made if it is not there.
         kind: one of `FORMATS`; `mjcf` writes the scene and the trajectory beside it, so that it can be replayed. Where
             only a cloud was seen, the scene's object is the hull that was planned on.
-        stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets.
+        stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets; None for the cell's.
 
     Returns:
         The files.
@@ -40,8 +42,10 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     """
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS)
+    stiffness = HAND_STIFFNESS if stiffness is None else stiffness
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
+    _check_cell(record)
     trajectory, facts = trajectory_of(record), grasp_facts(record, stiffness)
     folder.mkdir(parents=True, exist_ok=True)
     if kind == "json":
@@ -50,6 +54,14 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
         return write_ros2(folder, trajectory, facts)
     written = write_csv(folder, trajectory, facts)
     return written if kind == "csv" else [*_scene(record, folder), *written]
+
+
+def _check_cell(record: GraspRecord) -> None:
+    planned = (record.conventions or {}).get("cell", SIMULATED)
+    if planned != active_cell().stamp:
+        raise InputError(
+            f"the grasp was planned for cell {planned!r}, and this is {active_cell().stamp!r}: give its --cell file"
+        )
 
 
 def trajectory_of(record: GraspRecord) -> Trajectory:
@@ -75,6 +87,7 @@ def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
     return {
         "object": record.object.name,
         "mount": record.mount,
+        "cell": active_cell().stamp,
         "open": record.arrays["pregrasp"][7:].tolist(),
         "closed": record.arrays["squeeze"][7:].tolist(),
         "palm": {"position": palm_p.tolist(), "quat_wxyz": matrix_to_quat(palm_R).tolist()},

@@ -9,6 +9,7 @@ import numpy as np
 from agents.grasp.identity import ObjectIdentity
 from agents.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import SIMULATED, active_cell
 from dexgrasp_env.robot.mounts import MOUNTS
 from dexgrasp_env.robot.names import GRASP_FINGERS, JOINTS
 
@@ -19,7 +20,7 @@ OUTSIDE = ["close", "hold"]
 """Phases that run on feedback from the joints, so that no certificate can cover them."""
 CONVENTIONS: dict[str, Any] = {
     "frame": FRAME, "units": UNITS, "joint_names": list(JOINTS), "finger_order": list(GRASP_FINGERS),
-    "outside_certificate": OUTSIDE,
+    "outside_certificate": OUTSIDE, "cell": active_cell().stamp,
 }  # fmt: skip
 """What every file of schema 2 states in the same words."""
 _ARRAYS = {
@@ -123,7 +124,7 @@ def parse(content: dict[str, Any]) -> GraspRecord:
         hull_offset=None if offset is None else array("hull_offset", offset, (3,)),
         approach=_segment("approach", content["approach"], "bend"), lift=_segment("lift", content["lift"], "stray"),
         lift_height=0.0 if content["lift"] is None else positive("lift height", content["lift"]["height"]),
-        conventions={name: content[name] for name in CONVENTIONS}, agent=_word("agent", content["agent"]),
+        conventions=_conventions(content), agent=_word("agent", content["agent"]),
     )  # fmt: skip
 
 
@@ -177,6 +178,12 @@ def _word(name: str, value: Any) -> str:
     if not isinstance(value, str) or len(value) > 4096:
         raise ValueError(f"{name} must be a word")
     return value
+
+
+def _conventions(content: dict[str, Any]) -> dict[str, Any]:
+    """What the file states; one without a cell was written before there were others."""
+    stated = {"cell": SIMULATED} | content
+    return {name: stated[name] for name in CONVENTIONS}
 
 
 def _mount(value: Any) -> str:

@@ -5,7 +5,9 @@ import itertools
 import mujoco
 
 from dexgrasp_env.assets import asset_path
+from dexgrasp_env.robot.cell import Cell, active_cell
 from dexgrasp_env.robot.mounts import Mount, find_mount
+from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
 
 FLANGE_OFFSET = 0.107
 """Of the flange from link 7's frame along z7, m."""
@@ -30,6 +32,7 @@ def robot_spec(mount: str = "palm_normal") -> mujoco.MjSpec:
     hand = mujoco.MjSpec.from_file(str(asset_path("robot", "allegro.xml")))
     arm.modelname = "panda_allegro"
     _attach_hand(arm, hand, placement)
+    _set_limits(arm, active_cell())
     return arm
 
 
@@ -40,6 +43,18 @@ def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, mount: Mount) -> None:
     arm.attach(hand, frame=frame, prefix=_PREFIX)
     _strip_prefix(arm)
     arm.add_exclude(bodyname1="panda_link7", bodyname2="palm")
+
+
+def _set_limits(robot: mujoco.MjSpec, cell: Cell) -> None:
+    """Give joints and servos the cell's ranges, torques and gains; dampings of the hand stay critical."""
+    for names, part in ((ARM_JOINTS, cell.arm), (HAND_JOINTS, cell.hand)):
+        for k, name in enumerate(names):
+            joint, servo, most = robot.joint(name), robot.actuator(name), part.torque[k]
+            joint.range = [part.lower[k], part.upper[k]]
+            joint.actfrcrange = servo.forcerange = [-most, most]
+            servo.gainprm[0], servo.biasprm[1] = part.stiffness[k], -part.stiffness[k]
+            if part.damping:
+                servo.biasprm[2] = -part.damping[k]
 
 
 def _strip_prefix(spec: mujoco.MjSpec) -> None:

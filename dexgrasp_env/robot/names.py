@@ -30,6 +30,9 @@ HAND_BODIES: tuple[str, ...] = ("palm", *(f"{finger}_{link}" for finger in FINGE
 BODIES: tuple[str, ...] = ARM_BODIES + HAND_BODIES
 """All bodies of the robot."""
 
+MOUNT_NAMES: tuple[str, ...] = ("palm_normal", "fingers_along")
+"""How the hand may sit on the flange; where, the cell says."""
+
 FLANGE_SITE = "flange"
 """The arm's flange, z out of it."""
 

@@ -25,7 +25,7 @@ from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import EPISODE, FAILURES, PHASES, STAGES, TERMS, TOLD
-from dexgrasp_env.tasks.set_points import set_points
+from dexgrasp_env.tasks.set_points import JOINTS, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, warning_names
 from dexgrasp_env.tasks.views import View, Views
@@ -189,7 +189,15 @@ class Episodes:
         """
         records, _, _, rows, push = self._part(part)
         fine = set_points(
-            records, actions, self._mode, self._chain, self._kind, self.settings.disturbance.size, rows, push
+            records,
+            actions,
+            self._mode,
+            self._chain,
+            JOINTS,
+            self._kind,
+            self.settings.disturbance.size,
+            rows,
+            push,
         )
         if not fine:
             bad = np.argwhere(~np.isfinite(actions)).tolist()

@@ -24,6 +24,11 @@ _POSITION, _DELTA = CONTROL_MODES.index("joint_position"), CONTROL_MODES.index("
 _PUSHED, _SHAKEN = KINDS.index("pushed"), KINDS.index("shaken")
 _RUNNING = PHASES.index("running")
 
+_LOWER, _UPPER, _STEP, _HOME = range(4)
+JOINTS = np.stack([LOWER, UPPER, MAX_STEP, HOME])
+"""Ranges, largest step and home, (4, 23) rad, passed as `joints`: compiled code keeps constants on disk, and these are the
+cell's."""
+
 _GRAVITY = 9.81  # m/s^2, MuJoCo's default
 _DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
 _POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per control step
@@ -35,6 +40,7 @@ def set_points(
     actions: Array,
     mode: int,
     chain: Array,
+    joints: Array,
     kind: int,
     size: float,
     rows: Array,
@@ -47,6 +53,7 @@ def set_points(
         actions: (N, n); clipped to [-1, 1] in place.
         mode: index of `CONTROL_MODES`.
         chain: (8, 7) fixed poses of the arm's joints and of the palm, each in the frame before.
+        joints: `JOINTS`.
         kind: index of `disturbance.KINDS`.
         size: of the disturbance.
         rows: (N, 25, 23) out, what the servos are told in each physics step, rad.
@@ -63,8 +70,8 @@ def set_points(
         e.elapsed += 1
         for j in range(actions.shape[1]):
             actions[i, j] = min(max(actions[i, j], -1.0), 1.0)
-        _advance_targets(e.targets, actions[i], mode, chain)
-        command = _command(e, kind, size)
+        _advance_targets(e.targets, actions[i], mode, chain, joints)
+        command = _command(e, kind, size, joints)
         _ramp(e.before, e.command, command, e.latency, rows[i])
         e.before[:] = e.command
         e.command[:] = command
@@ -73,35 +80,37 @@ def set_points(
 
 
 @njit(cache=True)
-def _advance_targets(targets: Array, action: Array, mode: int, chain: Array) -> None:
+def _advance_targets(targets: Array, action: Array, mode: int, chain: Array, joints: Array) -> None:
+    lower, upper, most = joints[_LOWER], joints[_UPPER], joints[_STEP]
     if mode == _POSITION:
         for j in range(23):
-            _move(targets, j, LOWER[j] + 0.5 * (action[j] + 1.0) * (UPPER[j] - LOWER[j]))
+            _move(targets, j, lower[j] + 0.5 * (action[j] + 1.0) * (upper[j] - lower[j]), joints)
     elif mode == _DELTA:
         for j in range(23):
-            _move(targets, j, targets[j] + action[j] * MAX_STEP[j])
+            _move(targets, j, targets[j] + action[j] * most[j], joints)
     else:
-        arm = _palm_step(action, targets, chain)
+        arm = _palm_step(action, targets, chain, joints)
         for j in range(7):
-            _move(targets, j, arm[j])
+            _move(targets, j, arm[j], joints)
         for j in range(7, 23):
-            _move(targets, j, LOWER[j] + 0.5 * (action[j - 1] + 1.0) * (UPPER[j] - LOWER[j]))
+            _move(targets, j, lower[j] + 0.5 * (action[j - 1] + 1.0) * (upper[j] - lower[j]), joints)
 
 
 @njit(cache=True)
-def _move(targets: Array, j: int, desired: float) -> None:
+def _move(targets: Array, j: int, desired: float, joints: Array) -> None:
     """Take one set-point towards a desired one, within the joint's velocity limit and range."""
-    step = min(max(desired - targets[j], -MAX_STEP[j]), MAX_STEP[j])
-    targets[j] = min(max(targets[j] + step, LOWER[j]), UPPER[j])
+    most = joints[_STEP, j]
+    step = min(max(desired - targets[j], -most), most)
+    targets[j] = min(max(targets[j] + step, joints[_LOWER, j]), joints[_UPPER, j])
 
 
 @njit(cache=True)
-def _palm_step(action: Array, targets: Array, chain: Array) -> Array:
+def _palm_step(action: Array, targets: Array, chain: Array, joints: Array) -> Array:
     """Return arm positions (7,) that move the palm by the action: damped least squares, home in the null space."""
     J = palm_jacobian(targets, chain)
     pull = np.empty(7)
     for j in range(7):
-        pull[j] = _POSTURE_GAIN * (HOME[j] - targets[j])
+        pull[j] = _POSTURE_GAIN * (joints[_HOME, j] - targets[j])
     residual = np.empty(6)
     for r in range(6):
         residual[r] = action[r] * (PALM_STEP if r < 3 else PALM_TURN)
@@ -114,7 +123,7 @@ def _palm_step(action: Array, targets: Array, chain: Array) -> Array:
         step[j] = pull[j]
         for r in range(6):
             step[j] += J[r, j] * weights[r]
-        excess = max(excess, abs(step[j]) / MAX_STEP[j])
+        excess = max(excess, abs(step[j]) / joints[_STEP, j])
     # One factor for all joints keeps the direction of the palm's motion.
     for j in range(7):
         step[j] = targets[j] + step[j] / excess
@@ -171,7 +180,7 @@ def _solve(J: Array, b: Array) -> Array:
 
 
 @njit(cache=True)
-def _command(e: Record, kind: int, size: float) -> Array:
+def _command(e: Record, kind: int, size: float, joints: Array) -> Array:
     """Return what the servos are to be told at the end of the control step, (23,): targets and shaking."""
     command = e.targets.copy()
     if kind == _SHAKEN and e.phase == _RUNNING:
@@ -179,7 +188,7 @@ def _command(e: Record, kind: int, size: float) -> Array:
         command[0] += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
         command[3] += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
         for j in (0, 3):
-            command[j] = min(max(command[j], LOWER[j]), UPPER[j])
+            command[j] = min(max(command[j], joints[_LOWER, j]), joints[_UPPER, j])
     return command
 
 

@@ -20,6 +20,7 @@ from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.tasks.rewards import REWARD_MODES
 
+DEFAULT_VIEWS = 4
 OBSERVE = ("step", "reset")
 RENDER_MODES = ("human", "rgb_array", "depth_array")
 
@@ -39,7 +40,7 @@ class LiftSettings:
     disturbance: Disturbance = Disturbance()
     object_pose: Placement = Placement()
     randomisation: Randomisation = Randomisation()
-    views: tuple[str, ...] | int = 4
+    views: tuple[str, ...] | int = DEFAULT_VIEWS
     calibration: Calibration = Calibration()
     observe: str = "step"
     mesh_scale: float = 1.0
@@ -98,9 +99,10 @@ def _check_number(name: str, value: Any, most: float) -> None:
 def _check_views(value: Any) -> tuple[str, ...] | int:
     """Names of cameras, or how many of them to draw at each reset."""
     if isinstance(value, int) and not isinstance(value, bool):
-        if not 1 <= value <= len(CAMERA_NAMES):
-            raise InputError(f"views = {value}: valid are 1 to {len(CAMERA_NAMES)} cameras, or their names")
-        return value
+        most = max(len(CAMERA_NAMES), DEFAULT_VIEWS)  # a cell with fewer cameras has all of them look
+        if not 1 <= value <= most:
+            raise InputError(f"views = {value}: valid are 1 to {most} cameras, or their names")
+        return min(value, len(CAMERA_NAMES))
     names = (value,) if isinstance(value, str) else tuple(value)
     for name in names:
         if name not in CAMERA_NAMES:

@@ -1,0 +1,171 @@
+"""The cell as data: the default is the model's own numbers, mistakes take a line, another one is used throughout."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import yaml
+
+from agents.cli.commands import run_command
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import SIMULATED, active_cell, use_cell
+from dexgrasp_env.robot.cell_file import read_cell
+from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
+
+LAB = {
+    "schema": 1, "name": "our lab",
+    "mounts": {"palm_normal": {"position": [0.0475, 0.0, 0.162]}},
+    "arm": {"velocity": [1.0, 1.0, 1.0, 1.0, 1.2, 1.2, 1.2]},
+    "hand": {"torque": 0.5, "stiffness": 8.0},
+    "cameras": [
+        {"name": "left", "position": [0.6, 0.6, 0.5], "look_at": [0.5, 0.0, 0.05]},
+        {"name": "right", "position": [0.6, -0.6, 0.5], "look_at": [0.5, 0.0, 0.05]},
+    ],
+}  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def lab(tmp_path_factory):
+    path = tmp_path_factory.mktemp("cell") / "lab.yaml"
+    path.write_text(yaml.safe_dump(LAB))
+    return path
+
+
+@pytest.mark.parametrize(("file", "joints"), [("panda.xml", ARM_JOINTS), ("allegro.xml", HAND_JOINTS)])
+def test_the_default_cell_says_what_the_robots_files_say(file, joints):
+    own = mujoco.MjModel.from_xml_path(str(asset_path("robot", file)))
+    whole = robot_spec().compile()
+    for name in joints:
+        assert np.array_equal(own.joint(name).range, whole.joint(name).range)
+        for part in ("gainprm", "biasprm", "forcerange", "ctrlrange"):
+            a, b = (getattr(model.actuator(name), part) for model in (own, whole))
+            if (
+                file == "panda.xml" or part != "biasprm"
+            ):  # the hand's damping follows from the inertia it moves
+                assert np.array_equal(a, b), (name, part)
+
+
+def test_this_process_is_in_the_simulated_cell():
+    assert active_cell().stamp == SIMULATED
+    assert read_cell(asset_path("robot", "cell.yaml")) == active_cell()
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"name": "simulated", "hand": {"torque": 0.5}}, "the default cell's"),
+        ({"arms": {}}, "unknown key 'arms'"),
+        ({"arm": {"torq": 1}}, "unknown setting of arm 'torq'"),
+        ({"arm": {"velocity": [1.0] * 6}}, "valid are 7 finite numbers"),
+        ({"arm": {"velocity": [1.0, 1.0, 1.0, 3.0, 1.0, 1.0, 1.0]}}, "velocity of joint 4 is 3.0.*most 2.175"),
+        ({"arm": {"lower": [-3.0, -1.7, -2.8, -3.0, -2.8, 0.0, -2.8]}}, "lower of joint 1 is -3.0.*least -2.8973"),
+        ({"arm": {"upper": [2.8, 1.7, 2.8, -2.9, 2.8, 3.7, 2.8]}}, "joint 4 ranges .*hold home"),
+        ({"hand": {"torque": 0.0}}, "above 0"),
+        ({"hand": {"stiffness": [8.0] * 15 + [9.0]}}, "one number"),
+        ({"hand": {"torque": True}}, "finite numbers"),
+        ({"mounts": {"sideways": {}}}, "unknown mount 'sideways'"),
+        ({"mounts": {"palm_normal": {"quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}}, "norm 1.414"),
+        ({"mounts": {"palm_normal": {"position": [47.5, 0.0, 150.0]}}}, "within 0.5 m"),
+        ({"table_height": 0.1}, "table at the base's height"),
+        ({"cameras": []}, "1 to 8 cameras"),
+        ({"cameras": [LAB["cameras"][0]] * 2}, "same name"),
+        ({"cameras": [{"name": "top", "position": [0, 0, 1]}]}, "look_at of top"),
+        ({"cameras": [{"name": "top", "T_base_camera": [[2, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]]}]},
+         "orthonormal"),
+        ({"image": {"fx": -3.0}}, "focal lengths"),
+        ({"schema": 2}, "schema: 1"),
+    ],
+)  # fmt: skip
+def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
+    path = tmp_path / "cell.yaml"
+    path.write_text(yaml.safe_dump({"schema": 1, "name": "mine"} | change))
+    with pytest.raises(InputError, match=words) as error:
+        read_cell(path)
+    assert "\n" not in str(error.value)
+    assert str(path) in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2", "just words", "schema: 1\nname: [1]"])
+def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
+    path = tmp_path / "cell.yaml"
+    path.write_text(text)
+    assert run_command(["verify", "nothing.json", "--cell", str(path)]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def test_a_second_cell_in_one_process_is_refused(lab):
+    with pytest.raises(InputError, match="in use in this process"):
+        use_cell(lab)
+
+
+def in_lab(lab, *words):
+    """Run a command, or code, in a process of its own in the cell of the lab."""
+    environment = os.environ | {"DEXGRASP_CELL": str(lab)}
+    return subprocess.run(
+        [sys.executable, *words], capture_output=True, text=True, env=environment, timeout=300
+    )
+
+
+LOOK = """
+import json, gymnasium as gym, numpy as np, dexgrasp_env
+from agents.evaluation.settings import EvaluationSettings
+env = gym.make("DexGrasp/Lift-v1", objects="pear", obs_mode="pointcloud", control_mode="joint_delta")
+observation, info = env.reset(seed=0)
+before = observation["joint_targets"]
+after = env.step(np.r_[1.0, np.zeros(22)].astype(np.float32))[0]["joint_targets"]
+model = env.unwrapped.model
+print(json.dumps({
+    "step": float(after[0] - before[0]), "palm": model.body("palm").pos.tolist(), "cloud": int(observation["cloud_mask"].sum()),
+    "cameras": [model.camera(k).name for k in range(model.ncam)], "kp": float(model.actuator("thumb_0").gainprm[0]),
+    "most": float(model.actuator("thumb_0").forcerange[1]),
+    "cell": EvaluationSettings.of(["random"], ["pear"]).identity()["cell"],
+}))
+"""  # noqa: E501
+
+
+def test_the_environment_is_of_the_cell(lab):
+    done = in_lab(lab, "-c", LOOK)
+    assert done.returncode == 0, done.stderr
+    seen = json.loads(done.stdout)
+    assert seen["step"] == pytest.approx(1.0 * 0.05, rel=1e-5)  # its velocity limit times the control period
+    assert seen["palm"] == [0.0475, 0.0, 0.162]
+    assert seen["cameras"] == ["left", "right"]
+    assert seen["cloud"] > 300
+    assert (seen["kp"], seen["most"]) == (8.0, 0.5)
+    assert seen["cell"].startswith("our lab-")
+
+
+COMMANDS = """
+from agents.cli.commands import run_command
+grasp, robot = "{folder}/grasp.json", "{folder}/robot"
+for command in (
+    ["plan", "pear", "--out", "{folder}"], ["verify", grasp], ["export", grasp, "--out", robot], ["check", robot],
+):
+    assert run_command(command) == 0, command
+"""
+
+
+def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_path, capsys):
+    done = in_lab(lab, "-c", COMMANDS.format(folder=tmp_path))
+    assert done.returncode == 0, done.stderr
+    grasp, robot = tmp_path / "grasp.json", tmp_path / "robot"
+    assert json.loads(grasp.read_text())["cell"].startswith("our lab-")
+    assert run_command(["verify", str(grasp)]) == 1
+    assert "FAIL  cell" in capsys.readouterr().out
+    assert run_command(["export", str(grasp), "--out", str(tmp_path / "other")]) == 2
+    assert "our lab" in capsys.readouterr().err
+    assert run_command(["check", str(robot)]) == 1
+
+
+def test_the_page_of_the_docs_shows_a_cell_that_can_be_read(tmp_path):
+    page = (Path(__file__).parents[1] / "docs" / "cell.md").read_text()
+    path = tmp_path / "cell.yaml"
+    path.write_text(page.split("```yaml\n")[1].split("```")[0])
+    assert read_cell(path).name == "our lab"
