@@ -26,8 +26,8 @@ _RUNNING = PHASES.index("running")
 
 _LOWER, _UPPER, _STEP, _HOME = range(4)
 JOINTS = np.stack([LOWER, UPPER, MAX_STEP, HOME])
-"""Ranges, largest step and home, (4, 23) rad, passed as `joints`: compiled code keeps constants on disk, and these are the
-cell's."""
+"""Ranges, largest step and home, (4, 23) rad. Passed as `joints`: compiled code keeps its constants on disk, and these
+are the cell's."""
 
 _GRAVITY = 9.81  # m/s^2, MuJoCo's default
 _DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
