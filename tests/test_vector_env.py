@@ -150,6 +150,23 @@ def test_cameras_equal_single_ones(obs_mode, observe):
     )  # fmt: skip
 
 
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+@pytest.mark.parametrize("value", [1e12, np.nan])
+def test_numbers_that_go_wrong_are_told_alike_and_once(mode, value):
+    ours, theirs = native(2, autoreset_mode=mode), singles(2, autoreset_mode=mode)
+    ours.reset(seed=3)
+    theirs.reset(seed=3)
+    state = ours.get_state(1)
+    state.physics[1 + 30 + 24] = value  # time, positions, then velocities: the object's y
+    theirs.envs[1].unwrapped.set_state(state)
+    ours.set_state(state, [1])
+    for step in range(4):
+        a, b = theirs.step(np.zeros((2, 23))), ours.step(np.zeros((2, 23)))
+        assert_same(a, b, f"step {step}")
+        assert b[2].tolist() == [False, step == 0]
+        assert step > 0 or b[1][1] == 0.0
+
+
 def test_presets_have_vector_environments():
     for name in sorted(name for name in gym.registry if name.startswith("DexGrasp/")):
         envs = gym.make_vec(name, num_envs=2, objects="sugar_box")

@@ -1,7 +1,7 @@
 """The only place that knows `mujoco.batch`: physics of many environments, of several objects, on all cores."""
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import CONTROL_STEPS
-from dexgrasp_env.tasks.simulation import Simulation, warning_bits
+from dexgrasp_env.tasks.simulation import Simulation
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
@@ -105,17 +105,21 @@ class BatchPhysics:
             warnings[ids] = bits
         return warnings
 
-    def _advance(self, rows: Array, push: Array | None, target: str, ids: NDArray[np.intp]) -> Sequence[int]:
+    def _advance(
+        self, rows: Array, push: Array | None, target: str, ids: NDArray[np.intp]
+    ) -> NDArray[np.int64]:
         group, batch = self._groups[target], self._groups[target].batch
         if group.changed:
             batch.set_models(group.models)
             group.changed = False
         if push is not None:
             batch.bind("xfrc_applied")[ids, self._simulations[target].body, :3] = push[ids]
+        before = batch.warning[ids, :, 1]  # (n, 7): the batch counts on, after the last info of each
         batch.rollout(CONTROL_STEPS, rows[ids], _CONTROL, record=(), ids=ids)
         self.qpos[ids], self.qvel[ids] = batch.bind("qpos")[ids], batch.bind("qvel")[ids]
         self.sensors[ids] = batch.bind("sensordata")[ids]
-        return [warning_bits(numbers) for numbers in batch.warning[ids]]
+        risen = batch.warning[ids, :, 1] > before
+        return risen @ (1 << np.arange(risen.shape[1]))
 
     def _group(self, target: str) -> _Group:
         if target not in self._groups:

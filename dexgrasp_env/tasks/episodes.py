@@ -81,17 +81,23 @@ class Episodes:
         self.rewards = np.zeros(number)
         rows, push = np.zeros((number, CONTROL_STEPS, 23)), np.zeros((number, 3))
         self._whole = (self.records, self.told, self.rewards, rows, push)
-        self._mode, self._dense = CONTROL_MODES.index(settings.control_mode), settings.reward_mode == "dense"
-        self._kind, self._length = KINDS.index(settings.disturbance.kind), settings.disturbance.steps
+        self._mode = CONTROL_MODES.index(settings.control_mode)
+        self._kind = KINDS.index(settings.disturbance.kind)
         hulls = [simulation.hull for simulation in self.simulations.values()]
-        self._hulls = np.concatenate(hulls)
         ends = np.cumsum([len(hull) for hull in hulls]).tolist()
         self._hull_spans = {
             target: (end - len(hull), len(hull))
             for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
         }
         first = next(iter(self.simulations.values()))
-        self._columns, self._chain = first.columns, arm_chain(first.base)
+        self._chain = arm_chain(first.base)
+        self._rules = kernel.Rules(
+            first.columns,
+            np.concatenate(hulls),
+            settings.disturbance.steps,
+            BAD_NUMBERS,
+            settings.reward_mode == "dense",
+        )
         self._layout = layout(settings.obs_mode)
         self._width = max(part.stop for part in self._layout.values())
         self._no_noise = np.zeros((1, 23))
@@ -227,8 +233,7 @@ class Episodes:
         records, told, rewards = self._part(part)[:3]
         rows = np.empty((len(records), self._width), np.float32)
         kernel.conclude(
-            records, *moment, self._columns, self._hulls, self._length, warnings, BAD_NUMBERS, self._dense,
-            told, rewards, self._joint_noise(records, rngs), rows,
+            records, *moment, warnings, self._joint_noise(records, rngs), self._rules, told, rewards, rows
         )  # fmt: skip
         return cut(rows[0] if alone else rows, self._layout)
 

@@ -5,6 +5,7 @@ and many give the same bits. This module imports numba: it is imported when an e
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -50,46 +51,46 @@ _X0, _Y0, _Z0 = WORKSPACE_LOW
 _X1, _Y1, _Z1 = WORKSPACE_HIGH
 
 
+class Rules(NamedTuple):
+    """What stays for the life of an environment.
+
+    Attributes:
+        at: (7,) first columns of the readings in `sensordata`, in the order of `READINGS`.
+        hulls: (V, 3) hull vertices of all objects, m, object frames.
+        length: of the disturbance, control steps.
+        bad_numbers: the bits of MuJoCo's warnings that mean numbers gone wrong.
+        dense: whether the reward is the weighted sum of the terms, else success.
+    """
+
+    at: Columns
+    hulls: Array
+    length: int
+    bad_numbers: int
+    dense: bool
+
+
 # -- state and sensors to progress, failure and reward ----------------------------------------------------------
 
 
 @njit(cache=True)
-def judge(
+def _judge(
     episodes: Records,
     qpos: Array,
     qvel: Array,
     sensors: Array,
-    at: Columns,
-    hulls: Array,
-    length: int,
     warnings: Columns,
-    bad_numbers: int,
-    dense: bool,
+    rules: Rules,
     told: Array,
     rewards: Array,
 ) -> None:
-    """Advance what the episodes have achieved by the control step just taken.
-
-    Args:
-        episodes: (N,); their progress is advanced.
-        qpos: (N, 30): 23 joints, object position and quaternion wxyz.
-        qvel: (N, 29).
-        sensors: (N, n) `sensordata`.
-        at: (7,) first columns of the readings in it, in the order of `READINGS`.
-        hulls: (V, 3) hull vertices of all objects, m, object frames.
-        length: of the disturbance, control steps.
-        warnings: (N,) bits of MuJoCo's that came up in the control step.
-        bad_numbers: the bits that mean numbers gone wrong.
-        dense: whether the reward is the weighted sum of the terms, else success.
-        told: (N, 16) out, the columns of `records.TOLD` and the terms, each in [0, 1].
-        rewards: (N,) out.
-    """  # fmt: skip
+    """Advance what the episodes have achieved by the control step just taken; see `conclude`."""
+    at = rules.at
     for i in range(len(episodes)):
         e, q, s = episodes[i], qpos[i], sensors[i]
         e.warnings |= warnings[i]
-        _fail(e, q, qvel[i], bad_numbers)
+        _fail(e, q, qvel[i], rules.bad_numbers)
         R = _rotation(q[26], q[27], q[28], q[29])
-        e.height = _lowest_point(e, q, R, hulls)
+        e.height = _lowest_point(e, q, R, rules.hulls)
         touching, alone = s[at[_TOUCHING_HAND]] > 0, s[at[_TOUCHING_HAND]] == s[at[_TOUCHING_ANY]]
         e.touched = e.touched or touching
         e.grasped = _opposed(s, at[_PRESSES])
@@ -101,12 +102,12 @@ def judge(
         palm = at[_PALM]
         position = _rotated(inverse, (q[23] - s[palm], q[24] - s[palm + 1], q[25] - s[palm + 2]))
         _follow_grip(e, position, _product(inverse, (q[26], q[27], q[28], q[29])), touching and alone)
-        _disturb(e, position, length)
+        _disturb(e, position, rules.length)
         _conclude(e)
         t = told[i, 12:]
         _reward(e, q, R, s, at, t)
         total = _REACH * t[0] + _CONTACT * t[1] + _LIFT * t[2] + _HOLD * t[3]
-        rewards[i] = total if dense else 1.0 * e.success
+        rewards[i] = total if rules.dense else 1.0 * e.success
         if e.failure == _DIVERGED:
             t[:] = 0.0
             rewards[i] = 0.0
@@ -274,20 +275,10 @@ def _pressure(s: Array, first: int) -> float:
 
 
 @njit(cache=True)
-def observe(
-    episodes: Records, qpos: Array, qvel: Array, sensors: Array, at: Columns, noise: Array, out: Array
+def _observe(
+    episodes: Records, qpos: Array, qvel: Array, sensors: Array, noise: Array, at: Columns, out: Array
 ) -> None:
-    """Write what the robot knows of itself, and where `out` has room for it the privileged state.
-
-    Args:
-        episodes: (N,).
-        qpos: (N, 30).
-        qvel: (N, 29).
-        sensors: (N, n) `sensordata`.
-        at: (7,), see `judge`.
-        noise: (N, 23) rad, of the joint position sensors.
-        out: (N, 88) or (N, 125) float32, in the order of `observations`.
-    """
+    """Write what the robot knows of itself, and where `out` has room for it the privileged state; see `conclude`."""
     for i in range(len(episodes)):
         e, q, v, s, o = episodes[i], qpos[i], qvel[i], sensors[i], out[i]
         for j in range(23):
@@ -322,23 +313,35 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, at: Columns, o: Arr
         o[31 + j] = e.variation[j]
 
 
+# -- both -------------------------------------------------------------------------------------------------------
+
+
 @njit(cache=True)
 def conclude(
     episodes: Records,
     qpos: Array,
     qvel: Array,
     sensors: Array,
-    at: Columns,
-    hulls: Array,
-    length: int,
     warnings: Columns,
-    bad_numbers: int,
-    dense: bool,
+    noise: Array,
+    rules: Rules,
     told: Array,
     rewards: Array,
-    noise: Array,
     out: Array,
 ) -> None:
-    """Do what `judge` and then `observe` do, in one call."""  # fmt: skip
-    judge(episodes, qpos, qvel, sensors, at, hulls, length, warnings, bad_numbers, dense, told, rewards)
-    observe(episodes, qpos, qvel, sensors, at, noise, out)
+    """Advance what the episodes have achieved by the control step just taken, reward and observe it.
+
+    Args:
+        episodes: (N,); their progress is advanced.
+        qpos: (N, 30): 23 joints, object position and quaternion wxyz.
+        qvel: (N, 29).
+        sensors: (N, n) `sensordata`.
+        warnings: (N,) bits of MuJoCo's that came up in the control step.
+        noise: (N, 23) rad, of the joint position sensors.
+        rules: of the environment.
+        told: (N, 16) out, the columns of `records.TOLD` and the terms, each in [0, 1].
+        rewards: (N,) out.
+        out: (N, 88) or (N, 125) float32 out, in the order of `observations`.
+    """
+    _judge(episodes, qpos, qvel, sensors, warnings, rules, told, rewards)
+    _observe(episodes, qpos, qvel, sensors, noise, rules.at, out)

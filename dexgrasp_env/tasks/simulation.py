@@ -25,7 +25,7 @@ BAD_NUMBERS = sum(1 << _WARNINGS.index(f"mjWARN_BAD{name}") for name in ("QPOS",
 """Bits of the warnings about numbers that are not finite or far too large: what follows them is no physics."""
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
+_PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 _FORCES = int(mujoco.mjtState.mjSTATE_QFRC_APPLIED | mujoco.mjtState.mjSTATE_XFRC_APPLIED)
 _TOUCH = 1e-4  # m of penetration between object and robot that a pose may have
@@ -59,6 +59,7 @@ class Simulation:
         self.moment = (data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
         self._warmstart = data.qacc_warmstart
+        self._warnings = data.warning.number
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
 
@@ -109,7 +110,7 @@ class Simulation:
         """
         model, data = self.model, self.data
         spec, control = _CONTROL, rows
-        if self._forces[0].any() or self._forces[1].any():
+        if np.count_nonzero(self._forces[0]) or np.count_nonzero(self._forces[1]):  # quicker than any()
             forces = np.concatenate([force.ravel() for force in self._forces])
             spec, control = (
                 _CONTROL | _FORCES,
@@ -120,7 +121,7 @@ class Simulation:
             [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=CONTROL_STEPS,
             initial_warmstart=self._warmstart.copy()[None],
         )  # fmt: skip
-        return warning_bits(data.warning.number)
+        return warning_bits(self._warnings)
 
     def get_state(self) -> Array:
         """Return the full integration state."""
@@ -138,7 +139,8 @@ class Simulation:
 
 def warning_bits(numbers: NDArray[np.int32]) -> int:
     """Return counts of MuJoCo's warnings as bits."""
-    return sum(1 << k for k in np.flatnonzero(numbers).tolist()) if numbers.any() else 0
+    counts = numbers.tolist()
+    return sum(1 << k for k, count in enumerate(counts) if count) if any(counts) else 0
 
 
 def warning_names(bits: int) -> str:
