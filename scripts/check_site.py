@@ -51,8 +51,13 @@ def faults(site: Path) -> list[str]:
         page = Page(file)
         found += [f"{file}: loads {url} from outside" for url in page.loads if outside(url)]
         for url in [*page.loads, *page.links]:
-            path = unquote(urlsplit(url).path)
-            if not outside(url) and path and not (file.parent / path).exists():
+            parts = urlsplit(url)
+            if (
+                not parts.scheme
+                and not parts.netloc
+                and parts.path
+                and not (file.parent / unquote(parts.path)).exists()
+            ):
                 found.append(f"{file}: {url} leads nowhere")
     for file in sorted(site.rglob("*.css")):
         found += [
@@ -64,7 +69,7 @@ def faults(site: Path) -> list[str]:
 def outside(url: str) -> bool:
     """Whether a link leaves the site."""
     parts = urlsplit(url)
-    return bool(parts.netloc) or parts.scheme not in ("", "data", "#")
+    return bool(parts.netloc) or parts.scheme not in ("", "data")
 
 
 if __name__ == "__main__":

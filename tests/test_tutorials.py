@@ -1,6 +1,6 @@
 """The tutorials of the site do what they say: every block is run, in order, in a folder of its own."""
 
-import re
+import importlib.util
 import shlex
 import sys
 from pathlib import Path
@@ -9,23 +9,18 @@ import pytest
 
 from agents.cli.commands import run_command
 
-TUTORIALS = sorted((Path(__file__).parents[1] / "docs" / "tutorials").glob("*.md"))
-FENCE = re.compile(
-    r"^```(?:\{code-block\} )?(\w+)\n(?::caption: (\S+)\n\n)?(.*?)^```$", re.MULTILINE | re.DOTALL
-)
+ROOT = Path(__file__).parents[1]
+TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
 
 
-def blocks(page):
-    """Language, name of the file that it is to be kept as or None, and text of each block."""
-    return [(language, name or None, text) for language, name, text in FENCE.findall(page.read_text())]
+def load_script(name):
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
+    module = sys.modules[name] = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
-def run_commands(text):
-    for line in text.replace("\\\n", " ").splitlines():
-        words = shlex.split(re.sub(r"(^|\s)#.*", "", line))
-        assert words[:1] in ([], ["dexgrasp"]), f"a tutorial's bash block runs dexgrasp alone, not {line!r}"
-        if words:
-            assert run_command(words[1:]) == 0, line
+walk = load_script("walk")
 
 
 @pytest.mark.parametrize("page", TUTORIALS, ids=lambda page: page.stem)
@@ -33,17 +28,19 @@ def test_a_tutorial_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     namespace = {"__name__": "tutorial"}
-    for language, name, text in blocks(page):
+    for language, name, text in walk.blocks(page):
         if name:
             (tmp_path / name).write_text(text)
         elif language == "python":
             exec(compile(text, str(page), "exec"), namespace)
-        elif language == "bash":
-            run_commands(text)
         else:
-            pytest.fail(f"{page.name}: nobody runs a block of {language}")
-    for module in {Path(name).stem for _, name, _ in blocks(page) if name}:
-        sys.modules.pop(module, None)
+            assert language == "bash", "nobody runs other blocks"
+            for line in walk.commands(text):
+                program, *words = shlex.split(line)
+                assert program == "dexgrasp"
+                assert run_command(words) == 0, line
+    for _, name, _ in walk.blocks(page):
+        sys.modules.pop(Path(name).stem, None)
 
 
 def test_the_five_tutorials_are_there():
@@ -54,4 +51,34 @@ def test_the_five_tutorials_are_there():
         "own-policy",
         "read-results",
     ]
-    assert all(len(blocks(page)) >= 5 for page in TUTORIALS)
+    assert all(len(walk.blocks(page)) >= 5 for page in TUTORIALS)
+
+
+def test_a_walk_stops_where_a_command_fails(tmp_path, capsys):
+    page = tmp_path / "page.md"
+    page.write_text("```python\nprint(6 * 7)\n```\n\n```bash\nfalse   # no\necho never\n```\n")
+    assert not walk.walk(page, tmp_path)
+    said = capsys.readouterr().out
+    assert "42" in said
+    assert "$ false" in said
+    assert "never" not in said
+
+
+PAGE = '<html><head><link rel="stylesheet" href="{0}"><link rel="canonical" href="https://x.org/"></head><body>{1}</body></html>'
+
+
+@pytest.mark.parametrize(
+    ("style", "body", "fault"),
+    [
+        ("own.css", '<a href="https://x.org">x</a><img src="data:image/png;base64,AA==">', None),
+        ("https://x.org/own.css", "", "from outside"),
+        ("own.css", '<script src="//x.org/a.js"></script>', "from outside"),
+        ("own.css", '<style>@import "https://x.org/a.css";</style>', "from outside"),
+        ("own.css", '<a href="gone.html#part">x</a>', "leads nowhere"),
+    ],
+)
+def test_what_a_page_loads_from_outside_is_found(style, body, fault, tmp_path):
+    (tmp_path / "own.css").write_text("body { color: black }")
+    (tmp_path / "index.html").write_text(PAGE.format(style, body))
+    found = load_script("check_site").faults(tmp_path)
+    assert [fault in line for line in found] == ([] if fault is None else [True])
