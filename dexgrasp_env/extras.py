@@ -9,7 +9,7 @@ from dexgrasp_env.errors import InputError
 EXTRAS: dict[str, tuple[str, ...]] = {
     "planner": (
         "clarabel", "daqp", "imageio", "imageio_ffmpeg", "joblib", "matplotlib", "ompl", "osqp", "qpsolvers", "rtree",
-        "ruckig", "safetensors", "shtab", "toppra",
+        "ruckig", "safetensors", "shtab",
     ),
     "learning": ("torch", "stable_baselines3", "tensorboard"),
     "viewer": ("viser",),

@@ -9,6 +9,7 @@ from agents.execution.collision import CollisionChecker, densify
 from agents.execution.motion import NoPath
 from agents.execution.sampling import plan_arm
 from agents.execution.script import make_script
+from agents.execution.time_optimal import fastest_squared_speeds, places_at
 from agents.execution.timing import ACCELERATION, round_corners, time_path, within_limits
 from agents.geometry.convex import ConvexDistance
 from agents.grasp.grasp import GraspMotion
@@ -186,3 +187,14 @@ def test_bad_motion_is_refused(bad):
     good = {"pregrasp": HOME, "grasp": HOME, "squeeze": HOME}
     with pytest.raises(InputError):
         GraspMotion(**good | bad)
+
+
+def test_speed_along_a_straight_line_is_that_of_the_triangle_or_trapezium():
+    """One joint from rest to rest: bang-bang, with a plateau where the velocity limit cuts it off."""
+    at = np.linspace(0.0, 2.0, 201)
+    first, second = np.ones((201, 1)), np.zeros((201, 1))
+    free = fastest_squared_speeds(at, first, second, np.array([10.0]), np.array([4.0]))
+    assert np.allclose(free, 8.0 * np.minimum(at, 2.0 - at), atol=1e-6)
+    cut = fastest_squared_speeds(at, first, second, np.array([1.5]), np.array([4.0]))
+    assert np.allclose(cut, np.minimum(8.0 * np.minimum(at, 2.0 - at), 2.25), atol=1e-6)
+    assert len(places_at(at, free, 0.1)) == np.ceil(2.0 * np.sqrt(2.0 / 4.0) / 0.1)

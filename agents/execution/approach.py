@@ -1,5 +1,7 @@
 """The way from where the robot stands to the pregrasp: straight, else over a hover, else sampled."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from agents.execution.cartesian import shift_palm
@@ -36,25 +38,24 @@ def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, seed
     contact = checker.first_contact(straight)
     if contact is None:
         return straight
-    descents = _descents(checker, pregrasp)
-    for descent in descents:
+    descents = []
+    for descent in _descents(checker, pregrasp):
         if checker.free_line(start, descent[0]):
             return np.concatenate([start[None], descent])
+        descents.append(descent)
     return _sampled(checker, start, pregrasp, descents, seed, str(contact))
 
 
-def _descents(checker: CollisionChecker, pregrasp: Array) -> list[Array]:
-    """Free straight motions of the palm that end at the pregrasp, (n, 23) each."""
+def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
+    """Yield free straight motions of the palm that end at the pregrasp, (n, 23) each."""
     R, _ = palm_frame(pregrasp, checker.tree)
-    found = []
     for back, up in _HOVERS:
         shift = np.array([0.0, 0.0, up]) - back * R[:, 0]
         count = int(np.ceil(np.linalg.norm(shift) / _SPACING))
         path, error = shift_palm(pregrasp, checker.tree, np.arange(1, count + 1)[:, None] / count * shift)
         descent = np.concatenate([path[::-1], pregrasp[None]])
         if error < _PALM_ERROR and checker.first_contact(descent) is None:
-            found.append(descent)
-    return found
+            yield descent
 
 
 def _sampled(

@@ -1,11 +1,10 @@
 """When to be where: time-optimal within the limits, by reachability analysis (TOPP-RA)."""
 
-import logging
-from typing import Any
-
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from agents.execution.collision import CollisionChecker
+from agents.execution.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import ACCELERATION, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -74,12 +73,13 @@ def _without_repeats(path: Array) -> Array:
 
 
 def _time_smooth(points: Array, at: Array, speed: float) -> Array:
-    """Time a smooth path by TOPP-RA; by a slow smooth law where that fails."""
-    trajectory = _toppra(points, at, speed)
-    if trajectory is not None:
-        count = max(1, int(np.ceil(trajectory.duration / CONTROL_PERIOD - 1e-9)))
-        times = np.minimum(np.arange(1, count + 1) * CONTROL_PERIOD, trajectory.duration)
-        samples = np.asarray(trajectory(times))
+    """Time a smooth path as fast as limits allow; by a slow smooth law where that fails."""
+    curve = CubicSpline(at, points, bc_type="natural")
+    velocity, acceleration = _ROOM * speed * VELOCITY, _ROOM * speed * ACCELERATION
+    squared = fastest_squared_speeds(at, curve(at, 1), curve(at, 2), velocity, acceleration)
+    places = places_at(at, squared, CONTROL_PERIOD) if len(squared) else squared
+    if len(places):
+        samples: Array = curve(places)
         samples[-1] = points[-1]
         if np.isfinite(samples).all() and _gentle(points[0], samples, speed):
             return samples
@@ -97,25 +97,6 @@ def _gentle(start: Array, samples: Array, speed: float) -> bool:
     rest = np.concatenate([start[None], start[None], samples, samples[-1:]])
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
     return within_limits(start, samples) and bool((change <= _EXCESS * speed * ACCELERATION).all())
-
-
-def _toppra(points: Array, at: Array, speed: float) -> Any:
-    """Return a trajectory of toppra, or None where it finds none."""
-    import toppra
-    from toppra import algorithm, constraint
-
-    logging.getLogger("toppra").setLevel(logging.ERROR)
-    curve = toppra.SplineInterpolator(at, points, bc_type="natural")
-    velocity, acceleration = _ROOM * speed * VELOCITY, _ROOM * speed * ACCELERATION
-    limits = [
-        constraint.JointVelocityConstraint(np.stack([-velocity, velocity], axis=1)),
-        constraint.JointAccelerationConstraint(
-            np.stack([-acceleration, acceleration], axis=1),
-            discretization_scheme=constraint.DiscretizationType.Interpolation,
-        ),
-    ]
-    solver = algorithm.TOPPRA(limits, curve, gridpoints=at, parametrizer="ParametrizeConstAccel")
-    return solver.compute_trajectory()
 
 
 def _slow(points: Array, at: Array, speed: float) -> Array:

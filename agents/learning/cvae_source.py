@@ -11,9 +11,8 @@ from agents.grasp.target import GraspTarget
 from agents.learning.batches import CROPPED, centre_of
 from agents.learning.decoder import Decoder, read_decoder
 from agents.learning.settings import SCALE
-from agents.physics.margin import margins
 from agents.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource
-from agents.planning.ranking import best_apart, robustness
+from agents.planning.ranking import most_robust
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
@@ -54,13 +53,10 @@ class CvaeProposals(ProposalSource):
             return Proposals(
                 contacts[first], normals[first], np.full(len(contacts[first]), np.nan), assigned=True
             )
-        margin = margins(contacts, normals, settings.friction)[0]
-        closed = margin > 0.0
-        if not closed.any():
+        contacts, normals, margin = most_robust(contacts, normals, target, settings)
+        if not len(contacts):
             return Proposals.none(_NO_CLOSURE)
-        contacts, normals, margin = contacts[closed], normals[closed], margin[closed]
-        chosen = best_apart(contacts, robustness(contacts, normals, margin, target), settings.triples)
-        return Proposals(contacts[chosen], normals[chosen], margin[chosen], assigned=True)
+        return Proposals(contacts, normals, margin, assigned=True)
 
 
 def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> Array:

@@ -41,8 +41,10 @@ class Decoder:
 
     def decode(self, feature: NDArray[np.float32], latent: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return grasps (K, 18) of a cloud's feature and latents (K, latent)."""
-        beside = np.broadcast_to(feature, (len(latent), len(feature)))
-        return _through(self.layers, np.concatenate([beside, latent], axis=1), _silu)
+        (weight, bias), *rest = self.layers
+        # The cloud's share of the first layer is the same for all latents.
+        first = latent @ weight[len(feature) :] + (feature @ weight[: len(feature)] + bias)
+        return _through(tuple(rest), _silu(first), _silu) if rest else first
 
 
 def read_decoder(path: Path) -> Decoder:
@@ -108,6 +110,5 @@ def _relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
 
 
 def _silu(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    from scipy.special import expit
-
-    return x * expit(x)
+    with np.errstate(over="ignore"):  # exp(-x) of a large -x is infinite, and x / infinity what it should be
+        return x / (1.0 + np.exp(-x))

@@ -20,6 +20,7 @@ from numba import njit
 from agents.physics.active_set import SOLVED, solve_qp
 from agents.physics.checks import Numbers, check_array, check_contacts, check_positive
 from agents.physics.cones import basis_of
+from agents.physics.simplex import maximise_last
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
@@ -28,6 +29,7 @@ FACES = 12
 ROUNDS = 8
 """Rounds of cutting planes at most; two or three are enough as a rule."""
 _CUTS = 3 * ROUNDS
+_COARSE = 8  # planes of each cone in an estimate
 _TOLERANCE = 1e-4  # of D: what cutting planes may leave
 _FLAT = 2e-3  # height of the triangle over its longest side, below which contacts count as lying on a line
 _REGULARISER = 1e-7  # weight of |x|^2: the programme is linear, its solver quadratic
@@ -51,7 +53,7 @@ class Squeeze(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _balance(points: Array, centre: Array, gravity: Array, N: Array, B: Array, f_g: Array) -> bool:
+def balance(points: Array, centre: Array, gravity: Array, N: Array, B: Array, f_g: Array) -> bool:
     """Write internal forces (9, 3), answers to a force (9, 3) and forces against gravity (9,); False on a line."""
     size, area = 0.0, np.zeros(3)
     for side in range(3):
@@ -65,17 +67,43 @@ def _balance(points: Array, centre: Array, gravity: Array, N: Array, B: Array, f
     area = np.cross(points[1] - points[0], points[2] - points[0])
     if not np.sqrt((area * area).sum()) > _FLAT * size * size:
         return False
-    G = np.zeros((6, 9))
+    # About the contacts' middle forces and torques come apart: a force w and its torque t are answered by
+    # w / 3 + (M^-1 t) x r_i with M = sum |r_i|^2 I - r_i r_i^T.
+    r, M = np.empty((3, 3)), np.zeros((3, 3))
+    for k in range(3):
+        middle = (points[0, k] + points[1, k] + points[2, k]) / 3.0
+        for i in range(3):
+            r[i, k] = points[i, k] - middle
+        area[k] = centre[k] - middle
     for i in range(3):
-        x, y, z = (points[i] - centre) / size
         for k in range(3):
-            G[k, 3 * i + k] = 1.0
-        G[3, 3 * i + 1], G[3, 3 * i + 2] = -z, y
-        G[4, 3 * i], G[4, 3 * i + 2] = z, -x
-        G[5, 3 * i], G[5, 3 * i + 1] = -y, x
-    B[:] = (G.T @ np.linalg.inv(G @ G.T))[:, :3]
+            for c in range(3):
+                M[k, k] += r[i, c] * r[i, c]
+                M[k, c] -= r[i, k] * r[i, c]
+    _invert(M)
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for i in range(3):
+            for k in range(3):
+                # torque of a unit force along the axis: area x e = (.., area_v at u, -area_u at v)
+                p, q = (k + 1) % 3, (k + 2) % 3
+                turn_p = M[p, u] * area[v] - M[p, v] * area[u]
+                turn_q = M[q, u] * area[v] - M[q, v] * area[u]
+                B[3 * i + k, axis] = turn_p * r[i, q] - turn_q * r[i, p]
+            B[3 * i + axis, axis] += 1.0 / 3.0
     f_g[:] = -(B @ gravity)
     return True
+
+
+@njit(cache=True, error_model="numpy")
+def _invert(M: Array) -> None:
+    """Invert a symmetric matrix (3, 3) in place."""
+    a, b, c, d, e, f = M[0, 0], M[0, 1], M[0, 2], M[1, 1], M[1, 2], M[2, 2]
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    det = a * A + b * B + c * C
+    M[0, 0], M[0, 1], M[0, 2] = A / det, B / det, C / det
+    M[1, 1], M[1, 2], M[2, 2] = (a * f - c * c) / det, (b * c - a * e) / det, (a * d - b * b) / det
+    M[1, 0], M[2, 0], M[2, 1] = M[0, 1], M[0, 2], M[1, 2]
 
 
 @njit(cache=True, error_model="numpy")
@@ -196,7 +224,7 @@ def squeeze_kernel(
     """
     N, B, f_g = np.empty((9, 3)), np.empty((9, 3)), np.empty(9)
     forces[:] = 0.0
-    if not _balance(points, centre, gravity, N, B, f_g):
+    if not balance(points, centre, gravity, N, B, f_g):
         return 0.0, 0.0
     weight = np.sqrt((gravity * gravity).sum())
     B *= weight
@@ -241,6 +269,61 @@ def squeeze_kernel(
         if done:
             break
     return max(value, 0.0), y[_SHARE]
+
+
+class Room(NamedTuple):
+    """Room that `squeeze_estimate` works in: estimates are made by the thousand."""
+
+    N: Array  # (9, 3)
+    B: Array  # (9, 3)
+    f_g: Array  # (9,)
+    A: Array  # (rows, 5)
+    C: Array  # (rows, 4)
+    b: Array  # (rows,)
+
+
+@njit(cache=True, error_model="numpy")
+def empty_room(joints: int) -> Room:
+    """Return room for contacts that `joints` joints press."""
+    size = 3 * _COARSE + 6 * joints
+    A, C = np.empty((size, 5)), np.empty((size, 4))
+    return Room(np.empty((9, 3)), np.empty((9, 3)), np.empty(9), A, C, np.empty(size))
+
+
+@njit(cache=True, error_model="numpy")
+def squeeze_estimate(
+    points: Array, normals: Array, centre: Array, gravity: Array, mu: Array, J: Array, limit: Array, most: float,
+    room: Room,
+) -> float:  # fmt: skip
+    """Return the load of the firmest squeeze, at most a tenth too high: cones have eight planes, and none is added.
+
+    Args are those of `squeeze_kernel`.
+    """
+    N, B, f_g, A, C, b = room
+    if not balance(points, centre, gravity, N, B, f_g):
+        return 0.0
+    B *= np.sqrt((gravity * gravity).sum())
+    a, t1, t2, rows = np.empty(3), np.empty(3), np.empty(3), 0
+    for i in range(3):
+        _tangents(normals[i], t1, t2)
+        block = B[3 * i : 3 * i + 3]
+        for k in range(_COARSE):
+            answer = _plane(normals[i], t1, t2, mu[i], 2.0 * np.pi * k / _COARSE, block, a)
+            _cone_row(i, a, answer, N, f_g, A[rows])
+            b[rows] = 0.0
+            rows += 1
+    rows += _torque_rows(J, limit, N, f_g, A[rows:], b[rows:])
+    z = np.empty(4)
+    for r in range(rows):
+        for q in range(4):
+            C[r, q] = A[r, q]
+        b[r] -= A[r, _SHARE]
+    if maximise_last(C, b, rows, most, z) and z[3] >= 0.0:
+        return 1.0 + z[3]
+    for r in range(rows):
+        C[r, 3] = A[r, _SHARE]
+        b[r] += A[r, _SHARE]
+    return max(z[3], 0.0) if maximise_last(C, b, rows, 1.0, z) else 0.0
 
 
 def _check(

@@ -8,10 +8,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from agents.physics.capacity import capacity_kernel
 from agents.physics.checks import check_array, check_contacts, check_positive, rms_radius
 from agents.physics.cones import tangent_basis
 from agents.physics.wrench import grasp_map
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 
 GRAVITY = 9.81  # m/s^2
 BALANCED = 1e-4  # of the weight: what counts as balanced
@@ -110,58 +112,21 @@ def capacity_of(contacts: Contacts) -> float:
     """Return 1 + the least, over 26 directions, of the largest push in weights that some forces can balance.
 
     The forces stay within cones and torque limits; they balance gravity and push together. Where none balance gravity
-    alone, it is the largest share of gravity that some do.
+    alone, it is the largest share of gravity that some do. Joints are of one finger each.
     """
-    problem = _Programme(_checked(contacts))
-    down = problem.most(np.zeros(6), np.r_[0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
-    if down < 1.0:
-        return down
-    gravity = np.r_[0.0, 0.0, -1.0, 0.0, 0.0, 0.0]
-    return 1.0 + min(problem.most(gravity, np.r_[d, 0.0, 0.0, 0.0]) for d in directions())
-
-
-class _Programme:
-    """max s over forces in cones and torque limits that balance constant + s direction; forces in weights."""
-
-    def __init__(self, contacts: Contacts) -> None:
-        import clarabel
-        from scipy.sparse import csc_matrix
-
-        self._clarabel, self._sparse = clarabel, csc_matrix
-        n = 3 * len(contacts.points)
-        G = contacts.grasp_matrix()
-        _, _, rows = np.linalg.svd(G)
-        self._free = rows[6:].T  # (n, n - 6) forces that balance by themselves
-        self._answer = np.linalg.pinv(G, rcond=1e-9)
-        torque = contacts.jacobians.transpose(2, 0, 1).reshape(-1, n) * contacts.weight
-        torque = (torque / contacts.torque_limits[:, None])[np.abs(torque).max(1) > 1e-12]
-        t1, t2 = tangent_basis(contacts.normals)
-        cone = np.zeros((n, n))
-        for i, normal in enumerate(contacts.normals):
-            cone[3 * i : 3 * i + 3, 3 * i : 3 * i + 3] = [-contacts.friction * normal, t1[i], t2[i]]
-        self._rows = np.concatenate([torque, -torque, -cone])
-        self._bounds = np.r_[np.ones(2 * len(torque)), np.zeros(n)]
-        self._cones = [clarabel.NonnegativeConeT(2 * len(torque)), *[clarabel.SecondOrderConeT(3)] * (n // 3)]
-        self._balances = np.abs(G @ self._answer - np.eye(6)).max() < 1e-6
-        self._settings = clarabel.DefaultSettings()
-        self._settings.verbose = False
-        self._settings.tol_gap_abs = self._settings.tol_gap_rel = self._settings.tol_feas = 1e-9
-
-    def most(self, constant: Array, direction: Array) -> float:
-        """Return s; 0 where no forces balance a wrench of every direction."""
-        if not self._balances:
-            return 0.0
-        fixed, along = -self._answer @ constant, -self._answer @ direction
-        columns = np.column_stack([self._free, along])
-        A, b = self._rows @ columns, self._bounds - self._rows @ fixed
-        rows, m = A.shape
-        # Dense by construction: taken as it is, without a search for zeros that costs more than the solution.
-        index, starts = np.tile(np.arange(rows), m), rows * np.arange(m + 1)
-        sparse = self._sparse((A.T.ravel(), index, starts), (rows, m))
-        cost = np.r_[np.zeros(m - 1), -1.0]
-        none = self._sparse((m, m))
-        solver = self._clarabel.DefaultSolver(none, cost, sparse, b, self._cones, self._settings)
-        return max(0.0, float(solver.solve().x[-1]))
+    contacts = _checked(contacts)
+    if len(contacts.points) != 3:
+        raise InputError(f"capacity is that of three contacts, got {len(contacts.points)}")
+    jacobians, limits = (
+        np.ascontiguousarray(contacts.jacobians),
+        np.asarray(contacts.torque_limits, dtype=float),
+    )
+    return float(
+        capacity_kernel(
+            contacts.points, contacts.normals, contacts.centre, contacts.weight, contacts.friction, jacobians, limits,
+            directions(),
+        )
+    )  # fmt: skip
 
 
 def _checked(contacts: Contacts) -> Contacts:

@@ -49,6 +49,9 @@ class Evaluation(NamedTuple):
     normals: Array  # (3, 3) out of the object
     distances: Array  # (3,) m, of the tip sphere centres
     margin: float
+    metric: (
+        Array  # (23, 23) m^2/rad^2: dq^T metric dq is how far the fingertips slide over the surface, squared
+    )
 
 
 class _Touch(NamedTuple):
@@ -92,8 +95,19 @@ def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with
         rows.values[k] -= bounds.clearance
     return Evaluation(
         rows.values[:total], rows.gradients[:total], rows.labels[:total],
-        touch.contacts, touch.normals, touch.distances, margin,
+        touch.contacts, touch.normals, touch.distances, margin, _slide(touch),
     )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _slide(touch: _Touch) -> Array:
+    """Return sum J_i^T (I - n n^T) J_i."""
+    metric = np.zeros((23, 23))
+    for i in range(3):
+        J, n = touch.jacobians[i], touch.normals[i]
+        along = J - np.outer(n, n @ J)
+        metric += along.T @ along
+    return metric
 
 
 @njit(cache=True, error_model="numpy")

@@ -14,7 +14,7 @@ from dexgrasp_env.arrays import Array
 ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
 """Orders in which thumb, index and middle can take three contacts; the first leaves them as they are."""
 NEIGHBOURS = 16
-"""Postures of the atlas looked at for each assignment."""
+"""Postures of the atlas that the dataset looks at for each assignment; a planner's are its setting."""
 SIDE_TOLERANCE = 0.012
 """m, distance in the sides of the fingertips' triangle within which a posture is a neighbour."""
 _PALM_CENTRE = np.array([-0.0093, 0.0, -0.0475])  # of the palm's box in the palm frame, m
@@ -121,7 +121,12 @@ def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacl
 
 
 def place_on_atlas(
-    contacts: Array, normals: Array, obstacle: Obstacle, settings: PlannerSettings, orders: NDArray[np.int64]
+    contacts: Array,
+    normals: Array,
+    obstacle: Obstacle,
+    settings: PlannerSettings,
+    orders: NDArray[np.int64],
+    neighbours: int = NEIGHBOURS,
 ) -> Placements:
     """Put hand postures on contact triples: a neighbour search by triangle, and one rigid alignment each.
 
@@ -131,6 +136,7 @@ def place_on_atlas(
         obstacle: the object.
         settings: how deep the tips are to be.
         orders: (A, 3) rows of `ASSIGNMENTS`: which contact thumb, index and middle take.
+        neighbours: postures of the atlas looked at for each.
 
     Returns:
         What will do; goal A k + a is triple k in order a.
@@ -139,5 +145,5 @@ def place_on_atlas(
     centres = (contacts + settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
     inward = -normals[:, orders].reshape(-1, 3, 3)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
-    _, near = atlas.search.query(triangle_sides(centres), NEIGHBOURS, distance_upper_bound=SIDE_TOLERANCE)
+    _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
     return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle)

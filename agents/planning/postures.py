@@ -15,7 +15,7 @@ from agents.kinematics.forward import empty_frames, forward, tip_jacobian, tip_p
 from agents.kinematics.palm_ik import reach_palm
 from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
-from agents.physics.squeeze import squeeze_kernel
+from agents.physics.squeeze import empty_room, squeeze_estimate
 from agents.physics.strength import GRAVITY
 from agents.planning.atlas import hand_atlas
 from agents.planning.holding import ENOUGH, narrowed_friction
@@ -43,7 +43,9 @@ def atlas_postures(
 ) -> Iterator[Posture]:
     """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
     orders = ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
-    placed = place_on_atlas(proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders)
+    placed = place_on_atlas(
+        proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders, settings.neighbours
+    )
     merit = _loads(placed, target, tree, settings) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
@@ -78,26 +80,39 @@ def _estimates(
     limit: Array,
 ) -> Array:  # fmt: skip
     """Loads (M,) of placements; a contact is `height` m from its tip's centre. The arm does not matter to them."""
-    frames, q = empty_frames(tree), np.zeros(23)
-    out, forces, J = np.empty(len(placed.which)), np.empty((3, 3)), np.empty((3, 3, 16))
+    frames, room, q = empty_frames(tree), empty_room(12), np.zeros(23)
+    out, J = np.empty(len(placed.which)), np.empty((3, 3, 16))
+    points, normals, down, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
     for m in range(len(placed.which)):
         goal = placed.triple[m]
-        inward = placed.goals.inward[goal]
         q[7:] = joints[placed.which[m]]
         forward(q, tree, frames)
-        turn = placed.rotations[m] @ np.ascontiguousarray((frames.R[tree.palm] @ tree.palm_rotation).T)
-        points = tip_positions(tree, frames)
+        # All in the frame of the hand as the kinematics have it: x -> turn x + shift.
+        turn = (frames.R[tree.palm] @ tree.palm_rotation) @ np.ascontiguousarray(placed.rotations[m].T)
+        shift = np.empty(3)
+        for r in range(3):
+            shift[r] = frames.p[tree.palm, r]
+            for c in range(3):
+                shift[r] += (
+                    frames.R[tree.palm, r, c] * tree.palm_offset[c] - turn[r, c] * placed.positions[m, c]
+                )
+        tips = tip_positions(tree, frames)
+        _turned(turn, centre, shift, middle)
+        _turned(turn, gravity, np.zeros(3), down)
         for i in range(3):
-            points[i] += height * (turn.T @ inward[i])
-        own = tip_jacobian(tree, frames, points)
-        for i in range(3):
-            J[i] = turn @ np.ascontiguousarray(own[i, :, 7:])
-        push, share = squeeze_kernel(
-            placed.goals.centres[goal] + height * inward, -inward, centre, gravity, friction[goal], 0.0, J, limit,
-            ENOUGH, 0, forces,
-        )  # fmt: skip
-        out[m] = push + share
+            inward = placed.goals.inward[goal, i]
+            _turned(turn, placed.goals.centres[goal, i] + height * inward, shift, points[i])
+            _turned(turn, -inward, np.zeros(3), normals[i])
+            tips[i] -= height * normals[i]
+        J[:] = tip_jacobian(tree, frames, tips)[:, :, 7:]
+        out[m] = squeeze_estimate(points, normals, middle, down, friction[goal], J, limit, ENOUGH, room)
     return out
+
+
+@njit(cache=True, error_model="numpy")
+def _turned(turn: Array, x: Array, shift: Array, out: Array) -> None:
+    for r in range(3):
+        out[r] = shift[r] + turn[r, 0] * x[0] + turn[r, 1] * x[1] + turn[r, 2] * x[2]
 
 
 def oriented_postures(

@@ -16,7 +16,7 @@ from dexgrasp_env.arrays import Array
 
 LEAST_DISTANCE = 0.03
 """m between contacts: two fingertips are wider than this."""
-_JUDGED = 12  # times as many feasible triples have their margin computed as are proposed
+_JUDGED = 30  # times as many feasible triples have their margin computed as are proposed
 _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
 
 
@@ -69,6 +69,9 @@ class SurfaceProposals(ProposalSource):
             triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
         margin = margins(contacts, at, settings.friction)[0]
+        if (margin > 0.0).any():  # the sweep's pyramids reach beyond the cones
+            closed = margin > 0.0
+            triples, contacts, at, margin = triples[closed], contacts[closed], at[closed], margin[closed]
         chosen = best_shared(triples, robustness(contacts, at, margin, target), settings.triples)
         return Proposals(contacts[chosen], at[chosen], margin[chosen])
 

@@ -3,12 +3,16 @@
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from agents.grasp.target import GraspTarget
+from agents.physics.margin import margins
+from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 
 _ENOUGH = 0.7  # closure margin from where more is no merit
+_AT_ONCE = 128  # triples whose margins are computed together
 _APART = 0.006  # m, mean distance of the fingertips of two triples that are not the same
 
 
@@ -37,17 +41,59 @@ def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) ->
     return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)
 
 
-def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
-    """Return the best of triples (K, 3, 3) with contacts anywhere, without those nearly the same as a better one."""
-    near, chosen = np.zeros(len(contacts), bool), []
-    for k in np.argsort(-score, kind="stable"):
-        if near[k]:
-            continue
-        chosen.append(int(k))
-        if len(chosen) == count:
+def most_robust(
+    contacts: Array, normals: Array, target: GraspTarget, settings: PlannerSettings
+) -> tuple[Array, Array, Array]:
+    """Return contacts, normals and margins of the `settings.triples` most robust of triples in closure, best first.
+
+    Those nearly the same as a better one are left out. Margins, the dear part, are computed best first by what
+    robustness could be at most, and not for triples that cannot be among the best any more.
+    """
+    risk = contact_sensitivity(contacts, normals, target)
+    order = np.argsort(risk, kind="stable")
+    margin, score = np.full(len(order), np.nan), np.full(len(order), -np.inf)
+    for first in range(0, len(order), _AT_ONCE):
+        some = order[first : first + _AT_ONCE]
+        margin[some] = margins(contacts[some], normals[some], settings.friction)[0]
+        closed = some[margin[some] > 0.0]
+        score[closed] = np.minimum(margin[closed], _ENOUGH) - risk[closed]
+        chosen = best_apart(contacts, score, settings.triples)
+        rest = order[first + _AT_ONCE : first + _AT_ONCE + 1]
+        if len(chosen) == settings.triples and len(rest) and score[chosen[-1]] >= _ENOUGH - risk[rest[0]]:
             break
-        near |= np.linalg.norm(contacts - contacts[k], axis=-1).mean(1) < _APART
-    return np.array(chosen, dtype=np.int64)
+    return contacts[chosen], normals[chosen], margin[chosen]
+
+
+def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
+    """Return the best of triples (K, 3, 3) with contacts anywhere, without those nearly the same as a better one.
+
+    A score of minus infinity is that of a triple which may not be chosen.
+    """
+    chosen = _best_apart(contacts, np.argsort(-score, kind="stable")[: int(np.isfinite(score).sum())], count)
+    return chosen
+
+
+@njit(cache=True, error_model="numpy")
+def _best_apart(contacts: Array, order: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    chosen, n = np.empty(count, np.int64), 0
+    for k in order:
+        near = False
+        for m in range(n):
+            total = 0.0
+            for i in range(3):
+                squared = 0.0
+                for c in range(3):
+                    squared += (contacts[k, i, c] - contacts[chosen[m], i, c]) ** 2
+                total += np.sqrt(squared)
+            if total < 3.0 * _APART:
+                near = True
+                break
+        if not near:
+            chosen[n] = k
+            n += 1
+            if n == count:
+                break
+    return chosen[:n]
 
 
 def best_shared(triples: NDArray[np.integer[Any]], score: Array, count: int) -> NDArray[np.int64]:

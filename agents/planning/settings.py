@@ -24,6 +24,7 @@ class PlannerSettings:
         table_clearance: proposed contacts are at least this high above the table.
         contact_height: contacts of a grasp are.
         triples: triples that are turned into hand postures.
+        neighbours: postures of the hand's atlas looked at for each.
         postures: postures that are tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the firmest is carried out.
         breadths: rounds of the search; each multiplies the samples, and follows only where the last found nothing firm.
@@ -52,9 +53,10 @@ class PlannerSettings:
     surface_points: int = 96
     table_clearance: float = 0.015
     contact_height: float = FROZEN.contact_height
-    triples: int = 100
+    triples: int = 40
+    neighbours: int = 64
     postures: int = 60
-    candidates: int = 8
+    candidates: int = 4
     breadths: tuple[float, ...] = (1.0, 2.0, 3.0)
     initial_orientations: int = 6
     iterations: int = 40
@@ -64,7 +66,7 @@ class PlannerSettings:
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
     place_error: float = 0.003
-    firm_load: float = 2.0
+    firm_load: float = 1.2
     torque_share: float = FROZEN.torque_share
 
     @classmethod

@@ -1,8 +1,10 @@
 """The bilevel optimisation, by sequential quadratic programming (SQP) with a trust region.
 
-min |dq|^2 subject to the linearised constraints of `constraints`, softened so that every subproblem has a solution; a
-step is kept if it lowers the sum of violations. The lower problem enters through its value and its gradient (envelope
-theorem). It ends with a feasible configuration, or with the constraint that blocks and by how much.
+min |dq|^2 in the metric of how far the fingertips slide over the surface, subject to the linearised constraints of
+`constraints`, softened so that every subproblem has a solution: contacts stay where the squeeze was judged, the rest of
+hand and arm moves freely. A step is kept if it lowers the sum of violations. The lower problem enters through its value
+and its gradient (envelope theorem). It ends with a feasible configuration, or with the
+constraint that blocks and by how much.
 """
 
 from dataclasses import dataclass
@@ -22,8 +24,9 @@ from dexgrasp_env.robot.names import BODIES, FINGER_COLUMNS, GRASP_FINGERS
 MOVED = np.delete(np.arange(23), FINGER_COLUMNS["ring"])  # the ring finger stays
 _SOFT = 8  # daqp's mark of a soft constraint
 _SOFTNESS = (
-    1e-7  # weight of |dq|^2 against violations: small enough that a feasible step is found where there is one
+    1e-7  # weight of a step against violations: small enough that a feasible one is found where there is one
 )
+_SLIDE, _TURN = 0.5, 1e-3  # a step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2
 _TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
 TOLERANCE = 1e-6  # m: a constraint violated by less is met
 
@@ -127,10 +130,11 @@ class _Solver:
         lower = np.maximum(self._low - q[MOVED], -trust)
         upper = np.minimum(self._high - q[MOVED], trust)
         n, m = len(MOVED), len(now.values)
+        H = now.metric[np.ix_(MOVED, MOVED)] / _SLIDE**2 + _TURN * np.eye(n)
         sense = np.zeros(n + m, dtype=np.int32)
         sense[n:] = _SOFT
         x, _, flag, _ = daqp.solve(
-            np.eye(n), np.zeros(n), A, np.concatenate([upper, np.full(m, 1e30)]),
+            H, np.zeros(n), A, np.concatenate([upper, np.full(m, 1e30)]),
             np.concatenate([lower, -now.values]), sense, rho_soft=_SOFTNESS, iter_limit=500,
         )  # fmt: skip
         return x if flag > 0 else np.clip(x, lower, upper) * 0.5

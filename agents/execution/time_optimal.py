@@ -1,0 +1,120 @@
+"""The fastest way along a path within velocity and acceleration limits, by reachability analysis, compiled.
+
+Pham and Pham, "A new approach to time-optimal path parameterization based on reachability analysis", T-RO 2018
+(TOPP-RA). With x the squared speed along the path and u the acceleration, q' u + q'' x is a joint's acceleration.
+Backwards the largest x from which a stop at the end can still be reached; forwards the largest u that stays below.
+Limits hold at both ends of every stretch between two grid points, where u is constant.
+"""
+
+import numpy as np
+from numba import njit
+
+from dexgrasp_env.arrays import Array
+
+_STEPS = 60
+_ROUNDING = 1e-9
+_LARGE = 1e8
+
+
+@njit(cache=True, error_model="numpy")
+def _narrow(first: Array, second: Array, ahead: float, acceleration: Array, x: float, bounds: Array) -> float:
+    """Narrow bounds (2, 2) on u to where |first u + second (x + ahead u)| <= acceleration at x.
+
+    Row 0 of `bounds` is the largest lower bound and how it changes with x, row 1 the least upper one. Returned is the
+    most that x may be for the sake of joints that u does not move.
+    """
+    most = _LARGE
+    for j in range(first.shape[0]):
+        c, d, a = first[j] + ahead * second[j], second[j], acceleration[j]
+        if abs(c) < 1e-12:
+            if abs(d) > 1e-12:
+                most = min(most, a / abs(d))
+            continue
+        middle, half = -d / c, a / abs(c)
+        if middle * x - half > bounds[0, 0]:
+            bounds[0, 0], bounds[0, 1] = middle * x - half, middle
+        if middle * x + half < bounds[1, 0]:
+            bounds[1, 0], bounds[1, 1] = middle * x + half, middle
+    return most
+
+
+@njit(cache=True, error_model="numpy")
+def _accelerations(
+    i: int,
+    x: float,
+    first: Array,
+    second: Array,
+    acceleration: Array,
+    ahead: float,
+    most_next: float,
+    bounds: Array,
+) -> float:
+    """Write the bounds of u at grid point i and squared speed x, with their slopes; return the most x may be at all."""
+    bounds[0, 0], bounds[0, 1] = -x / ahead, -1.0 / ahead  # the next squared speed is within [0, most_next]
+    bounds[1, 0], bounds[1, 1] = (most_next - x) / ahead, -1.0 / ahead
+    here = _narrow(first[i], second[i], 0.0, acceleration, x, bounds)
+    there = _narrow(first[i + 1], second[i + 1], ahead, acceleration, x, bounds)
+    return min(here, there)
+
+
+@njit(cache=True, error_model="numpy")
+def fastest_squared_speeds(
+    at: Array, first: Array, second: Array, velocity: Array, acceleration: Array
+) -> Array:
+    """Return squared speeds (n,) along the path, 0 at both ends; an empty array where there is none.
+
+    Args:
+        at: (n,) grid points along the path, increasing.
+        first: (n, joints) first derivatives of the joints there. second: (n, joints) second ones.
+        velocity: (joints,) limits. acceleration: (joints,) limits.
+    """
+    n, bounds = at.shape[0], np.empty((2, 2))
+    most, x = np.zeros(n), np.zeros(n)
+    for i in range(n - 2, -1, -1):
+        most[i] = _LARGE
+        for j in range(velocity.shape[0]):
+            if abs(first[i, j]) > 1e-12:
+                most[i] = min(most[i], (velocity[j] / first[i, j]) ** 2)
+        ahead = 2.0 * (at[i + 1] - at[i])
+        for _ in range(_STEPS):
+            # The room between the bounds is concave in x: Newton's steps from above end at its zero.
+            most[i] = min(
+                most[i], _accelerations(i, most[i], first, second, acceleration, ahead, most[i + 1], bounds)
+            )
+            room = bounds[1, 0] - bounds[0, 0]
+            if room >= -_ROUNDING:
+                break
+            slope = bounds[1, 1] - bounds[0, 1]
+            if slope >= 0.0:
+                return np.empty(0)
+            most[i] = max(0.0, most[i] - room / slope)
+        if room < -1e-6:
+            return np.empty(0)
+    for i in range(n - 1):
+        ahead = 2.0 * (at[i + 1] - at[i])
+        _accelerations(i, x[i], first, second, acceleration, ahead, most[i + 1], bounds)
+        x[i + 1] = min(max(x[i] + ahead * bounds[1, 0], 0.0), most[i + 1])
+    return x
+
+
+@njit(cache=True, error_model="numpy")
+def places_at(at: Array, squared: Array, period: float) -> Array:
+    """Return where on the path one is after every period, (T,); the last is the end. Empty where the way halts."""
+    n = at.shape[0]
+    when = np.zeros(n)
+    for i in range(n - 1):
+        speed = np.sqrt(squared[i]) + np.sqrt(squared[i + 1])
+        if speed <= 1e-9:
+            return np.empty(0)
+        when[i + 1] = when[i] + 2.0 * (at[i + 1] - at[i]) / speed
+    count = max(1, int(np.ceil(when[n - 1] / period - 1e-9)))
+    out, i = np.empty(count), 0
+    for k in range(count):
+        t = min((k + 1) * period, when[n - 1])
+        while i < n - 2 and when[i + 1] < t:
+            i += 1
+        u = (squared[i + 1] - squared[i]) / (2.0 * (at[i + 1] - at[i]))
+        late = t - when[i]
+        out[k] = min(at[i] + np.sqrt(squared[i]) * late + 0.5 * u * late * late, at[n - 1])
+    out[count - 1] = at[n - 1]
+    return out
