@@ -111,4 +111,4 @@ def _relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _silu(x: NDArray[np.float32]) -> NDArray[np.float32]:
     with np.errstate(over="ignore"):  # exp(-x) of a large -x is infinite, and x / infinity what it should be
-        return x / (1.0 + np.exp(-x))
+        return np.asarray(x / (1.0 + np.exp(-x)), dtype=np.float32)
