@@ -6,6 +6,7 @@ import sys
 from typing import Any
 
 from agents.base import Agent, Report
+from agents.imitation.policy_folder import is_policy
 from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
@@ -17,7 +18,11 @@ AGENTS: dict[str, str] = {
 }
 """Name -> module and class; imported when asked for, some need torch."""
 
-_OTHER_FORMS = ("package.module:Class", "a checkpoint's path ending in .zip")
+_OTHER_FORMS = (
+    "package.module:Class",
+    "the folder of a trained policy",
+    "a checkpoint's path ending in .zip",
+)
 _MEMBERS = ("reset", "act")
 
 
@@ -26,7 +31,8 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
 
     Args:
         name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
-            too; or a Stable-Baselines3 checkpoint, `path.zip` or `algorithm:path.zip`.
+            too; the folder of a policy of `dexgrasp train`; or a Stable-Baselines3 checkpoint, `path.zip` or
+            `algorithm:path.zip`.
         kwargs: of the class.
 
     Raises:
@@ -38,6 +44,10 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
         from agents.policies.checkpoint import CheckpointAgent
 
         return CheckpointAgent(name, **kwargs)
+    if is_policy(name):
+        from agents.policies.learned import LearnedAgent
+
+        return LearnedAgent(name, **kwargs)
     check_name(name)
     return _complete(name, _made(name, kwargs))
 
@@ -48,7 +58,7 @@ def check_name(name: str) -> None:
     Raises:
         InputError: for a name that is neither known, nor a checkpoint, nor `module:Class`.
     """
-    if name not in AGENTS and not name.endswith(".zip") and ":" not in name:
+    if name not in AGENTS and not name.endswith(".zip") and ":" not in name and not is_policy(name):
         raise unknown_name("agent", name, [*AGENTS, *_OTHER_FORMS])
 
 

@@ -246,7 +246,7 @@ def test_text_that_is_no_manifest_is_refused_in_one_line(tmp_path, content, caps
 def test_workers_end_with_a_parent_that_is_killed():
     code = (
         "import multiprocessing, os, time\n"
-        "from agents.learning.generate import _end_with\n"
+        "from agents.jobs import _end_with\n"
         "def work(parent):\n"
         "    _end_with(parent); print(os.getpid(), flush=True); time.sleep(60)\n"
         "if __name__ == '__main__':\n"

@@ -79,8 +79,8 @@ def test_environment_never_imports_agents():
     assert [str(file) for file, name in imports_of("dexgrasp_env") if name == "agents"] == []
 
 
-RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm")
-"""Extras that today's code imports; demos is for a command to come, docs and dev are for developers."""
+RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos")
+"""Extras that the code imports; docs and dev are for developers."""
 
 
 @pytest.fixture(scope="module")

@@ -19,8 +19,8 @@ from dexgrasp_env.extras import missing_extra
 COMMANDS = {
     name: f"agents.cli.{name}"
     for name in (
-        "demo", "list", "plan", "verify", "evaluate", "compare", "score", "replay", "report", "dataset", "train",
-        "benchmark", "doctor", "export", "check", "view", "completion",
+        "demo", "list", "plan", "verify", "evaluate", "compare", "score", "replay", "report", "dataset", "demos",
+        "train", "benchmark", "doctor", "export", "check", "view", "completion",
     )
 }  # fmt: skip
 """Command -> module with `add_parser(subparsers)` and `run(args) -> int`."""

@@ -1,4 +1,4 @@
-"""`dexgrasp train`: the learned half of the paper."""
+"""`dexgrasp train`: the learned half of the paper, and policies cloned from demonstrations."""
 
 import argparse
 import dataclasses
@@ -7,15 +7,20 @@ from typing import Any
 
 from agents import interrupt
 from agents.cli.options import add_json, natural_int, positive_float, positive_int
+from agents.cli.train_bc import add_bc_parser, run_bc
 from dexgrasp_env.extras import require_extra
 
 _EPILOG = """examples:
   dexgrasp train cvae --data runs/ycb6 --out runs/cvae --minutes 25
   dexgrasp train cvae --data runs/ycb6 --out runs/cvae --epochs 300 --held-out-object potted_meat_can --device cuda
+  dexgrasp train bc --data runs/demos --out runs/bc --minutes 10
+  dexgrasp train bc --data runs/demos --view cloud --out runs/bc_cloud --seed 0 1 2
+  dexgrasp evaluate --agents runs/bc hardcoded --objects seen
 
 A run that was interrupted goes on when the same command is given again, on a CPU to the same bits. The folder of --out
 holds cvae.safetensors (the weights of the least test loss), checkpoint.safetensors, run.json, curve.jsonl, curves.png
-and tensorboard/. Weights are read by `agents.learning.cvae_source.CvaeProposals`."""
+and tensorboard/. Weights are read by `agents.learning.cvae_source.CvaeProposals`. The folder of a policy is an agent by
+its path; with several seeds it has a folder seed-S for each."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -49,12 +54,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--held-out-object", metavar="NAME", help="an object that is tested on and not trained on"
     )
     add_json(cvae)
+    add_bc_parser(commands)
 
 
 def run(args: argparse.Namespace) -> int:
     """Train, draw curves, print the losses."""
     require_extra("learning", "training")
-    return _cvae(args)
+    return {"cvae": _cvae, "bc": run_bc}[args.train_command](args)
 
 
 def _cvae(args: argparse.Namespace) -> int:

@@ -121,11 +121,12 @@ class EvaluationSettings:
 
     def _files(self) -> list[Path]:
         """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these."""
+        from agents.imitation.policy_folder import is_policy, policy_files
         from agents.policies.checkpoint import checkpoint_files
 
         named = [path for name in self.objects for path in target_files(name)]
         for agent in self.agents:
-            named += checkpoint_files(agent)
+            named += policy_files(agent) if is_policy(agent) else checkpoint_files(agent)
         return [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
 
     def default_folder(self) -> Path:

@@ -1,16 +1,13 @@
 """Generation of a dataset: jobs that can run anywhere in any order, and go on where they were stopped."""
 
 import json
-import os
-import threading
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-from agents.cluster import run_on_cluster
+from agents.jobs import check_backend, run_jobs
 from agents.learning.folder import claim
 from agents.learning.rest_scene import model_of, rest_scene
 from agents.learning.sampler import REACH, sample_shard
@@ -28,12 +25,9 @@ from agents.learning.shards import (
 from agents.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
 from agents.planning.proposals import LEAST_DISTANCE
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import content_hash, parse_json, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
-
-BACKENDS = ("loky", "threading", "ray")
 
 
 @dataclass(frozen=True)
@@ -65,7 +59,7 @@ def generate(
     Raises:
         InputError: other settings in `folder`, an unknown backend, ray missing.
     """
-    _check_backend(backend)
+    check_backend(backend)
     identity = _identity(settings)
     key = content_hash(json.dumps(identity, sort_keys=True))
     old = read_manifest(folder) if (folder / "manifest.json").exists() else None
@@ -88,7 +82,7 @@ def generate(
     done, began = len(jobs) - len(left), time.perf_counter()
     if progress:
         progress(done, len(jobs))
-    for _ in _run(left, settings, folder, key, workers, backend, address):
+    for _ in run_jobs(make, left, (settings, folder.resolve(), key), workers, backend, address):
         done += 1
         if progress:
             progress(done, len(jobs))
@@ -102,61 +96,6 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
         write_pose(path, rest_scene(job.target, job.pose, settings), key)
     else:
         write_shard(path, sample_shard(job.target, job.pose, job.chunk, settings), key)
-
-
-def _run(
-    jobs: list[Job], settings: DatasetSettings, folder: Path, key: str, workers: int, backend: str,
-    address: str | None,
-) -> Iterator[None]:  # fmt: skip
-    if backend == "ray":
-        tasks = ((job, settings, folder.resolve(), key) for job in jobs)
-        yield from run_on_cluster(_make_on_node, tasks, address=address, workers=workers)
-        return
-    if workers == 1 and backend == "loky":
-        for job in jobs:
-            make(job, settings, folder, key)
-            yield
-        return
-    yield from _parallel(jobs, settings, folder, key, workers, backend)
-
-
-def _parallel(
-    jobs: list[Job], settings: DatasetSettings, folder: Path, key: str, workers: int, backend: str
-) -> Iterable[None]:
-    from joblib import Parallel, delayed
-
-    calls = [delayed(_make_below)(os.getpid(), job, settings, folder, key) for job in jobs]
-    return Parallel(n_jobs=workers, backend=backend, batch_size=1, return_as="generator_unordered")(calls)
-
-
-def _make_on_node(task: tuple[Job, DatasetSettings, Path, str]) -> None:
-    make(*task)
-
-
-def _make_below(parent: int, job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
-    """Make one file; a process that `parent` started ends with it, even if that is killed."""
-    if os.getppid() == parent:
-        _end_with(parent)
-    make(job, settings, folder, key)
-
-
-@cache
-def _end_with(parent: int) -> None:
-    """End this process soon after its parent is gone."""
-
-    def watch() -> None:
-        while os.getppid() == parent:
-            time.sleep(0.5)
-        os._exit(1)
-
-    threading.Thread(target=watch, daemon=True).start()
-
-
-def _check_backend(backend: str) -> None:
-    if backend not in BACKENDS:
-        raise InputError(f"backend {backend!r}: valid are {', '.join(BACKENDS)}")
-    if backend == "ray":
-        require_extra("cluster", "backend 'ray'")
 
 
 def _path(folder: Path, job: Job) -> Path:

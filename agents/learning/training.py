@@ -15,7 +15,7 @@ from agents.learning.folder import claim, occupy
 from agents.learning.network import Cvae, Losses, losses
 from agents.learning.settings import NetworkSettings
 from agents.learning.shards import read_manifest
-from agents.learning.weights import load_state, save_state, write_weights
+from agents.learning.weights import read_state, write_state, write_weights
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import parse_json
@@ -90,7 +90,7 @@ def train(
     Raises:
         InputError: no usable dataset, other settings or another process in `out`, no such device.
     """
-    place = _device(device)
+    place = torch_device(device)
     torch.set_num_threads(settings.threads)
     parts = split(read_dataset(data), settings.held_out_object, settings.held_out_poses, seed=settings.seed)
     with occupy(out):
@@ -200,7 +200,12 @@ def _fitting(poses: list[PoseSplit], settings: TrainingSettings, minutes: float,
     return max(1, int(60.0 * minutes / (1.05 * each * STEPS_PER_EPOCH)))
 
 
-def _device(name: str) -> torch.device:
+def torch_device(name: str) -> torch.device:
+    """Return the device of a name: auto, cpu or cuda.
+
+    Raises:
+        InputError: for another name, or a device that is not there.
+    """
     if name not in ("auto", "cpu", "cuda"):
         raise InputError(f"device {name!r}: valid are auto, cpu, cuda")
     if name == "cuda" and not torch.cuda.is_available():
@@ -232,7 +237,7 @@ def _resume(out: Path, model: Cvae, optimiser: torch.optim.Adam) -> Progress | N
         InputError: damaged, or its best weights are gone, which no further epoch can bring back.
     """
     path = out / "checkpoint.safetensors"
-    loaded = load_state(path, model, optimiser)
+    loaded = read_state(path, model, optimiser)
     if loaded is None:
         return None
     state = _progress(loaded)
@@ -269,7 +274,7 @@ def _keep(
         row = {k: v for k, v in state.curve[-1].items() if k != "epoch"}
         about = {"epoch": state.epoch, "dataset": key, "seed": settings.seed, "losses": row}
         write_weights(out / WEIGHTS, model, about)
-    save_state(out / "checkpoint.safetensors", model, optimiser, asdict(state))
+    write_state(out / "checkpoint.safetensors", model, optimiser, asdict(state))
 
 
 def _board(out: Path) -> Any:

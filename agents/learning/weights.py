@@ -41,7 +41,9 @@ def read_weights(path: Path) -> tuple[Cvae, dict[str, Any]]:
     return model.eval(), note
 
 
-def save_state(path: Path, model: Cvae, optimiser: torch.optim.Adam, progress: dict[str, Any]) -> None:
+def write_state(
+    path: Path, model: torch.nn.Module, optimiser: torch.optim.Optimizer, progress: dict[str, Any]
+) -> None:
     """Write all that training needs to go on."""
     from safetensors.torch import save
 
@@ -51,7 +53,7 @@ def save_state(path: Path, model: Cvae, optimiser: torch.optim.Adam, progress: d
     write_atomically(path, save(tensors, {"dexgrasp": json.dumps(progress)}))
 
 
-def load_state(path: Path, model: Cvae, optimiser: torch.optim.Adam) -> dict[str, Any] | None:
+def read_state(path: Path, model: torch.nn.Module, optimiser: torch.optim.Optimizer) -> dict[str, Any] | None:
     """Fill model and optimiser from a checkpoint; return its progress, None where there is no checkpoint."""
     if not path.is_file():
         return None

@@ -16,6 +16,7 @@ from dexgrasp_env.files import printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import MASS_LIMITS, SetMember, is_set, set_member, set_targets
+from dexgrasp_env.objects.varied import varied_object, varied_targets
 
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 
@@ -26,8 +27,8 @@ def load_object(
     """Return an object of the catalogue, or a user's mesh made fit for use.
 
     Args:
-        target: a name of the catalogue, the path of an obj, stl, ply or glb file, or `FILE.json#name` of a set file,
-            whose scale and mass then hold.
+        target: a name of the catalogue, `varied-N`, the path of an obj, stl, ply or glb file, or `FILE.json#name` of
+            a set file, whose scale and mass then hold.
         scale: factor from the file's unit to metres (0.001 for millimetres), or from the catalogue's size.
         mass: kilograms, in place of the object's own.
 
@@ -39,8 +40,8 @@ def load_object(
     if mass is not None and not MASS_LIMITS[0] <= mass <= MASS_LIMITS[1]:
         low, high = MASS_LIMITS
         raise InputError(f"mass is {mass} kg: valid are {low} to {high} kg")
-    if target in CATALOGUE:
-        model = _catalogue_object(target).scaled(scale)
+    if target in CATALOGUE or varied_targets(target) == (target,):
+        model = (_catalogue_object if target in CATALOGUE else varied_object)(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)
     if is_set(target):
         return _member_object(set_member(target))
@@ -63,7 +64,7 @@ def _member_object(member: SetMember) -> ObjectModel:
 
 def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:
     """Return an object as `load_object` does; scale and mass apply to bare mesh files alone."""
-    if target in CATALOGUE:
+    if target in CATALOGUE or varied_targets(target):
         return load_object(target)
     return load_object(target, scale=mesh_scale, mass=mesh_mass)
 
@@ -78,7 +79,7 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
     if not names:
         raise InputError(f"no objects given: name some, or a set: {', '.join(OBJECT_SETS)}")
     for name in names:
-        if name in CATALOGUE or is_set(name):
+        if name in CATALOGUE or is_set(name) or varied_targets(name):
             continue
         if not is_mesh_path(name):
             raise unknown_object(name)
@@ -89,7 +90,7 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
 
 def _expanded(target: str) -> Sequence[str]:
     if not is_set(target):
-        return OBJECT_SETS.get(target, (target,))
+        return OBJECT_SETS.get(target) or varied_targets(target) or (target,)
     if "#" in target:
         set_member(target)
         return (target,)
@@ -98,7 +99,7 @@ def _expanded(target: str) -> Sequence[str]:
 
 def target_files(target: str) -> tuple[Path, ...]:
     """Return the files that an object is made from: none, a mesh, or a set file and the member's mesh."""
-    if target in CATALOGUE:
+    if target in CATALOGUE or varied_targets(target):
         return ()
     if is_set(target):
         return Path(os.path.expanduser(target.partition("#")[0])), set_member(target).mesh

@@ -1,0 +1,176 @@
+"""`dexgrasp demos`: demonstrations of any agent, made, looked at and replayed."""
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from agents import interrupt
+from agents.cli.options import add_json, add_scene, natural_int, positive_int
+
+_EPILOG = """examples:
+  dexgrasp demos generate --objects varied-0..99 --episodes 20 --out runs/demos --workers 2
+  dexgrasp demos generate --agent hardcoded --objects seen --episodes 50 --noise 0.03 --out runs/hand
+  dexgrasp demos generate --agent my_package.policies:MyPolicy --objects ycb6 --control-mode ee_delta --out runs/mine
+  dexgrasp demos generate --objects ycb6 --formats minari lerobot --out runs/both
+  dexgrasp demos info runs/demos
+  dexgrasp demos replay runs/demos --episodes 50
+
+The agent acts in its own modes; what it commands is converted to --control-mode and replayed from the same scene under
+--obs-mode, and kept if that succeeds as well. OUT/data is a Minari data set (minari.MinariDataset("OUT/data")),
+OUT/lerobot one in the layout of LeRobot v3. A run that was interrupted goes on when the same command is given again;
+the demonstrations do not depend on --workers. varied-0..99 are a hundred objects of random sizes that no test set has.
+The agent agents.demos.teacher:Teacher is `hardcoded` with choices that are easy to learn."""
+
+
+def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
+    """Add the command."""
+    parser = subparsers.add_parser(
+        "demos", help="demonstrations of any agent as Minari and LeRobot data sets", epilog=_EPILOG,
+        description="Demonstrations to learn from.",
+    )  # fmt: skip
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="demos_command", required=True)
+    _add_generate(commands.add_parser("generate", help="make demonstrations; resumable", epilog=_EPILOG))
+    info = commands.add_parser("info", help="how many, of what, and why others failed")
+    info.add_argument("folder", type=Path, metavar="DIR", help="of the demonstrations")
+    add_json(info)
+    replay = commands.add_parser("replay", help="play recorded actions again: do they still succeed?")
+    replay.add_argument("folder", type=Path, metavar="DIR", help="of the demonstrations")
+    replay.add_argument("--episodes", type=positive_int, metavar="N", help="how many (default all)")
+    add_json(replay)
+
+
+def _add_generate(parser: argparse.ArgumentParser) -> None:
+    from dexgrasp_env.tasks.control import CONTROL_MODES
+    from dexgrasp_env.tasks.observations import OBS_MODES
+
+    parser.add_argument(
+        "--agent", default="bilevel", metavar="AGENT", help="who demonstrates (default bilevel)"
+    )
+    parser.add_argument(
+        "--objects", nargs="+", required=True, metavar="OBJECT", help="objects, sets, varied-N or mesh files"
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the demonstrations")
+    parser.add_argument(
+        "--episodes", type=positive_int, default=10, metavar="N", help="scenes of each object (default 10)"
+    )
+    parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
+    parser.add_argument("--obs-mode", choices=OBS_MODES, default="state", help="(default state)")
+    parser.add_argument(
+        "--control-mode", choices=CONTROL_MODES, default="joint_delta", help="(default joint_delta)"
+    )
+    parser.add_argument(
+        "--observe", choices=("reset", "step"), default="reset",
+        help="when cameras look; a view seen once is stored once (default reset)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--noise", type=_noise, default=0.0, metavar="SHARE",
+        help="on what is commanded, of the velocity limits, for demonstrations that recover (default 0; 0.03 is much)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--formats", nargs="+", choices=("minari", "lerobot"), default=["minari"], help="(default minari)"
+    )
+    parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
+    parser.add_argument("--backend", default="loky", help="loky (processes), threading, or ray for a cluster")
+    parser.add_argument(
+        "--address", metavar="A",
+        help="with --backend ray: the cluster, auto or host:port (default a new one here, of --workers processes)",
+    )  # fmt: skip
+    add_scene(parser)
+    add_json(parser)
+
+
+def _noise(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a share from 0 to 1")
+    return value
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run `generate`, `info` or `replay`."""
+    return {"generate": _generate, "info": _info, "replay": _replay}[args.demos_command](args)
+
+
+def _generate(args: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from agents.cli.output import note
+    from agents.demos.generate import generate
+    from agents.demos.settings import DemoSettings
+
+    more = {} if args.mount is None else {"mount": args.mount}
+    settings = DemoSettings.of(
+        args.objects, agent=args.agent, episodes=args.episodes, seed=args.seed, obs_mode=args.obs_mode,
+        control_mode=args.control_mode, observe=args.observe, noise=args.noise, friction=args.friction, **more,
+    )  # fmt: skip
+    with tqdm(unit="file", desc="demos") as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        try:
+            generate(
+                settings,
+                args.out,
+                tuple(args.formats),
+                args.workers,
+                args.backend,
+                show,
+                address=args.address,
+            )
+        except KeyboardInterrupt:
+            interrupt.acknowledge()
+            note(
+                f"dexgrasp demos: interrupted; finished files are kept in {args.out}: "
+                "the same command goes on from there"
+            )
+            return 3
+    return _info(argparse.Namespace(folder=args.out, json=args.json))
+
+
+def _info(args: argparse.Namespace) -> int:
+    from agents.cli.output import print_json
+    from agents.demos.info import summary
+    from agents.evaluation.report.text import left_table, text_table
+
+    figures = summary(args.folder)
+    if args.json:
+        print_json(figures)
+        return 0
+    loose = [[name, _shown(value)] for name, value in figures.items() if not isinstance(value, dict)]
+    print(left_table(("figure", "value"), loose))
+    for name in ("kept", "failures"):
+        if figures.get(name):
+            rows = [[key, str(count)] for key, count in figures[name].items()]
+            print("\n" + text_table((name, "count"), rows))
+    return 0
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.3g}" if isinstance(value, float) else str(value)
+
+
+def _replay(args: argparse.Namespace) -> int:
+    from tqdm import tqdm
+
+    from agents.cli.output import print_json
+    from agents.demos.info import replay_all
+
+    with tqdm(unit="episode", desc="replay") as bar:
+
+        def show(done: int, total: int) -> None:
+            bar.total = total
+            bar.update(done - bar.n)
+
+        figures = replay_all(args.folder, args.episodes, show)
+    if args.json:
+        print_json(figures)
+    else:
+        print(f"{figures['successes']} of {figures['replayed']} replays succeed")
+        for row in figures["failed"]:
+            print(f"episode {row['episode']}: {row['object']}, scene seed {row['scene_seed']}")
+    return int(figures["successes"] < figures["replayed"])

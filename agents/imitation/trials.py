@@ -1,0 +1,41 @@
+"""Trials of a policy while it learns."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.spec import plan_trials
+from agents.evaluation.trial_runner import TrialRunner
+
+
+@dataclass(frozen=True)
+class Trials:
+    """What a policy is tried on.
+
+    Attributes:
+        objects: names, expanded.
+        number: of trials on each object.
+        seed: of the scenes.
+        every: epochs between; the last epoch is tried as well.
+    """
+
+    objects: tuple[str, ...]
+    number: int = 1
+    seed: int = 0
+    every: int = 5
+
+    def due(self, epoch: int, epochs: int) -> bool:
+        """Whether the policy is to be tried after an epoch."""
+        return epoch % self.every == 0 or epoch == epochs
+
+
+def success_rate(folder: Path, trials: Trials) -> dict[str, Any]:
+    """Return how many trials of the policy in a folder succeeded, under protocol `lift`."""
+    settings = EvaluationSettings.of(
+        [str(folder)], list(trials.objects), trials=trials.number, seed=trials.seed
+    )
+    runner = TrialRunner(settings)
+    outcomes = [bool(runner.run(spec)[0]["success"]) for spec in plan_trials(settings)]
+    runner.close()
+    return {"success": sum(outcomes) / len(outcomes), "trials": len(outcomes)}

@@ -1,0 +1,72 @@
+"""Learned policies, by the path of their folder or, those that are shipped, by their name."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from agents.base import Agent, Observation, Report
+from agents.imitation.clone import Clone, CloneRun
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+
+
+class LearnedAgent(Agent):
+    """Acts by the policy of a folder, in numpy; its `env_settings` are those that it was trained in."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {}
+
+    def __init__(self, folder: str | Path) -> None:
+        """Read the policy.
+
+        Args:
+            folder: of `dexgrasp train`.
+
+        Raises:
+            InputError: if the folder holds no policy, or a damaged one.
+        """
+        self._clone = Clone.read(Path(folder).expanduser())
+        self.env_settings = dict(self._clone.env)  # type: ignore[misc]  # of the instance here
+        self._run: CloneRun | None = None
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Look at the object."""
+        self._run = None
+        self.report = Report()
+        if info.get("perception_failure"):
+            self.report.failure = str(info["perception_failure"])
+            return
+        try:
+            self._run = CloneRun(self._clone, observation)
+        except InputError as error:
+            self.report.failure = str(error)
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the next action."""
+        if self._run is None:
+            raise InputError("this agent has nothing to look at: reset() says why in report.failure")
+        return self._run.action(observation)
+
+
+class BcAgent(LearnedAgent):
+    """Cloned from demonstrations: sees the state, predicts set-points."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+
+    def __init__(self) -> None:
+        super().__init__(asset_path("weights", "bc"))
+
+
+class BcCloudAgent(LearnedAgent):
+    """Cloned from demonstrations: looks at the cloud once, then feels through the joints."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {
+        "obs_mode": "pointcloud",
+        "control_mode": "joint_delta",
+        "observe": "reset",
+    }
+
+    def __init__(self) -> None:
+        super().__init__(asset_path("weights", "bc_cloud"))

@@ -1,0 +1,156 @@
+"""Demonstrations: conversion between modes, noise that is known, data sets that others read, resuming."""
+
+import json
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import dexgrasp_env  # noqa: F401
+from agents.demos import generate as generation
+from agents.demos.convert import to_action
+from agents.demos.generate import generate
+from agents.demos.info import replay_all, summary
+from agents.demos.minari_format import read_episodes
+from agents.demos.rollout import intended
+from agents.demos.settings import DemoSettings
+from agents.kinematics.palm_ik import palm_frame
+from agents.kinematics.tree import robot_tree
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
+from dexgrasp_env.robot.limits import HOME
+
+pytest.importorskip("minari")
+TEACHER = "agents.demos.teacher:Teacher"
+
+
+def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
+    names = resolve_targets(["varied-3..6", "varied-4"])
+    assert names == ["varied-3", "varied-4", "varied-5", "varied-6"]
+    models = [load_object(name) for name in names]
+    assert len({model.content_hash for model in models}) == 4
+    assert all(0.04 <= model.mass <= 0.6 and model.extents.min() < 0.1 for model in models)
+    assert object_name("varied-3") == "varied-3"
+    for wrong in ("varied-6..3", "varied-999999"):
+        with pytest.raises(InputError, match="varied-FIRST"):
+            resolve_targets([wrong])
+
+
+@pytest.mark.parametrize("mode", ["joint_position", "joint_delta", "ee_delta"])
+def test_actions_of_every_mode_follow_the_same_set_points(mode):
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", control_mode=mode)
+    env.reset(seed=0)
+    tree = robot_tree()
+    ways = np.array([0.3, 0.2, -0.1, 0.15, 0.1, 0.2, 0.3, *(0.1,) * 12, 0.02, *(0.1,) * 3])
+    path = [HOME + ways * k / 20 for k in range(21)]
+    for wanted in path[1:]:
+        env.step(to_action(mode, env.unwrapped.targets, wanted, tree))
+    targets = env.unwrapped.targets
+    np.testing.assert_allclose(targets[7:], path[-1][7:], atol=1e-5)
+    for reached, meant in zip(palm_frame(targets, tree), palm_frame(path[-1], tree), strict=True):
+        np.testing.assert_allclose(reached, meant, atol=2e-3 if mode == "ee_delta" else 1e-5)
+
+
+@pytest.fixture(scope="module")
+def settings():
+    return DemoSettings.of(["sugar_box"], agent=TEACHER, episodes=2, noise=0.02, seed=3, chunk=1)
+
+
+@pytest.fixture(scope="module")
+def folder(settings, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demos") / "out"
+    about = generate(settings, folder, ("minari", "lerobot"))
+    assert about["episodes"] >= 1
+    return folder
+
+
+def test_the_data_set_is_minaris_and_replays(folder):
+    import minari
+
+    data = minari.MinariDataset(folder / "data")
+    figures = summary(folder)
+    assert data.total_episodes == figures["episodes"]
+    assert data.total_steps == figures["steps"]
+    episode = next(iter(data.iterate_episodes()))
+    assert episode.observations["object_pose"].shape == (len(episode) + 1, 7)
+    assert episode.actions.shape == (len(episode), 23)
+    assert episode.infos["is_success"].tolist() == [False] * len(episode) + [True]
+    replayed = replay_all(folder)
+    assert replayed["successes"] == figures["episodes"]
+    env = data.recover_environment()
+    assert env.unwrapped.settings.control_mode == "joint_delta"
+
+
+def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):
+    episode = next(read_episodes(folder))
+    assert episode.about["object"] == "sugar_box"
+    assert episode.once["cloud"].shape == (1024, 3)
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    observation, _ = env.reset(seed=episode.about["scene_seed"])
+    np.testing.assert_array_equal(observation["object_pose"], episode.observations["object_pose"][0])
+
+
+def test_noise_is_known_and_can_be_taken_out(folder):
+    episode = next(read_episodes(folder))
+    targets = episode.observations["joint_targets"]
+    meant = intended(targets, 0.02, episode.about["agent_seed"])
+    # The index finger's first joint closes evenly; what was recorded trembles.
+    roughness = [np.abs(np.diff(way[:, 8], 2)).mean() for way in (targets, meant)]
+    assert roughness[1] < 0.1 * roughness[0]
+
+
+def test_the_lerobot_layout_holds_the_same_steps(folder):
+    import pyarrow.parquet as pq
+
+    info = json.loads((folder / "lerobot/meta/info.json").read_text())
+    assert info["codebase_version"] == "v3.0"
+    assert info["fps"] == 20
+    rows = pq.read_table(folder / "lerobot/data/chunk-000/file-000.parquet").to_pydict()
+    assert set(info["features"]) == set(rows)
+    assert rows["index"] == list(range(info["total_frames"]))
+    episode = next(read_episodes(folder))
+    first = np.array(rows["action"])[np.array(rows["episode_index"]) == 0]
+    np.testing.assert_array_equal(first.astype(np.float32), episode.actions)
+    table = pq.read_table(folder / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pydict()
+    assert table["length"][0] == len(episode)
+    np.testing.assert_array_equal(table["once/cloud"][0], episode.once["cloud"].ravel())
+    stats = json.loads((folder / "lerobot/meta/stats.json").read_text())
+    np.testing.assert_allclose(stats["action"]["mean"], np.mean(rows["action"], axis=0), atol=1e-6)
+
+
+def test_an_interrupted_run_goes_on_to_the_same_demonstrations(settings, folder, tmp_path, monkeypatch):
+    make, calls = generation.make, []
+
+    def once(*arguments):
+        if calls:
+            raise KeyboardInterrupt
+        calls.append(arguments)
+        make(*arguments)
+
+    monkeypatch.setattr(generation, "make", once)
+    with pytest.raises(KeyboardInterrupt):
+        generate(settings, tmp_path / "out")
+    monkeypatch.setattr(generation, "make", make)
+    with pytest.raises(InputError, match="not complete"):
+        replay_all(tmp_path / "out")
+    generate(settings, tmp_path / "out")
+    for one, other in zip(read_episodes(folder), read_episodes(tmp_path / "out"), strict=True):
+        np.testing.assert_array_equal(one.actions, other.actions)
+        np.testing.assert_array_equal(
+            one.observations["joint_positions"], other.observations["joint_positions"]
+        )
+    with pytest.raises(InputError, match="other settings"):
+        generate(DemoSettings.of(["sugar_box"], agent=TEACHER, episodes=3), tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"agent": "nobody"}, "unknown agent"),
+        ({"control_mode": "x"}, "control_mode"),
+        ({"noise": 2.0}, "noise"),
+    ],
+)
+def test_wrong_settings_are_refused(wrong, says):
+    with pytest.raises(InputError, match=says):
+        DemoSettings.of(["sugar_box"], **wrong)

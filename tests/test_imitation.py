@@ -1,0 +1,168 @@
+"""Cloned policies: what they look at, resuming to the same bits, numpy as torch, agents by their path."""
+
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from agents.demos.generate import generate
+from agents.demos.minari_format import read_episodes
+from agents.demos.settings import DemoSettings
+from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.spec import plan_trials
+from agents.evaluation.trial_runner import TrialRunner
+from agents.imitation.clone import Clone, CloneRun
+from agents.imitation.data import read_rows
+from agents.imitation.features import features, first_look
+from agents.imitation.settings import BcSettings, CloneNetwork
+from agents.imitation.trials import Trials
+from agents.registry import make_agent
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("minari")
+from agents.imitation import training  # noqa: E402
+from agents.imitation.network import CloneNet  # noqa: E402
+from agents.imitation.training import train_bc  # noqa: E402
+
+SMALL = CloneNetwork(hidden=24, layers=2, local=8, cloud=12)
+
+
+@pytest.fixture(scope="module")
+def demos(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("demos") / "out"
+    generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=3, seed=3), folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def short_epochs(monkeypatch):
+    monkeypatch.setattr(training, "STEPS_PER_EPOCH", 4)
+
+
+def settings_of(view, **more):
+    return BcSettings(view=view, epochs=2, episodes=2, rows=8, network=SMALL, **more)
+
+
+@pytest.mark.parametrize("view", ["state", "cloud"])
+def test_a_scene_turned_about_the_base_looks_the_same(demos, view):
+    episode = next(read_episodes(demos))
+    seen = {key: array[40] for key, array in episode.observations.items()} | episode.once
+    angle = 0.3
+    turn = yaw_quat(angle)
+
+    def turned(pose):
+        return np.concatenate([rotate(turn, pose[:3]), quat_multiply(turn, pose[3:])])
+
+    other = dict(seen)
+    for key in ("object_pose", "palm_pose"):
+        other[key] = turned(np.asarray(seen[key], dtype=float))
+    for key in ("fingertip_positions", "fingertip_forces", "cloud"):
+        other[key] = rotate(turn, np.asarray(seen[key], dtype=float).reshape(-1, 3)).reshape(seen[key].shape)
+    for key in ("joint_targets", "joint_positions"):
+        other[key] = seen[key] + angle * np.eye(23)[0]
+    scenes = [first_look(view, look) for look in (seen, other)]
+    rows = [features(view, scene, look, 40) for scene, look in zip(scenes, (seen, other), strict=True)]
+    differing = np.flatnonzero(~np.isclose(*rows, atol=1e-4))
+    # The way from the base to the object alone tells them apart.
+    assert len(differing) == 1
+    np.testing.assert_allclose(np.diff([row[differing] for row in rows], axis=0), angle, atol=1e-4)
+
+
+def test_features_tell_nothing_of_the_last_action(demos):
+    episode = next(read_episodes(demos))
+    seen = {key: array[40] for key, array in episode.observations.items()}
+    scene = first_look("state", seen)
+    faster = seen | {
+        "joint_velocities": seen["joint_velocities"] + 1.0,
+        "joint_positions": seen["joint_positions"] - 0.1,
+    }
+    np.testing.assert_array_equal(*(features("state", scene, look, 40) for look in (seen, faster)))
+
+
+def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
+    rows, modes = read_rows([demos], "state")
+    assert modes == {"obs_mode": "state", "control_mode": "joint_delta"}
+    episode = next(read_episodes(demos))
+    targets = episode.observations["joint_targets"]
+    chunk = rows.chunks(np.array([0]), np.array([[10, len(episode) - 2]]), 8)[0]
+    np.testing.assert_allclose(chunk[0], targets[11:19] - targets[10], atol=1e-6)
+    np.testing.assert_allclose(chunk[1, 1:], np.repeat((targets[-1] - targets[-3])[None], 7, 0), atol=1e-6)
+
+
+@pytest.mark.parametrize("view", ["state", "cloud"])
+def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, view):
+    settings = settings_of(view)
+    train_bc([demos], tmp_path / "whole", settings)
+    train_bc([demos], tmp_path / "parts", settings, stop_after=1)
+    state = train_bc([demos], tmp_path / "parts", settings)
+    assert state.epoch == 2
+    files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
+    assert files[0] == files[1]
+    with pytest.raises(InputError, match="other settings"):
+        train_bc([demos], tmp_path / "parts", settings_of(view, seed=1))
+    agent = make_agent(str(tmp_path / "whole"))
+    assert agent.env_settings["obs_mode"] == {"state": "state", "cloud": "pointcloud"}[view]
+    evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"])
+    assert any(name.endswith("policy.safetensors") for name in evaluation.identity()["files"])
+    row, _ = TrialRunner(evaluation).run(plan_trials(evaluation)[0])
+    assert row["error"] is None
+    assert row["steps"] > 0
+
+
+def test_numpy_predicts_what_torch_does(demos, tmp_path):
+    train_bc([demos], tmp_path / "out", settings_of("cloud"))
+    clone = Clone.read(tmp_path / "out")
+    rows, _ = read_rows([demos], "cloud")
+    batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
+    net = CloneNet(SMALL, *rows.looks[:2], with_cloud=True)
+    about = training.read_state(
+        tmp_path / "out" / training.CHECKPOINT, net, torch.optim.Adam(net.parameters())
+    )
+    assert about["epoch"] == 2
+    episode = next(read_episodes(demos))
+    _, code = clone.look({key: array[0] for key, array in episode.observations.items()} | episode.once)
+    ours = clone.predict(batch.looks[0], np.repeat(code[None], 2, 0))
+    theirs = net(*(torch.from_numpy(array) for array in batch[:2])).detach().numpy()[0]
+    np.testing.assert_allclose(ours.reshape(2, -1) / clone._unit, theirs, atol=1e-4)
+
+
+def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):
+    train_bc([demos], tmp_path / "out", settings_of("state", execute=3))
+    clone, looks = Clone.read(tmp_path / "out"), []
+    predict = clone.predict
+    monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
+    seen = {key: array[0] for key, array in next(read_episodes(demos)).observations.items()}
+    run = CloneRun(clone, seen)
+    for _ in range(7):
+        assert np.abs(run.action(seen)).max() <= 1.0
+    assert len(looks) == 3
+
+
+def test_policies_are_tried_while_they_learn(demos, tmp_path):
+    trials = Trials(("sugar_box",), every=2)
+    state = train_bc([demos], tmp_path / "out", settings_of("state"), trials=trials)
+    assert "success" not in state.curve[0]
+    assert state.curve[1]["trials"] == 1
+
+
+def test_damaged_policies_are_refused(demos, tmp_path):
+    out = tmp_path / "out"
+    train_bc([demos], out, settings_of("state"))
+    about = json.loads((out / "policy.json").read_text())
+    for key, value, says in (("chunk", 7, "do not fit"), ("kind", "x", "kind"), ("execute", 99, "executes")):
+        (out / "policy.json").write_text(json.dumps(about | {key: value}))
+        with pytest.raises(InputError, match=says):
+            make_agent(str(out))
+    (out / "policy.json").write_text(json.dumps(about))
+    (out / "policy.safetensors").write_bytes(b"\0" * 20)
+    with pytest.raises(InputError, match="damaged"):
+        make_agent(str(out))
+
+
+def test_a_policy_acts_without_torch():
+    code = "import sys, agents, agents.policies.learned; sys.exit('torch' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
