@@ -15,7 +15,7 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "viewer": ("viser",),
     "cluster": ("ray",),
     "dm": ("dm_control", "dm_env"),
-    "demos": ("minari", "pyarrow"),
+    "demos": ("h5py", "minari", "pyarrow"),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""
 

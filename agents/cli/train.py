@@ -1,4 +1,4 @@
-"""`dexgrasp train`: the learned half of the paper, and policies cloned from demonstrations."""
+"""`dexgrasp train`: the learned half of the paper, policies cloned from demonstrations or reinforced."""
 
 import argparse
 import dataclasses
@@ -8,6 +8,7 @@ from typing import Any
 from agents import interrupt
 from agents.cli.options import add_json, natural_int, positive_float, positive_int
 from agents.cli.train_bc import add_bc_parser, run_bc
+from agents.cli.train_rl import add_rl_parsers, run_rl
 from dexgrasp_env.extras import require_extra
 
 _EPILOG = """examples:
@@ -15,7 +16,8 @@ _EPILOG = """examples:
   dexgrasp train cvae --data runs/ycb6 --out runs/cvae --epochs 300 --held-out-object potted_meat_can --device cuda
   dexgrasp train bc --data runs/demos --out runs/bc --minutes 10
   dexgrasp train bc --data runs/demos --view cloud --out runs/bc_cloud --seed 0 1 2
-  dexgrasp evaluate --agents runs/bc hardcoded --objects seen
+  dexgrasp train ppo --objects varied-0..29 --from runs/bc --out runs/ppo
+  dexgrasp evaluate --agents runs/bc runs/ppo hardcoded --objects seen
 
 A run that was interrupted goes on when the same command is given again, on a CPU to the same bits. The folder of --out
 holds cvae.safetensors (the weights of the least test loss), checkpoint.safetensors, run.json, curve.jsonl, curves.png
@@ -55,12 +57,13 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_json(cvae)
     add_bc_parser(commands)
+    add_rl_parsers(commands)
 
 
 def run(args: argparse.Namespace) -> int:
     """Train, draw curves, print the losses."""
     require_extra("learning", "training")
-    return {"cvae": _cvae, "bc": run_bc}[args.train_command](args)
+    return {"cvae": _cvae, "bc": run_bc, "ppo": run_rl, "sac": run_rl}[args.train_command](args)
 
 
 def _cvae(args: argparse.Namespace) -> int:

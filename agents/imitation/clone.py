@@ -34,8 +34,8 @@ class Clone:
             self.execute = int(about["execute"])
             self.env = {str(key): value for key, value in about["env"].items()}
             self._mean, self._scale, self._unit = (arrays[name] for name in ("mean", "scale", "unit"))
-            self._trunk = _layers(arrays, "trunk")
-            self._encoder = _layers(arrays, "encoder") if self.view == "cloud" else []
+            self._trunk = read_layers(arrays, "trunk")
+            self._encoder = read_layers(arrays, "encoder") if self.view == "cloud" else []
             widths = [len(self._mean) + (self._encoder[-1][1].size if self._encoder else 0)]
             fits = all(w.shape == (b.size, n) for w, b, n in _with_inputs(self._trunk, widths[0]))
             fits &= self._trunk[-1][1].size == 23 * self.chunk == self._unit.size
@@ -57,6 +57,14 @@ class Clone:
         if about.get("kind") != KIND:
             raise InputError(f"{folder} holds a policy of kind {about.get('kind')!r}, not {KIND!r}")
         return cls(about, arrays)
+
+    def begin(self, first: Observation) -> "CloneRun":
+        """Start an episode.
+
+        Raises:
+            InputError: where there is nothing to look at.
+        """
+        return CloneRun(self, first)
 
     def look(self, first: Observation) -> tuple[Scene, NDArray[np.float32]]:
         """Return what is remembered of the first observation, and the code (K,) of its cloud.
@@ -117,7 +125,7 @@ class CloneRun:
 Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
 
 
-def _layers(arrays: Arrays, name: str) -> Layers:
+def read_layers(arrays: Arrays, name: str) -> Layers:
     """Weights (out, in) and biases (out,) of the layers of a part, in order."""
     found: Layers = []
     while f"{name}.{len(found)}.weight" in arrays:

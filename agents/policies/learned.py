@@ -8,7 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
+from agents.imitation.clone import KIND as CLONE
 from agents.imitation.clone import Clone, CloneRun
+from agents.imitation.policy_folder import read_policy
+from agents.reinforcement.actor import KIND as ACTOR
+from agents.reinforcement.actor import Actor, ActorRun
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 
@@ -27,9 +31,9 @@ class LearnedAgent(Agent):
         Raises:
             InputError: if the folder holds no policy, or a damaged one.
         """
-        self._clone = Clone.read(Path(folder).expanduser())
-        self.env_settings = dict(self._clone.env)  # type: ignore[misc]  # of the instance here
-        self._run: CloneRun | None = None
+        self._policy = read_learned(Path(folder).expanduser())
+        self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
+        self._run: CloneRun | ActorRun | None = None
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Look at the object."""
@@ -39,7 +43,7 @@ class LearnedAgent(Agent):
             self.report.failure = str(info["perception_failure"])
             return
         try:
-            self._run = CloneRun(self._clone, observation)
+            self._run = self._policy.begin(observation)
         except InputError as error:
             self.report.failure = str(error)
 
@@ -48,6 +52,20 @@ class LearnedAgent(Agent):
         if self._run is None:
             raise InputError("this agent has nothing to look at: reset() says why in report.failure")
         return self._run.action(observation)
+
+
+def read_learned(folder: Path) -> Clone | Actor:
+    """Read the policy of a folder, of whatever kind.
+
+    Raises:
+        InputError: if it holds none, or a damaged one.
+    """
+    about, arrays = read_policy(folder)
+    kinds: dict[str, type[Clone] | type[Actor]] = {CLONE: Clone, ACTOR: Actor}
+    kind = str(about.get("kind"))
+    if kind not in kinds:
+        raise InputError(f"{folder}: policy of kind {kind!r}: valid are {', '.join(kinds)}")
+    return kinds[kind](about, arrays)
 
 
 class BcAgent(LearnedAgent):

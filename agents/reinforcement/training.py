@@ -1,0 +1,222 @@
+"""Training by reinforcement, in rounds: one episode of every environment, from seeds of its own.
+
+A round depends on the learner's state and on its number alone, so that a training that was interrupted goes on to the
+same bits: nothing of the environments has to be kept.
+"""
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.imitation.clone import Clone
+from agents.imitation.policy_folder import read_policy, write_policy
+from agents.imitation.trials import Trials, success_rate
+from agents.interrupt import held
+from agents.learning.board import Board
+from agents.learning.folder import claim, occupy
+from agents.reinforcement.actor import KIND
+from agents.reinforcement.checkpoint import load_learner, save_learner
+from agents.reinforcement.settings import RlSettings
+from agents.versions import package_versions
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import content_hash, parse_json
+
+with from_extra():
+    import torch
+    from stable_baselines3 import PPO, SAC
+
+    from agents.learning.sb3_vec_env import SB3VecEnv
+    from agents.reinforcement.vec_env import FeatureVecEnv, measure
+
+RUN, CHECKPOINT = "training.json", "checkpoint.safetensors"
+_ROLLOUT = 100  # control steps of every environment between two updates of `ppo`
+_BATCH = 512
+_MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
+_ENV = {"obs_mode": "state", "control_mode": "joint_delta"}
+_PACKAGES = ("dexgrasp", "numpy", "torch", "stable-baselines3")
+
+
+@dataclass
+class RlProgress:
+    """Where a training stands; `curve` has a row a round."""
+
+    round: int = 0
+    rounds: int = 0
+    seconds: float = 0.0
+    curve: list[dict[str, Any]] = field(default_factory=list)
+
+
+def train_rl(
+    out: Path, settings: RlSettings, *, clone: Path | None = None, device: str = "cpu", trials: Trials | None = None,
+    progress: Callable[[RlProgress], None] | None = None, stop_after: int | None = None,
+) -> RlProgress:  # fmt: skip
+    """Train a policy, or go on with what `out` holds; `out` is an agent by its path.
+
+    Args:
+        out: folder of policy, checkpoint and curves.
+        settings: of the training; `out` of other settings is refused.
+        clone: folder of a cloned policy whose actions are corrected; None to begin from nothing.
+        device: cpu, cuda or auto.
+        trials: what the policy is tried on as it learns; None for no trials.
+        progress: called after every round.
+        stop_after: rounds of this call, for tests of resuming.
+
+    Raises:
+        InputError: no such clone, one of another view, other settings or another process in `out`, no such device.
+    """
+    from agents.learning.training import torch_device
+
+    place = torch_device(device)
+    torch.set_num_threads(settings.threads)
+    base = None if clone is None else read_policy(clone)
+    with occupy(out):
+        _claim(out, settings, base, trials)
+        training = _Training(out, settings, base, place)
+        try:
+            return training.run(trials, progress, stop_after)
+        finally:
+            training.envs.close()
+
+
+class _Training:
+    """A training in its folder."""
+
+    def __init__(self, out: Path, settings: RlSettings, base: Any, place: torch.device) -> None:
+        self.out, self.settings, self.base = out, settings, base
+        envs = SB3VecEnv(settings.env_id, settings.num_envs, objects=list(settings.objects), **_ENV)
+        clone = None if base is None else _clone(*base)
+        if base is None:
+            envs.seed(settings.seed)
+            rng = np.random.default_rng([settings.seed, 0])
+            self.mean, self.scale = measure(envs, _MEASURED, rng)
+        else:
+            self.mean, self.scale = base[1]["mean"], base[1]["scale"]
+        self.share = settings.share if base is not None else 1.0
+        self.envs = FeatureVecEnv(envs, self.mean, self.scale, clone, self.share)
+        self.model = _learner(settings, self.envs, place, base is not None)
+        self.state = RlProgress(rounds=settings.rounds)
+
+    def run(
+        self, trials: Trials | None, progress: Callable[[RlProgress], None] | None, stop_after: int | None
+    ) -> RlProgress:
+        found = load_learner(self.out / CHECKPOINT, self.model)
+        state = self.state = self.state if found is None else RlProgress(**found)
+        board, calls = Board(self.out / "tensorboard"), 0
+        while state.round < state.rounds and calls != stop_after:
+            began = time.perf_counter()
+            row = self._round()
+            state.round, calls = state.round + 1, calls + 1
+            state.seconds += time.perf_counter() - began
+            self._write_policy(row)
+            if trials is not None and trials.due(state.round, state.rounds):
+                row |= success_rate(self.out, trials)
+            state.curve.append(row)
+            with held():
+                save_learner(self.out / CHECKPOINT, self.model, asdict(state))
+            board.add(row, self.model.num_timesteps)
+            if progress:
+                progress(state)
+        board.close()
+        return state
+
+    def _round(self) -> dict[str, Any]:
+        words = np.random.SeedSequence([self.settings.seed, 1, self.state.round]).generate_state(1)
+        self.model.set_random_seed(int(words[0]) >> 1)
+        self.model._last_obs = None  # begin anew
+        self.model.learn(self.settings.round_steps, reset_num_timesteps=False, log_interval=None)
+        finished = self.envs.finished
+        row: dict[str, Any] = {"epoch": self.state.round + 1, "steps": self.model.num_timesteps}
+        if finished:
+            returns, successes = zip(*finished, strict=True)
+            row |= {"return": float(np.mean(returns)), "training_success": float(np.mean(successes))}
+        return row
+
+    def _write_policy(self, row: dict[str, Any]) -> None:
+        arrays = {"mean": self.mean, "scale": self.scale, **_actor_arrays(self.model)}
+        about: dict[str, Any] = {
+            "kind": KIND, "view": "state", "env": _ENV, "share": self.share,
+            "activation": "relu" if self.settings.algorithm == "sac" else "tanh",
+            "squashed": self.settings.algorithm == "sac",
+            "training": {"settings": self.settings.as_json(), **row, "versions": package_versions(_PACKAGES)},
+        }  # fmt: skip
+        if self.base is not None:
+            about["base"] = self.base[0]
+            arrays |= {f"base.{name}": array for name, array in self.base[1].items()}
+        write_policy(self.out, about, arrays)
+
+
+def _clone(about: dict[str, Any], arrays: Any) -> Clone:
+    clone = Clone(about, arrays)
+    if clone.view != "state" or clone.env != _ENV:
+        raise InputError(
+            f"reinforcement starts from a clone of {_ENV}: this one is of {clone.env}, clone another"
+        )
+    return clone
+
+
+def _learner(settings: RlSettings, envs: FeatureVecEnv, place: torch.device, corrects: bool) -> Any:
+    """Return a learner of Stable-Baselines3; one that corrects begins with no correction."""
+    width = [settings.hidden, settings.hidden]
+    common: dict[str, Any] = {
+        "learning_rate": settings.rate,
+        "gamma": settings.discount,
+        "seed": settings.seed,
+        "device": place,
+    }
+    if settings.algorithm == "ppo":
+        model: Any = PPO(
+            "MlpPolicy", envs, n_steps=_ROLLOUT, batch_size=min(_BATCH, _ROLLOUT * settings.num_envs), n_epochs=5,
+            policy_kwargs={"net_arch": width, "log_std_init": settings.spread}, **common,
+        )  # fmt: skip
+        last = model.policy.action_net
+    else:
+        model = SAC(
+            "MlpPolicy", envs, buffer_size=settings.buffer, learning_starts=settings.warm_up, train_freq=1,
+            policy_kwargs={"net_arch": width}, **common,
+        )  # fmt: skip
+        last = model.actor.mu
+    if corrects:
+        torch.nn.init.zeros_(last.weight)
+        torch.nn.init.zeros_(last.bias)
+    return model
+
+
+def _actor_arrays(model: Any) -> dict[str, Any]:
+    """Return the layers from features to the mean action."""
+    if isinstance(model, PPO):
+        parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    else:
+        parts = [*model.actor.latent_pi, model.actor.mu]
+    linear = [part for part in parts if isinstance(part, torch.nn.Linear)]
+    return {
+        f"actor.{k}.{name}": getattr(layer, name).detach().cpu().numpy()
+        for k, layer in enumerate(linear)
+        for name in ("weight", "bias")
+    }
+
+
+def _claim(out: Path, settings: RlSettings, base: Any, trials: Trials | None) -> None:
+    """Write what is trained from what into `out`, or check that it is the same."""
+    path = out / RUN
+    try:
+        old = parse_json(path.read_bytes())
+    except FileNotFoundError:
+        old = None
+    except ValueError:
+        raise InputError(f"{path} is damaged: choose another --out") from None
+    if old is not None and not isinstance(old, dict):
+        raise InputError(f"{path} holds no settings of a training: choose another --out")
+    hashed = None if base is None else content_hash(*(base[1][name] for name in sorted(base[1])))
+    run = {
+        "schema": 1,
+        "clone": hashed,
+        "settings": settings.as_json(),
+        "trials": None if trials is None else asdict(trials),
+    }
+    claim(out, RUN, old, json.loads(json.dumps(run)), "training")

@@ -1,0 +1,114 @@
+"""Reinforcement: resuming to the same bits, corrections that begin at the clone, agents by their path."""
+
+import numpy as np
+import pytest
+
+from agents.imitation.policy_folder import write_policy
+from agents.registry import make_agent
+from dexgrasp_env.errors import InputError
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+import gymnasium as gym  # noqa: E402
+
+import dexgrasp_env  # noqa: E402, F401
+from agents.imitation.clone import Clone  # noqa: E402
+from agents.imitation.features import features, first_look  # noqa: E402
+from agents.reinforcement import settings as settings_module  # noqa: E402
+from agents.reinforcement import training  # noqa: E402
+from agents.reinforcement.settings import RlSettings  # noqa: E402
+from agents.reinforcement.training import train_rl  # noqa: E402
+
+
+@pytest.fixture(autouse=True)
+def short_rounds(monkeypatch):
+    monkeypatch.setattr(settings_module, "MAX_EPISODE_STEPS", 12)
+    monkeypatch.setattr(training, "_ROLLOUT", 6)
+    monkeypatch.setattr(training, "_MEASURED", 4)
+
+
+def settings_of(algorithm, **more):
+    return RlSettings(
+        algorithm, ("sugar_box",), steps=60, num_envs=2, hidden=16, buffer=500, warm_up=10, **more
+    )
+
+
+@pytest.fixture
+def clone(tmp_path):
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    first, _ = env.reset(seed=0)
+    width = len(features("state", first_look("state", first), first, 0))
+    rng = np.random.default_rng(0)
+    arrays = {
+        "mean": np.zeros(width), "scale": np.ones(width), "unit": np.full(8 * 23, 0.01),
+        "trunk.0.weight": 0.1 * rng.standard_normal((8 * 23, width)), "trunk.0.bias": np.zeros(8 * 23),
+    }  # fmt: skip
+    about = {
+        "kind": "clone", "view": "state", "chunk": 8, "execute": 4,
+        "env": {"obs_mode": "state", "control_mode": "joint_delta"},
+    }  # fmt: skip
+    write_policy(tmp_path / "clone", about, arrays)
+    return tmp_path / "clone"
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
+    settings = settings_of(algorithm)
+    base = clone if algorithm == "ppo" else None
+    train_rl(tmp_path / "whole", settings, clone=base)
+    train_rl(tmp_path / "parts", settings, clone=base, stop_after=1)
+    state = train_rl(tmp_path / "parts", settings, clone=base)
+    assert state.round == state.rounds == 3
+    files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
+    assert files[0] == files[1]
+    assert not [path for path in tmp_path.rglob("*") if path.suffix in (".zip", ".pkl", ".pth")]
+    agent = make_agent(str(tmp_path / "whole"))
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
+    observation, info = env.reset(seed=1)
+    agent.reset(observation, info)
+    action = agent.act(observation)
+    assert env.action_space.contains(action)
+    with pytest.raises(InputError, match="other settings"):
+        train_rl(tmp_path / "parts", settings_of(algorithm, seed=1), clone=base)
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
+    settings = settings_of(algorithm)
+    train_rl(tmp_path / "out", settings)
+    work = training._Training(tmp_path / "out", settings, None, torch.device("cpu"))
+    training.load_learner(tmp_path / "out" / training.CHECKPOINT, work.model)
+    agent = make_agent(str(tmp_path / "out"))
+    work.envs.seed(5)
+    looks = work.envs.reset()
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
+    observation, info = env.reset(seed=5)
+    agent.reset(observation, info)
+    meant, _ = work.model.predict(looks[:1], deterministic=True)
+    np.testing.assert_allclose(agent.act(observation), meant[0], atol=1e-4)
+    work.envs.close()
+
+
+def test_a_correction_begins_at_the_clone(tmp_path, clone):
+    settings = settings_of("ppo")
+    work = training._Training(tmp_path, settings, training.read_policy(clone), torch.device("cpu"))
+    work._write_policy({})
+    work.envs.close()
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    observation, info = env.reset(seed=3)
+    agents = [make_agent(str(path)) for path in (clone, tmp_path)]
+    for agent in agents:
+        agent.reset(observation, info)
+    for _ in range(6):
+        actions = [agent.act(observation) for agent in agents]
+        np.testing.assert_array_equal(*actions)
+        observation, *_ = env.step(actions[0])
+    assert np.abs(actions[0]).max() > 0.0
+
+
+def test_clones_of_clouds_are_refused(tmp_path, clone):
+    about, arrays = training.read_policy(clone)
+    write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
+    assert Clone.read(clone)
+    with pytest.raises(InputError, match="clone another"):
+        train_rl(tmp_path / "out", settings_of("ppo"), clone=clone)
