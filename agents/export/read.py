@@ -1,7 +1,6 @@
 """Reader of exported trajectories. NB: it shares no code with what writes them, so that it can find their faults."""
 
 import csv
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import parse_json
 
 _ARM = [
     "panda_joint1",
@@ -71,10 +71,10 @@ def _read_json(path: Path) -> Recording:
 
 def _load(path: Path) -> dict[str, Any]:
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = parse_json(path.read_bytes())
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except (ValueError, RecursionError):
+    except ValueError:
         raise InputError(f"{path} holds no JSON (was it cut off?)") from None
     if not isinstance(content, dict):
         raise InputError(f"{path} holds no JSON object")

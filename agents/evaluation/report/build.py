@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from agents.evaluation.comparison import compare_rows
+from agents.evaluation.protocol import DEFAULT_PROTOCOL
 from agents.evaluation.protocol_counts import judged
 from agents.evaluation.reasons import sentence
 from agents.evaluation.report import paper
 from agents.evaluation.report.clips import clip_blocks
 from agents.evaluation.report.constraint_tables import constraint_tables
-from agents.evaluation.report.curves import hardness_blocks, prediction_blocks
+from agents.evaluation.report.curves import hardness_blocks, prediction_blocks, where_objects_fail
 from agents.evaluation.report.document import (
     Block,
     Commands,
@@ -84,14 +85,16 @@ def _rows_by_agent(folders: Sequence[Path]) -> dict[str, list[Mapping[str, Any]]
 
 
 def _blocks(folders: Sequence[Path], rows: Rows, agents: Mapping[str, Any]) -> list[Block]:
+    plain, where = _comparable(rows, agents)
     return [
         Heading(_TITLE, 1),
         Lines([describe_run(folder) for folder in folders]),
         Paragraph(_NOTE),
-        *_by_set(agents),
+        *_by_set(plain, where),
         *_by_protocol(agents),
         *hardness_blocks(agents),
-        *_by_object(agents),
+        *_by_object(plain, where),
+        *where_objects_fail(rows),
         *_paired(rows),
         *_failures(agents),
         *clip_blocks(folders),
@@ -103,7 +106,24 @@ def _blocks(folders: Sequence[Path], rows: Rows, agents: Mapping[str, Any]) -> l
     ]
 
 
-def _by_set(agents: Mapping[str, Any]) -> list[Block]:
+def _comparable(rows: Rows, agents: Mapping[str, Any]) -> tuple[Mapping[str, Any], str]:
+    """Return the summaries that stand beside the paper's, and a title's end that says of which protocol.
+
+    Of several protocols the plain lift is the one that the paper's figures are of; others would be averaged into it.
+    """
+    names = {row.get("protocol") for own in rows.values() for row in own}
+    if len(names) < 2 or DEFAULT_PROTOCOL not in names:
+        return agents, ""
+    own = {
+        name: [row for row in found if row.get("protocol") == DEFAULT_PROTOCOL]
+        for name, found in rows.items()
+    }
+    return {
+        name: summarise_agent(found) for name, found in own.items() if found
+    }, f" (protocol {DEFAULT_PROTOCOL})"
+
+
+def _by_set(agents: Mapping[str, Any], where: str) -> list[Block]:
     known = ("seen", "familiar", "novel", "ycb6", "meshes")
     sets = [s for s in known if any(s in a["by_set"] for a in agents.values())]
     printed = {
@@ -113,7 +133,7 @@ def _by_set(agents: Mapping[str, Any]) -> list[Block]:
     counts = {n: {**a["by_set"], "all": a} for n, a in agents.items()}
     draw = partial(plot_rates, ["all", *sets], counts, printed)
     return [
-        Heading("By set"),
+        Heading(f"By set{where}"),
         set_table(agents, TableBlock),
         _tries_table(agents),
         FigureBlock("success_by_set", "Success by set of objects", draw),
@@ -150,13 +170,13 @@ def _by_protocol(agents: Mapping[str, Any]) -> list[Block]:
     return [Heading("By protocol"), table, FigureBlock("success_by_protocol", "Success by protocol", draw)]
 
 
-def _by_object(agents: Mapping[str, Any]) -> list[Block]:
+def _by_object(agents: Mapping[str, Any], where: str) -> list[Block]:
     ordered = [o for names in OBJECT_SETS.values() for o in names]
     found = dict.fromkeys(o for a in agents.values() for o in a["by_object"])
     objects = sorted(found, key=lambda o: ordered.index(o) if o in ordered else len(ordered))
     printed = {name: paper.SUCCESSES.get(name, {}) for name in agents}
     draw = partial(plot_rates, objects, {n: a["by_object"] for n, a in agents.items()}, printed)
-    blocks: list[Block] = [Heading("By object")]
+    blocks: list[Block] = [Heading(f"By object{where}")]
     groups: dict[str, Sequence[str] | None] = {**{s: OBJECT_SETS[s] for s in paper.TABLES}, "other": None}
     for name, members in groups.items():
         own = _restricted(agents, members)

@@ -58,6 +58,32 @@ def _draw_points(axes: Any, label: str, colour: str, points: Sequence[tuple[floa
     )  # fmt: skip
 
 
+def where_objects_fail(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Block]:
+    """Return objects by protocols for each agent, where there are several; cells without a failure are left empty."""
+    names = list(dict.fromkeys(row.get("protocol") or "" for own in rows.values() for row in own))
+    if len(names) < 2:
+        return []
+    blocks: list[Block] = [
+        Heading("Where objects fail"), Paragraph("Successes of trials; cells without a failure are empty.")
+    ]  # fmt: skip
+    for agent, own in rows.items():
+        counts: dict[tuple[str, str], tuple[int, int]] = {}
+        for row in own:
+            k, n = counts.get((row["object"], row.get("protocol") or ""), (0, 0))
+            counts[row["object"], row.get("protocol") or ""] = k + bool(row["success"]), n + 1
+        failed = dict.fromkeys(target for (target, _), (k, n) in counts.items() if k < n)
+        body = [[target, *(_missed(counts.get((target, name))) for name in names)] for target in failed]
+        if body:
+            blocks += [Heading(agent, 3), TableBlock(("object", *names), body)]
+    return blocks
+
+
+def _missed(cell: tuple[int, int] | None) -> str:
+    if cell is None:
+        return "-"
+    return "" if cell[0] == cell[1] else f"{cell[0]}/{cell[1]}"
+
+
 def prediction_blocks(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[Block]:
     """Return how well certificates predicted the trials: areas under the curve, and reliability by load."""
     found = {agent: own for agent, trials in rows.items() if (own := predictions(trials))}

@@ -1,0 +1,70 @@
+"""Grasps that many tests look at: planned once, on catalogue objects and on a mug of a user's."""
+
+import trimesh
+
+from agents.grasp.file import ObjectPose, grasp_json
+from agents.grasp.identity import ObjectIdentity
+from agents.grasp.target import GraspTarget
+from agents.planning.planner import Planner
+from agents.planning.settings import PlannerSettings
+from dexgrasp_env.objects.catalogue import CATALOGUE
+from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.robot.limits import HOME
+
+SETTINGS = PlannerSettings()
+PLACED = {}
+
+
+def catalogue(name):
+    mesh = load_object(name).mesh.copy()
+    turn = trimesh.transformations.rotation_matrix(0.5, [0, 0, 1])
+    mesh.apply_transform(turn)
+    low, high = mesh.bounds
+    shift = [0.48 - (low + high)[0] / 2, 0.05 - (low + high)[1] / 2, -low[2]]
+    mesh.apply_translation(shift)
+    PLACED[name] = trimesh.transformations.translation_matrix(shift) @ turn
+    return mesh
+
+
+def users_mesh():
+    """A mug without its handle's charm: not convex, off centre."""
+    cup = trimesh.creation.annulus(0.026, 0.032, 0.09)
+    handle = trimesh.creation.box((0.03, 0.01, 0.05))
+    handle.apply_translation([0.04, 0, 0])
+    mesh = trimesh.util.concatenate([cup, handle])
+    mesh.apply_translation([0.5, -0.05, -mesh.bounds[0, 2]])
+    return mesh
+
+
+MESHES = {
+    "sugar_box": catalogue, "pear": catalogue, "tomato_soup_can": catalogue, "tetrahedron": catalogue,
+    "massage_ball": catalogue, "users_mesh": lambda name: users_mesh(),
+}  # fmt: skip
+
+
+def plan_contents():
+    """Return name -> content of a grasp file."""
+    found = {}
+    for seed, (name, make) in enumerate(MESHES.items()):
+        grasp_target = GraspTarget.of(make(name), mass=0.2)
+        plan = Planner().plan(grasp_target, seed, HOME)
+        assert plan.grasp is not None, (name, plan.reason)
+        identity, pose = name, None
+        if name in CATALOGUE:
+            identity = ObjectIdentity.of(load_object(name), name)
+            pose = ObjectPose(load_object(name).mesh, PLACED[name])
+        found[name] = grasp_json(
+            identity,
+            plan.grasp,
+            grasp_target,
+            SETTINGS,
+            script=plan.script,
+            pose=pose,
+            agent="bilevel",
+            seed=seed,
+        )
+    return found
+
+
+def failing(checks):
+    return {name for name, c in checks.items() if not c.holds}

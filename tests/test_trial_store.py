@@ -1,0 +1,81 @@
+"""The folder of an evaluation: cut off, damaged, of something else, written to twice."""
+
+import json
+
+import pytest
+from trial_rows import row
+
+from agents.evaluation.store import TrialStore, read_rows
+from dexgrasp_env.errors import InputError
+
+
+def test_partial_last_line_is_dropped(tmp_path):
+    store = TrialStore(tmp_path, {"seed": 1})
+    store.append(row(trial=0))
+    store.append(row(trial=1))
+    store.close()
+    path = tmp_path / "trials.jsonl"
+    path.write_text(path.read_text()[:-20])
+    store = TrialStore(tmp_path, {"seed": 1})
+    assert store.finished == {("", "a", "soda", 0)}
+    store.append(row(trial=1))
+    store.close()
+    assert [r["trial"] for r in read_rows(tmp_path)] == [0, 1]
+
+
+def test_another_evaluation_in_the_same_folder_is_refused(tmp_path):
+    TrialStore(tmp_path, {"seed": 1, "agents": ["a"]}).close()
+    with pytest.raises(InputError, match=r"seed was 1, is 2.*--out"):
+        TrialStore(tmp_path, {"seed": 2, "agents": ["a"]})
+
+
+def test_two_writers_are_refused(tmp_path):
+    store = TrialStore(tmp_path, {})
+    with pytest.raises(InputError, match="another evaluation"):
+        TrialStore(tmp_path, {})
+    store.close()
+
+
+def test_damaged_line_is_named(tmp_path):
+    (tmp_path / "trials.jsonl").write_text("what?\n")
+    with pytest.raises(InputError, match="line 1"):
+        read_rows(tmp_path)
+    with pytest.raises(InputError, match="no evaluation"):
+        read_rows(tmp_path / "nowhere")
+
+
+def test_a_trial_counts_once(tmp_path):
+    line = json.dumps(row(success=True)) + "\n"
+    (tmp_path / "trials.jsonl").write_text(line * 3)
+    assert len(read_rows(tmp_path)) == 1
+    (tmp_path / "run.json").write_text('{"seed": 1}')
+    store = TrialStore(tmp_path, {"seed": 1})
+    assert len(store.rows) == 1
+    store.close()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"agent": "\xff"}', b"[]", b"3", b"{}", b"[" * 100_000, b'{"trial": ' + b"9" * 5000 + b"}",
+        json.dumps(row() | {"trial": "0"}).encode(), json.dumps(row(success=1)).encode(),
+        json.dumps(row(details=[])).encode(), json.dumps(row(planning_seconds=float("nan"))).encode(),
+        json.dumps(row(details={"certificate": {"closure_margin": "much"}})).encode(),
+        json.dumps(row(scene_seed=-1)).encode(),
+    ],
+)  # fmt: skip
+def test_damaged_lines_are_named_in_one_line(tmp_path, line):
+    (tmp_path / "trials.jsonl").write_bytes(line + b"\n")
+    with pytest.raises(InputError, match=r"line 1 is (not JSON|no trial)") as caught:
+        read_rows(tmp_path)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("content", [None, b"[]", b"\xff\xfe", b"{", b"null", b"[" * 100_000])
+def test_trials_without_their_settings_are_refused(tmp_path, content):
+    (tmp_path / "trials.jsonl").write_text(json.dumps(row()) + "\n")
+    if content is not None:
+        (tmp_path / "run.json").write_bytes(content)
+    with pytest.raises(InputError, match="choose another --out"):
+        TrialStore(tmp_path, {"seed": 1})
+    assert (tmp_path / "trials.jsonl").read_text()
