@@ -6,7 +6,11 @@ import json
 import math
 import os
 import secrets
+import struct
 import sys
+import tokenize
+import zipfile
+import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, is_dataclass
 from functools import cache
@@ -22,6 +26,42 @@ Arrays = dict[str, np.ndarray]
 Layout = Mapping[str, tuple[int | None, ...]]
 _DIGEST = 32  # bytes of a SHA-256
 _DIGITS = 40  # of a whole number in JSON: no seed, count or hash of ours has as many
+
+
+_DAMAGE = (
+    ValueError,
+    LookupError,
+    TypeError,
+    EOFError,
+    MemoryError,
+    RuntimeError,
+    SyntaxError,
+    struct.error,
+    tokenize.TokenError,
+    zipfile.BadZipFile,
+    zlib.error,
+)
+"""What numpy and zipfile raise on an archive that is not whole, but for OSError."""
+
+
+def read_npz(source: Path | IO[bytes]) -> Arrays:
+    """Return the arrays of an npz file of somebody else's; pickled ones are not read.
+
+    Raises:
+        OSError: if it cannot be read.
+        ValueError: for what is no archive, a damaged one, or one that holds anything but plain arrays.
+    """
+    try:
+        with np.load(source, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in file.files}
+    except OSError:
+        raise
+    except _DAMAGE as error:
+        raise ValueError(f"no archive of plain arrays ({type(error).__name__})") from None
+    for name, array in arrays.items():
+        if not isinstance(array, np.ndarray):  # numpy hands the bytes of other members over
+            raise ValueError(f"{name[:40]!r} is no array")
+    return arrays
 
 
 def cache_dir() -> Path:
@@ -59,8 +99,7 @@ def _read_cached(path: Path) -> Arrays | None:
     payload, digest = content[:-_DIGEST], content[-_DIGEST:]
     if hashlib.sha256(payload).digest() != digest:
         return None
-    with np.load(io.BytesIO(payload), allow_pickle=False) as file:
-        return {name: file[name] for name in file.files}
+    return read_npz(io.BytesIO(payload))
 
 
 def _write_cached(path: Path, arrays: Arrays) -> None:

@@ -4,13 +4,14 @@ import os
 import stat
 import subprocess
 import sys
+import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from dexgrasp_env import files
-from dexgrasp_env.files import cached_arrays, write_atomically
+from dexgrasp_env.files import cached_arrays, read_npz, write_atomically
 
 LAYOUT = {"points": (None, 3), "names": (None,)}
 
@@ -131,3 +132,28 @@ def test_processes_that_race_for_a_first_file_all_get_it(cache):
         assert racer.communicate()[1] == b""
         assert racer.returncode == 0
     assert len(list(cache.iterdir())) == 200
+
+
+# -- archives of others -----------------------------------------------------------------------------------------
+
+
+def test_archives_that_are_damaged_are_one_kind_of_error(tmp_path):
+    """What numpy raises on a broken header comes from its parser, and other members come as bytes."""
+    good = tmp_path / "good.npz"
+    np.savez(good, a=np.arange(6.0), b=np.ones((2, 2)))
+    assert set(read_npz(good)) == {"a", "b"}
+    bad = {
+        "text.npz": ("notes.txt", b"hello"),
+        "header.npz": ("a.npy", b"\x93NUMPY\x01\x00\x10\x00{'descr': '''\n\n\n"),
+    }
+    for name, (member, content) in bad.items():
+        with zipfile.ZipFile(tmp_path / name, "w") as file:
+            file.writestr(member, content)
+        with pytest.raises(ValueError, match=r"no array|no archive"):
+            read_npz(tmp_path / name)
+    for cut in (10, 100, 300):
+        (tmp_path / "cut.npz").write_bytes(good.read_bytes()[:-cut])
+        with pytest.raises(ValueError, match="no archive"):
+            read_npz(tmp_path / "cut.npz")
+    with pytest.raises(OSError, match="nowhere"):
+        read_npz(tmp_path / "nowhere.npz")

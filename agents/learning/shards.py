@@ -4,9 +4,6 @@ import hashlib
 import io
 import json
 import re
-import struct
-import zipfile
-import zlib
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +14,7 @@ from agents.learning.rest_scene import RestScene
 from agents.learning.sampler import COUNTS, Found
 from agents.learning.settings import SCHEMA
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Layout, content_hash, fits, parse_json, write_atomically
+from dexgrasp_env.files import Layout, content_hash, fits, parse_json, read_npz, write_atomically
 
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
@@ -88,8 +85,7 @@ def read_arrays(path: Path, key: str | None = None) -> Arrays:
         InputError: missing, cut off, damaged, changed, numbers that are not finite, or of another dataset (`key`).
     """
     try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
+        arrays = read_npz(path)
         seal = arrays.pop("seal", None)  # 0.1.0 wrote none
         if seal is not None and text(seal) != _seal(arrays):
             raise ValueError("changed")
@@ -97,7 +93,7 @@ def read_arrays(path: Path, key: str | None = None) -> Arrays:
         raise InputError(
             f"{path} is missing: run `dexgrasp dataset generate` again, it makes what is not there"
         ) from None
-    except _DAMAGE:
+    except (OSError, ValueError):
         raise InputError(
             f"{path} is cut off or damaged: run `dexgrasp dataset generate` with the same settings again, "
             "it makes it anew"
@@ -110,22 +106,6 @@ def read_arrays(path: Path, key: str | None = None) -> Arrays:
     if key is not None and arrays["key"].tobytes() != key.encode():
         raise InputError(f"{path} belongs to another dataset: remove it, or use another folder")
     return arrays
-
-
-_DAMAGE = (
-    OSError,
-    ValueError,
-    LookupError,
-    TypeError,
-    EOFError,
-    MemoryError,
-    RuntimeError,
-    SyntaxError,
-    struct.error,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What numpy and zipfile raise on an archive that is not whole."""
 
 
 def _seal(arrays: Arrays) -> str:

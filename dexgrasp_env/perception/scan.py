@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_npz
 from dexgrasp_env.perception.cloud import Cloud
 from dexgrasp_env.perception.depth_folder import CAMERAS_FILE, check_file, read_views
 
@@ -86,12 +87,11 @@ def _read_npy(path: Path) -> NDArray[Any]:
 
 
 def _read_npz(path: Path) -> NDArray[Any]:
-    with np.load(path, allow_pickle=False) as file:
-        names = list(file)
-        name = "points" if "points" in names else names[0] if len(names) == 1 else None
-        if name is None:
-            raise InputError(f"{path} has arrays {', '.join(names) or 'none'}: name the cloud 'points'")
-        return np.asarray(file[name])
+    arrays = read_npz(path)
+    name = "points" if "points" in arrays else next(iter(arrays)) if len(arrays) == 1 else None
+    if name is None:
+        raise InputError(f"{path} has arrays {', '.join(arrays) or 'none'}: name the cloud 'points'")
+    return arrays[name]
 
 
 def _read_pcd(path: Path) -> Array:

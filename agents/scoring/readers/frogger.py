@@ -17,6 +17,7 @@ from agents.scoring.hand import ALLEGRO, find_hand
 from agents.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_npz
 
 PALM = "algr_rh_palm"
 _PALM_HEIGHT = (
@@ -66,12 +67,11 @@ def read_arrays(path: Path) -> dict[str, Any]:
         InputError: if it is missing, damaged or holds pickled objects.
     """
     try:
-        with np.load(path, allow_pickle=False) as data:
-            return {key: data[key] for key in data.files}
+        return dict(read_npz(path))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except Exception as error:
-        raise InputError(f"{path} is no .npz file of plain arrays ({type(error).__name__})") from None
+    except ValueError as error:
+        raise InputError(f"{path} is no .npz file of plain arrays ({error})") from None
 
 
 def _get(data: dict[str, Any], key: str, path: Path) -> Any:
