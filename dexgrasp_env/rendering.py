@@ -1,17 +1,24 @@
 """Pictures: off-screen rendering that finds a GL library by itself, or says which one to install."""
 
+import atexit
 import ctypes
 import importlib
 import os
+import weakref
+from collections.abc import Sequence
+from functools import cache
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.names import TIP_SITES
+from dexgrasp_env.sensing.cameras import CAMERA_NAMES
 
 _OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing,
 _ANY = ("enable", "enabled", "on", "true", "1")  # and for whatever there is
+_SIZES = (16, 4096)  # pixels
 _REMEDY = (
     "no off-screen GL library works here: install libosmesa6, or libegl1 with libgl1 (Debian names); "
     "everything but pictures and videos runs without"
@@ -52,8 +59,14 @@ def rendering_fault() -> str | None:
     return None
 
 
-def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
+def make_renderer(model: mujoco.MjModel, height: int, width: int, *, quick: bool = False) -> mujoco.Renderer:
     """Return an off-screen renderer.
+
+    Args:
+        model: what is drawn.
+        height: of the pictures, pixels.
+        width: of the pictures, pixels.
+        quick: for people and videos: no multisampling, coarser shadows. A software GL takes a third of the time.
 
     Raises:
         InputError: with the remedy, where there is no GL.
@@ -69,9 +82,47 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Rend
     model.vis.global_.offheight = max(model.vis.global_.offheight, height)
     try:
         _use(backend)
-        return mujoco.Renderer(model, height, width)
+        renderer = _quick_renderer(model, height, width) if quick else mujoco.Renderer(model, height, width)
+        _open.add(renderer)
+        _close_at_exit()
+        return renderer
     except Exception as error:
         raise InputError(f"{_REMEDY} (MUJOCO_GL={backend}: {error})") from error
+
+
+def check_size(size: Sequence[int]) -> tuple[int, int]:
+    """Return rows and columns of pictures.
+
+    Raises:
+        InputError: unless they are two whole numbers that a GL can do.
+    """
+    valid = isinstance(size, Sequence) and len(size) == 2 and all(isinstance(side, int) for side in size)
+    if not valid or not all(_SIZES[0] <= side <= _SIZES[1] for side in size):
+        raise InputError(
+            f"render_size = {size!r}: valid are rows and columns, each from {_SIZES[0]} to {_SIZES[1]}"
+        )
+    return size[0], size[1]
+
+
+_open: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()
+
+
+@cache
+def _close_at_exit() -> None:
+    """Have what is open closed before EGL is: called after EGL's first use, so that it comes before EGL's own end."""
+    atexit.register(lambda: [renderer.close() for renderer in tuple(_open)])
+
+
+def _quick_renderer(model: mujoco.MjModel, height: int, width: int) -> mujoco.Renderer:
+    quality = model.vis.quality
+    before = quality.offsamples, quality.shadowsize
+    quality.offsamples, quality.shadowsize = 0, 1024
+    try:
+        renderer = mujoco.Renderer(model, height, width)
+    finally:
+        quality.offsamples, quality.shadowsize = before
+    renderer.scene.flags[mujoco.mjtRndFlag.mjRND_REFLECTION] = 0
+    return renderer
 
 
 def use_offscreen_gl() -> None:
@@ -105,11 +156,27 @@ def _reload_context_module() -> None:
     importlib.reload(gl_context)
 
 
-def show_camera(distance: float = 1.45, azimuth: float = 146.0, elevation: float = -20.0) -> mujoco.MjvCamera:
-    """Return a camera that shows the table and the robot from the front."""
+SHOW_CAMERAS = ("front", "grasp", *CAMERA_NAMES)
+"""What pictures for people can be taken with: the whole cell, the grasp from close by, the four depth cameras."""
+
+
+def show_camera(name: str = "front", data: mujoco.MjData | None = None) -> mujoco.MjvCamera | str:
+    """Return one of `SHOW_CAMERAS`.
+
+    Args:
+        name: `front` shows the table and the robot; `grasp` is close to the hand and follows it; the others are the
+            model's.
+        data: with the positions of now, for `grasp`.
+    """
     camera = mujoco.MjvCamera()
     camera.lookat[:] = [0.36, 0.0, 0.30]
-    camera.distance, camera.azimuth, camera.elevation = distance, azimuth, elevation
+    camera.distance, camera.azimuth, camera.elevation = 1.45, 146.0, -20.0
+    if name == "grasp":
+        assert data is not None
+        camera.lookat[:] = np.mean([data.site(site).xpos for site in ("palm", *TIP_SITES)], axis=0)
+        camera.distance, camera.azimuth, camera.elevation = 0.55, 146.0, -15.0
+    elif name != "front":
+        return name
     return camera
 
 

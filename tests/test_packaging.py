@@ -14,8 +14,8 @@ from dexgrasp_env.extras import EXTRAS
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGES = ("dexgrasp_env", "agents")
-UNIMPORTED = {"imageio-ffmpeg", "osqp", "rtree", "tensorboard"}
-"""Used through another: imageio's videos, a solver that qpsolvers finds, trimesh's proximity, torch's log."""
+UNIMPORTED = {"imageio-ffmpeg", "moviepy", "osqp", "rtree", "tensorboard"}
+"""Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log."""
 
 PEERS = {"gymnasium-robotics"}
 """A benchmark compares with them where somebody has them."""

@@ -5,10 +5,14 @@ import subprocess
 import sys
 import textwrap
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
+from gymnasium.wrappers import RecordVideo
+from gymnasium.wrappers.vector import RecordVideo as VectorRecordVideo
 
+import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera, show_options
@@ -118,3 +122,89 @@ def test_works_in_a_process_that_has_set_nothing():
     command = [sys.executable, "-c", code, SCENE.format(group=2)]
     out = subprocess.run(command, capture_output=True, text=True, env=env, check=True)
     assert out.stdout.strip() == "True"
+
+
+@NEEDS_GL
+def test_cameras_for_people_and_their_size():
+    env = gym.make(
+        "DexGrasp/Lift-v1",
+        objects="sugar_box",
+        render_mode="rgb_array",
+        render_camera="grasp",
+        render_size=[60, 80],
+    )
+    env.reset(seed=0)
+    first = env.render()
+    assert first.shape == (60, 80, 3)
+    hand = env.unwrapped.data.site("palm").xpos.copy()
+    for _ in range(8):
+        env.step(np.full(23, 1.0))
+    moved = env.unwrapped.data.site("palm").xpos - hand
+    camera = show_camera("grasp", env.unwrapped.data)
+    assert np.linalg.norm(moved) > 0.05
+    assert np.linalg.norm(camera.lookat - env.unwrapped.data.site("palm").xpos) < 0.15  # it follows
+    env.close()
+    other = gym.make(
+        "DexGrasp/Lift-v1", objects="sugar_box", render_mode="rgb_array", render_camera="side_left"
+    )
+    other.reset(seed=0)
+    assert other.render().shape == (480, 640, 3)
+    other.close()
+    with pytest.raises(InputError, match="side_left"):
+        gym.make("DexGrasp/Lift-v1", render_camera="top")
+    for size in ((0, 80), "640x480", (64,), (60.0, 80.0)):
+        with pytest.raises(InputError, match="rows and columns"):
+            gym.make("DexGrasp/Lift-v1", render_size=size)
+
+
+@NEEDS_GL
+def test_quick_pictures_leave_the_model_as_it_is():
+    model, data = scene()
+    before = model.vis.quality.offsamples, model.vis.quality.shadowsize
+    renderer = make_renderer(model, 48, 64, quick=True)
+    assert render(renderer, data, show_camera()).std() > 1
+    assert (model.vis.quality.offsamples, model.vis.quality.shadowsize) == before
+    renderer.close()
+
+
+@NEEDS_GL
+def test_gymnasiums_videos_are_written(tmp_path):
+    pytest.importorskip("moviepy")
+    settings = {
+        "objects": "sugar_box",
+        "render_mode": "rgb_array",
+        "render_size": (64, 64),
+        "max_episode_steps": 4,
+    }
+    for folder, env in (
+        ("one", RecordVideo(gym.make("DexGrasp/Lift-v1", **settings), str(tmp_path / "one"))),
+        (
+            "many",
+            VectorRecordVideo(
+                gym.make_vec("DexGrasp/Lift-v1", num_envs=2, **settings), str(tmp_path / "many")
+            ),
+        ),
+    ):
+        env.reset(seed=0)
+        for _ in range(5):
+            env.step(env.action_space.sample())
+        env.close()
+        films = list((tmp_path / folder).glob("*.mp4"))
+        assert films
+        assert min(film.stat().st_size for film in films) > 500
+
+
+@NEEDS_GL
+def test_nothing_is_said_at_exit():
+    """Renderers that are still open are closed before EGL is."""
+    code = textwrap.dedent("""
+        import gymnasium as gym, dexgrasp_env
+        settings = [{"render_mode": "rgb_array", "render_size": (32, 32)}, {"obs_mode": "rgbd", "observe": "reset"}]
+        envs = [gym.make("DexGrasp/Lift-v1", objects="sugar_box", **each) for each in settings]
+        for env in envs:
+            env.reset(seed=0)
+        envs[0].render()
+    """)
+    done = subprocess.run([sys.executable, "-W", "ignore", "-c", code], capture_output=True, text=True)
+    assert done.returncode == 0
+    assert done.stderr == ""

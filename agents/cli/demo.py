@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json, add_mesh, add_scene, natural_int
+from agents.cli.options import add_film, add_json, add_mesh, add_scene, natural_int
 
 _EPILOG = """examples:
   dexgrasp demo                                       the sugar box
@@ -37,6 +37,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--no-video", action="store_true", help="leave video and demo.png out: drawing takes time"
     )
+    add_film(parser)
     add_mesh(parser)
     add_scene(parser)
     add_json(parser)
@@ -47,6 +48,7 @@ def run(args: argparse.Namespace) -> int:
     from agents.cli.output import make_folder, note, print_json, say_when_compiling
     from agents.cli.plan import check_target, describe, scene_settings, write_results
     from agents.evaluation.attempt import attempt_target
+    from agents.evaluation.video import Film
     from dexgrasp_env.files import jsonable
     from dexgrasp_env.rendering import rendering_fault
 
@@ -56,7 +58,7 @@ def run(args: argparse.Namespace) -> int:
     settings = scene_settings(args)
     missing = "left out" if args.no_video else rendering_fault()
     if missing is None:
-        settings |= {"render_mode": "rgb_array"}
+        settings |= Film(args.camera, args.size).env_settings
     began = time.perf_counter()
     attempt = attempt_target(args.object, args.agent, args.seed, **settings)
     result = attempt.as_json()
@@ -87,7 +89,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
     """Carry the plan out; record a video and the moments of the episode where rendering works."""
-    import numpy as np
     from tqdm import tqdm
 
     from agents.evaluation.video import Video
@@ -103,10 +104,9 @@ def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
             observation, _, terminated, truncated, info = env.step(attempt.agent.act(observation))
             steps += 1
             bar.update()
-            if video is not None:
-                video.add(env)
-                if steps % 8 == 1:
-                    frames.append(np.asarray(env.render()))
+            picture = None if video is None else video.add(env)
+            if picture is not None:
+                frames.append(picture)
             if terminated or truncated or info["is_success"]:
                 break
     if frames:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from agents import interrupt
 from agents.cli.options import (
     add_backend,
+    add_film,
     add_json,
     add_mesh,
     add_scene,
@@ -83,6 +84,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="K|failures",
         help="record the first K trials of every agent and object, or those that failed; also of a finished run",
     )
+    add_film(parser)
     add_statistics(parser)
     add_scene(parser)
     add_mesh(parser)
@@ -116,6 +118,7 @@ def run(args: argparse.Namespace) -> int:
     from agents.cli.output import note
     from agents.evaluation.evaluate import evaluate
     from agents.evaluation.settings import EvaluationSettings
+    from agents.evaluation.video import Film
     from agents.evaluation.workers import Backend, WorkerDiedError
 
     check_backend(args)
@@ -134,6 +137,7 @@ def run(args: argparse.Namespace) -> int:
             folder,
             workers=Backend(args.backend, args.workers, args.address),
             videos=args.video,
+            film=Film(args.camera, args.size),
             stop_level=args.stop_early,
         )
     except (KeyboardInterrupt, WorkerDiedError) as stop:

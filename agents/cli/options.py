@@ -87,6 +87,30 @@ def check_mesh_options(args: argparse.Namespace, targets: Sequence[str]) -> None
         )
 
 
+def picture_size(text: str) -> tuple[int, int]:
+    """Parse WIDTHxHEIGHT as rows and columns."""
+    width, _, height = text.lower().partition("x")
+    size = positive_int(height) if height else 0, positive_int(width)
+    if not all(16 <= side <= 4096 and side % 2 == 0 for side in size):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a size like 640x480: even numbers from 16 to 4096")
+    return size
+
+
+def add_film(parser: argparse.ArgumentParser) -> None:
+    """Add `--camera` and `--size`, of videos."""
+    from dexgrasp_env.sensing.cameras import CAMERA_NAMES
+
+    cameras = ("grasp", "front", *CAMERA_NAMES)
+    parser.add_argument(
+        "--camera", choices=cameras, default="grasp",
+        help="of the video: close to the hand and following it, the whole cell, or a depth camera (default grasp)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--size", type=picture_size, default=(480, 640), metavar="WxH",
+        help="of the video, pixels (default 640x480)",
+    )  # fmt: skip
+
+
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Add `--mount`, `--friction` and `--cell`."""
     from dexgrasp_env.robot.names import MOUNT_NAMES

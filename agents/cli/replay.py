@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from agents.cli.options import add_cell, add_json, natural_int
+from agents.cli.options import add_cell, add_film, add_json, natural_int
 
 if TYPE_CHECKING:
     from agents.evaluation.replay import Replay
@@ -29,6 +29,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument("--trial", required=True, type=natural_int, metavar="K", help="number, from 0 on")
     parser.add_argument("--protocol", metavar="P", help="where the evaluation has several")
     parser.add_argument("--video", action="store_true", help="record it, into videos/ of RUN")
+    add_film(parser)
     add_cell(parser)
     add_json(parser)
 
@@ -37,8 +38,12 @@ def run(args: argparse.Namespace) -> int:
     """Replay, say what is different."""
     from agents.cli.output import note, print_json
     from agents.evaluation.replay import replay
+    from agents.evaluation.video import Film
 
-    found = replay(args.folder, args.agent, args.object, args.trial, protocol=args.protocol, video=args.video)
+    found = replay(
+        args.folder, args.agent, args.object, args.trial, protocol=args.protocol, video=args.video,
+        film=Film(args.camera, args.size),
+    )  # fmt: skip
     if found.stale:
         note(f"note: the evaluation was made with other {' and '.join(found.stale)}")
     if args.json:

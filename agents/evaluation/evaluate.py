@@ -12,7 +12,7 @@ from agents.evaluation.spec import TrialSpec, plan_trials
 from agents.evaluation.store import Key, TrialStore, check_folder
 from agents.evaluation.summary import summarise
 from agents.evaluation.trial_runner import TrialRunner
-from agents.evaluation.video import check_rendering
+from agents.evaluation.video import Film, check_rendering
 from agents.evaluation.workers import Backend, run_cells
 from agents.interrupt import held, kept
 from dexgrasp_env.errors import InputError
@@ -26,6 +26,7 @@ def evaluate(
     *,
     workers: int | Backend = 1,
     videos: int | Literal["failures"] = 0,
+    film: Film = Film(),
     progress: bool = True,
     stop_level: float | None = None,
 ) -> dict[str, Any]:
@@ -37,6 +38,7 @@ def evaluate(
         workers: processes, or where else trials run; the outcome does not depend on it.
         videos: how many trials of each agent and object are recorded, or "failures" for those that failed; recording
             makes a trial again, so that it may be asked for after the fact.
+        film: what videos are taken with.
         progress: whether to draw a progress bar on standard error.
         stop_level: end as soon as every pair of agents is told apart at this level, by the test of `sequential`; the
             summary then is of the whole rounds up to there. None runs every trial.
@@ -71,7 +73,7 @@ def evaluate(
                 _run(settings, cells, store, backend, bench, progress, stopped_after)
         if videos:
             with kept():
-                _record(settings, store, videos, backend, bench, progress)
+                _record(settings, store, videos, film, backend, bench, progress)
     finally:
         with held():
             summary = summarise(settings, store.rows, stopped_after=stopped_after(), stop_level=stop_level)
@@ -105,6 +107,7 @@ def _record(
     settings: EvaluationSettings,
     store: TrialStore,
     videos: int | str,
+    film: Film,
     backend: Backend,
     bench: TrialRunner,
     progress: bool,
@@ -116,7 +119,7 @@ def _record(
         for row in store.rows
         if (not row["success"] if videos == "failures" else row["trial"] < int(videos))
     ]
-    shown = record(settings, chosen, store.folder, backend, bench)
+    shown = record(settings, chosen, store.folder, film, backend, bench)
     for _ in tqdm(shown, desc="videos", unit="video", disable=not progress, file=sys.stderr):
         pass
 

@@ -13,7 +13,7 @@ from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.spec import TrialSpec, plan_trials
 from agents.evaluation.store import read_rows, read_run
 from agents.evaluation.trial_runner import TrialRunner
-from agents.evaluation.video import check_rendering
+from agents.evaluation.video import Film, check_rendering
 from agents.evaluation.workers import Backend, run_cells
 from dexgrasp_env.errors import InputError
 
@@ -43,7 +43,14 @@ class Replay:
 
 
 def replay(
-    folder: Path, agent: str, target: str, trial: int, *, protocol: str | None = None, video: bool = False
+    folder: Path,
+    agent: str,
+    target: str,
+    trial: int,
+    *,
+    protocol: str | None = None,
+    video: bool = False,
+    film: Film = Film(),
 ) -> Replay:
     """Make a trial of an evaluation again, from the seeds that its line holds.
 
@@ -54,6 +61,7 @@ def replay(
         trial: number.
         protocol: needed where the evaluation has several.
         video: whether to record it, into `videos/` of the folder.
+        film: what the video is taken with.
 
     Raises:
         InputError: if the folder holds no such trial, or its agent or object cannot be had any more.
@@ -64,7 +72,7 @@ def replay(
     spec = _spec_of(row, settings)
     if video:
         check_rendering()
-        spec = dataclasses.replace(spec, video=str(video_path(folder, row)))
+        spec = dataclasses.replace(spec, video=str(video_path(folder, row)), film=film)
     runner = TrialRunner(settings)
     again, grasp = runner.run(spec)
     runner.close()
@@ -74,12 +82,20 @@ def replay(
 
 
 def record(
-    settings: EvaluationSettings, rows: Sequence[Row], folder: Path, backend: Backend, runner: TrialRunner
+    settings: EvaluationSettings,
+    rows: Sequence[Row],
+    folder: Path,
+    film: Film,
+    backend: Backend,
+    runner: TrialRunner,
 ) -> Iterator[Row]:
     """Make trials again and record them; yield each line as its video is there. Videos that are there are kept."""
     left = [row for row in rows if not video_path(folder, row).is_file()]
     specs = {_name(row): (row, _spec_of(row, settings)) for row in left}
-    recorded = [dataclasses.replace(spec, video=str(video_path(folder, row))) for row, spec in specs.values()]
+    recorded = [
+        dataclasses.replace(spec, video=str(video_path(folder, row)), film=film)
+        for row, spec in specs.values()
+    ]
     for again, _ in run_cells(settings, recorded, backend, runner):
         row = specs[_name(again)][0]
         if changed := changes(row, again):

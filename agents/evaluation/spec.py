@@ -6,6 +6,7 @@ from pathlib import Path
 
 from agents.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds
 from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.video import Film
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import object_name
 
@@ -21,6 +22,7 @@ class TrialSpec:
         trial: number from 0 on.
         protocol: its name.
         video: file to record to, or None.
+        film: what it is taken with.
         seeds: of a trial that is made again; None for those that follow from the evaluation's.
     """
 
@@ -30,6 +32,7 @@ class TrialSpec:
     trial: int
     protocol: str = DEFAULT_PROTOCOL
     video: str | None = None
+    film: Film = Film()
     seeds: TrialSeeds | None = None
 
 

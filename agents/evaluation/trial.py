@@ -27,8 +27,8 @@ NOT_HELD = {
 class FrameSink(Protocol):
     """Takes pictures of the trial."""
 
-    def add(self, env: gym.Env[Any, Any]) -> None:
-        """Take one."""
+    def add(self, env: gym.Env[Any, Any]) -> object:
+        """Take one, where one is due after this control step."""
 
 
 @dataclass

@@ -14,7 +14,7 @@ from agents.evaluation.protocol import agent_settings, get_protocol, trial_seeds
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.spec import TrialSpec
 from agents.evaluation.trial import run_trial
-from agents.evaluation.video import Video
+from agents.evaluation.video import Film, Video
 from agents.registry import make_agent
 from dexgrasp_env.files import jsonable
 
@@ -27,7 +27,7 @@ class TrialRunner:
     def __init__(self, settings: EvaluationSettings) -> None:
         self._settings = settings
         self._agents: dict[str, Any] = {}
-        self._envs: dict[tuple[str, str, str, bool], gym.Env[Any, Any]] = {}
+        self._envs: dict[tuple[str, str, str, Film | None], gym.Env[Any, Any]] = {}
 
     def run(self, spec: TrialSpec) -> tuple[dict[str, Any], dict[str, Any] | None]:
         """Run one trial; return its line of `trials.jsonl` and the certified grasp, for agents that have one.
@@ -58,7 +58,7 @@ class TrialRunner:
         return self._agents[name]
 
     def _env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
-        key = (spec.protocol, spec.agent, spec.target, spec.video is not None)
+        key = (spec.protocol, spec.agent, spec.target, spec.film if spec.video else None)
         if key not in self._envs:
             while len(self._envs) >= _MOST_ENVS:
                 self._envs.pop(next(iter(self._envs))).close()
@@ -71,7 +71,7 @@ class TrialRunner:
         Raises:
             InputError: if a setting is wrong.
         """
-        render: dict[str, Any] = {"render_mode": "rgb_array"} if spec.video else {}
+        render = spec.film.env_settings if spec.video else {}
         return gym.make(**self._env_arguments(spec), disable_env_checker=True, **render)
 
     def _env_arguments(self, spec: TrialSpec) -> dict[str, Any]:

@@ -1,17 +1,39 @@
 """Videos of trials."""
 
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 
 import gymnasium as gym
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
+_EVERY = 2  # control steps from picture to picture: drawing takes longer than everything else
+
+
+@dataclass(frozen=True)
+class Film:
+    """What videos are taken with.
+
+    Attributes:
+        camera: one of `SHOW_CAMERAS`.
+        size: rows and columns, pixels.
+    """
+
+    camera: str = "grasp"
+    size: tuple[int, int] = (480, 640)
+
+    @property
+    def env_settings(self) -> dict[str, Any]:
+        """Arguments of `gym.make`."""
+        return {"render_mode": "rgb_array", "render_camera": self.camera, "render_size": self.size}
+
 
 class Video:
-    """Collects what the environment renders and writes it as mp4 in real time.
+    """Collects what the environment renders and writes it as mp4 in real time, ten pictures a second.
 
     Pictures only read the simulation: a recorded trial ends like an unrecorded one. The file is there once it is whole.
     """
@@ -20,18 +42,24 @@ class Video:
         self.path = path
         self._part = path.with_suffix(".part.mp4")
         self._writer: Any = None
+        self._steps = 0
 
-    def add(self, env: gym.Env[Any, Any]) -> None:
-        """Render and append a picture."""
+    def add(self, env: gym.Env[Any, Any]) -> NDArray[np.uint8] | None:
+        """Take note of a control step; render, append and return a picture where one is due."""
         import imageio.v2 as imageio
 
+        self._steps += 1
+        if self._steps % _EVERY != 1:
+            return None
         if self._writer is None:
             self.path.parent.mkdir(parents=True, exist_ok=True)
-            fps = round(1 / CONTROL_PERIOD)
+            fps = round(1 / (_EVERY * CONTROL_PERIOD))
             self._writer = imageio.get_writer(
                 self._part, fps=fps, codec="libx264", quality=7, macro_block_size=8
             )
-        self._writer.append_data(np.asarray(env.render()))
+        picture = np.asarray(env.render())
+        self._writer.append_data(picture)
+        return picture
 
     def __enter__(self) -> Self:
         return self

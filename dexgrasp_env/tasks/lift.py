@@ -146,6 +146,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3 |
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |
     | `render_size` | `(480, 640)` | rows and columns of pictures |
+    | `render_camera` | `'front'` | `front`; `grasp`: follows the hand, close by; or one of the depth cameras |
 
     ## Contact model, frozen as v1
 
@@ -192,6 +193,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         mesh_mass: float | None = None,
         render_mode: str | None = None,
         render_size: tuple[int, int] = (480, 640),
+        render_camera: str = "front",
     ) -> None:
         given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         EzPickle.__init__(self, **given)

@@ -9,6 +9,7 @@ import numpy as np
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import load_target, resolve_targets
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.rendering import SHOW_CAMERAS
 from dexgrasp_env.robot.mounts import MOUNTS
 from dexgrasp_env.scene.constants import FRICTION
 from dexgrasp_env.sensing.calibration import Calibration
@@ -46,6 +47,7 @@ class LiftSettings:
     mesh_scale: float = 1.0
     mesh_mass: float | None = None
     render_mode: str | None = None
+    render_camera: str = "front"
 
     @classmethod
     def of(cls, objects: str | Sequence[str], **given: Any) -> "LiftSettings":
@@ -88,6 +90,7 @@ _CHOICES = {
     "presentation": PRESENTATIONS,
     "observe": OBSERVE,
     "render_mode": (None, *RENDER_MODES),
+    "render_camera": SHOW_CAMERAS,
 }
 
 

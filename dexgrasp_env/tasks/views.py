@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.perception.camera import Camera
 from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.rendering import check_size
 from dexgrasp_env.sensing.backends import DepthBackend, make_backend
 from dexgrasp_env.sensing.cameras import CAMERA_NAMES, default_cameras
 from dexgrasp_env.sensing.perception import Perception
@@ -46,7 +47,7 @@ class Views:
         self, settings: LiftSettings, sensor: Mapping[str, Any] | str, render_size: tuple[int, int]
     ) -> None:
         self._settings = settings
-        self._render_size = render_size
+        self._render_size = check_size(render_size)
         self._sensor = sensor_model(sensor)
         self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
         self._perceptions = WeakKeyDictionary()
@@ -148,11 +149,12 @@ class Views:
 
         if self._renderer is None or self._shown != _shape_key(simulation):
             self.close()
-            self._renderer = make_renderer(simulation.model, *self._render_size)
+            self._renderer = make_renderer(simulation.model, *self._render_size, quick=True)
             self._shown = _shape_key(simulation)
         if mode == "depth_array":
             self._renderer.enable_depth_rendering()
-        picture = render(self._renderer, simulation.data, show_camera())
+        camera = show_camera(self._settings.render_camera, simulation.data)
+        picture = render(self._renderer, simulation.data, camera)
         self._renderer.disable_depth_rendering()
         return picture
 
