@@ -17,8 +17,8 @@ if TYPE_CHECKING:
 
 _APART = 1.3  # m between films that stand side by side
 _FRAMES = 90  # states of a film that a page holds at most
-_CAMERA = (1.25, -0.95, 0.75)  # m, where one looks from
-_LOOK_AT = (0.45, 0.0, 0.15)  # m
+_CAMERA = (1.12, -0.72, 0.52)  # m, where one looks from
+_LOOK_AT = (0.40, 0.0, 0.19)  # m
 
 
 def page(films: Sequence[Film]) -> str:
@@ -91,7 +91,7 @@ def _facts(films: Sequence[Film]) -> str:
             f"<details open><summary>{html.escape(film.title)}</summary><table>{rows}</table></details>"
         )
     style = (
-        "position:fixed;left:12px;top:12px;z-index:10;max-width:340px;max-height:80vh;overflow:auto;padding:8px 12px;"
+        "position:fixed;right:12px;top:12px;z-index:10;max-width:340px;max-height:80vh;overflow:auto;padding:8px 12px;"
         "background:rgba(255,255,255,.88);border-radius:8px;font:13px/1.5 system-ui,sans-serif;color:#222"
     )
     return f'<div id="facts" style="{style}">{"".join(blocks)}</div>'

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import viser
 
 _COLOURS = {"thumb": (214, 84, 60), "index": (58, 120, 190), "middle": (60, 150, 90)}
-_TABLE = (196, 186, 170)
+_TABLE = (168, 140, 106)
 _OBJECT, _HULL, _CLOUD = (222, 168, 84), (90, 90, 110), (40, 40, 60)
 _FORCE_SCALE = 0.008  # m a newton
 _CONE = 0.03  # m, height of the cones that are drawn
@@ -69,7 +69,7 @@ class Stage:
         return bool(self._model.geom_bodyid[geom] == body and self._model.geom_group[geom] == 2)
 
     def _add_geom(self, path: str, geom: int) -> None:
-        from agents.viewer.shapes import geom_mesh
+        from dexgrasp_env.scene.shapes import geom_mesh
 
         mesh = geom_mesh(self._model, geom)
         if mesh is None:
@@ -123,24 +123,26 @@ class Stage:
 
     def _add_contacts(self) -> None:
         film = self.film
+        # In the object's frame, so that they move with it.
+        T = np.linalg.inv(film.object_poses[0])
+        points, turned = film.contacts @ T[:3, :3].T + T[:3, 3], T[:3, :3].T
+        normals, forces = film.normals @ turned, film.forces @ turned
         for k, finger in enumerate(GRASP_FINGERS):
-            path, colour = f"{self._root}/contacts/{finger}", _COLOURS[finger]
-            tip = film.contacts[k] - _FORCE_SCALE * film.forces[k]
-            segment = np.array([[tip, film.contacts[k]]], np.float32)
+            path, colour = f"{self._root}/object/contacts/{finger}", _COLOURS[finger]
+            tip = points[k] - _FORCE_SCALE * forces[k]
+            segment = np.array([[tip, points[k]]], np.float32)
             self._scene.add_line_segments(
-                f"{path}/force", segment, np.array(colour), thickness=0.003, thickness_units="world"
+                f"{path}/force", segment, np.array(colour), thickness=0.004, thickness_units="world"
             )
-            rays = _cone_rays(film.contacts[k], film.normals[k], film.friction)
+            rays = _cone_rays(points[k], normals[k], film.friction)
             self._scene.add_line_segments(
                 f"{path}/cone",
                 rays.astype(np.float32),
                 np.array(colour),
-                thickness=0.0006,
+                thickness=0.001,
                 thickness_units="world",
             )
-            self._scene.add_icosphere(
-                f"{path}/point", radius=0.004, color=colour, position=tuple(film.contacts[k])
-            )
+            self._scene.add_icosphere(f"{path}/point", radius=0.004, color=colour, position=tuple(points[k]))
 
 
 def _hull_mesh(points: Array) -> Any:

@@ -1,0 +1,93 @@
+"""Exports every grasp of an evaluation, checks it, and replays it open loop with the object off, beside closed loop.
+
+    dexgrasp evaluate --agents bilevel --objects all20 --trials 10 --out runs/lift
+    python scripts/replay_exports.py runs/lift --out runs/replays.jsonl
+
+Each grasp is written as `export --format mjcf` does, read back by `check`, and played once in MuJoCo with the object
+3 mm off in a random direction and turned by 1 degree; its trial of the evaluation is the closed loop. Goes on where it
+stopped.
+"""
+
+import argparse
+import json
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from agents.evaluation.statistics import wilson_interval
+from agents.export.check import check_trajectory
+from agents.export.grasp_export import export_grasp
+from agents.export.read import read_trajectory
+from agents.export.replay import replay
+from agents.grasp.file import read_grasp
+from dexgrasp_env.errors import InputError
+
+
+def one(run: Path, row: dict[str, Any], seed: int) -> dict[str, Any]:
+    """Return what became of the grasp of one trial."""
+    found = {"grasp": row["grasp"], "object": row["object"], "closed": row["success"]}
+    record = read_grasp(run / row["grasp"])
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            export_grasp(record, Path(folder), "mjcf")
+        except InputError as error:
+            return found | {"error": str(error), "failed": [], "open": False}
+        recording = read_trajectory(Path(folder))
+        findings = check_trajectory(recording, record.mount)
+        played = replay(recording, Path(folder) / "scene.xml", np.random.default_rng([seed, row["trial"]]))
+    shares = {f.name: f.value for f in findings if "share" in f.name}
+    failed = [f.name for f in findings if not f.holds]
+    return found | {"failed": failed, "open": played.success, "height": played.height, "shares": shares}
+
+
+def summary(rows: list[dict[str, Any]]) -> str:
+    """Return the counts with Wilson's intervals."""
+    lines = []
+    for name, good in (
+        ("within all limits and free", [not row["failed"] and "error" not in row for row in rows]),
+        ("held, open loop, 3 mm and 1 deg off", [row["open"] for row in rows]),
+        ("held, closed loop", [row["closed"] for row in rows]),
+    ):
+        low, high = wilson_interval(sum(good), len(good))
+        lines.append(f"{name:<38} {sum(good)}/{len(good)} = {np.mean(good):.1%} [{low:.1%}, {high:.1%}]")
+    worst: dict[str, float] = {}
+    for row in rows:
+        for name, share in row.get("shares", {}).items():
+            worst[name] = max(worst.get(name, 0.0), share)
+    lines += [f"most of all: {name:<40} {share:.3f}" for name, share in worst.items()]
+    return "\n".join(lines)
+
+
+def main() -> int:
+    """Run; 1 if any export is outside its limits."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("run", type=Path, help="the --out of `dexgrasp evaluate`")
+    parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each grasp")
+    parser.add_argument("--agent", default="bilevel")
+    parser.add_argument("--seed", type=int, default=0, help="of the object's errors")
+    args = parser.parse_args()
+    trials = [
+        json.loads(line)
+        for line in (args.run / "trials.jsonl").read_text().splitlines()
+        if line.endswith("}")
+    ]
+    rows = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
+    done = {row["grasp"] for row in rows}
+    with args.out.open("a") as file:
+        for trial in trials:
+            if trial["agent"] == args.agent and trial.get("grasp") and trial["grasp"] not in done:
+                rows.append(one(args.run, trial, args.seed))
+                file.write(json.dumps(rows[-1]) + "\n")
+                file.flush()
+                print(f"{len(rows)} of {len(trials)}", file=sys.stderr)
+    print(summary(rows))
+    return int(any(row["failed"] or "error" in row for row in rows))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
