@@ -233,9 +233,7 @@ def test_a_finger_that_meets_nothing_stops_soon_after_the_surface(attempt):
         beyond = start[columns] + (1.0 + 0.016 / travel[finger]) * (end - start)[columns]
         limited = (beyond < LOWER[columns]) | (beyond > UPPER[columns])
         at = targets[stop][columns]
-        if (
-            limited.any()
-        ):  # a joint at its limit lags like one that touches: the finger stops there, and not before
+        if limited.any():  # what lies beyond a joint's range is not asked for
             at_limit = np.isclose(at, LOWER[columns], atol=1e-4) | np.isclose(at, UPPER[columns], atol=1e-4)
             assert at_limit[limited].all()
             assert moving[stop, finger] > 1.0

@@ -12,7 +12,6 @@ import pytest
 
 from agents.cli.dataset import describe
 from agents.cli.main import main
-from agents.kinematics.forward import finger_jacobians  # noqa: F401  (compiles once for all tests)
 from agents.learning.dataset import read_dataset
 from agents.learning.generate import Job, generate, make
 from agents.learning.info import check_sample, summary

@@ -93,6 +93,8 @@ class GuardedExecution:
         for finger, columns in enumerate(_COLUMNS):
             way = self._grasp[columns] - self._base[columns]
             self._targets[columns] = self._base[columns] + self._progress[finger] * way
+        # A joint cannot follow beyond its range, and what lags there has touched nothing.
+        self._targets = np.clip(self._targets, self._tree.lower, self._tree.upper)
         if not moving.any() or self._count >= _CLOSE_STEPS:
             self._settled += 1
             if self._settled > _SETTLE_STEPS:

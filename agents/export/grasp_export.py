@@ -9,7 +9,7 @@ from agents.export.formats import write_csv, write_json, write_ros2
 from agents.export.scene_folder import write_scene
 from agents.export.trajectory import Trajectory, Waypoints, make_trajectory
 from agents.grasp.record import GraspRecord
-from agents.kinematics.forward import body_frames, finger_jacobians
+from agents.kinematics.forward import body_frames, tip_jacobian
 from agents.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
@@ -108,8 +108,9 @@ def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
 
 
 def _torque(record: GraspRecord) -> Array:
-    """Joint torques (16,) Nm that press with the planned forces, J^T f."""
-    J = finger_jacobians(record.arrays["grasp"], robot_tree(record.mount))
+    """Joint torques (16,) Nm that press with the planned forces, J^T f at the contact points."""
+    tree = robot_tree(record.mount)
+    J = tip_jacobian(tree, body_frames(record.arrays["grasp"], tree), record.arrays["contacts"])[:, :, 7:]
     return np.asarray(np.einsum("frj,fr->j", J, record.arrays["forces"]))
 
 

@@ -12,6 +12,8 @@ from dexgrasp_env.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
+    from dexgrasp_env.perception.plane import Plane
+
 MAX_FACES = 120  # of the hull that is planned on
 ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
 MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
@@ -59,6 +61,23 @@ class GraspTarget:
         known = assumed_mass(hull) if mass is None else float(mass)
         middle = np.asarray(hull.center_mass if centre is None else centre, dtype=float)
         return cls(hull, distance, middle, known)
+
+
+def target_from_points(points: Array, plane: "Plane | None", mass: float | None = None) -> GraspTarget | None:
+    """Return the object that a cloud shows, or None where its points span no volume to speak of.
+
+    Args:
+        points: (N, 3) m, of the object alone, robot base frame.
+        plane: the table, on which it stands.
+        mass: kg; assumed if None.
+    """
+    from dexgrasp_env.perception.hull import cloud_hull
+
+    hull = cloud_hull(points, plane)
+    try:
+        return None if hull is None else GraspTarget.of(hull, mass=mass)
+    except InputError:
+        return None
 
 
 def assumed_mass(hull: "trimesh.Trimesh") -> float:

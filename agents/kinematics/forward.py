@@ -123,7 +123,7 @@ def tip_positions(tree: RobotTree, frames: Frames) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
-    """Return the linear Jacobians (3, 3, 23) of the tip centres: finger, coordinate, joint."""
+    """Return the linear Jacobians (3, 3, 23) of points (3, 3) m of the tips: finger, coordinate, joint."""
     J = np.zeros((3, 3, 23))
     direction = np.zeros(3)
     for i in range(3):
@@ -144,9 +144,3 @@ def body_frames(q: Array, tree: RobotTree) -> Frames:
 def fingertips(q: Array, tree: RobotTree) -> Array:
     """Return the tip sphere centres (3, 3) m of thumb, index, middle at `q` (23,) rad."""
     return tip_positions(tree, body_frames(q, tree))
-
-
-def finger_jacobians(q: Array, tree: RobotTree) -> Array:
-    """Return the linear Jacobians (3, 3, 16) of the tip centres by the hand's joints."""
-    frames = body_frames(q, tree)
-    return tip_jacobian(tree, frames, tip_positions(tree, frames))[:, :, 7:]

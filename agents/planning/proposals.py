@@ -88,6 +88,22 @@ class UniformProposals(ProposalSource):
         return Proposals(points[triples], normals[triples], np.full(len(triples), np.nan))
 
 
+class FirstProposals(ProposalSource):
+    """What the first of some sources proposes that has anything to propose."""
+
+    def __init__(self, *sources: ProposalSource) -> None:
+        """Prepare; at least one source, the preferred one first."""
+        self._sources = sources
+
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return the proposals of the first source that has any, else the last one's reason."""
+        for source in self._sources:
+            found = source.propose(target, settings, rng)
+            if len(found.contacts):
+                break
+        return found
+
+
 def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
     """Sample points (N, 3) m and outward normals (N, 3) that a fingertip can reach above the table.
 

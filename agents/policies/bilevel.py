@@ -1,6 +1,5 @@
 """Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel optimisation -> certified grasp -> actions."""
 
-import importlib.util
 import time
 from collections.abc import Mapping
 from typing import Any, ClassVar
@@ -10,9 +9,9 @@ from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
 from agents.execution.guarded import GuardedExecution
-from agents.grasp.target import GraspTarget
+from agents.grasp.target import GraspTarget, target_from_points
 from agents.planning.planner import Plan, Planner, warm_up
-from agents.planning.proposals import ProposalSource, SurfaceProposals
+from agents.planning.proposals import FirstProposals, ProposalSource, SurfaceProposals
 from agents.planning.settings import PlannerSettings
 from agents.policies.seen import points_of, start_of
 from dexgrasp_env.errors import InputError, unknown_name
@@ -37,8 +36,8 @@ class BilevelAgent(Agent):
         """Prepare the planner.
 
         Args:
-            proposals: `surface` (all triples of surface points), `cvae` (learned), `uniform`, or `auto`: `cvae`
-                where safetensors is installed to read its weights, else `surface`.
+            proposals: `surface` (all triples of surface points), `cvae` (learned), `uniform`, or `auto`: `cvae`, and
+                `surface` for objects of which the network finds no triple in closure.
             settings: thresholds and budgets of the planner.
             mount: of the hand.
             with_closure: see `Planner`.
@@ -103,43 +102,29 @@ def make_source(name: str) -> ProposalSource:
     Raises:
         InputError: for an unknown name, or for `cvae` without its weights.
     """
-    if name == "auto":
-        name = "cvae" if _installed("safetensors") else "surface"
     if name == "surface":
         return SurfaceProposals()
     if name == "uniform":
         from agents.planning.proposals import UniformProposals
 
         return UniformProposals()
-    if name == "cvae":
+    if name in ("cvae", "auto"):
         from agents.learning.cvae_source import CvaeProposals
 
-        return CvaeProposals()
+        learned = CvaeProposals()
+        return learned if name == "cvae" else FirstProposals(learned, SurfaceProposals())
     raise unknown_name("proposals", name, SOURCES)
-
-
-def _installed(package: str) -> bool:
-    try:
-        return importlib.util.find_spec(package) is not None
-    except ModuleNotFoundError:
-        return False
 
 
 def target_from_cloud(observation: Observation) -> tuple[GraspTarget | None, str | None]:
     """Return the object of a point-cloud observation, or the reason why there is none."""
-    from dexgrasp_env.perception.hull import cloud_hull
     from dexgrasp_env.perception.plane import Plane
 
     points = points_of(observation)
     if len(points) < 4:
         return None, NO_CLOUD
-    hull = cloud_hull(points, Plane.from_array(observation["table_plane"]))
-    if hull is None:
-        return None, NO_HULL
-    try:
-        return GraspTarget.of(hull), None
-    except InputError:
-        return None, NO_HULL
+    target = target_from_points(points, Plane.from_array(observation["table_plane"]))
+    return target, NO_HULL if target is None else None
 
 
 def _details(plan: Plan, hull_seconds: float) -> dict[str, Any]:

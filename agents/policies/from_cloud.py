@@ -9,7 +9,7 @@ import numpy as np
 
 from agents.grasp.file import grasp_json
 from agents.grasp.grasp import Grasp
-from agents.grasp.target import GraspTarget
+from agents.grasp.target import GraspTarget, target_from_points
 from agents.planning.plan import Plan
 from agents.planning.planner import Planner, warm_up
 from agents.planning.settings import PlannerSettings
@@ -17,7 +17,6 @@ from agents.policies.bilevel import NO_HULL, make_source
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.perception.hull import cloud_hull
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import SceneObject, find_object
 from dexgrasp_env.robot.limits import HOME
@@ -121,7 +120,7 @@ def plan_cloud(
     if seen.reason is not None:
         return CloudPlan(seen, seed, planner.settings)
     began = time.perf_counter()
-    target = _target(seen, mass)
+    target = target_from_points(seen.cloud.valid_points, seen.cloud.plane, mass)
     if target is None:
         return CloudPlan(seen, seed, planner.settings)
     return CloudPlan(
@@ -134,16 +133,6 @@ def default_planner(mount: str = "palm_normal", friction: float | None = None) -
     warm_up(mount)
     settings = PlannerSettings() if friction is None else PlannerSettings.for_friction(friction)
     return Planner(settings, make_source("auto"), mount)
-
-
-def _target(seen: SceneObject, mass: float | None) -> GraspTarget | None:
-    hull = cloud_hull(seen.cloud.valid_points, seen.cloud.plane)
-    if hull is None:
-        return None
-    try:
-        return GraspTarget.of(hull, mass=mass)
-    except InputError:  # points that span no volume to speak of
-        return None
 
 
 def _checked(name: str, value: Any, size: int) -> Array:
