@@ -1,9 +1,10 @@
 """The object as a planner knows it: a convex hull in the robot base frame, and assumptions about its mass."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from agents.geometry.convex import ConvexDistance
 from dexgrasp_env.arrays import Array
@@ -63,7 +64,9 @@ class GraspTarget:
         return cls(hull, distance, middle, known)
 
 
-def target_from_points(points: Array, plane: "Plane | None", mass: float | None = None) -> GraspTarget | None:
+def target_from_points(
+    points: NDArray[Any], plane: "Plane | None", mass: float | None = None
+) -> GraspTarget | None:
     """Return the object that a cloud shows, or None where its points span no volume to speak of.
 
     Args:
