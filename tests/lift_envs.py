@@ -1,0 +1,41 @@
+"""Lift environments and rollouts that several tests compare."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.rendering import choose_gl
+
+ID = "DexGrasp/Lift-v1"
+NEEDS_GL = {"rgbd"}
+
+
+def make(**kwargs):
+    return gym.make(ID, **{"objects": "sugar_box", **kwargs}, disable_env_checker=True)
+
+
+def skip_without_gl(obs_mode):
+    if obs_mode in NEEDS_GL and choose_gl() is None:
+        pytest.skip("no GL library here")
+
+
+def rollout(env, seed, steps=25, scale=0.5, options=None):
+    """Observations, rewards and the last state of random actions."""
+    rng = np.random.default_rng(seed)
+    observation, _ = env.reset(seed=seed, options=options)
+    seen, rewards = [observation], []
+    for _ in range(steps):
+        observation, reward, terminated, _, _ = env.step(rng.uniform(-scale, scale, env.action_space.shape))
+        seen.append(observation)
+        rewards.append(reward)
+        if terminated:
+            break
+    return seen, rewards, env.unwrapped.simulation.data.qpos.copy()
+
+
+def assert_same(first, second):
+    for a, b in zip(first[0], second[0], strict=True):
+        assert all(np.array_equal(a[key], b[key]) for key in a)
+    assert first[1] == second[1]
+    assert np.array_equal(first[2], second[2])

@@ -1,0 +1,145 @@
+"""The environment's page, Lift-v1's docstring, against the code; what bad input is told."""
+
+import re
+import warnings
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from lift_envs import make, skip_without_gl
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.control import ACTION_SIZE
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.observations import OBS_MODES
+from dexgrasp_env.tasks.rewards import WEIGHTS
+
+
+def table(heading):
+    """Rows of every table of a section of the class docstring."""
+    section = re.search(rf"## {heading}.*?(?=\n    ## |\Z)", LiftEnv.__doc__, re.S).group(0)
+    rows = [
+        [cell.strip() for cell in line.strip().strip("|").split("|")]
+        for line in section.splitlines()
+        if "|" in line
+    ]
+    return [row for row in rows if not set(row[0]) <= {"-", " "} or row[0] == ""]
+
+
+def test_page_lists_every_observation():
+    rows = [row for row in table("Observation Space") if row[0].startswith("`")]
+    for obs_mode in OBS_MODES:
+        skip_without_gl(obs_mode)
+        env = make(obs_mode=obs_mode)
+        listed = {
+            row[0].strip("`"): (row[1], row[2]) for row in rows if len(row) == 4 or f"`{obs_mode}`" in row[3]
+        }
+        actual = {key: (str(space.shape), str(space.dtype)) for key, space in env.observation_space.items()}
+        assert listed == actual
+        env.close()
+
+
+def test_page_lists_actions():
+    rows = [row for row in table("Action Space") if row[0].startswith("`")]
+    assert {row[0].strip("`"): int(row[1]) for row in rows} == ACTION_SIZE
+    for mode, size in ACTION_SIZE.items():
+        assert make(control_mode=mode).action_space.shape == (size,)
+
+
+def test_page_lists_rewards_and_arguments():
+    rows = [row for row in table("Rewards") if row[0].startswith("`")]
+    assert {row[0].strip("`"): float(row[1]) for row in rows} == WEIGHTS
+    rows = [row for row in table("Arguments") if row[0].startswith("`")]
+    import inspect
+
+    arguments = inspect.signature(LiftEnv.__init__).parameters
+    assert {row[0].strip("`"): row[1].strip("`") for row in rows} == {
+        name: repr(parameter.default) for name, parameter in arguments.items() if name != "self"
+    }
+
+
+@pytest.mark.parametrize(
+    ("kwargs", "word"),
+    [
+        ({"obs_mode": "pixels"}, "pointcloud"),
+        ({"control_mode": "torque"}, "ee_delta"),
+        ({"reward_mode": "shaped"}, "sparse"),
+        ({"mount": "sideways"}, "palm_normal"),
+        ({"friction": -1.0}, "friction"),
+        ({"friction": float("nan")}, "friction"),
+        ({"objects": "suger_box"}, "sugar_box"),
+        ({"objects": []}, "objects"),
+        ({"objects": "nowhere.stl"}, "nowhere.stl"),
+        ({"object_pose": {"z": (0, 1)}}, "yaw"),
+        ({"object_pose": {"x": (1, 0)}}, "low <= high"),
+        ({"object_pose": {"rest_pose": "best"}}, "likely"),
+        ({"randomisation": {"mass": (-1, 1)}}, "positive"),
+        ({"randomisation": {"colour": (0, 1)}}, "friction"),
+        ({"randomisation": {"latency": (0, 0.2)}}, "0.05"),
+        ({"mass": 0.0}, "mass"),
+        ({"presentation": "lying"}, "upright"),
+        ({"disturbance": "kicked"}, "pushed"),
+        ({"disturbance": {"kind": "pushed", "size": -1}}, "size"),
+        ({"disturbance": {"force": 1}}, "size"),
+        ({"views": 5}, "1 to 4"),
+        ({"views": ["front"]}, "front_left"),
+        ({"views": []}, "one or more"),
+        ({"calibration": {"position": float("nan")}}, "calibration"),
+        ({"calibration": {"yaw": 1}}, "rotation"),
+        ({"observe": "never"}, "reset"),
+        ({"sensor": "perfect"}, "realistic"),
+        ({"render_mode": "ascii"}, "rgb_array"),
+    ],
+)
+def test_wrong_arguments_are_named_in_one_line(kwargs, word):
+    with pytest.raises(InputError) as caught:
+        LiftEnv(**{"objects": "sugar_box", **kwargs})
+    assert word in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_actions_and_options():
+    env = make().unwrapped
+    with pytest.raises(InputError, match="reset"):
+        env.step(np.zeros(23))
+    env.reset(seed=0)
+    with pytest.raises(InputError, match="shape"):
+        env.step(np.zeros(22))
+    with pytest.raises(InputError, match="NaN"):
+        env.step(np.full(23, np.nan))
+    for options in ({"colour": 1}, {"object": "soda"}, {"object_pose": [0, 0, 1]}, {"object_pose": [0] * 7}):
+        with pytest.raises(InputError):
+            env.reset(options=options)
+
+
+@pytest.mark.parametrize(
+    ("position", "word"),
+    [
+        ((0.5, 0.0, 0.01), "into the table"),
+        ((3.0, 0.0, 0.05), "over the table"),
+        ((0.5, 0.0, -1.0), "into the table"),
+        ((0.85, 0.4, 0.05), "reach"),
+        ((1e300, 0.0, 0.05), "finite"),
+        ((np.nan, 0.0, 0.05), "finite"),
+        ((0.5, 0.0, 0.5), "in the way"),
+        (("a", 0.0, 0.05), "7 finite numbers"),
+    ],
+)
+def test_impossible_poses_are_refused(position, word):
+    env = make().unwrapped
+    if word == "in the way":
+        env.reset(seed=0)
+        position = env.data.site("palm").xpos.copy()
+    with pytest.raises(InputError, match=word) as caught:
+        env.reset(options={"object_pose": [*position, 1, 0, 0, 0]})
+    assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="reset"):
+        env.step(np.zeros(23))
+
+
+def test_v0_says_what_follows_it():
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        with pytest.raises(gym.error.DeprecatedEnv, match="Lift-v1"):
+            gym.make("DexGrasp/Lift-v0")

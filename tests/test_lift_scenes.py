@@ -1,0 +1,198 @@
+"""Lift-v1's scenes: what reset and info say, what makes them hard, what is drawn at random."""
+
+import copy
+import importlib.util
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from lift_envs import make
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.scene.build import build_scene
+from dexgrasp_env.tasks.control import MAX_STEP
+from dexgrasp_env.tasks.randomisation import Variation, apply_variation
+from dexgrasp_env.tasks.rewards import WEIGHTS
+from dexgrasp_env.tasks.simulation import Simulation
+
+
+def test_reset_is_true_from_the_first_moment():
+    env = make()
+    pose = [0.5, 0.0, 0.3, 1, 0, 0, 0]
+    observation, info = env.reset(seed=0, options={"object_pose": pose})
+    vertices = env.unwrapped.simulation.hull
+    lowest = (vertices @ env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]).min()
+    assert info["object_height"] == pytest.approx(env.unwrapped.data.qpos[25] + lowest, abs=1e-12)
+    assert observation["progress"][0] == pytest.approx(info["object_height"], abs=1e-6)
+    assert set(info["reward_terms"]) == set(WEIGHTS)
+    assert info["reward_terms"]["reach"] > 0
+    np.testing.assert_allclose(observation["palm_pose"][:3], env.unwrapped.data.site("palm").xpos, atol=1e-6)
+
+
+def test_info_has_one_type_each():
+    env = make(obs_mode="pointcloud", observe="reset")
+    _, first = env.reset(seed=0)
+    _, _, _, _, later = env.step(np.zeros(23))
+    assert {k: type(v) for k, v in first.items()} == {k: type(v) for k, v in later.items()}
+    assert not any(value is None or isinstance(value, list) for value in first.values())
+
+
+@pytest.mark.parametrize("mode", ["state", "pointcloud", "depth"])
+def test_observations_stay_in_their_space(mode):
+    env = make(obs_mode=mode, views=["front_left", "side_right"] if mode == "depth" else 4)
+    observation, _ = env.reset(seed=2)
+    rng = np.random.default_rng(0)
+    for _ in range(3):
+        assert env.observation_space.contains(observation)
+        observation, *_ = env.step(rng.uniform(-1, 1, 23))
+
+
+def test_randomised_values_are_told():
+    ranges = {
+        "mass": (1.5, 2),
+        "friction": (0.3, 0.5),
+        "gain": (0.8, 0.9),
+        "latency": (0.01, 0.04),
+        "joint_noise": (0.01, 0.02),
+    }
+    env = make(randomisation=ranges, mass=2.0)
+    observation, info = env.reset(seed=0)
+    told = info["variation"]
+    assert 3.0 <= told["mass"] <= 4.0
+    for name in ("friction", "gain", "latency", "joint_noise"):
+        assert ranges[name][0] <= told[name] <= ranges[name][1]
+    np.testing.assert_allclose(observation["variation"], list(told.values()), rtol=1e-6)
+    model = env.unwrapped.model
+    assert model.actuator_gainprm[0, 0] == pytest.approx(4500 * told["gain"])
+    noise = observation["joint_positions"] - env.unwrapped.data.qpos[:23]
+    assert 0.2 * told["joint_noise"] < noise.std() < 3 * told["joint_noise"]
+
+
+def test_commands_come_late():
+    late, prompt = make(randomisation={"latency": (0.02, 0.02)}).unwrapped, make().unwrapped
+    commands = []
+    for env in (late, prompt):
+        env.reset(seed=0)
+        action = np.zeros(23)
+        action[7] = 0.2
+        rows = [env._episodes.set_points(slice(0, 1), action[None])[0][0].copy() for _ in range(3)]
+        commands.append(np.concatenate(rows)[:, 7])
+    np.testing.assert_allclose(commands[0][10:], commands[1][:-10], atol=1e-12)
+    np.testing.assert_allclose(commands[0][:10], HOME[7], atol=1e-12)
+    np.testing.assert_allclose(np.diff(commands[1]), 0.2 * MAX_STEP[7] / 25, atol=1e-12)
+
+
+def test_upright_stands_as_built():
+    env = make(objects=["chips", "massage_ball", "sandwich_side"], presentation="upright")
+    for name, up in (("chips", 1.0), ("sandwich_side", 0.0)):
+        env.reset(seed=0, options={"object": name})
+        assert env.unwrapped.data.body("object").xmat[8] == pytest.approx(up, abs=0.02)
+    env.reset(seed=0, options={"object": "massage_ball"})
+
+
+def test_one_view_is_drawn_by_the_seed():
+    env = make(obs_mode="depth", views=1, sensor="none")
+    chosen = []
+    for seed in range(6):
+        observation, info = env.reset(seed=seed)
+        assert observation["depth"].shape == (1, 120, 160)
+        chosen.append(tuple(info["perception_T_world_camera"][0, :3, 3]))
+        assert np.array_equal(env.reset(seed=seed)[0]["depth"], observation["depth"])
+    assert len(set(chosen)) > 1
+
+
+def test_calibration_error_is_one_rigid_motion():
+    errors = []
+    for seed in range(2):
+        believed, true = (
+            make(obs_mode="depth", sensor="none", calibration=error).reset(seed=seed)[1][
+                "perception_T_world_camera"
+            ]
+            for error in ({"position": 0.01, "rotation": 0.035}, None)
+        )
+        each = believed @ np.linalg.inv(true)
+        np.testing.assert_allclose(each, each[:1].repeat(4, 0), atol=1e-12)
+        assert np.arccos((np.trace(each[0, :3, :3]) - 1) / 2) == pytest.approx(0.035)
+        assert np.linalg.norm((each[0] @ [0.5, 0, 0, 1])[:3] - [0.5, 0, 0]) == pytest.approx(0.01)
+        errors.append(each[0])
+    assert not np.allclose(*errors)
+
+
+def test_options_place_the_object():
+    env = make(objects=["sugar_box", "gelatin_box"])
+    pose = [0.5, 0.1, 0.05, 1, 0, 0, 0]
+    observation, info = env.reset(seed=0, options={"object": "gelatin_box", "object_pose": pose})
+    assert info["object"] == "gelatin_box"
+    np.testing.assert_allclose(observation["object_pose"][:2], [0.5, 0.1], atol=2e-3)
+
+
+@pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "massage_ball", "castle"])
+def test_randomised_model_equals_a_freshly_compiled_one(name):
+    variation = Variation(mass=1.3, friction=0.45, size=1.15)
+    model = load_object(name)
+    base = build_scene(model)
+    written = copy.copy(base)
+    apply_variation(written, base, variation)
+    larger = model.scaled(variation.size)
+    fresh = build_scene(
+        larger.with_mass(model.mass * variation.size**3 * variation.mass), friction=variation.friction
+    )
+    names = (
+        "body_mass", "body_inertia", "body_ipos", "geom_size", "geom_pos", "geom_quat", "geom_friction",
+        "geom_rbound", "geom_aabb", "pair_friction", "dof_invweight0", "body_invweight0", "body_subtreemass",
+        "mesh_vert", "mesh_pos",
+    )  # fmt: skip
+    for field in names:
+        a, b = getattr(written, field), getattr(fresh, field)
+        np.testing.assert_allclose(a, b, rtol=2e-4, atol=2e-6, err_msg=field)
+
+
+def test_randomised_episode_reports_its_object():
+    env = make(randomisation={"mass": (1.5, 1.5), "size": (1.2, 1.2)})
+    observation, _ = env.reset(seed=0)
+    model: ObjectModel = load_object("sugar_box")
+    np.testing.assert_allclose(observation["object_size"], model.extents * 1.2, rtol=1e-5)
+    assert observation["object_mass"][0] == pytest.approx(model.mass * 1.5 * 1.2**3, rel=1e-5)
+
+
+def test_model_is_compiled_once_and_never_written_to():
+    env, other = make().unwrapped, make(randomisation={"size": (1.2, 1.2)}).unwrapped
+    other.reset(seed=0)
+    assert env.simulation.base is other.simulation.base
+    fresh: Simulation = env.simulation
+    np.testing.assert_array_equal(fresh.base.geom_size, build_like(fresh).geom_size)
+
+
+def build_like(simulation):
+    from dexgrasp_env.sensing.cameras import default_cameras
+
+    return build_scene(simulation.object, cameras=default_cameras())
+
+
+def test_drawn_places_stay_in_their_ranges():
+    env = make(object_pose={"x": (0.45, 0.5), "y": (-0.05, 0.0), "yaw": (0.2, 0.2), "rest_pose": "likely"})
+    for seed in range(4):
+        observation, info = env.reset(seed=seed)
+        x, y, _ = observation["object_pose"][:3]
+        assert 0.44 < x < 0.51
+        assert -0.06 < y < 0.01
+        assert abs(info["object_height"]) < 2e-3
+
+
+def test_short_soak():
+    """`scripts/soak.py` is the long one."""
+    path = Path(__file__).parents[1] / "scripts" / "soak.py"
+    if not path.is_file():
+        pytest.skip("not in a checkout")
+    spec = importlib.util.spec_from_file_location("soak", path)
+    soak = importlib.util.module_from_spec(spec)
+    sys.modules["soak"] = soak
+    spec.loader.exec_module(soak)
+    found = soak.run(900, ["sugar_box", "massage_ball", "tetrahedron"], episode=30)
+    assert found.steps == 900
+    assert found.is_clean, found
+    assert found.endings["dropped"] or found.endings["object_lost"]
