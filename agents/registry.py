@@ -15,6 +15,8 @@ AGENTS: dict[str, str] = {
     "cvae": "agents.policies.ablations:CvaeAgent",
     "cvae_kinematics": "agents.policies.ablations:CvaeKinematicsAgent",
     "bilevel": "agents.policies.bilevel:BilevelAgent",
+    "bc": "agents.policies.learned:BcAgent",
+    "bc_cloud": "agents.policies.learned:BcCloudAgent",
 }
 """Name -> module and class; imported when asked for, some need torch."""
 

@@ -1,8 +1,10 @@
 """Cloned policies: what they look at, resuming to the same bits, numpy as torch, agents by their path."""
 
+import importlib.util
 import json
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -166,3 +168,17 @@ def test_damaged_policies_are_refused(demos, tmp_path):
 def test_a_policy_acts_without_torch():
     code = "import sys, agents, agents.policies.learned; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
+
+
+def test_the_script_records_clones_and_scores(tmp_path, capsys):
+    path = Path(__file__).parents[1] / "scripts" / "clone_the_planner.py"
+    assert len(path.read_text().splitlines()) < 60
+    spec = importlib.util.spec_from_file_location("clone_the_planner", path)
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    words = (
+        "--objects sugar_box --episodes 2 --epochs 1 --test sugar_box --trials 1 --beside hardcoded bilevel"
+    )
+    rates = script.main([*words.split(), "--agent", "hardcoded", "--out", str(tmp_path / "out")])
+    assert list(rates) == [str(tmp_path / "out" / "policy"), "hardcoded", "bilevel"]
+    assert "demonstrations" in capsys.readouterr().out
