@@ -182,3 +182,13 @@ def test_the_script_records_clones_and_scores(tmp_path, capsys):
     rates = script.main([*words.split(), "--agent", "hardcoded", "--out", str(tmp_path / "out")])
     assert list(rates) == [str(tmp_path / "out" / "policy"), "hardcoded", "bilevel"]
     assert "demonstrations" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("name", ["bc", "bc_cloud"])
+def test_the_shipped_policies_lift(name):
+    evaluation = EvaluationSettings.of([name], ["mustard_bottle"], trials=3, seed=5)
+    runner = TrialRunner(evaluation)
+    rows = [runner.run(spec)[0] for spec in plan_trials(evaluation)]
+    runner.close()
+    assert sum(row["success"] for row in rows) >= 2
+    assert not any(row["error"] for row in rows)
