@@ -92,23 +92,27 @@ def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60, pro
 def run_vector(
     steps: int, objects: list[str], number: int, *, seed: int = 0, episode: int = 60, progress: bool = False
 ) -> Soak:
-    """Step the native vector environments of every preset and control mode in turns, over all objects."""
+    """Step the native vector environments of every id, control and observation mode in turns, over all objects."""
     rng, soak = np.random.default_rng(seed), Soak()
-    presets = sorted(name for name in gym.registry if name.startswith("DexGrasp/Lift"))
-    kinds = [(name, mode) for mode in MODES for name in presets]
+    ids = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
+    kinds = [(name, mode, {}) for mode in MODES for name in ids]
+    kinds += [("DexGrasp/Lift-v1", MODES[0], {"obs_mode": mode}) for mode in ("depth", "pointcloud")]
     turn = 0
     while soak.steps < steps:
-        name, mode = kinds[turn % len(kinds)]
+        name, mode, more = kinds[turn % len(kinds)]
         turn += 1
         envs = gym.make_vec(
             name, num_envs=number, objects=objects, control_mode=mode, max_episode_steps=episode,
-            randomisation=VECTOR_RANDOMISATION, **({"observe": "reset"} if "View" in name else {}),
+            randomisation=VECTOR_RANDOMISATION, **({"observe": "reset"} if more or "View" in name else {}), **more,
         )  # fmt: skip
         _vector_episodes(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
         envs.close()
         soak.memory_mb.append(memory_mb())
         if progress:
-            print(f"{soak.steps} steps, {name} {mode}, {soak.memory_mb[-1]:.0f} MB", file=sys.stderr)
+            print(
+                f"{soak.steps} steps, {name} {mode} {more or ''}, {soak.memory_mb[-1]:.0f} MB",
+                file=sys.stderr,
+            )
     return soak
 
 
