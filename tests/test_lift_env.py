@@ -71,6 +71,20 @@ def test_registrations_know_how_long_disturbances_take():
         gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
 
 
+def test_a_limit_too_short_for_the_disturbance_is_warned_of():
+    for disturbance, steps in (("pushed", 380), ("shaken", 340)):
+        kwargs = {"objects": "sugar_box", "disturbance": disturbance}
+        with pytest.warns(UserWarning, match=f"max_episode_steps={steps}"):
+            gym.make("DexGrasp/Lift-v1", **kwargs).reset(seed=0)
+        with pytest.warns(UserWarning, match=f"max_episode_steps={steps}"):
+            gym.make_vec("DexGrasp/Lift-v1", num_envs=1, **kwargs).close()
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            gym.make("DexGrasp/Lift-v1", max_episode_steps=steps, disable_env_checker=True, **kwargs).reset(
+                seed=0
+            )
+
+
 def test_renders():
     if choose_gl() is None:
         pytest.skip("no GL library here")

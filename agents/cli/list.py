@@ -77,13 +77,23 @@ def list_envs() -> list[dict[str, Any]]:
     from dexgrasp_env.tasks.rewards import REWARD_MODES
 
     choices = {
-        "obs_mode": list(OBS_MODES),
         "control_mode": list(CONTROL_MODES),
         "reward_mode": list(REWARD_MODES),
         "mount": list(MOUNTS),
     }
-    ids = sorted(id for id in gym.registry if id.startswith("DexGrasp/"))
-    return [{"id": id, "max_episode_steps": gym.registry[id].max_episode_steps, **choices} for id in ids]
+    specs = {id: spec for id, spec in sorted(gym.registry.items()) if id.startswith("DexGrasp/")}
+    return [
+        {
+            "id": id,
+            "max_episode_steps": spec.max_episode_steps,
+            "preset": dict(spec.kwargs),
+            "obs_mode": [
+                mode for mode in OBS_MODES if mode == "state" or not id.startswith("DexGrasp/Place")
+            ],
+            **choices,
+        }
+        for id, spec in specs.items()
+    ]
 
 
 def list_agents() -> list[dict[str, Any]]:

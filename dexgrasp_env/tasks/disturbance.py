@@ -3,6 +3,7 @@
 They begin once the object has been held for 1 s, while the agent acts on.
 """
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 
 KINDS = ("none", "pushed", "shaken")
 PUSH_STEPS = 10  # control steps of one push, 0.5 s
@@ -35,6 +37,18 @@ class Disturbance:
     def steps(self) -> int:
         """How long it lasts, control steps."""
         return STEPS[self.kind]
+
+    def warn_of_limit(self, limit: int | None) -> None:
+        """Warn where the usual time limit, which a wrapper around the environment keeps, leaves the disturbance no time.
+
+        Args:
+            limit: of an episode, control steps.
+        """
+        if self.steps and limit == MAX_EPISODE_STEPS:
+            longer = f"max_episode_steps={MAX_EPISODE_STEPS + self.steps}"
+            warnings.warn(
+                f"{self.kind!r} takes {self.steps} steps of the {limit}: pass {longer}", stacklevel=3
+            )
 
     @classmethod
     def of(cls, value: "Disturbance | Mapping[str, Any] | str | None") -> "Disturbance":

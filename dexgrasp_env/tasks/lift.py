@@ -114,7 +114,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     (`simulation_diverged`, with reward 0). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay
     up. A `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end
     with the object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by
-    which the time limit should grow: `LiftPushed-v1` has 380, elsewhere pass `max_episode_steps`.
+    which the time limit should grow: `LiftPushed-v1` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a
+    warning says what.
 
     ## States
 
@@ -255,6 +256,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
             InputError: for an unknown option or object, or a pose that cannot be.
         """
         super().reset(seed=seed)
+        if not self._episodes.slots[0].target and self.spec is not None:  # the first: now the limit is known
+            self.settings.disturbance.warn_of_limit(self.spec.max_episode_steps)
         self._over = True  # options may be refused
         self._simulation = self._episodes.begin(0, self.np_random, options)
         observation = self._conclude(0)

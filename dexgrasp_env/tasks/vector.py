@@ -66,6 +66,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         self._mode, self._limit = _autoreset(autoreset_mode), max_episode_steps
         self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
         self.settings, self._views = make_settings(**given)
+        self.settings.disturbance.warn_of_limit(max_episode_steps)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else _check_count("threads", threads)
