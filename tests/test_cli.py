@@ -140,7 +140,10 @@ def test_list(what, capsys):
 def test_module_is_the_same_command():
     done = run("list", "envs", "--json", module="dexgrasp_env")
     assert done.returncode == OK, done.stderr
-    assert json.loads(done.stdout)["envs"][0]["id"] == "DexGrasp/Lift-v1"
+    envs = {env["id"]: env for env in json.loads(done.stdout)["envs"]}
+    assert envs["DexGrasp/Lift-v1"]["obs_mode"] == ["state", "pointcloud", "depth", "rgbd"]
+    assert envs["DexGrasp/Place-v1"]["obs_mode"] == ["state"]
+    assert envs["DexGrasp/LiftSlippery-v1"]["preset"] == {"friction": 0.35}
     assert run("list", "nothing", module="dexgrasp_env").returncode == BAD_INPUT
 
 

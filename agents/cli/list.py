@@ -69,11 +69,11 @@ def list_objects() -> list[dict[str, Any]]:
 def list_envs() -> list[dict[str, Any]]:
     """Return the registered environments with the choices of their arguments."""
     import gymnasium as gym
+    from gymnasium.envs.registration import load_env_creator
 
     import dexgrasp_env  # noqa: F401  (registers the environments)
     from dexgrasp_env.robot.mounts import MOUNTS
     from dexgrasp_env.tasks.control import CONTROL_MODES
-    from dexgrasp_env.tasks.observations import OBS_MODES
     from dexgrasp_env.tasks.rewards import REWARD_MODES
 
     choices = {
@@ -87,9 +87,7 @@ def list_envs() -> list[dict[str, Any]]:
             "id": id,
             "max_episode_steps": spec.max_episode_steps,
             "preset": dict(spec.kwargs),
-            "obs_mode": [
-                mode for mode in OBS_MODES if mode == "state" or not id.startswith("DexGrasp/Place")
-            ],
+            "obs_mode": list(load_env_creator(spec.entry_point).obs_modes),
             **choices,
         }
         for id, spec in specs.items()
@@ -143,6 +141,8 @@ def _describe(spec: str) -> dict[str, Any]:
 def _words(value: Any) -> str:
     if isinstance(value, list):
         return (" x " if value and isinstance(value[0], int) else ", ").join(map(str, value))
+    if isinstance(value, dict):
+        return ", ".join(f"{key}={part}" for key, part in value.items()) or "-"
     if isinstance(value, bool):
         return "yes" if value else "no"
     return "-" if value is None else str(value)

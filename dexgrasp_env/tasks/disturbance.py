@@ -39,7 +39,7 @@ class Disturbance:
         return STEPS[self.kind]
 
     def warn_of_limit(self, limit: int | None) -> None:
-        """Warn where the usual time limit, which a wrapper around the environment keeps, leaves the disturbance no time.
+        """Warn where the usual time limit, which a wrapper keeps, leaves no time for the disturbance.
 
         Args:
             limit: of an episode, control steps.

@@ -15,6 +15,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ACTION_SIZE
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState
+from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
@@ -168,6 +169,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     """
 
     episodes_type = Episodes
+    obs_modes: tuple[str, ...] = OBS_MODES
     metadata = {  # noqa: RUF012  (as Gymnasium has it)
         "render_modes": ["human", "rgb_array", "depth_array"],
         "render_fps": round(1 / CONTROL_PERIOD),

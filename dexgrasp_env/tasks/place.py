@@ -125,6 +125,7 @@ class PlaceEnv(LiftEnv):
     """
 
     episodes_type = PlaceEpisodes
+    obs_modes = ("state",)
 
     def __init__(
         self, objects: str | Sequence[str] = "ycb6", reward_mode: str = "sparse", **kwargs: Any
