@@ -69,7 +69,6 @@ def list_objects() -> list[dict[str, Any]]:
 def list_envs() -> list[dict[str, Any]]:
     """Return the registered environments with the choices of their arguments."""
     import gymnasium as gym
-    from gymnasium.envs.registration import load_env_creator
 
     import dexgrasp_env  # noqa: F401  (registers the environments)
     from dexgrasp_env.robot.mounts import MOUNTS
@@ -87,11 +86,17 @@ def list_envs() -> list[dict[str, Any]]:
             "id": id,
             "max_episode_steps": spec.max_episode_steps,
             "preset": dict(spec.kwargs),
-            "obs_mode": list(load_env_creator(spec.entry_point).obs_modes),
+            "obs_mode": list(_env_type(spec.entry_point).obs_modes),
             **choices,
         }
         for id, spec in specs.items()
     ]
+
+
+def _env_type(entry_point: Any) -> Any:
+    from gymnasium.envs.registration import load_env_creator
+
+    return load_env_creator(entry_point)
 
 
 def list_agents() -> list[dict[str, Any]]:
