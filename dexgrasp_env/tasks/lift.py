@@ -258,8 +258,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
             InputError: for an unknown option or object, or a pose that cannot be.
         """
         super().reset(seed=seed)
-        if not self._episodes.slots[0].target and self.spec is not None:  # the first: now the limit is known
-            self.settings.disturbance.warn_of_limit(self.spec.max_episode_steps)
+        # The limit is a wrapper's: where the last episode ended shows it.
+        self.settings.disturbance.warn_of_limit(int(self._episodes.records["elapsed"][0]))
         self._over = True  # options may be refused
         self._simulation = self._episodes.begin(0, self.np_random, options)
         observation = self._conclude(0)
