@@ -46,7 +46,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Plan, print, and write what was asked for."""
     from agents.cli.output import make_folder, note, print_json, say_when_compiling
-    from agents.evaluation.attempt import plan_target
     from dexgrasp_env.errors import InputError
     from dexgrasp_env.files import jsonable
 
@@ -60,6 +59,8 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         make_folder(args.out)
     say_when_compiling()
+    from agents.evaluation.attempt import plan_target  # mistakes are told before this, which takes a second
+
     attempt = plan_target(args.target, args.agent, args.seed, **scene_settings(args))
     result = attempt.as_json()
     if args.out is not None and result["success"]:

@@ -17,7 +17,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.robot.limits import HOME
 
-_VERSION = 4
+_VERSION = 5
 _SAMPLES = 400_000
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept
@@ -47,11 +47,15 @@ def hand_atlas(seed: int = 0) -> HandAtlas:
     """Return the atlas, sampled with `seed` and kept in the cache."""
     tree = robot_tree()
     key = content_hash(_VERSION, _SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
-    joints = cached_arrays(
-        f"hand_atlas_{key}.npz", {"joints": (None, 16)}, lambda: {"joints": _sample(tree, seed)}
-    )["joints"]
+    layout = {"joints": (None, 16)} | dict.fromkeys(("tips", "axes", "pads"), (None, 3, 3))
+    found = cached_arrays(f"hand_atlas_{key}.npz", layout, lambda: _made(tree, seed))
+    return HandAtlas(**found, search=KDTree(triangle_sides(found["tips"])))
+
+
+def _made(tree: RobotTree, seed: int) -> dict[str, Array]:
+    joints = _sample(tree, seed)
     tips, axes, pads = _tip_frames(_whole(joints), tree)
-    return HandAtlas(joints, tips, axes, pads, KDTree(triangle_sides(tips)))
+    return {"joints": joints, "tips": tips, "axes": axes, "pads": pads}
 
 
 def triangle_sides(corners: Array) -> Array:

@@ -1,7 +1,6 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
 from collections.abc import Iterator
-from functools import lru_cache
 from itertools import islice
 from typing import NamedTuple
 
@@ -169,12 +168,23 @@ class Planner:
         return over
 
 
-@lru_cache(maxsize=8)
-def warm_up(mount: str = "palm_normal") -> None:
-    """Load compiled code and atlas by planning for a small box, once a process: planning times are then times."""
+_WARM: set[tuple[str, type]] = set()  # mounts and kinds of source that this process has planned with
+
+
+def warm_up(mount: str = "palm_normal", source: ProposalSource | None = None) -> None:
+    """Load compiled code and atlas by planning for a small box, once a process: planning times are then times.
+
+    Args:
+        mount: of the hand.
+        source: of the proposals, for what it needs to be loaded; all triples of the surface by default.
+    """
+    key = mount, type(source)
+    if key in _WARM:
+        return
+    _WARM.add(key)
     import trimesh
 
     box = trimesh.creation.box(
         (0.05, 0.07, 0.06), transform=trimesh.transformations.translation_matrix((0.5, 0.0, 0.03))
     )
-    Planner(mount=mount).plan(GraspTarget.of(box), 0, np.array(HOME))
+    Planner(source=source, mount=mount).plan(GraspTarget.of(box), 0, np.array(HOME))

@@ -53,7 +53,7 @@ class BilevelAgent(Agent):
         self._execution: GuardedExecution | None = None
 
     def _make(self, mount: str) -> Planner:
-        warm_up(mount)
+        warm_up(mount, self._source)
         return Planner(
             self.settings, self._source, mount, starts=self._starts, with_closure=self._with_closure
         )

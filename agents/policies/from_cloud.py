@@ -130,9 +130,10 @@ def plan_cloud(
 
 def default_planner(mount: str = "palm_normal", friction: float | None = None) -> Planner:
     """Return the planner of agent `bilevel`, its compiled code loaded; for surfaces of some friction, if given."""
-    warm_up(mount)
+    source = make_source("auto")
+    warm_up(mount, source)
     settings = PlannerSettings() if friction is None else PlannerSettings.for_friction(friction)
-    return Planner(settings, make_source("auto"), mount)
+    return Planner(settings, source, mount)
 
 
 def _checked(name: str, value: Any, size: int) -> Array:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.parts import MAX_VERTICES, ContactPart, hull_part
+
+if TYPE_CHECKING:
+    import trimesh
 
 _SIDES = 40
 _TOLERANCE = 5e-4
@@ -62,6 +65,8 @@ class Section:
 
 def loft_mesh(sections: Sequence[Section], sides: int = _SIDES) -> trimesh.Trimesh:
     """Return the watertight skin over `sections`, given from the lowest to the highest."""
+    import trimesh
+
     rings = np.concatenate([section.ring(sides) for section in sections])
     vertices = np.concatenate([rings, [[0, 0, sections[0].z], [0, 0, sections[-1].z]]])
     faces = []

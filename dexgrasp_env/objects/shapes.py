@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-import trimesh
 
 from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.errors import InputError
@@ -17,6 +16,7 @@ from dexgrasp_env.poses import matrix_to_quat
 
 if TYPE_CHECKING:
     import manifold3d
+    import trimesh
 
 _FACES = 1800
 
@@ -45,6 +45,8 @@ def to_manifold(mesh: trimesh.Trimesh) -> manifold3d.Manifold:
 
 def from_manifold(solid: manifold3d.Manifold) -> trimesh.Trimesh:
     """Return the surface of a solid as a triangle mesh."""
+    import trimesh
+
     data = solid.to_mesh64()
     mesh = trimesh.Trimesh(
         np.array(data.vert_properties)[:, :3], np.array(data.tri_verts, dtype=np.int64), process=False
@@ -75,6 +77,8 @@ def revolve(profile: Sequence[tuple[float, float]]) -> Shape:
 
 def box(size: Sequence[float]) -> Shape:
     """A box with sides `size` (3,)."""
+    import trimesh
+
     half = np.asarray(size, dtype=float) / 2
     mesh = trimesh.creation.box(2 * half)
     mesh.apply_translation([0, 0, half[2]])
@@ -96,6 +100,8 @@ def cylinder(diameter: float, height: float) -> Shape:
 
 def polyhedron(vertices: Sequence[Sequence[float]]) -> Shape:
     """The convex hull of `vertices` (n, 3)."""
+    import trimesh
+
     points = np.asarray(vertices, dtype=float)
     return Shape(refined(trimesh.Trimesh(points, process=False).convex_hull), (hull_part(points),))
 
@@ -124,6 +130,8 @@ def tetrahedron(edge: float) -> Shape:
 
 def spiked_ball(diameter: float, spike: float, radius: float, count: int) -> Shape:
     """A ball with `count` round-ended rigid spikes, `spike` long and of `radius`; contact is exact."""
+    import trimesh
+
     ball = diameter / 2
     centre = np.array([0.0, 0.0, ball + spike])
     half = (ball / 2 + spike - radius) / 2
@@ -147,6 +155,8 @@ def brick_tower(side: float, height: float, bricks: int, stud: float, seam: floa
 
     The seams are in the surface only: contact is one box and four cylinders.
     """
+    import trimesh
+
     body = height - stud
     layer = body / bricks
     solids = [_block(side - 2 * seam, 0.0, body)]
@@ -168,11 +178,15 @@ def brick_tower(side: float, height: float, bricks: int, stud: float, seam: floa
 
 
 def _block(side: float, low: float, high: float) -> trimesh.Trimesh:
+    import trimesh
+
     return trimesh.creation.box((side, side, high - low)).apply_translation([0, 0, (low + high) / 2])
 
 
 def _spike_directions(count: int) -> Array:
     """Corners (12) or corners and face centres (32) of an icosahedron; else an even spread."""
+    import trimesh
+
     if count not in (12, 32):
         return fibonacci_directions(count)
     ico = trimesh.creation.icosahedron()
