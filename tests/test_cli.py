@@ -245,3 +245,16 @@ def test_benchmark_tables():
     text = render({"speed": [{"shape": "box", "rate": 2.5}, {"shape": "can", "rate": 3.5}]})
     assert "speed box" in text
     assert "{" not in text
+
+
+@pytest.mark.parametrize(
+    ("terminal", "no_colour", "text"),
+    [(True, "", "\x1b[31mFAIL\x1b[0m"), (True, "1", "FAIL"), (False, "", "FAIL")],
+)
+def test_colours_are_for_terminals_alone(terminal, no_colour, text, monkeypatch):
+    from agents.cli.output import mark
+
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal, raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setenv("NO_COLOR", no_colour)
+    assert mark(False) == text

@@ -34,7 +34,7 @@ def run(args: argparse.Namespace) -> int:
     """Check, replay if asked for, print."""
     from dataclasses import asdict
 
-    from agents.cli.output import print_json
+    from agents.cli.output import coloured, mark, print_json
     from agents.export.check import check_trajectory
     from agents.export.read import read_trajectory
 
@@ -48,8 +48,8 @@ def run(args: argparse.Namespace) -> int:
     else:
         width = max(len(finding.name) for finding in findings)
         for f in findings:
-            print(f"{'ok  ' if f.holds else 'FAIL'}  {f.name:<{width}}  {f.value:12.3e}   {f.bound}")
-        print("every check holds" if good else "NOT fit to run")
+            print(f"{mark(f.holds)}  {f.name:<{width}}  {f.value:12.3e}   {f.bound}")
+        print(coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad"))
         if held:
             print(f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off")
     return 0 if good else 1

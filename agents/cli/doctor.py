@@ -32,7 +32,7 @@ def run(args: argparse.Namespace) -> int:
     from dataclasses import asdict
 
     from agents.cli import checks
-    from agents.cli.output import note, print_json
+    from agents.cli.output import coloured, note, print_json
 
     for mesh in args.meshes:
         if not mesh.is_file():
@@ -50,11 +50,12 @@ def run(args: argparse.Namespace) -> int:
         print_json({"schema": 1, "ok": not wrong, "findings": content})
     else:
         for part, findings in found.items():
-            print(f"{part}\n" + "\n".join(f"  {_MARKS[f.level]} {f.problem}{_remedy(f)}" for f in findings))
+            lines = (f"  {coloured(*_MARKS[f.level])} {f.problem}{_remedy(f)}" for f in findings)
+            print("\n".join([part, *lines]))
     return 1 if wrong else 0
 
 
-_MARKS = {"info": "ok   ", "warning": "look ", "error": "WRONG"}
+_MARKS = {"info": ("ok   ", "good"), "warning": ("look ", "look"), "error": ("WRONG", "bad")}
 
 
 def _remedy(finding: object) -> str:

@@ -59,6 +59,26 @@ def note(message: str) -> None:
     print(message, file=sys.stderr, flush=True)
 
 
+_COLOURS = {"good": 32, "look": 33, "bad": 31}  # green, yellow, red of the terminal's own palette
+
+
+def coloured(text: str, kind: str) -> str:
+    """Colour text that is printed on standard output where that is a terminal (and NO_COLOR is not set).
+
+    Args:
+        text: what is printed.
+        kind: `good`, `look` or `bad`.
+    """
+    if not sys.stdout.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
+        return text
+    return f"\x1b[{_COLOURS[kind]}m{text}\x1b[0m"
+
+
+def mark(good: bool) -> str:
+    """Return how a line of a list of checks begins."""
+    return coloured("ok  ", "good") if good else coloured("FAIL", "bad")
+
+
 def say_when_compiling() -> None:
     """Say so once when numba compiles something: on the first run on a machine, or after an update."""
     from numba.core import event

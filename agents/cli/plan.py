@@ -115,15 +115,16 @@ def write_results(folder: Path, attempt: Any, result: dict[str, Any]) -> None:
 
 def describe(result: dict[str, Any]) -> str:
     """Return the outcome as people read it."""
+    from agents.cli.output import coloured
     from agents.evaluation.reasons import explain
 
     head = f"{result['object']}: "
     seconds = f"{1000 * (result['planning_seconds'] or 0.0):.0f} ms"
     if not result["success"]:
         why = explain(result["reason"], result["blocked"], result["violations"])
-        return f"{head}no grasp after {seconds} [{result['reason']}]\n  {why}"
+        return f"{head}{coloured('no grasp', 'bad')} after {seconds} [{result['reason']}]\n  {why}"
     certificate = result["certificate"]
-    lines = [f"{head}grasp found in {seconds}"]
+    lines = [f"{head}{coloured('grasp found', 'good')} in {seconds}"]
     rows = {
         "fingertip distances, cm (allowed -0.68 .. -0.32)": " ".join(
             f"{d:.2f}" for d in certificate["distances_cm"]

@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     """Verify and print every check."""
     from dataclasses import asdict
 
-    from agents.cli.output import print_json
+    from agents.cli.output import mark, print_json
     from agents.grasp.file import read_grasp
     from agents.grasp.verify import unchecked, verify
 
@@ -46,8 +46,7 @@ def run(args: argparse.Namespace) -> int:
         return 0 if good else 1
     width = max(len(check.name) for check in checks)
     for check in checks:
-        mark = "ok  " if check.holds else "FAIL"
-        print(f"{mark}  {check.name:<{width}}  {check.value:12.3e}   {check.bound}")
+        print(f"{mark(check.holds)}  {check.name:<{width}}  {check.value:12.3e}   {check.bound}")
     print(f"{record.object.name}: {_answer(checks, unchecked(record))}")
     return 0 if good else 1
 

@@ -100,7 +100,7 @@ def find_object(
     s = settings or SegmentationSettings()
     if len(scene) < s.min_points:
         return _none(s, EMPTY, f"{len(scene)} points")
-    if float(np.median(np.linalg.norm(scene.points, axis=1))) > _LARGEST:
+    if float(np.median(np.abs(scene.points).max(axis=1))) > _LARGEST:
         return _none(s, UNIT, f"median distance from the base {np.median(np.abs(scene.points)):.0f}")
     scene = _thinned(crop(scene, (-_ROOM,) * 3, (_ROOM,) * 3))
     if len(scene) < s.min_points:
