@@ -64,6 +64,29 @@ def test_every_id_is_deterministic_and_accepted(name):
         sb3.check_env(env.unwrapped, warn=False, skip_render_check=True)
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("name", IDS)
+def test_checkers_accept_every_preset_in_every_mode(name):
+    inner = gym.make(name, objects="gelatin_box", disable_env_checker=True).unwrapped
+    for obs_mode in inner.obs_modes:
+        skip_without_gl(obs_mode)
+        for control_mode in CONTROL_MODES:
+            for reward_mode in ("dense", "sparse"):
+                settings = {"obs_mode": obs_mode, "control_mode": control_mode, "reward_mode": reward_mode}
+                env = gym.make(name, objects="gelatin_box", disable_env_checker=True, **settings).unwrapped
+                with warnings.catch_warnings():
+                    warnings.simplefilter("error")
+                    warnings.filterwarnings(
+                        "ignore", message=".*(infinity|symmetric|not within|pixel|image|render).*"
+                    )
+                    check_env(env, skip_render_check=True)
+                sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    sb3.check_env(env, warn=False, skip_render_check=True)
+                env.close()
+
+
 def test_registrations_know_how_long_disturbances_take():
     for name in IDS:
         env = gym.make(name, objects="sugar_box", disable_env_checker=True)

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import gymnasium as gym
-from stable_baselines3 import PPO
+from stable_baselines3 import PPO, SAC, HerReplayBuffer
 
 from agents.learning.sb3_vec_env import SB3VecEnv
 
@@ -35,4 +35,47 @@ def test_ppo_learns_on_it():
     model = PPO("MultiInputPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu")
     model.learn(64)
     assert model.num_timesteps == 64
+    env.close()
+
+
+LIFTS = sorted(name for name in gym.registry if name.startswith("DexGrasp/Lift"))
+
+
+def goal_learner(env, **kwargs):
+    return SAC(
+        "MultiInputPolicy", env, replay_buffer_class=HerReplayBuffer, batch_size=32, seed=0, device="cpu",
+        policy_kwargs={"net_arch": [16]}, **kwargs,
+    )  # fmt: skip
+
+
+def test_hindsight_replay_runs_on_it():
+    env = SB3VecEnv("DexGrasp/Place-v1", num_envs=2, objects="sugar_box", max_episode_steps=8)
+    model = goal_learner(env, learning_starts=40, train_freq=8, gradient_steps=1)
+    model.learn(64)
+    assert model.num_timesteps == 64
+    env.close()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LIFTS)
+def test_learners_run_2000_steps(name):
+    more = {"observe": "reset"} if "View" in name else {}
+    for learner, kwargs in (
+        (PPO, {"n_steps": 128}), (SAC, {"learning_starts": 500, "gradient_steps": 1, "buffer_size": 2000}),
+    ):  # fmt: skip
+        env = SB3VecEnv(name, num_envs=4, objects="seen", max_episode_steps=60, **more)
+        model = learner("MultiInputPolicy", env, batch_size=64, seed=0, device="cpu", **kwargs)
+        model.learn(2000)
+        assert model.num_timesteps >= 2000
+        assert all(np.isfinite(part.detach().numpy()).all() for part in model.policy.parameters())
+        env.close()
+
+
+@pytest.mark.slow
+def test_hindsight_replay_runs_2000_steps():
+    env = SB3VecEnv("DexGrasp/Place-v1", num_envs=4, objects="seen", max_episode_steps=60)
+    model = goal_learner(env, learning_starts=500)
+    model.learn(2000)
+    assert model.num_timesteps >= 2000
+    assert all(np.isfinite(part.detach().numpy()).all() for part in model.policy.parameters())
     env.close()

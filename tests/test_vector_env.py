@@ -109,6 +109,20 @@ def test_equals_single_environments_bit_for_bit(mode, control_mode):
     assert truncated >= 3
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("number", "threads", "mode", "env_id"), [
+    (1, 1, "NextStep", ID), (16, 2, "SameStep", ID), (64, 4, "NextStep", ID), (16, 4, "Disabled", "DexGrasp/Place-v1"),
+])  # fmt: skip
+def test_equal_for_a_thousand_steps(number, threads, mode, env_id):
+    """Steps of all environments together; resets in the middle, by the time limit and by lost objects."""
+    steps = max(100, 1000 // number)
+    lost, truncated = compare(
+        number, steps, mode, env_id=env_id, randomisation=RANDOM, threads=threads, max_episode_steps=41
+    )
+    assert lost >= 1
+    assert truncated >= 3
+
+
 @pytest.mark.parametrize("threads", [1, 4])
 def test_threads_change_nothing(threads):
     compare(5, 12, threads=threads, disturbance="pushed", max_episode_steps=9)

@@ -78,8 +78,13 @@ class SB3VecEnv(VecEnv):
         setattr(self.envs, attr_name, value)
 
     def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment with each index asked for as first argument."""
+        """Call a method of the vector environment with each index asked for as first argument.
+
+        `compute_reward`, which hindsight replay calls, is the same for all and gets none.
+        """
         method = getattr(self.envs, method_name)
+        if method_name == "compute_reward":
+            return [method(*args, **kwargs) for _ in self._get_indices(indices)]
         return [method(i, *args, **kwargs) for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
