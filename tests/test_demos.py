@@ -154,3 +154,18 @@ def test_an_interrupted_run_goes_on_to_the_same_demonstrations(settings, folder,
 def test_wrong_settings_are_refused(wrong, says):
     with pytest.raises(InputError, match=says):
         DemoSettings.of(["sugar_box"], **wrong)
+
+
+def test_the_command_line_tells_and_replays(folder, capsys):
+    from agents.cli.commands import run_command
+
+    assert run_command(["demos", "info", str(folder), "--json"]) == 0
+    figures = json.loads(capsys.readouterr().out)
+    assert figures["episodes"] == sum(figures["kept"].values())
+    assert run_command(["demos", "replay", str(folder), "--episodes", "1"]) == 0
+    assert "1 of 1 replays succeed" in capsys.readouterr().out
+    assert run_command(["demos", "info", str(folder / "nothing")]) == 2
+    assert run_command(["demos", "generate", "--objects", "sugar_box", "--noise", "2", "--out", "x"]) == 2
+    assert (
+        run_command(["train", "bc", "--data", str(folder), "--execute", "9", "--out", str(folder / "x")]) == 2
+    )

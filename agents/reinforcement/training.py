@@ -75,6 +75,8 @@ def train_rl(
     place = torch_device(device)
     torch.set_num_threads(settings.threads)
     base = None if clone is None else read_policy(clone)
+    if base is not None:
+        _clone(*base)  # refused before `out` is claimed
     with occupy(out):
         _claim(out, settings, base, trials)
         training = _Training(out, settings, base, place)
