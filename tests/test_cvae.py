@@ -17,7 +17,7 @@ from agents import make_agent  # noqa: E402
 from agents.cli.main import main  # noqa: E402
 from agents.grasp.target import GraspTarget  # noqa: E402
 from agents.learning.batches import split, training_batch  # noqa: E402
-from agents.learning.cvae_source import CvaeProposals, on_surface, shipped_weights  # noqa: E402
+from agents.learning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
 from agents.learning.dataset import read_dataset  # noqa: E402
 from agents.learning.decoder import read_decoder  # noqa: E402
 from agents.learning.folder import occupy  # noqa: E402
@@ -27,7 +27,16 @@ from agents.learning.settings import SCALE, DatasetSettings, NetworkSettings  # 
 from agents.learning.training import TrainingSettings, train  # noqa: E402
 from agents.learning.weights import read_weights, write_weights  # noqa: E402
 from agents.planning.planner import Planner  # noqa: E402
+from agents.planning.proposals import ProposalSource  # noqa: E402
 from agents.planning.settings import PlannerSettings  # noqa: E402
+from agents.policies.ablations import (  # noqa: E402
+    COLLISION,
+    NO_CLOSURE,
+    NO_IK,
+    TOO_WEAK,
+    KinematicPlanner,
+    RawPlanner,
+)
 from dexgrasp_env.errors import InputError  # noqa: E402
 
 NETWORK = NetworkSettings(latent=3, points=64, local=16, cloud=32, hidden=32)
@@ -256,6 +265,47 @@ def test_agents_carry_out_learned_grasps(name):
     assert agent.report.failure is None
     assert env.action_space.contains(agent.act(observation))
     env.close()
+
+
+def test_what_the_ablations_reject_and_what_not():
+    """`cvae` checks IK, collisions and Eq. 4 of a grasp; `cvae_kinematics` that its forces bear the weight."""
+    target = GraspTarget.of(
+        trimesh.creation.box((0.05, 0.1, 0.08)).apply_translation([0.5, 0.0, 0.04]), mass=0.2
+    )
+    heavy = GraspTarget.of(target.hull, mass=60.0)
+    raw = RawPlanner(PlannerSettings(), "palm_normal").plan(target, 0)
+    assert set(raw.blocked) <= {COLLISION, NO_CLOSURE, NO_IK}
+    assert raw.grasp is not None
+    assert raw.grasp.certificate.closure_residual < 1e-6
+    assert raw.grasp.certificate.min_clearance_m >= 0.0
+    assert -(raw.grasp.forces * raw.grasp.normals).sum(1).min() >= 4.0 - 1e-6
+    kept = KinematicPlanner(PlannerSettings(), "palm_normal")
+    assert kept.plan(target, 0).grasp.certificate.holds
+    refused = KinematicPlanner(PlannerSettings(), "palm_normal")
+    proposals = refused._source.propose(heavy, replace(refused.settings, triples=3), np.random.default_rng(0))
+    refused._source = Given(proposals)
+    plan = refused.plan(heavy, 0)
+    assert plan.grasp is None
+    assert TOO_WEAK in plan.blocked
+
+
+class Given(ProposalSource):
+    """Proposals as they are given."""
+
+    def __init__(self, proposals):
+        self._proposals = proposals
+
+    def propose(self, target, settings, rng):
+        return self._proposals
+
+
+def test_decoded_palms_are_rotations_near_the_fingertips():
+    target = GraspTarget.of(trimesh.creation.box((0.05, 0.1, 0.08)).apply_translation([0.5, 0.0, 0.04]))
+    tips, palms = decode(read_decoder(shipped_weights()), target, 40, np.random.default_rng(0))
+    R = palms[:, :3, :3]
+    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (40, 1, 1)), atol=1e-9)
+    assert (np.linalg.det(R) > 0).all()
+    assert np.median(np.linalg.norm(palms[:, :3, 3] - tips.mean(1), axis=1)) < 0.2
 
 
 def test_the_decoder_in_numpy_is_the_network(trained):

@@ -43,15 +43,16 @@ class CvaeProposals(ProposalSource):
         """Return up to `settings.triples` proposals; the same for the same generator."""
         if target.distance.triangles[..., 2].max() <= CROPPED:
             return Proposals.none(_NO_SURFACE)
-        tips = decode(_decoder(self._path), target, self._latents, rng)
+        tips, palms = decode(_decoder(self._path), target, self._latents, rng)
         contacts, normals, usable = on_surface(tips, target, settings)
         contacts, normals = contacts[usable], normals[usable]
         if not len(contacts):
             return Proposals.none(_NO_SURFACE)
         if not self._ranked:
-            first = slice(settings.triples)
+            contacts, normals = contacts[: settings.triples], normals[: settings.triples]
+            unknown = np.full(len(contacts), np.nan)
             return Proposals(
-                contacts[first], normals[first], np.full(len(contacts[first]), np.nan), assigned=True
+                contacts, normals, unknown, assigned=True, palms=palms[usable][: settings.triples]
             )
         contacts, normals, margin = most_robust(contacts, normals, target, settings)
         if not len(contacts):
@@ -59,8 +60,8 @@ class CvaeProposals(ProposalSource):
         return Proposals(contacts, normals, margin, assigned=True)
 
 
-def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> Array:
-    """Return fingertips (count, 3, 3) m, robot base frame, of latents from the prior."""
+def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:
+    """Return fingertips (count, 3, 3) m and poses (count, 4, 4) of the palm, robot base frame, of latents drawn."""
     points, normals = hull_cloud(target, 2 * decoder.settings.points, rng)
     if not len(points):  # next to nothing stands out of the table
         points, normals = target.distance.triangles[:1, 0], np.array([[0.0, 0.0, 1.0]])
@@ -68,7 +69,18 @@ def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) ->
     cloud = np.concatenate([SCALE * (points - centre), normals], axis=1).astype(np.float32)
     latent = rng.standard_normal((count, decoder.settings.latent)).astype(np.float32)
     grasps = decoder.decode(decoder.feature(cloud), latent).astype(float)
-    return grasps[:, :9].reshape(count, 3, 3) / SCALE + centre
+    palms = np.tile(np.eye(4), (count, 1, 1))
+    palms[:, :3, 3] = grasps[:, 9:12] / SCALE + centre
+    palms[:, :3, :3] = _rotations(grasps[:, 12:15], grasps[:, 15:18])
+    return grasps[:, :9].reshape(count, 3, 3) / SCALE + centre, palms
+
+
+def _rotations(x: Array, y: Array) -> Array:
+    """Return rotations (K, 3, 3) from their first two columns, made orthogonal."""
+    x = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-9)
+    y = y - (x * y).sum(1, keepdims=True) * x
+    y = y / np.maximum(np.linalg.norm(y, axis=1, keepdims=True), 1e-9)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 
 def hull_cloud(target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:

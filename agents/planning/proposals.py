@@ -30,6 +30,7 @@ class Proposals:
         margins: (K,) closure margins, NaN where the source does not know.
         assigned: whether the order is thumb, index, middle; otherwise any finger may take any contact.
         failure: why there are none.
+        palms: (K, 4, 4) where the source would have the palm, robot base frame; None where it does not say.
     """
 
     contacts: Array
@@ -37,6 +38,7 @@ class Proposals:
     margins: Array
     assigned: bool = False
     failure: str | None = None
+    palms: Array | None = None
 
     @classmethod
     def none(cls, failure: str) -> "Proposals":

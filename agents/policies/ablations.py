@@ -1,94 +1,157 @@
-"""The ablations of the paper that run the CVAE with less than the bilevel optimisation behind it."""
+"""The ablations of the paper's Table 1: the CVAE with less than the bilevel optimisation behind it (section 3.3).
 
+Latents are tried as they are drawn, each from the palm that was decoded with it and from six palms above the object, up
+to `LATENTS` of them. What is rejected differs: see the agents.
+"""
+
+from collections.abc import Iterator
 from dataclasses import replace
+
+import numpy as np
 
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
+from agents.kinematics.palm_ik import reach_palm
+from agents.kinematics.tip_ik import solve_tips
 from agents.learning.cvae_source import CvaeProposals
+from agents.physics.closure import TOLERANCE
+from agents.physics.wrench import solve_wrench_qp
 from agents.planning.certifier import Certifier
 from agents.planning.claims import certificate_of
+from agents.planning.constraints import FIXED_ROWS
 from agents.planning.holding import Hold
 from agents.planning.plan import Plan
 from agents.planning.planner import Planner
-from agents.planning.postures import Posture
-from agents.planning.proposals import ProposalSource
+from agents.planning.postures import Posture, oriented_postures
+from agents.planning.proposals import Proposals
 from agents.planning.setpoints import OPENINGS, grasp_motion
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution
 from agents.policies.bilevel import BilevelAgent
+from dexgrasp_env.robot.limits import HOME
 
+LATENTS = 100
+"""Latents tried at most, of those that decode to three fingertips above the table and apart from each other."""
 MISS = 2e-3
 """m, of the worst fingertip, at which IK counts as converged (facts of the original: 1 to 2 mm)."""
 PRESS = 4.0
-"""N that each fingertip presses with, straight in: nobody has checked what it takes to hold."""
-NO_IK = "ik_not_converged"
+"""N that each fingertip of `cvae` presses with at least: nobody has checked what it takes to hold."""
+NO_IK, COLLISION, NO_CLOSURE, TOO_WEAK = "ik_not_converged", "collision", "eq4_infeasible", "dynamics"
 
 
 class CvaeAgent(BilevelAgent):
-    """Agent `cvae`: the first latent whose fingertips IK reaches from one of six orientations, as it is.
+    """Agent `cvae`: the first latent that IK reaches, free of collision and feasible in Eq. 4, as it is.
 
-    No closure, no clearances, no refinement; the approach must exist, as nothing can be carried out without.
+    No margin, no weight, no torque limits, no refinement; the approach must exist, as nothing can be carried out
+    without. It presses with balanced forces of Eq. 4.
     """
 
     def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
         """Prepare.
 
         Args:
-            settings: of the planner; `postures` bounds the latents.
+            settings: of the planner.
             mount: of the hand.
 
         Raises:
             InputError: without the shipped weights.
         """
-        self._learned = CvaeProposals(ranked=False)
-        super().__init__("surface", settings, mount, with_closure=False, starts="oriented")
+        super().__init__("cvae", settings, mount, with_closure=False)
 
     def _make(self, mount: str) -> Planner:
-        return RawPlanner(self.settings, self._learned, mount)
+        return RawPlanner(self.settings, mount)
 
 
 class CvaeKinematicsAgent(BilevelAgent):
-    """Agent `cvae_kinematics`: as `bilevel` with learned proposals, but without force closure anywhere."""
+    """Agent `cvae_kinematics`: latents made kinematically feasible by the optimiser until one bears the weight.
+
+    Force closure is not part of the optimisation: what does not bear the assumed weight within friction cones and
+    torque limits is rejected, and the next latent tried.
+    """
 
     def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
         """Prepare; arguments and errors are those of `CvaeAgent`."""
-        self._learned = CvaeProposals(ranked=False)
-        super().__init__("surface", settings, mount, with_closure=False, starts="oriented")
+        super().__init__("cvae", settings, mount, with_closure=False)
 
     def _make(self, mount: str) -> Planner:
-        return Planner(
-            first_found(self.settings), self._learned, mount, starts="oriented", with_closure=False
-        )
+        return KinematicPlanner(self.settings, mount)
 
 
-class RawPlanner(Planner):
-    """Takes the first proposal that IK reaches and that can be approached, as it is."""
+class LatentPlanner(Planner):
+    """Tries latents one after the other and carries out the first that nothing rejects."""
 
-    def __init__(self, settings: PlannerSettings, source: ProposalSource, mount: str) -> None:
-        """Prepare; `settings.postures` bounds the proposals."""
-        once = replace(first_found(settings), breadths=(1.0,), triples=settings.postures, iterations=0)
-        super().__init__(once, source, mount, starts="oriented", with_closure=False)
+    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+        """Prepare; of `settings`, what bounds and ranks the search does not count."""
+        plain = replace(settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf)
+        super().__init__(plain, CvaeProposals(ranked=False), mount, with_closure=False)
+
+    def _postures(
+        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
+    ) -> Iterator[Posture]:
+        for k in range(len(proposals.contacts)):
+            yield from self._at_decoded_palm(k, proposals)
+            yield from oriented_postures(k, proposals, target, self.tree, settings)
+
+    def _at_decoded_palm(self, k: int, proposals: Proposals) -> Iterator[Posture]:
+        """Yield the posture that IK finds from the palm of a latent, if the arm reaches that."""
+        if proposals.palms is None:
+            return
+        q, palm = HOME.copy(), proposals.palms[k]
+        if reach_palm(q, np.ascontiguousarray(palm[:3, :3]), palm[:3, 3].copy(), self.tree):
+            tips = proposals.contacts[k] + self.settings.tip_height * proposals.normals[k]
+            yield Posture(q, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
+
+
+class KinematicPlanner(LatentPlanner):
+    """Kinematics by the optimiser, dynamics by rejection."""
+
+    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+        """Prepare."""
+        super().__init__(settings, mount)
+        self._certifier = RejectingCertifier(self.tree, self.settings, mount, with_closure=False)
+
+
+class RejectingCertifier(Certifier):
+    """Refuses grasps whose forces do not bear the whole of the assumed weight."""
+
+    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
+        """Return the grasp, or None and note in `plan` that it is too weak."""
+        if not hold.holds:
+            plan.block(TOO_WEAK, 1.0 - hold.share)
+            return None
+        return super().certify(solution, hold, target, plan)
+
+
+class RawPlanner(LatentPlanner):
+    """Takes latents as IK reaches them; nothing is refined."""
+
+    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+        """Prepare."""
+        super().__init__(replace(settings, iterations=0), mount)
         self._certifier = UncheckedCertifier(self.tree, self.settings, mount, with_closure=False)
 
     def _refine(self, posture: Posture, target: GraspTarget) -> Solution:
-        reached = -posture.score <= MISS
-        return replace(
-            super()._refine(posture, target), feasible=reached, blocking=None if reached else NO_IK
-        )
+        solution = super()._refine(posture, target)
+        blocking = self._blocking(posture, solution)
+        return replace(solution, feasible=blocking is None, blocking=blocking)
+
+    def _blocking(self, posture: Posture, solution: Solution) -> str | None:
+        at, settings = solution.evaluation, self.settings
+        if -posture.score > MISS:
+            return NO_IK
+        if (at.values[FIXED_ROWS:] + settings.clearance < 0.0).any():
+            return COLLISION
+        balanced = solve_wrench_qp(at.contacts, at.normals, settings.friction).residual < TOLERANCE
+        return None if balanced else NO_CLOSURE
 
 
 class UncheckedCertifier(Certifier):
-    """Presses straight in with what nobody has checked; the certificate tells what is true of that."""
+    """Presses with balanced forces of Eq. 4 that nobody has checked; the certificate tells what is true of them."""
 
     def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
         """Return the grasp, whatever it is worth."""
         q, at = solution.q, solution.evaluation
-        forces = -PRESS * at.normals
+        forces = solve_wrench_qp(at.contacts, at.normals, self.settings.friction, f_min=PRESS).forces
         motion = grasp_motion(q, at.normals, forces, target, self.tree, self.settings, OPENINGS[0])
         certificate = certificate_of(q, forces, target, self.tree, self.settings, with_capacity=False)
         return Grasp(q, at.contacts, at.normals, forces, certificate, motion, self.mount)
-
-
-def first_found(settings: PlannerSettings) -> PlannerSettings:
-    """Return settings that carry out the first grasp found, however firmly it holds (section 3.3)."""
-    return replace(settings, candidates=1, firm_load=0.0)
