@@ -36,7 +36,7 @@ with from_extra():
 
 RUN, CHECKPOINT = "training.json", "checkpoint.safetensors"
 _ROLLOUT = 100  # control steps of every environment between two updates of `ppo`
-_BATCH = 512
+_BATCHES = 4  # that a rollout is cut into
 _MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
 _ENV = {"obs_mode": "state", "control_mode": "joint_delta"}
 _PACKAGES = ("dexgrasp", "numpy", "torch", "stable-baselines3")
@@ -173,7 +173,7 @@ def _learner(settings: RlSettings, envs: FeatureVecEnv, place: torch.device, cor
     }
     if settings.algorithm == "ppo":
         model: Any = PPO(
-            "MlpPolicy", envs, n_steps=_ROLLOUT, batch_size=min(_BATCH, _ROLLOUT * settings.num_envs), n_epochs=5,
+            "MlpPolicy", envs, n_steps=_ROLLOUT, batch_size=_ROLLOUT * settings.num_envs // _BATCHES, n_epochs=5,
             policy_kwargs={"net_arch": width, "log_std_init": settings.spread}, **common,
         )  # fmt: skip
         last = model.policy.action_net
