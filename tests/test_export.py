@@ -16,7 +16,7 @@ from agents.export.time_law import Limits, largest_shares, timed
 from agents.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import load_object
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.names import ARM_JOINTS
 from dexgrasp_env.scene.build import build_scene
 
@@ -68,6 +68,20 @@ def test_a_law_goes_through_the_points_of_its_path():
 
 def test_standing_still_takes_no_time():
     assert len(timed(np.zeros((3, 4)), LIMITS, 0.001)) == 0
+
+
+def test_a_way_along_the_ends_of_joint_ranges_stays_inside():
+    way = waypoints()
+    bent = np.array([way.approach[0]] * 6)
+    bent[:, :7] += np.linspace(0.0, 0.3, 6)[:, None]
+    bent[2:, 12], bent[2:, 20] = UPPER[12], LOWER[20]  # reached within one step, and kept
+    ends = [bent[-1], bent[-1]]
+    made = make_trajectory(
+        Waypoints(bent, *ends, np.stack([ends[1], ends[1] + np.r_[0.0, -0.05, np.zeros(21)]]))
+    )
+    for rows, part in ((made.arm, slice(0, 7)), (made.hand, slice(7, 23))):
+        assert (rows >= LOWER[part]).all()
+        assert (rows <= UPPER[part]).all()
 
 
 def test_arm_and_hand_end_together_and_segments_follow_each_other(trajectory):

@@ -14,6 +14,8 @@ from dexgrasp_env.robot.limits import (
     HAND_ACCELERATION,
     HAND_JERK,
     HAND_VELOCITY,
+    LOWER,
+    UPPER,
 )
 
 ARM_TICK = 0.001
@@ -27,6 +29,7 @@ _LIMITS = Limits(
 # The hand's rows are three ticks apart; limits hold for these too, as a law that keeps them at 1 ms keeps them at 3 ms.
 _CLOSING = 0.05  # share of the hand's speed that closing and pressing use: fingertips meet the object gently
 _LIFTING = 0.25  # share of the arm's speed and acceleration that the lift uses: what is held should stay held
+_ROOM = 0.003  # rad from the ends of the joints' ranges: the spline swings out by a part of it between points
 _PAUSE = 0.3  # s of rest after the approach, and before the lift
 
 
@@ -67,6 +70,7 @@ def make_trajectory(way: Waypoints) -> Trajectory:
     Raises:
         InputError: if a path cannot be timed within them.
     """
+    way = Waypoints(*(np.clip(path, LOWER + _ROOM, UPPER - _ROOM) for path in way))
     gentle = Limits(_CLOSING * _LIMITS.velocity, _LIMITS.acceleration, _LIMITS.jerk)
     steady = Limits(_LIFTING * _LIMITS.velocity, _LIFTING**2 * _LIMITS.acceleration, _LIMITS.jerk)
     open_ = way.approach[-1]
