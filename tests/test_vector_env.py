@@ -116,8 +116,9 @@ def test_equals_single_environments_bit_for_bit(mode, control_mode):
 def test_equal_for_a_thousand_steps(number, threads, mode, env_id):
     """Steps of all environments together; resets in the middle, by the time limit and by lost objects."""
     steps = max(100, 1000 // number)
+    limit = 7 if number == 1 else 41  # one of them loses its object every 11 steps
     lost, truncated = compare(
-        number, steps, mode, env_id=env_id, randomisation=RANDOM, threads=threads, max_episode_steps=41
+        number, steps, mode, env_id=env_id, randomisation=RANDOM, threads=threads, max_episode_steps=limit
     )
     assert lost >= 1
     assert truncated >= 3
