@@ -10,6 +10,7 @@ from typing import Any
 
 from agents.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol, parts
 from agents.versions import package_versions
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
 from dexgrasp_env.objects.load import target_files
@@ -142,11 +143,14 @@ def versions() -> dict[str, str]:
 
 
 def code_hash(agents: Sequence[str] = ()) -> str:
-    """Return a hash of the sources of both packages and of users' agents: results of other code do not mix in."""
+    """Return a hash of both packages' sources and weights and of users' agents: results of other code do not mix in."""
     roots = [_package_folder(name) for name in ("agents", "dexgrasp_env")]
     files = sorted(path for root in roots for path in root.rglob("*.py"))
     digest = hashlib.sha256()
-    for path in [*files, *_agent_sources(agents)]:
+    weights = sorted(
+        path for path in asset_path("weights").rglob("*") if path.suffix in (".safetensors", ".json")
+    )
+    for path in [*files, *weights, *_agent_sources(agents)]:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
