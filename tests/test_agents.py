@@ -208,3 +208,11 @@ def test_checkpoints_run_nothing(key, tmp_path):
 def test_the_package_imports_neither_torch_nor_numba():
     code = "import agents, sys; agents.make_agent; assert not {'torch', 'numba'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
+
+
+def test_a_policy_of_nobody_is_one_line(capsys):
+    """Found by fuzzing: `~user` of a user that there is none of."""
+    from agents.cli.main import main
+
+    assert main(["demo", "--agent", "~nosuchuser/policy"]) == 2
+    assert "no such user" in capsys.readouterr().err

@@ -19,7 +19,7 @@ Arrays = dict[str, NDArray[np.float32]]
 
 def is_policy(name: str) -> bool:
     """Whether an agent's name is the path of such a folder."""
-    return (Path(name).expanduser() / ABOUT).is_file() if name.strip("~") else False
+    return (expand(name) / ABOUT).is_file() if name.strip("~") else False
 
 
 def policy_files(name: str) -> list[Path]:

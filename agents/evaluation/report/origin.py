@@ -36,7 +36,7 @@ def commands(folder: Path) -> list[str]:
     for key in ("mount", "friction", "mesh_mass"):
         words += [f"--{key.replace('_', '-')} {run[key]}"] if run.get(key) is not None else []
     words += [f"--mesh-scale {run['mesh_scale']}"] if run.get("mesh_scale", 1.0) != 1.0 else []
-    return [" ".join([*words, "--out", str(folder)]), f"dexgrasp report {folder}"]
+    return [" ".join([*map(str, words), "--out", str(folder)]), f"dexgrasp report {folder}"]
 
 
 def replay_commands(folder: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
