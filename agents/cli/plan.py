@@ -1,4 +1,4 @@
-"""`dexgrasp plan`: one grasp with its certificate, or the reason why there is none."""
+"""`dexgrasp plan`: one grasp (or several) with its certificate, or the reason why there is none."""
 
 import argparse
 from pathlib import Path
@@ -6,6 +6,7 @@ from typing import Any
 
 from agents.cli.options import add_json, add_mesh, add_scene, check_mesh_options, natural_int
 from agents.cli.plan_cloud import add_cloud, run_cloud
+from agents.cli.plan_many import add_count, bar, check, describe_set, write_set
 
 _EPILOG = """examples:
   dexgrasp plan sugar_box                             a box of the catalogue, as four depth cameras see it
@@ -13,6 +14,7 @@ _EPILOG = """examples:
   dexgrasp plan pear --seed 3 --out grasps/pear       writes grasp.json and grasp.png
   dexgrasp plan pear --json | jq .certificate
   dexgrasp plan --cloud scene.ply --out out/scene     your own point cloud, in the robot base frame, metres
+  dexgrasp plan pear --count 20 --out grasps/pear     20 grasps that differ: grasp_000.json is the firmest
   dexgrasp plan pear --friction 0.35                  a slippery one, and a planner that knows it: it counts on 5/7
                                                       of MU for closure, 6/7 for the forces (never over 0.5 and 0.6)
 
@@ -24,7 +26,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     """Add the command."""
     parser = subparsers.add_parser(
         "plan", help="one grasp with its certificate, or the reason why there is none", epilog=_EPILOG,
-        description="Plan one grasp of an object on the table.",
+        description="Plan one grasp of an object on the table, or K that differ.",
     )  # fmt: skip
     parser.add_argument(
         "target",
@@ -37,6 +39,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)"
     )
+    add_count(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for grasp.json and grasp.png")
     add_mesh(parser)
     add_scene(parser)
@@ -56,9 +59,13 @@ def run(args: argparse.Namespace) -> int:
             "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
         )
     check_target(args.target, args)
+    if args.count is not None:
+        check(args)
     if args.out is not None:
         make_folder(args.out)
     say_when_compiling()
+    if args.count is not None:
+        return _run_many(args)
     from agents.evaluation.attempt import plan_target  # mistakes are told before this, which takes a second
 
     attempt = plan_target(args.target, args.agent, args.seed, **scene_settings(args))
@@ -70,6 +77,30 @@ def run(args: argparse.Namespace) -> int:
         print_json(jsonable(result))
     else:
         print(describe(result))
+    return 0 if result["success"] else 1
+
+
+def _run_many(args: argparse.Namespace) -> int:
+    from agents.evaluation.attempt_set import plan_target_set
+
+    with bar() as progress:
+        found = plan_target_set(
+            args.target, args.count, args.agent, args.seed, progress, **scene_settings(args)
+        )
+    return finish_set(args, found.as_json())
+
+
+def finish_set(args: argparse.Namespace, result: dict[str, Any]) -> int:
+    """Write and print a set of grasps; return the exit code."""
+    from agents.cli.output import note, print_json
+    from dexgrasp_env.files import jsonable
+
+    if args.out is not None:
+        note(write_set(args.out, result))
+    if args.json:
+        print_json(jsonable(result))
+    else:
+        print(describe_set(result))
     return 0 if result["success"] else 1
 
 

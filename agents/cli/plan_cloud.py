@@ -30,7 +30,8 @@ def add_cloud(parser: argparse.ArgumentParser) -> None:
 def run_cloud(args: argparse.Namespace) -> int:
     """Plan on a cloud, print, and write what was asked for."""
     from agents.cli.output import make_folder, note, print_json, say_when_compiling
-    from agents.cli.plan import describe
+    from agents.cli.plan import describe, finish_set
+    from agents.cli.plan_many import bar, check
     from agents.policies.from_cloud import default_planner, plan_cloud
     from dexgrasp_env.errors import InputError
     from dexgrasp_env.files import jsonable
@@ -40,12 +41,19 @@ def run_cloud(args: argparse.Namespace) -> int:
         raise InputError("give a TARGET or --cloud, not both")
     if args.agent != "bilevel" or args.mesh_mass is not None or args.mesh_scale not in (None, 1.0):
         raise InputError("--agent, --mesh-scale and --mesh-mass do not apply to --cloud (its mass is --mass)")
+    if args.count is not None:
+        check(args)
     scene = read_scan(args.cloud)
     if args.out is not None:
         make_folder(args.out)
     say_when_compiling()
     planner = default_planner(args.mount or "palm_normal", args.friction)
-    found = plan_cloud(scene, near=args.object_near, mass=args.mass, seed=args.seed, planner=planner)
+    options = {"near": args.object_near, "mass": args.mass, "seed": args.seed, "planner": planner}
+    if args.count is not None:
+        with bar() as progress:
+            many = plan_cloud(scene, count=args.count, progress=progress, **options)
+        return finish_set(args, many.as_json(args.cloud.stem))
+    found = plan_cloud(scene, **options)
     result = found.as_json(args.cloud.stem)
     if args.out is not None and result["success"]:
         _write(args.out, found, result)

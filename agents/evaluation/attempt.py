@@ -80,7 +80,7 @@ def plan_target(target: str, agent_name: str = "bilevel", seed: int = 0, **env_s
     Raises:
         InputError: for an unknown target or agent, or an agent that makes no certified plans.
     """
-    agent = _agent(agent_name, env_settings.get("friction"))
+    agent = planning_agent(agent_name, env_settings.get("friction"))
     if not hasattr(agent, "plan"):
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
@@ -102,10 +102,10 @@ def attempt_target(target: str, agent_name: str = "bilevel", seed: int = 0, **en
     Raises:
         InputError: for an unknown target or agent.
     """
-    return _attempt(target, _agent(agent_name, env_settings.get("friction")), seed, env_settings)
+    return _attempt(target, planning_agent(agent_name, env_settings.get("friction")), seed, env_settings)
 
 
-def _agent(name: str, friction: float | None) -> Agent:
+def planning_agent(name: str, friction: float | None) -> Agent:
     """Make an agent; a planner of ours for surfaces of that friction, where it is given."""
     from agents.planning.settings import PlannerSettings
 
@@ -116,10 +116,18 @@ def _agent(name: str, friction: float | None) -> Agent:
 
 
 def _attempt(target: str, agent: Agent, seed: int, env_settings: Mapping[str, Any]) -> Attempt:
+    attempt, info = seen(target, agent, seed, env_settings)
+    agent.reset(attempt.observation, info)
+    return attempt
+
+
+def seen(
+    target: str, agent: Agent, seed: int, env_settings: Mapping[str, Any]
+) -> tuple[Attempt, dict[str, Any]]:
+    """Put an object on the table and look at it; return what an agent's `reset` takes, the agent seeded."""
     env = gym.make("DexGrasp/Lift-v1", objects=target, **(dict(agent.env_settings) | dict(env_settings)))
     observation, info = env.reset(seed=seed)
     pose = object_pose(env)
     agent.seed(seed)
-    agent.reset(observation, public_info(env, info))
     name = env.unwrapped.simulation.object.name  # type: ignore[attr-defined]
-    return Attempt(name, env, agent, observation, pose, seed)
+    return Attempt(name, env, agent, observation, pose, seed), public_info(env, info)

@@ -9,6 +9,7 @@ from dexgrasp_env.poses import pose_matrix
 
 if TYPE_CHECKING:
     from agents.grasp.identity import ObjectIdentity
+    from agents.planning.plan import Plan
 
 
 def object_pose(env: gym.Env[Any, Any]) -> Array:
@@ -29,17 +30,25 @@ def planned_grasp(
         seed: it planned with.
     """
     plan, target = getattr(agent, "plan", None), getattr(agent, "grasp_target", None)
-    grasp = getattr(plan, "grasp", None)
-    if plan is None or grasp is None or target is None or agent.report.failure:
+    if plan is None or target is None or agent.report.failure:
+        return None
+    return content_of(plan, env, agent, T_world_object, seed, agent.report.planning_seconds)
+
+
+def content_of(
+    plan: "Plan", env: gym.Env[Any, Any], agent: Any, T_world_object: Array, seed: int, seconds: float | None
+) -> dict[str, Any] | None:
+    """Return a plan of an agent as a grasp file holds it, None for one without a grasp; it took `seconds`."""
+    if plan.grasp is None:
         return None
     from agents.grasp.file import ObjectPose, grasp_json
     from agents.planning.settings import PlannerSettings
 
     model = env.unwrapped.simulation.object  # type: ignore[attr-defined]
     return grasp_json(
-        object_identity(env), grasp, target, getattr(agent, "settings", None) or PlannerSettings(),
+        object_identity(env), plan.grasp, agent.grasp_target, getattr(agent, "settings", None) or PlannerSettings(),
         script=plan.script, pose=ObjectPose(model.mesh, T_world_object), agent=_name_of(agent), seed=seed,
-        planning_seconds=agent.report.planning_seconds,
+        planning_seconds=seconds,
     )  # fmt: skip
 
 

@@ -51,8 +51,8 @@ class Planner:
         """
         self.settings, self.mount = settings or PlannerSettings(), mount
         self.tree: RobotTree = robot_tree(mount)
-        self._source, self._starts, self._with_closure = source or SurfaceProposals(), starts, with_closure
-        self._certifier = Certifier(self.tree, self.settings, mount, with_closure)
+        self.source, self._starts, self._with_closure = source or SurfaceProposals(), starts, with_closure
+        self.certifier = Certifier(self.tree, self.settings, mount, with_closure)
 
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> Plan:
         """Return the first grasp that passes everything, with its script if `start` is given.
@@ -69,7 +69,7 @@ class Planner:
             if self._out_of_time(plan):
                 break
             settings = self.settings.broadened(breadth)
-            proposals = self._source.propose(target, settings, rng)
+            proposals = self.source.propose(target, settings, rng)
             plan.rounds += 1
             clock.lap("proposals")
             plan.reason = proposals.failure
@@ -87,7 +87,7 @@ class Planner:
 
         Postures come firmest first, so that a batch without a firm one is the last that is looked at.
         """
-        solutions = self._solutions(proposals, target, settings, plan, clock)
+        solutions = self.solutions(proposals, target, settings, plan, clock)
         for batch in iter(lambda: list(islice(solutions, settings.candidates)), []):
             held = [Candidate(at, firmest_hold(at.q, target, self.tree, self.settings)) for at in batch]
             clock.lap("certificate")
@@ -111,13 +111,13 @@ class Planner:
         pool.sort(key=lambda candidate: -candidate.hold.merit)
         while pool and pool[0].hold.merit >= least:
             solution, hold = pool.pop(0)
-            grasp = self._certifier.certify(solution, hold, target, plan)
+            grasp = self.certifier.certify(solution, hold, target, plan)
             clock.lap("certificate")
-            if grasp is not None and self._carry_out(grasp, target, start, plan, clock):
+            if grasp is not None and self.carry_out(grasp, target, start, plan, clock):
                 return True
         return False
 
-    def _solutions(
+    def solutions(
         self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, plan: Plan, clock: Clock
     ) -> Iterator[Solution]:
         """Yield feasible configurations until postures or time run out; note in `plan` what blocked the others."""
@@ -135,14 +135,14 @@ class Planner:
     def _refine(self, posture: Posture, target: GraspTarget) -> Solution:
         return solve(posture.q, self.tree, target, self.settings, with_margin=self._with_closure)
 
-    def _carry_out(
+    def carry_out(
         self, grasp: Grasp, target: GraspTarget, start: Array | None, plan: Plan, clock: Clock
     ) -> bool:
         """Whether the grasp can be approached; its script goes into `plan`."""
         try:
             if start is not None:
                 plan.script = make_script(start, grasp.motion, target.distance, self.mount)
-            plan.grasp, plan.reason = self._certifier.complete(grasp, target), None
+            plan.grasp, plan.reason = self.certifier.complete(grasp, target), None
             return True
         except NoPath as blocked:
             plan.block(blocked.reason)

@@ -108,7 +108,7 @@ class KinematicPlanner(LatentPlanner):
     def __init__(self, settings: PlannerSettings, mount: str) -> None:
         """Prepare."""
         super().__init__(settings, mount)
-        self._certifier = RejectingCertifier(self.tree, self.settings, mount, with_closure=False)
+        self.certifier = RejectingCertifier(self.tree, self.settings, mount, with_closure=False)
 
 
 class RejectingCertifier(Certifier):
@@ -128,7 +128,7 @@ class RawPlanner(LatentPlanner):
     def __init__(self, settings: PlannerSettings, mount: str) -> None:
         """Prepare."""
         super().__init__(replace(settings, iterations=0), mount)
-        self._certifier = UncheckedCertifier(self.tree, self.settings, mount, with_closure=False)
+        self.certifier = UncheckedCertifier(self.tree, self.settings, mount, with_closure=False)
 
     def _refine(self, posture: Posture, target: GraspTarget) -> Solution:
         solution = super()._refine(posture, target)

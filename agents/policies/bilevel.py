@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from agents.base import Agent, Observation, Report
 from agents.execution.guarded import GuardedExecution
 from agents.grasp.target import GraspTarget, target_from_points
+from agents.planning.many import GraspSet, Progress, check_count, plan_many
 from agents.planning.planner import Plan, Planner, warm_up
 from agents.planning.proposals import FirstProposals, ProposalSource, SurfaceProposals
 from agents.planning.settings import PlannerSettings
@@ -64,19 +65,12 @@ class BilevelAgent(Agent):
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud of the first observation."""
-        if info.get("mount", self._planner.mount) != self._planner.mount:
-            self._planner = self._make(str(info["mount"]))
-        self._execution, self.plan, self.grasp_target = None, None, None
         start, began = start_of(observation), time.perf_counter()
-        if info.get("perception_failure"):
-            self.report = Report(failure=str(info["perception_failure"]), planning_seconds=0.0)
-            return
-        self.grasp_target, failure = target_from_cloud(observation)
-        if self.grasp_target is None:
-            self.report = Report(failure=failure, planning_seconds=time.perf_counter() - began)
+        target = self._look(observation, info)
+        if target is None:
             return
         hull_seconds = time.perf_counter() - began
-        self.plan = self._planner.plan(self.grasp_target, self._seed, start)
+        self.plan = self._planner.plan(target, self._seed, start)
         grasp, script = self.plan.grasp, self.plan.script
         if grasp is not None and script is not None:
             planner = self._planner
@@ -88,6 +82,46 @@ class BilevelAgent(Agent):
             planning_seconds=time.perf_counter() - began,
             details=_details(self.plan, hull_seconds),
         )
+
+    def plan_set(
+        self, observation: Observation, info: Mapping[str, Any], count: int, progress: Progress | None = None
+    ) -> GraspSet | None:
+        """Plan grasps that differ, of which none is carried out; None where no object is seen: `report` says why.
+
+        Args:
+            observation: the first of an episode.
+            info: as `reset` takes it.
+            count: grasps asked for.
+            progress: called with steps done and steps in all.
+
+        Raises:
+            InputError: for a count out of range.
+        """
+        check_count(count)
+        start, began = start_of(observation), time.perf_counter()
+        target = self._look(observation, info)
+        if target is None:
+            return None
+        hull_seconds = time.perf_counter() - began
+        found = plan_many(self._planner, target, count, self._seed, start, progress)
+        self.report = Report(
+            failure=None if found.plans else f"no_grasp:{found.search.reason}",
+            planning_seconds=time.perf_counter() - began,
+            details=_details(found.search, hull_seconds),
+        )
+        return found
+
+    def _look(self, observation: Observation, info: Mapping[str, Any]) -> GraspTarget | None:
+        """Take the object from what is seen; None, with the reason in `report`, where there is none."""
+        if info.get("mount", self._planner.mount) != self._planner.mount:
+            self._planner = self._make(str(info["mount"]))
+        self._execution, self.plan, self.grasp_target = None, None, None
+        began, failure = time.perf_counter(), info.get("perception_failure")
+        if not failure:
+            self.grasp_target, failure = target_from_cloud(observation)
+        if self.grasp_target is None:
+            self.report = Report(failure=str(failure), planning_seconds=time.perf_counter() - began)
+        return self.grasp_target
 
     def act(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next set-points."""

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,6 +10,7 @@ import numpy as np
 from agents.grasp.file import grasp_json
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget, target_from_points
+from agents.planning.many import GraspSet, Progress, check_count, plan_many
 from agents.planning.plan import Plan
 from agents.planning.planner import Planner, warm_up
 from agents.planning.settings import PlannerSettings
@@ -33,6 +34,8 @@ class CloudPlan:
         target: what was planned on; None without an object.
         plan: of the planner; None without an object.
         seconds: from the isolated object to the certified grasp with its approach.
+        found: the grasps where several were asked for; `plan` is then the firmest, or the search that found none.
+        asked: how many, where several were.
     """
 
     seen: SceneObject
@@ -41,6 +44,14 @@ class CloudPlan:
     target: GraspTarget | None = None
     plan: Plan | None = None
     seconds: float = 0.0
+    found: GraspSet | None = None
+    asked: int | None = None
+
+    @property
+    def grasps(self) -> list[Grasp]:
+        """All certified grasps, firmest first."""
+        plans = [self.plan] if self.found is None else self.found.plans
+        return [plan.grasp for plan in plans if plan is not None and plan.grasp is not None]
 
     @property
     def grasp(self) -> Grasp | None:
@@ -58,20 +69,34 @@ class CloudPlan:
 
     def as_json(self, name: str) -> dict[str, Any]:
         """Return what `dexgrasp plan --cloud --json` prints; `grasp` is the content of a grasp file."""
-        content = None
-        if self.grasp is not None and self.plan is not None and self.target is not None:
-            content = grasp_json(
-                name, self.grasp, self.target, self.settings, script=self.plan.script, agent="bilevel",
-                seed=self.seed, planning_seconds=self.seconds,
-            )  # fmt: skip
-        blocked = {} if self.plan is None else self.plan.blocked
-        return {
-            "schema": 1, "object": name, "success": content is not None, "reason": self.reason,
-            "planning_seconds": self.seconds, "stages": {} if self.plan is None else self.plan.seconds,
+        contents = self.contents(name)
+        search = self.plan if self.found is None else self.found.search
+        blocked = {} if search is None else search.blocked
+        first = contents[0] if contents else None
+        result = {
+            "schema": 1, "object": name, "success": first is not None, "reason": self.reason,
+            "planning_seconds": self.seconds, "stages": {} if search is None else search.seconds,
             "blocked": {reason: count for reason, (count, _) in blocked.items()},
             "violations": {reason: float(least) for reason, (_, least) in blocked.items()},
-            "grasp": content, "certificate": None if content is None else content["certificate"],
+            "grasp": first, "certificate": None if first is None else first["certificate"],
         }  # fmt: skip
+        if self.asked is None:
+            return result
+        found, enough = self.found or GraspSet(), len(contents) == self.asked
+        reason = self.reason or found.search.reason
+        return result | found.as_json(contents, self.asked) | {"success": enough, "reason": reason}
+
+    def contents(self, name: str) -> list[dict[str, Any]]:
+        """Return the grasps as grasp files hold them, firmest first."""
+        plans = [self.plan] if self.found is None else self.found.plans
+        seconds = self.seconds / max(len(plans), 1)
+        return [
+            grasp_json(
+                name, plan.grasp, self.target, self.settings, script=plan.script, agent="bilevel",
+                seed=self.seed, planning_seconds=seconds,
+            )
+            for plan in plans if plan is not None and plan.grasp is not None and self.target is not None
+        ]  # fmt: skip
 
     @property
     def sentence(self) -> str:
@@ -89,8 +114,10 @@ def plan_cloud(
     seed: int = 0,
     start: Array | None = None,
     planner: Planner | None = None,
+    count: int | None = None,
+    progress: Progress | None = None,
 ) -> CloudPlan:
-    """Plan a grasp of the object in a cloud of the scene.
+    """Plan a grasp of the object in a cloud of the scene, or several that differ.
 
     The scene stands on a table at the height of the robot's base; the table, and the robot where it stands at `start`,
     may be in the cloud.
@@ -102,13 +129,17 @@ def plan_cloud(
         seed: of everything that is drawn; the same cloud and seed give the same grasp.
         start: (23,) rad, where the robot stands; its home posture by default.
         planner: one of your own; the default planner otherwise.
+        count: how many grasps that differ; None plans one.
+        progress: called with steps done and steps in all, where there is a count.
 
     Returns:
-        A plan with `.grasp`, or with `.reason` why there is none.
+        A plan with `.grasp`, or with `.reason` why there is none; with a count, `.grasps` are all, firmest first.
 
     Raises:
-        InputError: for something that is no cloud, a point or a mass that is none.
+        InputError: for something that is no cloud, a point, a mass or a count that is none.
     """
+    if count is not None:
+        check_count(count)
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     q = _checked("start", HOME if start is None else start, 23)
     where = None if near is None else _checked("near", near, 3)
@@ -117,15 +148,16 @@ def plan_cloud(
     planner = planner or default_planner()
     robot, data = _robot_at(q, planner.mount)
     seen = find_object(cloud, np.random.default_rng(seed), near=where, robot=robot, data=data)
+    unplanned = CloudPlan(seen, seed, planner.settings, asked=count)
     if seen.reason is not None:
-        return CloudPlan(seen, seed, planner.settings)
+        return unplanned
     began = time.perf_counter()
     target = target_from_points(seen.cloud.valid_points, seen.cloud.plane, mass)
     if target is None:
-        return CloudPlan(seen, seed, planner.settings)
-    return CloudPlan(
-        seen, seed, planner.settings, target, planner.plan(target, seed, q), time.perf_counter() - began
-    )
+        return unplanned
+    found = None if count is None else plan_many(planner, target, count, seed, q, progress)
+    plan = planner.plan(target, seed, q) if found is None else [*found.plans, found.search][0]
+    return replace(unplanned, target=target, plan=plan, seconds=time.perf_counter() - began, found=found)
 
 
 def default_planner(mount: str = "palm_normal", friction: float | None = None) -> Planner:

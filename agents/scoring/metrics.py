@@ -5,14 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from agents.grasp.variety import component_shares
 from agents.scoring.candidate import Candidate
 from agents.scoring.scene import FloatingScene, Physics
 from dexgrasp_env.arrays import Array
 
 _MARGIN = 0.010  # m: further apart than this is this far
 _TOUCH = 0.002  # m: a link this near touches
-_COMPONENTS = 5
-_SAME = 1e-16  # of the sum of squares: what rounding leaves of equal grasps
 
 
 def contact_metrics(candidate: Candidate) -> dict[str, float]:
@@ -56,12 +55,7 @@ def diversity(candidates: Sequence[Candidate]) -> list[float]:
     """
     if len(candidates) < 3 or len({c.hand.joint_names for c in candidates}) > 1:
         return []
-    features = np.array([_features(c) for c in candidates])
-    variances = np.linalg.svd(features - features.mean(0), compute_uv=False) ** 2
-    if variances.sum() <= _SAME:
-        return []
-    shares = np.cumsum(variances / variances.sum())
-    return [float(share) for share in shares[:_COMPONENTS]]
+    return component_shares(np.array([_features(c) for c in candidates]))
 
 
 def _features(candidate: Candidate) -> Array:

@@ -1,0 +1,147 @@
+"""Many grasps of one scene: certified, different, firmest first, reproducible; a shortfall has a reason."""
+
+import json
+
+import numpy as np
+import pytest
+import trimesh
+
+from agents.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
+from agents.grasp.file import grasp_json, record_of
+from agents.grasp.target import GraspTarget
+from agents.grasp.variety import component_shares, hand_points
+from agents.grasp.verify import verify
+from agents.planning.many import MOST, plan_many
+from agents.planning.planner import Planner
+from agents.policies.from_cloud import plan_cloud
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import HOME
+
+COUNT = 6
+
+
+def box(x=0.5, size=(0.05, 0.07, 0.08)):
+    mesh = trimesh.creation.box(size)
+    mesh.apply_translation([x, 0.0, size[2] / 2])
+    return mesh
+
+
+@pytest.fixture(scope="module")
+def found():
+    steps = []
+    planner, target = Planner(), GraspTarget.of(box(), mass=0.2)
+    return (
+        planner,
+        target,
+        plan_many(planner, target, COUNT, 3, HOME, lambda *step: steps.append(step)),
+        steps,
+    )
+
+
+def test_every_grasp_is_verified_and_bears_the_weight(found):
+    planner, target, grasps, _ = found
+    assert len(grasps.plans) == COUNT
+    assert grasps.search.reason is None
+    for plan in grasps.plans:
+        assert plan.grasp.certificate.load >= 1.0
+        content = grasp_json("box", plan.grasp, target, planner.settings, script=plan.script, agent="bilevel")
+        assert [check.name for check in verify(record_of(content)) if not check.holds] == []
+
+
+def test_firmest_first_and_progress_to_the_end(found):
+    _, _, grasps, steps = found
+    loads = [plan.grasp.certificate.load for plan in grasps.plans]
+    assert loads == sorted(loads, reverse=True)
+    done, of = zip(*steps, strict=True)
+    assert list(done) == sorted(done)
+    assert done[-1] == of[-1] == 3 * COUNT
+
+
+def test_grasps_stand_farther_apart_than_those_that_come_first(found):
+    planner, target, grasps, _ = found
+    chosen = _least_gap(planner, [plan.grasp for plan in grasps.plans])
+    first = []
+    for seed in range(COUNT):
+        first.append(Planner().plan(target, seed, HOME).grasp)
+    assert chosen > 0.02
+    assert chosen > _least_gap(planner, first)
+    assert 0.0 < grasps.diversity[0] < 1.0
+    assert grasps.per_second > 0.0
+
+
+def _least_gap(planner, grasps):
+    """Smallest root mean square distance, m, of two hands."""
+    points = [hand_points(g.q, g.contacts, planner.tree) for g in grasps]
+    return min(np.sqrt(((a - b) ** 2).sum(1).mean()) for k, a in enumerate(points) for b in points[:k])
+
+
+def test_the_same_seed_gives_the_same_set(found):
+    planner, target, grasps, _ = found
+    again = plan_many(planner, target, COUNT, 3, HOME)
+    assert all((a.grasp.q == b.grasp.q).all() for a, b in zip(grasps.plans, again.plans, strict=True))
+
+
+def test_out_of_reach_ends_with_a_reason():
+    grasps = plan_many(Planner(), GraspTarget.of(box(x=1.4), mass=0.2), 3, 0, HOME)
+    assert grasps.plans == []
+    assert grasps.search.reason == "no_reachable_posture"
+    assert grasps.diversity == []
+
+
+@pytest.mark.parametrize("count", [0, -1, 2.0, True, MOST + 1])
+def test_a_bad_count_is_refused(found, count):
+    planner, target, _, _ = found
+    with pytest.raises(InputError, match="valid are whole numbers from 1 to"):
+        plan_many(planner, target, count)
+
+
+def test_component_shares_of_a_line_and_of_too_few():
+    line = np.outer(np.arange(5.0), [1.0, 2.0, 3.0])
+    assert component_shares(line)[0] == pytest.approx(1.0)
+    assert component_shares(line[:2]) == []
+    assert component_shares(np.ones((4, 3))) == []
+
+
+def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):
+    (tmp_path / "grasp_009.json").write_text("{}")
+    assert main(["plan", "pear", "--count", "3", "--seed", "1", "--out", str(tmp_path), "--json"]) == OK
+    out, err = capsys.readouterr()
+    result = json.loads(out)
+    assert result["success"] is True
+    assert result["count"] == result["asked"] == len(result["grasps"]) == 3
+    assert result["certificate"]["load"] == max(g["certificate"]["load"] for g in result["grasps"])
+    assert "1 grasp files there are of an earlier run" in err
+    for k in range(3):
+        path = tmp_path / f"grasp_{k:03d}.json"
+        assert json.loads(path.read_text())["q"] == result["grasps"][k]["q"]
+        assert main(["verify", str(path)]) == OK
+    capsys.readouterr()
+    assert main(["plan", "pear", "--count", "3", "--seed", "1"]) == OK
+    assert "pear: 3 of 3 grasps" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["pear", "--count", "0"], "not a whole number above 0"),
+        (["pear", "--count", "99999"], "valid are whole numbers from 1 to 10000"),
+        (["pear", "--count", "2", "--agent", "hardcoded"], "plans no sets of grasps"),
+    ],
+)
+def test_bad_counts_are_one_line(arguments, words, capsys):
+    assert main(["plan", *arguments]) == BAD_INPUT
+    err = capsys.readouterr().err
+    assert words in err
+    assert len(err.strip().splitlines()) == 1
+
+
+def test_too_few_from_a_cloud_say_so_and_end_in_no(tmp_path, capsys):
+    points = np.random.default_rng(0).uniform([0.46, -0.04, 0.0], [0.54, 0.04, 0.1], (4000, 3))
+    points = points[(np.abs(points - [0.5, 0, 0.05]) > [0.036, 0.036, 0.046]).any(1)]
+    found = plan_cloud(points, count=2)
+    assert len(found.grasps) == 2
+    assert found.grasps[0].certificate.load >= found.grasps[1].certificate.load
+    assert len(found.as_json("box")["grasps"]) == 2
+    np.save(tmp_path / "far.npy", points + np.array([0.9, 0.0, 0.0]))
+    assert main(["plan", "--cloud", str(tmp_path / "far.npy"), "--count", "2"]) == ANSWER_IS_NO
+    assert "0 of 2 grasps" in capsys.readouterr().out
