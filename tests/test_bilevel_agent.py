@@ -5,6 +5,7 @@ import subprocess
 import sys
 import textwrap
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
@@ -86,6 +87,35 @@ def test_lifts_the_sugar_box(attempt):
     assert info["is_success"]
     assert info["object_height"] > 0.1
     assert info["object_slip"] < 0.02
+
+
+def test_grasps_again_what_was_lost():
+    """The object is taken out of the hand and put elsewhere: the agent goes home, looks, and lifts it after all."""
+    agent = BilevelAgent()
+    env = gym.make("DexGrasp/Lift-v1", objects="gelatin_box", max_episode_steps=400, **agent.env_settings)
+    observation, info = env.reset(seed=1)
+    agent.seed(1)
+    agent.reset(observation, public_info(env, info))
+    qpos, taken, over = env.unwrapped.data.qpos, False, False
+    place = qpos[23:] - [0.1, 0, 0, 0, 0, 0, 0]
+    while not over:
+        observation, _, terminated, truncated, info = env.step(agent.act(observation))
+        if not taken and info["object_height"] > 0.03:
+            qpos[23:], env.unwrapped.data.qvel[23:], taken = place, 0.0, True
+        over = terminated or truncated or info["is_success"]
+    assert taken
+    assert agent.report.details["regrasps"] == 1
+    assert info["is_success"]
+
+
+def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):
+    agent = BilevelAgent()
+    agent.reset(attempt.observation, {"observe": "reset"})
+    agent._execution._lost_steps = 99
+    assert agent._execution.lost
+    agent.act(attempt.observation)
+    assert "regrasps" not in agent.report.details
+    assert isinstance(agent._execution, GuardedExecution)
 
 
 def failures():

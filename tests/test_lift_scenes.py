@@ -14,7 +14,7 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.scene.build import build_scene
-from dexgrasp_env.tasks.control import MAX_STEP
+from dexgrasp_env.tasks.control import MAX_STEP, normalise
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.rewards import WEIGHTS
 from dexgrasp_env.tasks.simulation import Simulation
@@ -39,6 +39,17 @@ def test_info_has_one_type_each():
     _, _, _, _, later = env.step(np.zeros(23))
     assert {k: type(v) for k, v in first.items()} == {k: type(v) for k, v in later.items()}
     assert not any(value is None or isinstance(value, list) for value in first.values())
+
+
+def test_cameras_look_again_once_the_arm_is_home():
+    env = make(obs_mode="pointcloud", observe="clear", control_mode="joint_position")
+    first, _ = env.reset(seed=0)
+    away = HOME.copy()
+    away[0] += 0.2
+    clouds = [env.step(normalise(q).astype(np.float32))[0]["cloud"] for q in [away] * 8 + [HOME] * 12]
+    assert np.array_equal(clouds[3], clouds[7])  # the arm is on its way: nobody looks
+    assert not np.array_equal(clouds[-1], clouds[7])
+    assert not np.array_equal(clouds[-1], clouds[-2])
 
 
 @pytest.mark.parametrize("mode", ["state", "pointcloud", "depth"])

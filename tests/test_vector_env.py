@@ -156,7 +156,8 @@ def test_place_counts_the_time_at_the_goal_alike():
 
 
 @pytest.mark.parametrize(
-    ("obs_mode", "observe"), [("depth", "step"), ("pointcloud", "step"), ("pointcloud", "reset")]
+    ("obs_mode", "observe"),
+    [("depth", "step"), ("pointcloud", "step"), ("pointcloud", "reset"), ("pointcloud", "clear")],
 )
 def test_cameras_equal_single_ones(obs_mode, observe):
     compare(

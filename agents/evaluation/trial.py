@@ -110,6 +110,7 @@ def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, An
         "mount": settings.mount,
         "obs_mode": settings.obs_mode,
         "control_mode": settings.control_mode,
+        "observe": settings.observe,
     }
     return known | {key: value for key, value in info.items() if key.startswith("perception")}
 

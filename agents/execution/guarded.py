@@ -28,6 +28,11 @@ _CLOSE_STEPS, _SETTLE_STEPS = 60, 3  # control steps at most, and after contact
 _RAMP_STEPS, _SQUEEZE_STEPS = 8, 16  # control steps until the torque is asked for in full, and until the lift
 _GAIN = 0.6  # of the way to the wanted torque, per control step: less than 1, as the joints move on meanwhile
 _TIP_DEPTH = 0.0105  # m from a tip's centre to where it touches
+_FREE_SHARE = 0.15  # of the torque asked for: a finger that lags by less has nothing left to press against
+_GIVEN_WAY = (
+    0.008  # m that thumb and finger come closer, while they carry, where nothing is between them any more
+)
+_LOST_STEPS = 11  # control steps that it must last: a push of 0.5 s may unload a finger
 
 
 class GuardedExecution:
@@ -57,6 +62,7 @@ class GuardedExecution:
         self._settled = 0
         self._targets = self._base.copy()
         self._pressed = self._base.copy()
+        self._spans, self._lost_steps = np.zeros(2), 0
 
     def _tip_travel(self) -> Array:
         """Way (3,) m of the tips from open to closed, at least 1 mm."""
@@ -80,7 +86,7 @@ class GuardedExecution:
             return self._close(q)
         if self._phase == "squeeze":
             return self._squeeze(q)
-        return self._carry()
+        return self._carry(q)
 
     def _close(self, q: Array) -> Array:
         self._count += 1
@@ -117,12 +123,31 @@ class GuardedExecution:
             self._targets[columns] += _GAIN * (q + lag - self._targets)[columns]
         self._targets = np.clip(self._targets, self._tree.lower, self._tree.upper)
         if self._count >= _SQUEEZE_STEPS:
-            self._pressed = self._targets
+            self._pressed, self._spans = self._targets, self._spans_at(q)
             self._phase, self._step = "carry", self._lift_start
         return self._targets
 
-    def _carry(self) -> Array:
+    @property
+    def lost(self) -> bool:
+        """Whether the object has left the hand, as far as the joints can tell."""
+        return self._lost_steps >= _LOST_STEPS
+
+    def _carry(self, q: Array) -> Array:
         """Lift and hold: the arm by the script, the fingers pressing as they do."""
+        self._lost_steps = self._lost_steps + 1 if self._nothing_to_press(q) else 0
         arm = self._script.targets[min(self._step, len(self._script.targets) - 1)][:7]
         self._step += 1
         return np.concatenate([arm, self._pressed[7:]])
+
+    def _nothing_to_press(self, q: Array) -> bool:
+        """Whether a finger no longer lags behind its set-point as it should, or has come closer to the thumb."""
+        if (self._spans - self._spans_at(q) > _GIVEN_WAY).any():
+            return True
+        wanted, lag = self._wanted(q), HAND_STIFFNESS * (self._pressed - q)
+        pressing = [(lag[c] @ wanted[c], wanted[c] @ wanted[c]) for c in _COLUMNS]
+        return any(given < _FREE_SHARE * asked for given, asked in pressing)
+
+    def _spans_at(self, q: Array) -> Array:
+        """Distances (2,) m of index and middle tip from the thumb's."""
+        thumb, *fingers = self._tips(q)
+        return np.linalg.norm(np.array(fingers) - thumb, axis=1)

@@ -9,6 +9,8 @@ from numpy.typing import NDArray
 
 from agents.base import Agent, Observation, Report
 from agents.execution.guarded import GuardedExecution
+from agents.execution.motion import NoPath
+from agents.execution.retreat import Retreat
 from agents.grasp.target import GraspTarget, target_from_points
 from agents.planning.many import GraspSet, Progress, check_count, plan_many
 from agents.planning.planner import Plan, Planner, warm_up
@@ -22,17 +24,20 @@ SOURCES = ("auto", "surface", "cvae", "uniform")
 
 
 class BilevelAgent(Agent):
-    """Plans once from the cloud at reset and carries the grasp out; it is told nothing of the object's pose or mass."""
+    """Plans from the cloud at reset and carries the grasp out; told nothing of the object's pose or mass.
+
+    Where the joints feel that the object was lost, the arm goes home, looks again and grasps once more.
+    """
 
     env_settings: ClassVar[Mapping[str, Any]] = {
         "obs_mode": "pointcloud",
         "control_mode": "joint_position",
-        "observe": "reset",
+        "observe": "clear",
     }
 
     def __init__(
         self, proposals: str = "auto", settings: PlannerSettings | None = None, mount: str = "palm_normal",
-        with_closure: bool = True, starts: str = "atlas",
+        with_closure: bool = True, starts: str = "atlas", regrasps: int = 1,
     ) -> None:  # fmt: skip
         """Prepare the planner.
 
@@ -43,6 +48,7 @@ class BilevelAgent(Agent):
             mount: of the hand.
             with_closure: see `Planner`.
             starts: see `Planner`.
+            regrasps: how often to try again in an episode where the object was lost.
         """
         self.settings = settings or PlannerSettings()
         self._source = make_source(proposals)
@@ -51,7 +57,8 @@ class BilevelAgent(Agent):
         self._seed = 0
         self.plan: Plan | None = None
         self.grasp_target: GraspTarget | None = None
-        self._execution: GuardedExecution | None = None
+        self._regrasps, self._left = regrasps, 0
+        self._execution: GuardedExecution | Retreat | None = None
 
     def _make(self, mount: str) -> Planner:
         warm_up(mount, self._source)
@@ -71,12 +78,9 @@ class BilevelAgent(Agent):
             return
         hull_seconds = time.perf_counter() - began
         self.plan = self._planner.plan(target, self._seed, start)
-        grasp, script = self.plan.grasp, self.plan.script
-        if grasp is not None and script is not None:
-            planner = self._planner
-            self._execution = GuardedExecution(
-                script, grasp.normals, grasp.forces, planner.tree, planner.mount
-            )
+        self._execution = self._carried_out(self.plan)
+        # Only where the cameras look again: what they saw at first is no longer where the object is.
+        self._left = self._regrasps if info.get("observe") in ("clear", "step") else 0
         self.report = Report(
             failure=None if self._execution else f"no_grasp:{self.plan.reason}",
             planning_seconds=time.perf_counter() - began,
@@ -127,7 +131,34 @@ class BilevelAgent(Agent):
         """Return the next set-points."""
         if self._execution is None:
             raise InputError("this agent has no plan: reset() says why in report.failure")
+        if self._execution.lost and self._left:
+            self._let_go(observation)
+        elif isinstance(self._execution, Retreat) and self._execution.done and self._left:
+            self._grasp_again(observation)
         return self._execution.action(observation["joint_positions"])
+
+    def _carried_out(self, plan: Plan) -> GuardedExecution | None:
+        if plan.grasp is None or plan.script is None:
+            return None
+        planner = self._planner
+        return GuardedExecution(
+            plan.script, plan.grasp.normals, plan.grasp.forces, planner.tree, planner.mount
+        )
+
+    def _let_go(self, observation: Observation) -> None:
+        try:
+            self._execution = Retreat(start_of(observation), self._planner.tree)
+        except NoPath:
+            self._left = 0
+
+    def _grasp_again(self, observation: Observation) -> None:
+        """Plan from what the cameras see now that the hand is out of their way; without a grasp, stay."""
+        self._left -= 1
+        self.report.details["regrasps"] = self._regrasps - self._left
+        target, _ = target_from_cloud(observation)
+        if target is not None:
+            plan = self._planner.plan(target, self._seed + 1, start_of(observation))
+            self._execution = self._carried_out(plan) or self._execution
 
 
 def make_source(name: str) -> ProposalSource:

@@ -143,7 +143,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `views` | `4` | names of the cameras that look, or how many of them to draw at reset |
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
     | `sensor` | `'realistic'` | `realistic`, `none`, or settings of `SensorModel` |
-    | `observe` | `'step'` | `step`; `reset`: cameras look once, the view is repeated |
+    | `observe` | `'step'` | `step`; `reset`: cameras look once; `clear`: and whenever the arm is home |
     | `mesh_scale` | `1.0` | factor from a mesh file's unit to metres |
     | `mesh_mass` | `None` | kg of a mesh file's object; None for 400 kg/m3 |
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |

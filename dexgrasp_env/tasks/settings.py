@@ -22,7 +22,7 @@ from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.tasks.rewards import REWARD_MODES
 
 DEFAULT_VIEWS = 4
-OBSERVE = ("step", "reset")
+OBSERVE = ("step", "reset", "clear")
 RENDER_MODES = ("human", "rgb_array", "depth_array")
 
 

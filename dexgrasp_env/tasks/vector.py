@@ -211,7 +211,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         self._note(everything, episodes.conclude(everything, moment, warnings, rngs))
         if self.settings.obs_mode != "state":
             for i in map(int, running):
-                self._look(i, self.simulation(i) if self.settings.observe == "step" else None, at_reset=False)
+                due = self._views.due(physics.qpos[i])
+                self._look(i, self.simulation(i) if due else None, at_reset=False)
 
     def _finish(self) -> dict[str, Any]:
         """Return the last observations and infos of those that ended, and reset them."""
