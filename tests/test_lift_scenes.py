@@ -43,7 +43,7 @@ def test_info_has_one_type_each():
 
 def test_cameras_look_again_once_the_arm_is_home():
     env = make(obs_mode="pointcloud", observe="clear", control_mode="joint_position")
-    first, _ = env.reset(seed=0)
+    env.reset(seed=0)
     away = HOME.copy()
     away[0] += 0.2
     clouds = [env.step(normalise(q).astype(np.float32))[0]["cloud"] for q in [away] * 8 + [HOME] * 12]

@@ -319,7 +319,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         episodes, simulation = self._episodes, self._simulation
         info = episodes.info(0)
         if self.settings.obs_mode != "state":
-            views, seen = self._views.observe(episodes.slots[0].view, simulation, self.np_random, at_reset)
+            looks = simulation if at_reset or self._views.due(simulation.data.qpos) else None
+            views, seen = self._views.observe(episodes.slots[0].view, looks, self.np_random, at_reset)
             observation |= views
             info |= seen
         if self.render_mode == "human":

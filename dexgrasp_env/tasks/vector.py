@@ -228,9 +228,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
     def _look(self, i: int, simulation: Simulation | None, at_reset: bool) -> None:
         if self.settings.obs_mode == "state":
             return
-        slot = self._episodes.slots[i]
-        simulation = simulation or self._episodes.simulations[slot.target]
-        seen, _ = self._views.observe(slot.view, simulation, self._rng(i), at_reset)
+        seen, _ = self._views.observe(self._episodes.slots[i].view, simulation, self._rng(i), at_reset)
         self._note(i, seen)
 
     def simulation(self, i: int) -> Simulation:

@@ -65,15 +65,15 @@ class Views:
         self.image_shape = (number, intrinsics.height, intrinsics.width)
 
     def observe(
-        self, view: View, simulation: Simulation, rng: Generator, at_reset: bool
+        self, view: View, simulation: Simulation | None, rng: Generator, at_reset: bool
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         """Return the camera part of an observation and of the info.
 
-        Between looks (`due`) the last views are repeated.
+        Between looks the last views are repeated.
 
         Args:
             view: of the episode; kept up to date.
-            simulation: its scene, with the present positions in `data`.
+            simulation: its scene, with the present positions in `data`; None where no look is `due`.
             rng: of the episode.
             at_reset: whether cameras are drawn and calibrated anew.
         """
@@ -81,7 +81,7 @@ class Views:
             return {}, {}
         if at_reset:
             view.cameras = self._choose(rng)
-        if at_reset or self.due(simulation.data.qpos):
+        if simulation is not None:
             mujoco.mj_kinematics(simulation.model, simulation.data)
             perception = self._perception(simulation, view.cameras)
             if at_reset:
@@ -93,7 +93,7 @@ class Views:
         return {key: value.copy() for key, value in view.seen.items()}, copy.deepcopy(view.info)
 
     def due(self, qpos: Array) -> bool:
-        """Whether cameras look in a step that ends at these positions (30,): `observe` says when.
+        """Whether cameras look after a step that ends at these positions (30,): `observe` says when.
 
         `step`: always. `reset`: never. `clear`: while the arm stands at home, where no camera's view is in its way.
         """
