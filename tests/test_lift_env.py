@@ -6,6 +6,7 @@ import pickle
 import subprocess
 import sys
 import warnings
+from itertools import product
 
 import gymnasium as gym
 import mujoco
@@ -31,29 +32,8 @@ EVERY_MODE = [
 ]
 
 
-@pytest.mark.parametrize(("obs_mode", "control_mode", "reward_mode"), EVERY_MODE)
-def test_checkers_accept_every_mode(obs_mode, control_mode, reward_mode):
-    skip_without_gl(obs_mode)
-    env = make(obs_mode=obs_mode, control_mode=control_mode, reward_mode=reward_mode).unwrapped
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        warnings.filterwarnings("ignore", message=".*WARN.*(infinity|symmetric|-inf|inf).*")
-        warnings.filterwarnings("ignore", message=".*not within|.*pixel|.*image|.*render")
-        check_env(env, skip_render_check=True)
-    sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        sb3.check_env(env, warn=False, skip_render_check=True)
-    env.close()
-
-
-IDS = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
-
-
-@pytest.mark.parametrize("name", IDS)
-def test_every_id_is_deterministic_and_accepted(name):
-    env, other = (gym.make(name, objects="gelatin_box", disable_env_checker=True) for _ in range(2))
-    assert_same(rollout(env, 3, 6), rollout(other, 3, 6))
+def assert_accepted(env):
+    """Both checkers: Gymnasium's without a warning but those about bounds and rendering, and SB3's."""
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         warnings.filterwarnings("ignore", message=".*(infinity|symmetric|not within|pixel|image|render).*")
@@ -64,27 +44,34 @@ def test_every_id_is_deterministic_and_accepted(name):
         sb3.check_env(env.unwrapped, warn=False, skip_render_check=True)
 
 
+@pytest.mark.parametrize(("obs_mode", "control_mode", "reward_mode"), EVERY_MODE)
+def test_checkers_accept_every_mode(obs_mode, control_mode, reward_mode):
+    skip_without_gl(obs_mode)
+    env = make(obs_mode=obs_mode, control_mode=control_mode, reward_mode=reward_mode)
+    assert_accepted(env)
+    env.close()
+
+
+IDS = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
+
+
+@pytest.mark.parametrize("name", IDS)
+def test_every_id_is_deterministic_and_accepted(name):
+    env, other = (gym.make(name, objects="gelatin_box", disable_env_checker=True) for _ in range(2))
+    assert_same(rollout(env, 3, 6), rollout(other, 3, 6))
+    assert_accepted(env)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", IDS)
 def test_checkers_accept_every_preset_in_every_mode(name):
-    inner = gym.make(name, objects="gelatin_box", disable_env_checker=True).unwrapped
-    for obs_mode in inner.obs_modes:
+    modes = gym.make(name, objects="gelatin_box", disable_env_checker=True).unwrapped.obs_modes
+    for obs_mode, control_mode, reward_mode in product(modes, CONTROL_MODES, ("dense", "sparse")):
         skip_without_gl(obs_mode)
-        for control_mode in CONTROL_MODES:
-            for reward_mode in ("dense", "sparse"):
-                settings = {"obs_mode": obs_mode, "control_mode": control_mode, "reward_mode": reward_mode}
-                env = gym.make(name, objects="gelatin_box", disable_env_checker=True, **settings).unwrapped
-                with warnings.catch_warnings():
-                    warnings.simplefilter("error")
-                    warnings.filterwarnings(
-                        "ignore", message=".*(infinity|symmetric|not within|pixel|image|render).*"
-                    )
-                    check_env(env, skip_render_check=True)
-                sb3 = pytest.importorskip("stable_baselines3.common.env_checker")
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore")
-                    sb3.check_env(env, warn=False, skip_render_check=True)
-                env.close()
+        settings = {"obs_mode": obs_mode, "control_mode": control_mode, "reward_mode": reward_mode}
+        env = gym.make(name, objects="gelatin_box", disable_env_checker=True, **settings)
+        assert_accepted(env)
+        env.close()
 
 
 def test_registrations_know_how_long_disturbances_take():
