@@ -58,7 +58,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_pat
     train_rl(tmp_path / "whole", settings, clone=base)
     train_rl(tmp_path / "parts", settings, clone=base, stop_after=1)
     state = train_rl(tmp_path / "parts", settings, clone=base)
-    assert state.round == state.rounds == 3
+    assert state.epoch == state.epochs == 3
     files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
     assert files[0] == files[1]
     assert not [path for path in tmp_path.rglob("*") if path.suffix in (".zip", ".pkl", ".pth")]

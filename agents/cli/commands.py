@@ -113,8 +113,8 @@ def _guarded(args: argparse.Namespace) -> int:
         return BAD_INPUT
     except ModuleNotFoundError as error:
         return _without(args.command, error)
-    except KeyboardInterrupt:
-        return _interrupted(f" {args.command}")
+    except KeyboardInterrupt as request:
+        return _interrupted(f" {args.command}", str(request))
     except BrokenPipeError:  # the reader, such as `head`, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
@@ -161,7 +161,7 @@ def _no_command(args: argparse.Namespace) -> int:
     return BAD_INPUT
 
 
-def _interrupted(command: str) -> int:
+def _interrupted(command: str, kept: str = "") -> int:
     interrupt.acknowledge()
-    print(f"dexgrasp{command}: interrupted", file=sys.stderr)
+    print(f"dexgrasp{command}: interrupted" + (f"; {kept}" if kept else ""), file=sys.stderr)
     return INTERRUPTED

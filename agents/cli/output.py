@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
@@ -57,6 +57,30 @@ def print_json(content: Mapping[str, Any]) -> None:
 def note(message: str) -> None:
     """Print a line for people on standard error."""
     print(message, file=sys.stderr, flush=True)
+
+
+@contextmanager
+def resumable(kept: str) -> Iterator[None]:
+    """Let what interrupts the work say that `kept` is there, and that the same command goes on."""
+    try:
+        yield
+    except KeyboardInterrupt:
+        raise KeyboardInterrupt(f"{kept}: the same command goes on from there") from None
+
+
+@contextmanager
+def progress_bar(unit: str, of: str) -> Iterator[Callable[..., None]]:
+    """Show a bar; what it gives is called with how many are done, of how many, and figures to show beside them."""
+    from tqdm import tqdm
+
+    with tqdm(unit=unit, desc=of) as bar:
+
+        def show(done: int, total: int, **figures: str) -> None:
+            bar.total = total
+            bar.set_postfix(figures, refresh=False)
+            bar.update(done - bar.n)
+
+        yield show
 
 
 _COLOURS = {"good": 32, "look": 33, "bad": 31}  # green, yellow, red of the terminal's own palette

@@ -5,10 +5,10 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from agents import interrupt
 from agents.cli.options import add_json, natural_int, positive_float, positive_int
 from agents.cli.train_bc import add_bc_parser, run_bc
 from agents.cli.train_rl import add_rl_parsers, run_rl
+from agents.cli.training import add_length, add_torch
 from dexgrasp_env.extras import require_extra
 
 _EPILOG = """examples:
@@ -36,16 +36,9 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--data", type=Path, required=True, metavar="DIR", help="of `dexgrasp dataset generate`"
     )
     cvae.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the training")
-    length = cvae.add_mutually_exclusive_group()
-    length.add_argument("--epochs", type=positive_int, metavar="N", help="of 50 steps each (default 150)")
-    length.add_argument(
-        "--minutes", type=positive_float, metavar="M", help="as many epochs as fit, by measured speed"
-    )
+    add_length(cvae, steps=50, epochs=150)
     cvae.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
-    cvae.add_argument("--device", choices=("auto", "cpu", "cuda"), default="auto", help="(default auto)")
-    cvae.add_argument(
-        "--threads", type=positive_int, default=1, metavar="N", help="of torch on the CPU (default 1)"
-    )
+    add_torch(cvae, device="auto")
     cvae.add_argument(
         "--latent", type=positive_int, default=6, metavar="N", help="size of the latent (default 6)"
     )
@@ -67,12 +60,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _cvae(args: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
-    from agents.cli.output import note
+    from agents.cli.output import progress_bar, resumable
     from agents.learning.curves import draw_curves, write_curve
     from agents.learning.settings import NetworkSettings
-    from agents.learning.training import Progress, TrainingSettings, train
+    from agents.learning.training import CvaeProgress, TrainingSettings, train
 
     settings = TrainingSettings(
         seed=args.seed, threads=args.threads, held_out_object=args.held_out_object, kl_weight=args.kl_weight,
@@ -80,29 +71,17 @@ def _cvae(args: argparse.Namespace) -> int:
     )  # fmt: skip
     if args.epochs:
         settings = dataclasses.replace(settings, epochs=args.epochs)
-    with tqdm(unit="epoch", desc="cvae") as bar:
+    kept = resumable(f"the last checkpoint is kept in {args.out}")
+    with kept, progress_bar("epoch", "cvae") as bar:
 
-        def show(state: Progress) -> None:
-            bar.total = state.epochs
-            bar.update(state.epoch - bar.n)
+        def show(state: CvaeProgress) -> None:
             last = state.curve[-1]
-            bar.set_postfix(
-                train=f"{last['train']['total']:.3f}", test_cm=f"{last['test']['fingertip_cm']:.2f}"
-            )
+            train_loss, test_cm = last["train"]["total"], last["test"]["fingertip_cm"]
+            bar(state.epoch, state.epochs, train=f"{train_loss:.3f}", test_cm=f"{test_cm:.2f}")
             if state.epoch % 10 == 0 or state.epoch == state.epochs:
                 draw_curves(state.curve, state.best_epoch, args.out / "curves.png")
 
-        try:
-            state = train(
-                args.data, args.out, settings, minutes=args.minutes, device=args.device, progress=show
-            )
-        except KeyboardInterrupt:
-            interrupt.acknowledge()
-            note(
-                f"dexgrasp train: interrupted; the last checkpoint is kept in {args.out}: "
-                "the same command goes on from there"
-            )
-            return 3
+        state = train(args.data, args.out, settings, minutes=args.minutes, device=args.device, progress=show)
     draw_curves(state.curve, state.best_epoch, args.out / "curves.png")
     write_curve(state.curve, args.out / "curve.jsonl")
     return _print(args, state)

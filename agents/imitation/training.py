@@ -1,9 +1,8 @@
 """Cloning: resumable to the bit on a CPU, as every batch depends on seed and step alone."""
 
-import json
-import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +13,19 @@ from agents.imitation.data import Batch, Rows, read_rows
 from agents.imitation.network import CloneNet
 from agents.imitation.policy_folder import ABOUT, write_policy
 from agents.imitation.settings import BcSettings
-from agents.imitation.trials import Trials, success_rate
-from agents.interrupt import held
-from agents.learning.board import Board
-from agents.learning.folder import claim, occupy
+from agents.imitation.trials import Trials, due_success
+from agents.learning.device import torch_device
+from agents.learning.epochs import Progress, fitting_epochs, progress_of, run_epochs
+from agents.learning.folder import claim_training, occupy
 from agents.learning.weights import read_state, write_state
 from agents.versions import package_versions
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import parse_json
 
 with from_extra():
     import torch
 
 STEPS_PER_EPOCH = 200
 RUN, CHECKPOINT = "training.json", "checkpoint.safetensors"
-_MEASURED = 20  # steps that tell how many epochs fit into the minutes
 _TESTED = 16  # rows of each held-out episode
 _BEND = (
     0.1  # of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned
@@ -39,20 +35,10 @@ _LEAST_UNIT = 0.005  # rad: joints that hardly move need not be predicted better
 _PACKAGES = ("dexgrasp", "numpy", "torch")
 
 
-@dataclass
-class BcProgress:
-    """Where a training stands; `curve` has a row an epoch."""
-
-    epoch: int = 0
-    epochs: int = 0
-    seconds: float = 0.0
-    curve: list[dict[str, Any]] = field(default_factory=list)
-
-
 def train_bc(
     data: Sequence[Path], out: Path, settings: BcSettings, *, minutes: float | None = None, device: str = "cpu",
-    trials: Trials | None = None, progress: Callable[[BcProgress], None] | None = None, stop_after: int | None = None,
-) -> BcProgress:  # fmt: skip
+    trials: Trials | None = None, progress: Callable[[Progress], None] | None = None, stop_after: int | None = None,
+) -> Progress:  # fmt: skip
     """Clone a policy from demonstrations, or go on with what `out` holds; `out` is an agent by its path.
 
     Args:
@@ -68,8 +54,6 @@ def train_bc(
     Raises:
         InputError: no usable demonstrations, other settings or another process in `out`, no such device.
     """
-    from agents.learning.training import torch_device
-
     place = torch_device(device)
     torch.set_num_threads(settings.threads)
     rows, modes = read_rows(data, settings.view)
@@ -90,7 +74,7 @@ class _Training:
         tested = int(np.ceil(settings.held_out * len(order))) if len(order) > 1 else 0
         self.held_out, self.trained = np.sort(order[:tested]), np.sort(order[tested:])
         self.unit = self._unit()
-        self.state = BcProgress(epochs=settings.epochs)
+        self.state = Progress(epochs=settings.epochs)
         self.net, self.optimiser = self._fresh()
 
     def _unit(self) -> torch.Tensor:
@@ -109,29 +93,22 @@ class _Training:
         return net, torch.optim.Adam(net.parameters(), lr=self.settings.rate)
 
     def run(
-        self, minutes: float | None, trials: Trials | None, progress: Callable[[BcProgress], None] | None,
+        self, minutes: float | None, trials: Trials | None, progress: Callable[[Progress], None] | None,
         stop_after: int | None,
-    ) -> BcProgress:  # fmt: skip
+    ) -> Progress:  # fmt: skip
         self._resume()
-        state, board, calls = self.state, Board(self.out / "tensorboard"), 0
+        state = self.state
         if minutes is not None and state.epoch == 0:
-            state.epochs = self._fitting(minutes)
-        while state.epoch < state.epochs and calls != stop_after:
-            began = time.perf_counter()
-            row = {"epoch": state.epoch + 1, "loss": self._epoch(), "test_loss": self._test()}
-            state.epoch, calls = state.epoch + 1, calls + 1
-            state.seconds += time.perf_counter() - began
-            self._write_policy(row)
-            if trials is not None and trials.due(state.epoch, state.epochs):
-                row |= success_rate(self.out, trials)
-            state.curve.append(row)
-            with held():
-                self._keep()
-            board.add(row, state.epoch)
-            if progress:
-                progress(state)
-        board.close()
+            state.epochs = fitting_epochs(minutes, STEPS_PER_EPOCH, self._step)
+            self.net, self.optimiser = self._fresh()
+        judge = partial(due_success, self.out, trials, state)
+        run_epochs(state, self.out, self._learn, self._keep, progress, stop_after, judge)
         return state
+
+    def _learn(self) -> dict[str, Any]:
+        row = {"loss": self._epoch(), "test_loss": self._test()}
+        self._write_policy({"epoch": self.state.epoch + 1} | row)
+        return row
 
     def _epoch(self) -> float:
         self.net.train()
@@ -167,16 +144,6 @@ class _Training:
         at = (np.linspace(0.0, 1.0, _TESTED, endpoint=False) * steps[:, None]).astype(int)
         return float(self._loss(self.rows.batch(self.held_out, at, self.settings.network.chunk)))
 
-    def _fitting(self, minutes: float) -> int:
-        """Return the epochs that fit into some minutes, measured on a network thrown away."""
-        self._step(0)
-        began = time.perf_counter()
-        for step in range(_MEASURED):
-            self._step(step)
-        each = (time.perf_counter() - began) / _MEASURED
-        self.net, self.optimiser = self._fresh()
-        return max(1, int(60.0 * minutes / (1.05 * each * STEPS_PER_EPOCH)))
-
     def _write_policy(self, row: dict[str, Any]) -> None:
         arrays = self.net.arrays() | {"unit": self.unit.cpu().numpy()}
         about = {
@@ -193,19 +160,11 @@ class _Training:
         write_state(self.out / CHECKPOINT, self.net, self.optimiser, asdict(self.state))
 
     def _resume(self) -> None:
-        """Go on from the checkpoint, where there is one.
-
-        Raises:
-            InputError: if it is damaged.
-        """
+        """Go on from the checkpoint, where there is one."""
         path = self.out / CHECKPOINT
         found = read_state(path, self.net, self.optimiser)
-        if found is None:
-            return
-        try:
-            self.state = BcProgress(**found)
-        except TypeError:
-            raise InputError(f"{path} is damaged: remove it to train from the start") from None
+        if found is not None:
+            self.state = progress_of(found, path)
 
 
 def _env(modes: dict[str, str], view: str) -> dict[str, str]:
@@ -217,15 +176,6 @@ def _env(modes: dict[str, str], view: str) -> dict[str, str]:
 
 def _claim(out: Path, rows: Rows, settings: BcSettings, minutes: float | None, trials: Trials | None) -> None:
     """Write what is trained on what into `out`, or check that it is the same."""
-    path = out / RUN
-    try:
-        old = parse_json(path.read_bytes())
-    except FileNotFoundError:
-        old = None
-    except ValueError:
-        raise InputError(f"{path} is damaged: choose another --out") from None
-    if old is not None and not isinstance(old, dict):
-        raise InputError(f"{path} holds no settings of a training: choose another --out")
     run = {
         "schema": 1,
         "policy": ABOUT,
@@ -234,4 +184,4 @@ def _claim(out: Path, rows: Rows, settings: BcSettings, minutes: float | None, t
         "settings": settings.as_json(),
         "trials": None if trials is None else asdict(trials),
     }
-    claim(out, RUN, old, json.loads(json.dumps(run)), "training")
+    claim_training(out, RUN, run)

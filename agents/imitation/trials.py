@@ -7,6 +7,7 @@ from typing import Any
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.spec import plan_trials
 from agents.evaluation.trial_runner import TrialRunner
+from agents.learning.epochs import Progress
 
 
 @dataclass(frozen=True)
@@ -25,9 +26,12 @@ class Trials:
     seed: int = 0
     every: int = 5
 
-    def due(self, epoch: int, epochs: int) -> bool:
-        """Whether the policy is to be tried after an epoch."""
-        return epoch % self.every == 0 or epoch == epochs
+
+def due_success(folder: Path, trials: Trials | None, state: Progress) -> dict[str, Any]:
+    """Return `success_rate` after an epoch after which the policy is to be tried, nothing after others."""
+    if trials is None or (state.epoch % trials.every and state.epoch != state.epochs):
+        return {}
+    return success_rate(folder, trials)
 
 
 def success_rate(folder: Path, trials: Trials) -> dict[str, Any]:

@@ -17,12 +17,16 @@ class Board:
         self._writer = SummaryWriter(str(folder))
 
     def add(self, row: Mapping[str, Any], step: int) -> None:
-        """Write the numbers of a row."""
+        """Write the numbers of a row, and those of a dict in it as name/split."""
         if self._writer is None:
             return
-        for name, value in row.items():
-            if isinstance(value, int | float):
-                self._writer.add_scalar(name, value, step)
+        for key, value in row.items():
+            numbers = (
+                {f"{name}/{key}": v for name, v in value.items()} if isinstance(value, dict) else {key: value}
+            )
+            for name, number in numbers.items():
+                if isinstance(number, int | float):
+                    self._writer.add_scalar(name, number, step)
 
     def close(self) -> None:
         """Write what is left."""

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import lock, write_json
+from dexgrasp_env.files import lock, parse_json, write_json
 
 LOCK = ".lock"
 
@@ -42,6 +42,24 @@ def claim(
         raise InputError(f"{folder} is not empty and holds no {kind}: choose another --out")
     else:
         write_json(folder / name, {**new, **(beside or {})})
+
+
+def claim_training(folder: Path, name: str, run: Mapping[str, Any]) -> None:
+    """Claim a folder for a training; `name` is the file that says what is trained on what.
+
+    Raises:
+        InputError: another training, a damaged file, a folder that holds something else.
+    """
+    path = folder / name
+    try:
+        old = parse_json(path.read_bytes())
+    except FileNotFoundError:
+        old = None
+    except ValueError:
+        raise InputError(f"{path} is damaged: choose another --out") from None
+    if old is not None and not isinstance(old, dict):
+        raise InputError(f"{path} holds no settings of a training: choose another --out")
+    claim(folder, name, old, run, "training")
 
 
 def difference(old: Any, new: Any, name: str = "") -> str:

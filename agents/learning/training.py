@@ -1,30 +1,29 @@
 """Training of the CVAE: resumable to the bit on a CPU, as every batch depends on seed and step alone."""
 
-import time
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from agents.interrupt import held
 from agents.learning.batches import Batch, PoseSplit, split, test_batches, training_batch
 from agents.learning.dataset import read_dataset
-from agents.learning.folder import claim, occupy
+from agents.learning.device import torch_device
+from agents.learning.epochs import Progress, fitting_epochs, run_epochs
+from agents.learning.folder import claim_training, occupy
 from agents.learning.network import Cvae, Losses, losses
 from agents.learning.settings import NetworkSettings
 from agents.learning.shards import read_manifest
 from agents.learning.weights import read_state, write_state, write_weights
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import parse_json
 
 with from_extra():
     import torch
 
 STEPS_PER_EPOCH = 50
-_MEASURED = 20  # steps that tell how many epochs fit into the minutes
 _NAMES = Losses._fields
 WEIGHTS = "cvae.safetensors"
 
@@ -61,21 +60,17 @@ class TrainingSettings:
 
 
 @dataclass
-class Progress:
+class CvaeProgress(Progress):
     """Where a training stands; `curve` has a row an epoch."""
 
-    epoch: int = 0
-    epochs: int = 0
     best: float = float("inf")
     best_epoch: int = 0
-    curve: list[dict[str, Any]] = field(default_factory=list)
-    seconds: float = 0.0
 
 
 def train(
     data: Path, out: Path, settings: TrainingSettings, *, minutes: float | None = None, device: str = "auto",
-    progress: Callable[[Progress], None] | None = None, stop_after: int | None = None,
-) -> Progress:  # fmt: skip
+    progress: Callable[[CvaeProgress], None] | None = None, stop_after: int | None = None,
+) -> CvaeProgress:  # fmt: skip
     """Train, or go on with what `out` holds.
 
     Args:
@@ -100,43 +95,35 @@ def train(
 
 def _train(
     parts: dict[str, list[PoseSplit]], out: Path, settings: TrainingSettings, key: str, minutes: float | None,
-    place: torch.device, progress: Callable[[Progress], None] | None, stop_after: int | None,
-) -> Progress:  # fmt: skip
+    place: torch.device, progress: Callable[[CvaeProgress], None] | None, stop_after: int | None,
+) -> CvaeProgress:  # fmt: skip
     torch.manual_seed(settings.seed)
     model = Cvae(settings.network).to(place)
     optimiser = torch.optim.Adam(model.parameters(), lr=settings.rate)
-    state = _resume(out, model, optimiser) or Progress(epochs=settings.epochs)
+    state = _resume(out, model, optimiser) or CvaeProgress(epochs=settings.epochs)
     tests = {
         name: test_batches(p, settings.seed, settings.network.points, settings.network.latent)
         for name, p in parts.items()
     }
-    board, calls = _board(out), 0
     if minutes is not None and state.epoch == 0:
         state.epochs = _fitting(parts["train"], settings, minutes, place)
-    while state.epoch < state.epochs and calls != stop_after:
-        began = time.perf_counter()
+
+    def learn() -> dict[str, Any]:
         trained = _epoch(model, optimiser, parts["train"], state, settings, place)
-        row = {"epoch": state.epoch + 1, "train": trained} | {
+        return {"train": trained} | {
             name: evaluate(model, batches, settings.kl_weight, place)
             for name, batches in tests.items()
             if name != "train"
         }
-        state.epoch, calls = state.epoch + 1, calls + 1
-        state.curve.append(row)
-        state.seconds += time.perf_counter() - began
-        with held():
-            _keep(out, model, optimiser, state, settings, key)
-        _log(board, row)
-        if progress:
-            progress(state)
-    if board is not None:
-        board.close()
+
+    keep = partial(_keep, out, model, optimiser, state, settings, key)
+    run_epochs(state, out, learn, keep, progress, stop_after)
     return state
 
 
 def _epoch(
-    model: Cvae, optimiser: torch.optim.Optimizer, poses: list[PoseSplit], state: Progress, settings: TrainingSettings,
-    place: torch.device,
+    model: Cvae, optimiser: torch.optim.Optimizer, poses: list[PoseSplit], state: CvaeProgress,
+    settings: TrainingSettings, place: torch.device,
 ) -> dict[str, float]:  # fmt: skip
     model.train()
     sums = np.zeros(len(_NAMES))
@@ -192,45 +179,20 @@ def _fitting(poses: list[PoseSplit], settings: TrainingSettings, minutes: float,
     """Return the epochs that fit into some minutes, measured on a network thrown away."""
     model = Cvae(settings.network).to(place)
     optimiser = torch.optim.Adam(model.parameters(), lr=settings.rate)
-    _step(model, optimiser, poses, 0, settings, 0.0, place)
-    began = time.perf_counter()
-    for step in range(_MEASURED):
-        _step(model, optimiser, poses, step, settings, 0.0, place)
-    each = (time.perf_counter() - began) / _MEASURED
-    return max(1, int(60.0 * minutes / (1.05 * each * STEPS_PER_EPOCH)))
-
-
-def torch_device(name: str) -> torch.device:
-    """Return the device of a name: auto, cpu or cuda.
-
-    Raises:
-        InputError: for another name, or a device that is not there.
-    """
-    if name not in ("auto", "cpu", "cuda"):
-        raise InputError(f"device {name!r}: valid are auto, cpu, cuda")
-    if name == "cuda" and not torch.cuda.is_available():
-        raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
-    return torch.device("cuda" if name != "cpu" and torch.cuda.is_available() else "cpu")
+    return fitting_epochs(
+        minutes, STEPS_PER_EPOCH, lambda step: _step(model, optimiser, poses, step, settings, 0.0, place)
+    )
 
 
 def _claim(data: Path, out: Path, settings: TrainingSettings, minutes: float | None) -> str:
     """Write what is trained on what into `out`, or check that it is the same."""
     key = str(read_manifest(data)["key"])
-    path = out / "run.json"
-    try:
-        old = parse_json(path.read_bytes())
-    except FileNotFoundError:
-        old = None
-    except ValueError:
-        raise InputError(f"{path} is damaged: choose another --out") from None
-    if old is not None and not isinstance(old, dict):
-        raise InputError(f"{path} holds no settings of a training: choose another --out")
     run = {"schema": 1, "dataset": key, "minutes": minutes, "settings": asdict(settings)}
-    claim(out, "run.json", old, run, "training")
+    claim_training(out, "run.json", run)
     return key
 
 
-def _resume(out: Path, model: Cvae, optimiser: torch.optim.Adam) -> Progress | None:
+def _resume(out: Path, model: Cvae, optimiser: torch.optim.Adam) -> CvaeProgress | None:
     """Fill model and optimiser from the checkpoint in `out`; None where there is none.
 
     Raises:
@@ -251,10 +213,10 @@ def _resume(out: Path, model: Cvae, optimiser: torch.optim.Adam) -> Progress | N
     return state
 
 
-def _progress(loaded: object) -> Progress | None:
+def _progress(loaded: object) -> CvaeProgress | None:
     """Return a checkpoint's progress, None where it cannot be one."""
     try:
-        state = Progress(**loaded)  # type: ignore[arg-type]
+        state = CvaeProgress(**loaded)  # type: ignore[arg-type]
         whole = all(isinstance(row, dict) and isinstance(row["test"]["total"], float) for row in state.curve)
         fits = len(state.curve) == state.epoch <= state.epochs and 0 <= state.best_epoch <= state.epoch
         return state if whole and fits and float(state.best) == state.best and state.seconds >= 0 else None
@@ -263,7 +225,12 @@ def _progress(loaded: object) -> Progress | None:
 
 
 def _keep(
-    out: Path, model: Cvae, optimiser: torch.optim.Adam, state: Progress, settings: TrainingSettings, key: str
+    out: Path,
+    model: Cvae,
+    optimiser: torch.optim.Adam,
+    state: CvaeProgress,
+    settings: TrainingSettings,
+    key: str,
 ) -> None:
     """Write the best weights before the checkpoint: a kill in between repeats an epoch and writes the same again."""
     tested = state.curve[-1]["test"]["total"]
@@ -275,20 +242,3 @@ def _keep(
         about = {"epoch": state.epoch, "dataset": key, "seed": settings.seed, "losses": row}
         write_weights(out / WEIGHTS, model, about)
     write_state(out / "checkpoint.safetensors", model, optimiser, asdict(state))
-
-
-def _board(out: Path) -> Any:
-    try:
-        from torch.utils.tensorboard import SummaryWriter
-    except ImportError:
-        return None
-    return SummaryWriter(str(out / "tensorboard"))
-
-
-def _log(board: Any, row: dict[str, Any]) -> None:
-    if board is None:
-        return
-    for split_name, values in row.items():
-        if isinstance(values, dict):
-            for name, value in values.items():
-                board.add_scalar(f"{name}/{split_name}", value, row["epoch"])

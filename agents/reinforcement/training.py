@@ -4,10 +4,9 @@ A round depends on the learner's state and on its number alone, so that a traini
 same bits: nothing of the environments has to be kept.
 """
 
-import json
-import time
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +14,17 @@ import numpy as np
 
 from agents.imitation.clone import Clone
 from agents.imitation.policy_folder import read_policy, write_policy
-from agents.imitation.trials import Trials, success_rate
-from agents.interrupt import held
-from agents.learning.board import Board
-from agents.learning.folder import claim, occupy
+from agents.imitation.trials import Trials, due_success
+from agents.learning.device import torch_device
+from agents.learning.epochs import Progress, progress_of, run_epochs
+from agents.learning.folder import claim_training, occupy
 from agents.reinforcement.actor import KIND
 from agents.reinforcement.checkpoint import load_learner, save_learner
 from agents.reinforcement.settings import RlSettings
 from agents.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import content_hash, parse_json
+from dexgrasp_env.files import content_hash
 
 with from_extra():
     import torch
@@ -42,20 +41,10 @@ _ENV = {"obs_mode": "state", "control_mode": "joint_delta"}
 _PACKAGES = ("dexgrasp", "numpy", "torch", "stable-baselines3")
 
 
-@dataclass
-class RlProgress:
-    """Where a training stands; `curve` has a row a round."""
-
-    round: int = 0
-    rounds: int = 0
-    seconds: float = 0.0
-    curve: list[dict[str, Any]] = field(default_factory=list)
-
-
 def train_rl(
     out: Path, settings: RlSettings, *, clone: Path | None = None, device: str = "cpu", trials: Trials | None = None,
-    progress: Callable[[RlProgress], None] | None = None, stop_after: int | None = None,
-) -> RlProgress:  # fmt: skip
+    progress: Callable[[Progress], None] | None = None, stop_after: int | None = None,
+) -> Progress:  # fmt: skip
     """Train a policy, or go on with what `out` holds; `out` is an agent by its path.
 
     Args:
@@ -70,8 +59,6 @@ def train_rl(
     Raises:
         InputError: no such clone, one of another view, other settings or another process in `out`, no such device.
     """
-    from agents.learning.training import torch_device
-
     place = torch_device(device)
     torch.set_num_threads(settings.threads)
     base = None if clone is None else read_policy(clone)
@@ -102,41 +89,32 @@ class _Training:
         self.share = settings.share if base is not None else 1.0
         self.envs = FeatureVecEnv(envs, self.mean, self.scale, clone, self.share)
         self.model = _learner(settings, self.envs, place, base is not None)
-        self.state = RlProgress(rounds=settings.rounds)
+        self.state = Progress(epochs=settings.rounds)
 
     def run(
-        self, trials: Trials | None, progress: Callable[[RlProgress], None] | None, stop_after: int | None
-    ) -> RlProgress:
-        found = load_learner(self.out / CHECKPOINT, self.model)
-        state = self.state = self.state if found is None else RlProgress(**found)
-        board, calls = Board(self.out / "tensorboard"), 0
-        while state.round < state.rounds and calls != stop_after:
-            began = time.perf_counter()
-            row = self._round()
-            state.round, calls = state.round + 1, calls + 1
-            state.seconds += time.perf_counter() - began
-            self._write_policy(row)
-            if trials is not None and trials.due(state.round, state.rounds):
-                row |= success_rate(self.out, trials)
-            state.curve.append(row)
-            with held():
-                save_learner(self.out / CHECKPOINT, self.model, asdict(state))
-            board.add(row, self.model.num_timesteps)
-            if progress:
-                progress(state)
-        board.close()
+        self, trials: Trials | None, progress: Callable[[Progress], None] | None, stop_after: int | None
+    ) -> Progress:
+        path = self.out / CHECKPOINT
+        found = load_learner(path, self.model)
+        state = self.state = self.state if found is None else progress_of(found, path)
+        judge = partial(due_success, self.out, trials, state)
+        run_epochs(state, self.out, self._round, self._keep, progress, stop_after, judge)
         return state
 
+    def _keep(self) -> None:
+        save_learner(self.out / CHECKPOINT, self.model, asdict(self.state))
+
     def _round(self) -> dict[str, Any]:
-        words = np.random.SeedSequence([self.settings.seed, 1, self.state.round]).generate_state(1)
+        words = np.random.SeedSequence([self.settings.seed, 1, self.state.epoch]).generate_state(1)
         self.model.set_random_seed(int(words[0]) >> 1)
         self.model._last_obs = None  # begin anew
         self.model.learn(self.settings.round_steps, reset_num_timesteps=False, log_interval=None)
         finished = self.envs.finished
-        row: dict[str, Any] = {"epoch": self.state.round + 1, "steps": self.model.num_timesteps}
+        row: dict[str, Any] = {"epoch": self.state.epoch + 1, "steps": self.model.num_timesteps}
         if finished:
             returns, successes = zip(*finished, strict=True)
             row |= {"return": float(np.mean(returns)), "training_success": float(np.mean(successes))}
+        self._write_policy(row)
         return row
 
     def _write_policy(self, row: dict[str, Any]) -> None:
@@ -205,15 +183,6 @@ def _actor_arrays(model: Any) -> dict[str, Any]:
 
 def _claim(out: Path, settings: RlSettings, base: Any, trials: Trials | None) -> None:
     """Write what is trained from what into `out`, or check that it is the same."""
-    path = out / RUN
-    try:
-        old = parse_json(path.read_bytes())
-    except FileNotFoundError:
-        old = None
-    except ValueError:
-        raise InputError(f"{path} is damaged: choose another --out") from None
-    if old is not None and not isinstance(old, dict):
-        raise InputError(f"{path} holds no settings of a training: choose another --out")
     hashed = None if base is None else content_hash(*(base[1][name] for name in sorted(base[1])))
     run = {
         "schema": 1,
@@ -221,4 +190,4 @@ def _claim(out: Path, settings: RlSettings, base: Any, trials: Trials | None) ->
         "settings": settings.as_json(),
         "trials": None if trials is None else asdict(trials),
     }
-    claim(out, RUN, old, json.loads(json.dumps(run)), "training")
+    claim_training(out, RUN, run)
