@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from agents.evaluation.protocol_counts import judged
 from agents.evaluation.report.text import left_table, text_table
 from agents.evaluation.sequential import capital
 from agents.evaluation.statistics import mcnemar, object_difference_interval, paired_difference_interval
@@ -14,24 +15,24 @@ from dexgrasp_env.errors import InputError, unknown_name
 Row = Mapping[str, Any]
 
 
-def compare_agents(folder: Path, a: str, b: str) -> dict[str, Any]:
-    """Compare two agents of an evaluation on the scenes that both have tried.
+def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
+    """Compare two agents of evaluations on the scenes that both have tried.
 
     Returns:
         Counts and statistics over all scenes, `by_set`, `by_object` and (where there are several) `by_protocol`, and
         `discordant`, the scenes that one alone solved with the other's reason.
 
     Raises:
-        InputError: if the folder holds no evaluation, or no trial of one of the agents.
+        InputError: if a folder holds no evaluation, or none a trial of one of the agents.
     """
-    rows = read_rows(folder)
+    rows = [row for folder in folders for row in judged(read_rows(folder))]
     names = list(dict.fromkeys(row["agent"] for row in rows))
     for name in (a, b):
         if name not in names:
-            raise unknown_name(f"agent of {folder}", name, names)
+            raise unknown_name(f"agent of {' '.join(map(str, folders))}", name, names)
     if a == b:
         raise InputError(f"{a} against itself: name two of {', '.join(names)}")
-    return {"schema": 1, "run": str(folder), "a": a, "b": b, **compare_rows(rows, a, b)}
+    return {"schema": 1, "run": " ".join(map(str, folders)), "a": a, "b": b, **compare_rows(rows, a, b)}
 
 
 def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:

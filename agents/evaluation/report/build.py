@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from agents.evaluation.comparison import compare_rows
+from agents.evaluation.pooling import Rows, rows_by_agent
 from agents.evaluation.protocol import DEFAULT_PROTOCOL
-from agents.evaluation.protocol_counts import judged
 from agents.evaluation.reasons import sentence
 from agents.evaluation.report import paper
 from agents.evaluation.report.clips import clip_blocks
@@ -30,12 +30,8 @@ from agents.evaluation.report.plots import plot_rates, plot_stages
 from agents.evaluation.report.tables import failure_rows, object_table, set_table
 from agents.evaluation.store import read_rows
 from agents.evaluation.summary import summarise_agent
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
-
-Rows = Mapping[str, Sequence[Mapping[str, Any]]]
-"""Agent, as the report calls it -> its trials."""
 
 _TITLE = "Evaluation of grasping agents"
 _NOTE = (
@@ -45,12 +41,12 @@ _NOTE = (
 
 
 def read_agents(folders: Sequence[Path]) -> dict[str, Any]:
-    """Return agents' summaries from the trials of every folder; an agent found twice bears its folder's name.
+    """Return agents' summaries from the trials of every folder, pooled over seeds.
 
     Raises:
         InputError: if a folder holds no evaluation.
     """
-    return {name: summarise_agent(own) for name, own in _rows_by_agent(folders).items()}
+    return {name: summarise_agent(own) for name, own in rows_by_agent(folders).items()}
 
 
 def write_report(folders: Sequence[Path], out: Path) -> str:
@@ -59,7 +55,7 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
     Raises:
         InputError: if a folder holds no evaluation.
     """
-    rows = _rows_by_agent(folders)
+    rows = rows_by_agent(folders)
     agents = {name: summarise_agent(own) for name, own in rows.items()}
     blocks = _blocks(folders, rows, agents)
     text = as_markdown(blocks)
@@ -70,18 +66,6 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
     write_atomically(out / "report.html", as_html(_TITLE, blocks).encode())
     write_atomically(out / "report.md", text.encode())
     return text
-
-
-def _rows_by_agent(folders: Sequence[Path]) -> dict[str, list[Mapping[str, Any]]]:
-    found: dict[str, list[Mapping[str, Any]]] = {}
-    for folder in folders:
-        rows = read_rows(folder)
-        if not rows:
-            raise InputError(f"{folder} holds no finished trial yet")
-        for name in dict.fromkeys(row["agent"] for row in rows):
-            label = name if name not in found else f"{name} ({folder.name})"
-            found[label] = judged([row for row in rows if row["agent"] == name])
-    return found
 
 
 def _blocks(folders: Sequence[Path], rows: Rows, agents: Mapping[str, Any]) -> list[Block]:
