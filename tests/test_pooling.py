@@ -12,7 +12,14 @@ from dexgrasp_env.errors import InputError
 
 def run_folder(folder, seed, successes, agents=("x", "y"), **more):
     folder.mkdir()
-    identity = {"agents": list(agents), "objects": ["soda"], "trials": 2, "seed": seed, "versions": {}, **more}
+    identity = {
+        "agents": list(agents),
+        "objects": ["soda"],
+        "trials": 2,
+        "seed": seed,
+        "versions": {},
+        **more,
+    }
     (folder / "run.json").write_text(json.dumps(identity))
     rows = [
         row(agent, trial=t, success=ok, scene_seed=10 * seed + t, protocol="lift")
