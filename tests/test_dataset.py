@@ -318,3 +318,7 @@ def test_bad_input_is_one_line(tmp_path, capsys):
         == 2
     )
     assert "valid are loky, threading, ray" in capsys.readouterr().err
+    addressed = ["--objects", "gelatin_box", "--out", str(tmp_path / "a"), "--address", "auto"]
+    for command in ("dataset", "demos"):
+        assert main([command, "generate", *addressed]) == 2
+        assert "add --backend ray" in capsys.readouterr().err

@@ -5,8 +5,15 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from agents import interrupt
-from agents.cli.options import add_json, add_mesh, check_mesh_options, natural_int, positive_int
+from agents.cli.options import (
+    add_jobs,
+    add_json,
+    add_mesh,
+    check_backend,
+    check_mesh_options,
+    natural_int,
+    positive_int,
+)
 
 _EPILOG = """examples:
   dexgrasp dataset generate --objects ycb6 --grasps-per-pose 3600 --out runs/ycb6 --workers 2
@@ -60,12 +67,7 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="postures tried for a grasp asked for (default 12)",
     )
-    parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
-    parser.add_argument("--backend", default="loky", help="loky (processes), threading, or ray for a cluster")
-    parser.add_argument(
-        "--address", metavar="A",
-        help="with --backend ray: the cluster, auto or host:port (default a new one here, of --workers processes)",
-    )  # fmt: skip
+    add_jobs(parser)
     add_mesh(parser)
     add_json(parser)
 
@@ -76,33 +78,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _generate(args: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
-    from agents.cli.output import note
+    from agents.cli.output import progress_bar, resumable
     from agents.learning.generate import generate
     from agents.learning.info import summary
     from agents.learning.settings import DatasetSettings
 
+    check_backend(args)
     settings = DatasetSettings.of(
         args.objects, grasps_per_pose=args.grasps_per_pose, seed=args.seed, chunk=args.chunk, tries=args.tries,
         mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
     )  # fmt: skip
     check_mesh_options(args, settings.objects)
-    with tqdm(unit="file", desc="dataset") as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        try:
-            generate(settings, args.out, args.workers, args.backend, show, address=args.address)
-        except KeyboardInterrupt:
-            interrupt.acknowledge()
-            note(
-                f"dexgrasp dataset: interrupted; finished files are kept in {args.out}: "
-                "the same command goes on from there"
-            )
-            return 3
+    with resumable(f"finished files are kept in {args.out}"), progress_bar("file", "dataset") as bar:
+        generate(settings, args.out, args.workers, args.backend, bar, address=args.address)
     return _print(args, summary(args.out))
 
 

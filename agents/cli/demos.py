@@ -4,8 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from agents import interrupt
-from agents.cli.options import add_json, add_scene, natural_int, positive_int
+from agents.cli.options import add_jobs, add_json, add_scene, check_backend, natural_int, positive_int
 
 _EPILOG = """examples:
   dexgrasp demos generate --objects varied-0..99 --episodes 20 --out runs/demos --workers 2
@@ -69,12 +68,7 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--formats", nargs="+", choices=("minari", "lerobot"), default=["minari"], help="(default minari)"
     )
-    parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
-    parser.add_argument("--backend", default="loky", help="loky (processes), threading, or ray for a cluster")
-    parser.add_argument(
-        "--address", metavar="A",
-        help="with --backend ray: the cluster, auto or host:port (default a new one here, of --workers processes)",
-    )  # fmt: skip
+    add_jobs(parser)
     add_scene(parser)
     add_json(parser)
 
@@ -95,40 +89,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _generate(args: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
-    from agents.cli.output import note
+    from agents.cli.output import progress_bar, resumable
     from agents.demos.generate import generate
     from agents.demos.settings import DemoSettings
 
+    check_backend(args)
     more = {} if args.mount is None else {"mount": args.mount}
     settings = DemoSettings.of(
         args.objects, agent=args.agent, episodes=args.episodes, seed=args.seed, obs_mode=args.obs_mode,
         control_mode=args.control_mode, observe=args.observe, noise=args.noise, friction=args.friction, **more,
     )  # fmt: skip
-    with tqdm(unit="file", desc="demos") as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        try:
-            generate(
-                settings,
-                args.out,
-                tuple(args.formats),
-                args.workers,
-                args.backend,
-                show,
-                address=args.address,
-            )
-        except KeyboardInterrupt:
-            interrupt.acknowledge()
-            note(
-                f"dexgrasp demos: interrupted; finished files are kept in {args.out}: "
-                "the same command goes on from there"
-            )
-            return 3
+    with resumable(f"finished files are kept in {args.out}"), progress_bar("file", "demos") as bar:
+        generate(
+            settings, args.out, tuple(args.formats), args.workers, args.backend, bar, address=args.address
+        )  # fmt: skip
     return _info(argparse.Namespace(folder=args.out, json=args.json))
 
 
@@ -155,18 +129,11 @@ def _shown(value: Any) -> str:
 
 
 def _replay(args: argparse.Namespace) -> int:
-    from tqdm import tqdm
-
-    from agents.cli.output import print_json
+    from agents.cli.output import print_json, progress_bar
     from agents.demos.info import replay_all
 
-    with tqdm(unit="episode", desc="replay") as bar:
-
-        def show(done: int, total: int) -> None:
-            bar.total = total
-            bar.update(done - bar.n)
-
-        figures = replay_all(args.folder, args.episodes, show)
+    with progress_bar("episode", "replay") as bar:
+        figures = replay_all(args.folder, args.episodes, bar)
     if args.json:
         print_json(figures)
     else:

@@ -76,7 +76,6 @@ def check_mesh_options(args: argparse.Namespace, targets: Sequence[str]) -> None
     Raises:
         InputError: naming the options.
     """
-    from dexgrasp_env.errors import InputError
     from dexgrasp_env.objects.catalogue import CATALOGUE
     from dexgrasp_env.objects.sets import is_set
 
@@ -136,6 +135,17 @@ def add_backend(parser: argparse.ArgumentParser, local: str = "processes") -> No
         "--backend", choices=(local, "ray"), default=local,
         help=f"where it runs: {local} of this machine, or ray, tasks on a cluster (default {local})",
     )  # fmt: skip
+    _add_address(parser)
+
+
+def add_jobs(parser: argparse.ArgumentParser) -> None:
+    """Add `--workers`, `--backend` and `--address` of work by `agents.jobs`, which checks the backend's name."""
+    parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
+    parser.add_argument("--backend", default="loky", help="loky (processes), threading, or ray for a cluster")
+    _add_address(parser)
+
+
+def _add_address(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--address", metavar="A",
         help="with --backend ray: the cluster, auto or host:port (default a new one here, of --workers processes)",
