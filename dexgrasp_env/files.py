@@ -207,6 +207,28 @@ def parse_json(text: str | bytes) -> Any:
         raise ValueError("nested too deeply") from None
 
 
+def read_json_object(path: Path, remedy: str, missing: str | None = None) -> dict[str, Any]:
+    """Read a file that holds a JSON object.
+
+    Args:
+        path: of the file.
+        remedy: what to do about a damaged one, for the message.
+        missing: the message where there is none to read; None for the system's.
+
+    Raises:
+        InputError: missing, unreadable, damaged, or JSON of another kind.
+    """
+    try:
+        content = parse_json(path.read_bytes())
+    except OSError as error:
+        raise InputError(missing or f"cannot read {path}: {error.strerror or error}") from None
+    except ValueError:
+        content = None
+    if not isinstance(content, dict):
+        raise InputError(f"{path} is damaged, cut off or no JSON object: {remedy}")
+    return content
+
+
 def _refused(text: str) -> float:
     raise ValueError(f"{text[:20]} is no number of JSON")
 

@@ -14,7 +14,7 @@ from agents.demos.shards import read_shard, write_shard
 from agents.jobs import check_backend, run_jobs
 from agents.learning.folder import claim, occupy
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import content_hash, parse_json, write_json
+from dexgrasp_env.files import content_hash, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
 
 FORMATS = ("minari", "lerobot")
@@ -92,19 +92,9 @@ def read_about(folder: Path) -> dict[str, Any]:
         InputError: if the folder holds no demonstrations, or the file is damaged or of another schema.
     """
     path = folder / ABOUT
-    try:
-        about = parse_json(path.read_bytes())
-    except OSError:
-        raise InputError(
-            f"{folder} holds no demonstrations (no {ABOUT}): make some with `dexgrasp demos generate`"
-        ) from None
-    except ValueError:
-        about = None
-    if (
-        not isinstance(about, dict)
-        or about.get("schema") != SCHEMA
-        or not isinstance(about.get("settings"), dict)
-    ):
+    missing = f"{folder} holds no demonstrations (no {ABOUT}): make some with `dexgrasp demos generate`"
+    about = read_json_object(path, "make them anew in another folder", missing)
+    if about.get("schema") != SCHEMA or not isinstance(about.get("settings"), dict):
         raise InputError(f"{path} is damaged, or of another schema than {SCHEMA}")
     return about
 

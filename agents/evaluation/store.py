@@ -11,7 +11,7 @@ from typing import Any
 
 from agents.evaluation.rows import row_fault, trial_name
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import lock, parse_json, write_atomically
+from dexgrasp_env.files import lock, parse_json, read_json_object, write_atomically
 
 Key = tuple[str, str, str, int]  # protocol, agent, object, trial
 
@@ -105,7 +105,7 @@ def read_run(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: if there is no run.json, or it is not one.
     """
-    return _read_identity(folder / "run.json")
+    return read_json_object(folder / "run.json", "choose another --out")
 
 
 def _once_each(rows: Iterator[dict[str, Any]]) -> list[dict[str, Any]]:
@@ -124,23 +124,11 @@ def _check_identity(path: Path, identity: Mapping[str, Any], *, has_trials: bool
             )
         write_atomically(path, (json.dumps(identity, indent=2) + "\n").encode())
         return
-    before = _read_identity(path)
+    before = read_json_object(path, "choose another --out")
     changed = [key for key in identity if before.get(key) != json.loads(json.dumps(identity[key]))]
     if changed:
         was = "; ".join(f"{key} was {_short(before.get(key))}, is {_short(identity[key])}" for key in changed)
         raise InputError(f"{path.parent} holds another evaluation ({was}): choose another --out")
-
-
-def _read_identity(path: Path) -> dict[str, Any]:
-    try:
-        content = parse_json(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON ({error}): choose another --out") from None
-    if not isinstance(content, dict):
-        raise InputError(f"{path} is no object with the settings of an evaluation: choose another --out")
-    return content
 
 
 def _short(value: object) -> str:

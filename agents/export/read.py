@@ -9,7 +9,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import parse_json
+from dexgrasp_env.files import read_json_object
 
 _ARM = [
     "panda_joint1",
@@ -57,28 +57,17 @@ def read_trajectory(path: Path) -> Recording:
         raise InputError(
             f"{path} is no trajectory: valid are a folder with arm.csv and hand.csv, or trajectory.json"
         )
-    facts = _load(folder / "segments.json") if (folder / "segments.json").is_file() else {}
+    about = folder / "segments.json"
+    facts = read_json_object(about, "export it again") if about.is_file() else {}
     return Recording(_read_csv(folder / "arm.csv", _ARM), _read_csv(folder / "hand.csv", _HAND), facts)
 
 
 def _read_json(path: Path) -> Recording:
-    content = _load(path)
+    content = read_json_object(path, "export it again")
     return Recording(
         _part(content, "arm", _ARM, path), _part(content, "hand", _HAND, path),
         {key: value for key, value in content.items() if key not in ("arm", "hand")},
     )  # fmt: skip
-
-
-def _load(path: Path) -> dict[str, Any]:
-    try:
-        content = parse_json(path.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except ValueError:
-        raise InputError(f"{path} holds no JSON (was it cut off?)") from None
-    if not isinstance(content, dict):
-        raise InputError(f"{path} holds no JSON object")
-    return content
 
 
 def _part(content: dict[str, Any], key: str, names: list[str], path: Path) -> Rows:

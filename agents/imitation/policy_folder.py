@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import expand, parse_json, write_atomically, write_json
+from dexgrasp_env.files import expand, read_json_object, write_atomically, write_json
 
 SCHEMA = 1
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
@@ -46,13 +46,9 @@ def read_policy(folder: Path) -> tuple[dict[str, Any], Arrays]:
     from agents.learning.decoder import read_arrays
 
     path = folder / ABOUT
-    try:
-        about = parse_json(path.read_bytes())
-    except OSError:
-        raise InputError(f"{folder} holds no policy (no {ABOUT}): train one with `dexgrasp train`") from None
-    except ValueError as error:
-        raise InputError(f"{path} is not JSON: {error}") from None
-    if not isinstance(about, dict) or about.get("schema") != SCHEMA:
+    missing = f"{folder} holds no policy (no {ABOUT}): train one with `dexgrasp train`"
+    about = read_json_object(path, "train it again", missing)
+    if about.get("schema") != SCHEMA:
         raise InputError(f"{path} is no policy of schema {SCHEMA}")
     env = about.get("env")
     if not isinstance(env, dict) or any(key not in ENV_KEYS for key in env):

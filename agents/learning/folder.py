@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import IO, Any
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import lock, parse_json, write_json
+from dexgrasp_env.files import lock, read_json_object, write_json
 
 LOCK = ".lock"
 
@@ -51,14 +51,7 @@ def claim_training(folder: Path, name: str, run: Mapping[str, Any]) -> None:
         InputError: another training, a damaged file, a folder that holds something else.
     """
     path = folder / name
-    try:
-        old = parse_json(path.read_bytes())
-    except FileNotFoundError:
-        old = None
-    except ValueError:
-        raise InputError(f"{path} is damaged: choose another --out") from None
-    if old is not None and not isinstance(old, dict):
-        raise InputError(f"{path} holds no settings of a training: choose another --out")
+    old = read_json_object(path, "choose another --out") if path.exists() else None
     claim(folder, name, old, run, "training")
 
 

@@ -14,7 +14,7 @@ from agents.learning.rest_scene import RestScene
 from agents.learning.sampler import COUNTS, Found
 from agents.learning.settings import SCHEMA
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Layout, content_hash, fits, parse_json, read_npz, write_atomically
+from dexgrasp_env.files import Layout, content_hash, fits, read_json_object, read_npz, write_atomically
 
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
@@ -147,24 +147,13 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         InputError: no dataset, damaged, or of another schema.
     """
     path = folder / "manifest.json"
-    try:
-        manifest = parse_json(path.read_bytes())
-    except OSError:
-        raise InputError(
-            f"{folder} holds no dataset (no manifest.json): make one with `dexgrasp dataset generate`"
-        ) from None
-    except ValueError:
-        raise InputError(
-            f"{path} is damaged: run `dexgrasp dataset generate` with the same settings again"
-        ) from None
-    if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
-        raise InputError(
-            f"{path} has schema {manifest.get('schema') if isinstance(manifest, dict) else None}: valid is {SCHEMA}"
-        )
+    again = "run `dexgrasp dataset generate` with the same settings again"
+    missing = f"{folder} holds no dataset (no {path.name}): make one with `dexgrasp dataset generate`"
+    manifest = read_json_object(path, again, missing)
+    if manifest.get("schema") != SCHEMA:
+        raise InputError(f"{path} has schema {manifest.get('schema')}: valid is {SCHEMA}")
     if fault := _manifest_fault(manifest):
-        raise InputError(
-            f"{path} is damaged ({fault}): run `dexgrasp dataset generate` with the same settings again"
-        )
+        raise InputError(f"{path} is damaged ({fault}): {again}")
     return manifest
 
 

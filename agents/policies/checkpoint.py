@@ -15,7 +15,7 @@ from agents.base import Agent, Observation, Report
 from agents.policies.checkpoint_reader import harmless_objects, read_settings
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import require_extra
-from dexgrasp_env.files import expand, parse_json
+from dexgrasp_env.files import expand, read_json_object
 
 ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
 
@@ -117,14 +117,4 @@ def _sidecar(path: Path) -> dict[str, Any]:
     settings = path.with_suffix(".json")
     if not settings.is_file():
         return {}
-    try:
-        loaded = parse_json(settings.read_bytes())
-    except OSError as error:
-        raise InputError(f"cannot read {settings}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{settings} is not JSON: {error}") from error
-    if not isinstance(loaded, dict):
-        raise InputError(
-            f'{settings} must hold an object of environment settings, e.g. {{"obs_mode": "state"}}'
-        )
-    return loaded
+    return read_json_object(settings, 'it holds environment settings, e.g. {"obs_mode": "state"}')

@@ -15,6 +15,7 @@ from agents.reinforcement.actor import KIND as ACTOR
 from agents.reinforcement.actor import Actor, ActorRun
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
 
 
 class LearnedAgent(Agent):
@@ -31,7 +32,7 @@ class LearnedAgent(Agent):
         Raises:
             InputError: if the folder holds no policy, or a damaged one.
         """
-        self._policy = read_learned(Path(folder).expanduser())
+        self._policy = read_learned(expand(folder))
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
         self._run: CloneRun | ActorRun | None = None
 

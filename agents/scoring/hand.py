@@ -8,6 +8,7 @@ import mujoco
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
 
 ALLEGRO = "allegro"
 
@@ -82,7 +83,7 @@ def find_hand(hand: str) -> HandModel:
     """
     if hand == ALLEGRO:
         return HandModel(ALLEGRO, asset_path("robot", "allegro.xml"), own_gains=False)
-    path = Path(hand).expanduser()
+    path = expand(hand)
     if not path.is_file():
         raise InputError(f"unknown hand {hand!r}: valid are {ALLEGRO}, or the path of an MJCF file")
     return HandModel(path.stem, path.resolve())

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import printable_stem
+from dexgrasp_env.files import expand, printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import MASS_LIMITS, SetMember, is_set, set_member, set_targets
@@ -102,8 +102,8 @@ def target_files(target: str) -> tuple[Path, ...]:
     if target in CATALOGUE or varied_targets(target):
         return ()
     if is_set(target):
-        return Path(os.path.expanduser(target.partition("#")[0])), set_member(target).mesh
-    return (Path(os.path.expanduser(target)),)
+        return expand(target.partition("#")[0]), set_member(target).mesh
+    return (expand(target),)
 
 
 def seed_name(target: str) -> str:

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import parse_json
+from dexgrasp_env.files import expand, parse_json
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
 SCHEMA = 1
@@ -85,7 +85,7 @@ def read_set(path: str) -> dict[str, SetMember]:
     Raises:
         InputError: one line: a file that is missing or wrong, and where.
     """
-    file = Path(os.path.expanduser(path))
+    file = expand(path)
     try:
         content = parse_json(file.read_bytes())
     except (OSError, ValueError) as error:
@@ -127,7 +127,7 @@ def _member(entry: Any, folder: Path, before: Mapping[str, SetMember]) -> SetMem
 def _mesh(value: Any, folder: Path) -> Path:
     if not isinstance(value, str) or not value:
         raise InputError(f"mesh is {value!r}: it must be the path of a mesh, from the set file on")
-    path = folder / os.path.expanduser(value)
+    path = folder / expand(value)
     if not os.path.isfile(path):
         raise InputError(f"mesh file {str(path)!r} does not exist")
     return path

@@ -17,7 +17,7 @@ import numpy as np
 import trimesh
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cached_arrays, content_hash, printable_stem
+from dexgrasp_env.files import Arrays, cached_arrays, content_hash, expand, printable_stem
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
@@ -42,7 +42,7 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     Raises:
         InputError: one line, if the file cannot be used.
     """
-    path = Path(os.path.expanduser(path))
+    path = expand(path)
     raw = read_mesh(path)
     with np.errstate(over="ignore"):
         raw.apply_scale(scale)

@@ -8,6 +8,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import MESH_SUFFIXES, load_object
 from dexgrasp_env.objects.model import ObjectModel
@@ -82,7 +83,7 @@ def _given(name: str, meshes: Sequence[Path]) -> Path | None:
 
 def _on_disk(name: str, source: Path) -> Path | None:
     for base in (Path(), source.parent):
-        path = base / Path(name).expanduser()
+        path = base / expand(name)
         if path.is_file() and path.suffix.lower() in MESH_SUFFIXES:
             return path
         inside = [path / part for part in _INSIDE if (path / part).is_file()]
