@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -12,6 +13,12 @@ import pytest
 import yaml
 
 from agents.cli.commands import run_command
+from agents.demos.settings import DemoSettings
+from agents.evaluation.settings import EvaluationSettings
+from agents.evaluation.store import TrialStore, check_folder
+from agents.learning.folder import claim
+from agents.learning.generate import _identity
+from agents.learning.settings import DatasetSettings
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import SIMULATED, active_cell, use_cell
@@ -115,6 +122,9 @@ def in_lab(lab, *words):
 
 LOOK = """
 import json, gymnasium as gym, numpy as np, dexgrasp_env
+from agents.demos.settings import DemoSettings
+from agents.learning.generate import _identity
+from agents.learning.settings import DatasetSettings
 from agents.evaluation.settings import EvaluationSettings
 env = gym.make("DexGrasp/Lift-v1", objects="pear", obs_mode="pointcloud", control_mode="joint_delta")
 observation, info = env.reset(seed=0)
@@ -125,7 +135,8 @@ print(json.dumps({
     "step": float(after[0] - before[0]), "palm": model.body("palm").pos.tolist(), "cloud": int(observation["cloud_mask"].sum()),
     "cameras": [model.camera(k).name for k in range(model.ncam)], "kp": float(model.actuator("thumb_0").gainprm[0]),
     "most": float(model.actuator("thumb_0").forcerange[1]),
-    "cell": EvaluationSettings.of(["random"], ["pear"]).identity()["cell"],
+    "cells": [EvaluationSettings.of(["random"], ["pear"]).identity()["cell"], _identity(DatasetSettings.of(["pear"]))["cell"],
+              DemoSettings.of(["pear"]).as_json()["cell"]],
 }))
 """  # noqa: E501
 
@@ -139,11 +150,13 @@ def test_the_environment_is_of_the_cell(lab):
     assert seen["cameras"] == ["left", "right"]
     assert seen["cloud"] > 300
     assert (seen["kp"], seen["most"]) == (8.0, 0.5)
-    assert seen["cell"].startswith("our lab-")
+    assert len(set(seen["cells"])) == 1
+    assert seen["cells"][0].startswith("our lab-")
 
 
 COMMANDS = """
 from agents.cli.commands import run_command
+from agents.demos.settings import DemoSettings
 grasp, robot = "{folder}/grasp.json", "{folder}/robot"
 for command in (
     ["plan", "pear", "--out", "{folder}"], ["verify", grasp], ["export", grasp, "--out", robot], ["check", robot],
@@ -169,3 +182,26 @@ def test_the_page_of_the_docs_shows_a_cell_that_can_be_read(tmp_path):
     path = tmp_path / "cell.yaml"
     path.write_text(page.split("```yaml\n")[1].split("```")[0])
     assert read_cell(path).name == "our lab"
+
+
+def test_the_default_cell_has_a_hash_too():
+    assert active_cell().version.startswith(SIMULATED + "-")
+    slower = replace(active_cell(), arm=replace(active_cell().arm, velocity=(0.1,) * 7))
+    assert slower.version != active_cell().version
+    saved = DemoSettings.of(["pear"]).as_json()
+    assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])
+    with pytest.raises(InputError, match="give their --cell"):
+        DemoSettings.of_json(saved | {"cell": slower.version})
+
+
+def test_runs_go_on_in_their_cell_alone(tmp_path):
+    other = "our lab-00000000"
+    identity = EvaluationSettings.of(["random"], ["pear"]).identity()
+    check_folder(tmp_path / "run", identity)
+    TrialStore(tmp_path / "run", identity).close()
+    with pytest.raises(InputError, match=r"cell was \"simulated-.*is \"our lab-0"):
+        check_folder(tmp_path / "run", identity | {"cell": other})
+    dataset = _identity(DatasetSettings.of(["pear"]))
+    claim(tmp_path / "data", "manifest.json", None, dataset, "dataset")
+    with pytest.raises(InputError, match=r"cell: simulated-.* there, our lab-0"):
+        claim(tmp_path / "data", "manifest.json", dataset, dataset | {"cell": other}, "dataset")

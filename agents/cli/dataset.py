@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.cli.options import (
+    add_cell,
     add_jobs,
     add_json,
     add_mesh,
@@ -69,6 +70,7 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
     )
     add_jobs(parser)
     add_mesh(parser)
+    add_cell(parser)
     add_json(parser)
 
 

@@ -4,7 +4,15 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_jobs, add_json, add_scene, check_backend, natural_int, positive_int
+from agents.cli.options import (
+    add_cell,
+    add_jobs,
+    add_json,
+    add_scene,
+    check_backend,
+    natural_int,
+    positive_int,
+)
 
 _EPILOG = """examples:
   dexgrasp demos generate --objects varied-0..99 --episodes 20 --out runs/demos --workers 2
@@ -35,6 +43,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     replay = commands.add_parser("replay", help="play recorded actions again: do they still succeed?")
     replay.add_argument("folder", type=Path, metavar="DIR", help="of the demonstrations")
     replay.add_argument("--episodes", type=positive_int, metavar="N", help="how many (default all)")
+    add_cell(replay)
     add_json(replay)
 
 

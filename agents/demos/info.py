@@ -55,8 +55,7 @@ def replay_all(
     about = read_about(folder)
     if not about.get("complete"):
         raise InputError(f"{folder} is not complete: the same `dexgrasp demos generate` command goes on")
-    saved = {key: value for key, value in about["settings"].items() if key != "versions"}
-    settings = DemoSettings(**saved | {"objects": tuple(saved["objects"])})
+    settings = DemoSettings.of_json(about["settings"])
     total = min(number or about["episodes"], about["episodes"])
     failed: list[dict[str, Any]] = []
     env: gym.Env[Any, Any] | None = None

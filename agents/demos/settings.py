@@ -1,11 +1,12 @@
 """What a set of demonstrations is made of."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
 from agents.versions import package_versions
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.robot.cell import active_cell
 
 SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v1"
@@ -89,5 +90,24 @@ class DemoSettings:
         }
 
     def as_json(self) -> dict[str, Any]:
-        """Return the settings as JSON holds them, with the versions that they rest on."""
-        return asdict(self) | {"objects": list(self.objects), "versions": package_versions(_PACKAGES)}
+        """Return the settings as JSON holds them, with the cell and the versions that they rest on."""
+        rest = {"cell": active_cell().version, "versions": package_versions(_PACKAGES)}
+        return asdict(self) | {"objects": list(self.objects)} | rest
+
+    @classmethod
+    def of_json(cls, saved: Mapping[str, Any]) -> "DemoSettings":
+        """Return the settings that `as_json` wrote.
+
+        Raises:
+            InputError: if they are of another cell, or none.
+        """
+        cell = saved.get("cell", active_cell().version)  # before 0.2.0 none was stated
+        if cell != active_cell().version:
+            raise InputError(
+                f"demonstrations of cell {cell!r}: this is {active_cell().version!r}, give their --cell"
+            )
+        given = {key: value for key, value in saved.items() if key not in ("cell", "versions")}
+        try:
+            return cls(**given | {"objects": tuple(given["objects"])})
+        except (TypeError, KeyError):
+            raise InputError("the settings of the demonstrations are damaged: make them anew") from None

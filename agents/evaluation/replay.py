@@ -77,7 +77,7 @@ def replay(
     again, grasp = runner.run(spec)
     runner.close()
     now = settings.identity()
-    stale = tuple(key for key in ("code", "files", "versions") if run.get(key) != now[key])
+    stale = tuple(key for key in ("cell", "code", "files", "versions") if run.get(key) != now[key])
     return Replay(row, again, grasp, changes(row, again), stale, Path(spec.video) if spec.video else None)
 
 

@@ -112,9 +112,8 @@ class EvaluationSettings:
             key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
         }
         settings["protocol"] = "+".join(settings.pop("protocols"))
-        if not active_cell().is_simulated:
-            settings["cell"] = active_cell().stamp
         return settings | {
+            "cell": active_cell().version,
             "files": {str(path): _file_hash(path) for path in self._files()},
             "code": code_hash(self.agents),
             "versions": versions(),

@@ -28,6 +28,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, parse_json, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
+from dexgrasp_env.robot.cell import active_cell
 
 
 @dataclass(frozen=True)
@@ -125,7 +126,10 @@ def _identity(settings: DatasetSettings) -> dict[str, Any]:
         "least_distance": LEAST_DISTANCE, "reach": [list(r) for r in REACH], "neighbours": NEIGHBOURS,
         "side_tolerance": SIDE_TOLERANCE,
     }  # fmt: skip
-    return {"settings": settings.as_json(), "objects": objects, "fixed": fixed, "versions": versions()}
+    return {
+        "settings": settings.as_json(), "objects": objects, "fixed": fixed, "cell": active_cell().version,
+        "versions": versions(),
+    }  # fmt: skip
 
 
 def _finish(

@@ -65,9 +65,14 @@ class Cell:
     cameras: tuple[CellCamera, ...]
 
     @cached_property
+    def version(self) -> str:
+        """What evaluations, datasets and demonstrations call it: its name, and a hash of all that it says."""
+        return f"{self.name}-{content_hash(repr(self))[:8]}"
+
+    @property
     def stamp(self) -> str:
-        """What grasp files and evaluations call it: its name, and a hash of all that it says but for the default."""
-        return self.name if self.is_simulated else f"{self.name}-{content_hash(repr(self))[:8]}"
+        """What grasp files call it: its version, of the default its name alone."""
+        return self.name if self.is_simulated else self.version
 
     def make_cameras(self, intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
         """Return the cameras, with the cell's intrinsics or others."""
