@@ -1,10 +1,9 @@
 """The object as a planner knows it: a convex hull in the robot base frame, and assumptions about its mass."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from agents.geometry.convex import ConvexDistance
 from dexgrasp_env.arrays import Array
@@ -13,11 +12,21 @@ from dexgrasp_env.errors import InputError
 if TYPE_CHECKING:
     import trimesh
 
-    from dexgrasp_env.perception.plane import Plane
-
 MAX_FACES = 120  # of the hull that is planned on
 ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
 MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
+
+
+class Spread(NamedTuple):
+    """How far a surface may be from where it is believed to be, by direction."""
+
+    directions: Array  # (K, 3) unit, robot base frame
+    errors: Array  # (K,) m, mean absolute error of the support in each
+
+    def along(self, normals: Array) -> Array:
+        """Return the error (N,) m where the surface's normals are (N, 3): that of the nearest direction."""
+        nearest: Array = self.errors[(normals @ self.directions.T).argmax(1)]
+        return nearest
 
 
 @dataclass(frozen=True)
@@ -29,16 +38,22 @@ class GraspTarget:
         distance: its signed distance.
         centre: (3,) m, centre of mass, taken to be that of the hull's volume unless it is known.
         mass: kg, assumed unless it is known.
+        spread: how far the surface may be off where it was guessed; None where it was seen all round.
     """
 
     hull: "trimesh.Trimesh"
     distance: ConvexDistance
     centre: Array
     mass: float
+    spread: Spread | None = None
 
     @classmethod
     def of(
-        cls, mesh: "trimesh.Trimesh", mass: float | None = None, centre: Array | None = None
+        cls,
+        mesh: "trimesh.Trimesh",
+        mass: float | None = None,
+        centre: Array | None = None,
+        spread: Spread | None = None,
     ) -> "GraspTarget":
         """Take the convex hull of a mesh in the robot base frame.
 
@@ -46,6 +61,7 @@ class GraspTarget:
             mesh: m, robot base frame.
             mass: kg; assumed from the hull's volume if None.
             centre: (3,) m; the hull's centroid if None.
+            spread: of a surface that was guessed in part.
 
         Raises:
             InputError: for a mesh without volume or a mass that is not positive.
@@ -61,26 +77,7 @@ class GraspTarget:
         hull.merge_vertices()
         known = assumed_mass(hull) if mass is None else float(mass)
         middle = np.asarray(hull.center_mass if centre is None else centre, dtype=float)
-        return cls(hull, distance, middle, known)
-
-
-def target_from_points(
-    points: NDArray[Any], plane: "Plane | None", mass: float | None = None
-) -> GraspTarget | None:
-    """Return the object that a cloud shows, or None where its points span no volume to speak of.
-
-    Args:
-        points: (N, 3) m, of the object alone, robot base frame.
-        plane: the table, on which it stands.
-        mass: kg; assumed if None.
-    """
-    from dexgrasp_env.perception.hull import cloud_hull
-
-    hull = cloud_hull(points, plane)
-    try:
-        return None if hull is None else GraspTarget.of(hull, mass=mass)
-    except InputError:
-        return None
+        return cls(hull, distance, middle, known, spread)
 
 
 def assumed_mass(hull: "trimesh.Trimesh") -> float:

@@ -59,7 +59,7 @@ def read_decoder(path: Path) -> Decoder:
         if note["schema"] != SCHEMA:
             raise KeyError
         settings = NetworkSettings(**note["network"])
-        return Decoder(settings, **{part: _layers(arrays, name) for part, name in parts.items()})
+        return Decoder(settings, **{part: layers_of(arrays, name) for part, name in parts.items()})
     except (KeyError, TypeError):
         raise wrong_schema(path) from None
 
@@ -89,7 +89,7 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
 
 
-def _layers(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:
+def layers_of(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:
     """Weights, transposed, and biases of the linear layers of a module, in their order."""
     own = {key.removeprefix(f"{name}.") for key in arrays if key.startswith(f"{name}.")}
     keys = sorted({key.rpartition(".")[0] for key in own}, key=lambda key: int(key or 0))

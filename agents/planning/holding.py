@@ -19,6 +19,7 @@ ENOUGH = 6.0
 NONE = -1
 """Level of a grasp that bears none of `settings.loads`."""
 UNBALANCED = "no forces within friction cones and joint torques balance gravity at these contacts"
+_LEVER = 0.03  # m over which a surface that was guessed turns by its error in place
 _LEAST_ANGLE = 0.02  # rad, of a cone that has been narrowed to nothing
 
 
@@ -40,7 +41,8 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     """Return the friction (N,) that is left of `settings.friction_squeeze` if the surface is not where it was seen.
 
     An error in place of `settings.place_error` turns the normal that a fingertip feels: not at all on a face, by a few
-    degrees on a can's side, far on an edge. The cone is narrowed by that angle.
+    degrees on a can's side, far on an edge. The cone is narrowed by that angle; where the surface was not seen, also by
+    that of its own error over a fingertip's lever.
 
     Args:
         tips: (N, 3) m, centres of fingertips.
@@ -52,6 +54,8 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     around = tips[:, None] + settings.place_error * np.stack([t1, -t1, t2, -t2], axis=1)
     turned = target.distance.distance_gradient(around.reshape(-1, 3))[1].reshape(-1, 4, 3)
     turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
+    if target.spread is not None:
+        turn += target.spread.along(normals) / _LEVER
     narrowed: Array = np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, _LEAST_ANGLE))
     return narrowed
 

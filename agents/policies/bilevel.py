@@ -11,12 +11,13 @@ from agents.base import Agent, Observation, Report
 from agents.execution.guarded import GuardedExecution
 from agents.execution.motion import NoPath
 from agents.execution.retreat import Retreat
-from agents.grasp.target import GraspTarget, target_from_points
+from agents.grasp.target import GraspTarget
 from agents.planning.many import GraspSet, Progress, check_count, plan_many
 from agents.planning.planner import Plan, Planner, warm_up
 from agents.planning.proposals import FirstProposals, ProposalSource, SurfaceProposals
 from agents.planning.settings import PlannerSettings
-from agents.policies.seen import points_of, start_of
+from agents.policies.seen import normals_of, points_of, start_of
+from agents.unseen.hull import target_of_cloud
 from dexgrasp_env.errors import InputError, unknown_name
 
 NO_CLOUD, NO_HULL = "empty_cloud", "cloud_has_no_volume"
@@ -188,7 +189,8 @@ def target_from_cloud(observation: Observation) -> tuple[GraspTarget | None, str
     points = points_of(observation)
     if len(points) < 4:
         return None, NO_CLOUD
-    target = target_from_points(points, Plane.from_array(observation["table_plane"]))
+    plane = Plane.from_array(observation["table_plane"])
+    target = target_of_cloud(points, normals_of(observation), plane)
     return target, NO_HULL if target is None else None
 
 

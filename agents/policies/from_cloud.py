@@ -9,12 +9,13 @@ import numpy as np
 
 from agents.grasp.file import grasp_json
 from agents.grasp.grasp import Grasp
-from agents.grasp.target import GraspTarget, target_from_points
+from agents.grasp.target import GraspTarget
 from agents.planning.many import GraspSet, Progress, check_count, plan_many
 from agents.planning.plan import Plan
 from agents.planning.planner import Planner, warm_up
 from agents.planning.settings import PlannerSettings
 from agents.policies.bilevel import NO_HULL, make_source
+from agents.unseen.hull import target_of_cloud
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
@@ -152,7 +153,8 @@ def plan_cloud(
     if seen.reason is not None:
         return unplanned
     began = time.perf_counter()
-    target = target_from_points(seen.cloud.valid_points, seen.cloud.plane, mass)
+    shown = seen.cloud
+    target = target_of_cloud(shown.valid_points, shown.valid_normals, shown.plane, mass)
     if target is None:
         return unplanned
     found = None if count is None else plan_many(planner, target, count, seed, q, progress)

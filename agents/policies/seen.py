@@ -28,10 +28,24 @@ def points_of(observation: Observation) -> Array:
     Raises:
         InputError: where the observation has no cloud.
     """
-    if "cloud" not in observation or "cloud_mask" not in observation:
+    return _counted(observation, "cloud")
+
+
+def normals_of(observation: Observation) -> Array:
+    """Return the normals (N, 3) of `points_of`, zeros where one is not a number.
+
+    Raises:
+        InputError: where the observation has no cloud.
+    """
+    return np.nan_to_num(_counted(observation, "cloud_normals"), posinf=0.0, neginf=0.0)
+
+
+def _counted(observation: Observation, key: str) -> Array:
+    """Rows (N, 3) of a part of the cloud for the points that count."""
+    if not {"cloud", "cloud_mask", key} <= observation.keys():
         raise InputError(
             "this agent plans from a point cloud: make the environment with obs_mode='pointcloud'"
         )
     points = np.asarray(observation["cloud"], dtype=float)
     mask = np.asarray(observation["cloud_mask"], dtype=bool)
-    return points[mask & np.isfinite(points).all(axis=1)]
+    return np.asarray(observation[key], dtype=float)[mask & np.isfinite(points).all(axis=1)]

@@ -104,6 +104,11 @@ class SegmentedCloud:
         """The points without padding, (M, 3) m."""
         return self.points[self.mask]
 
+    @property
+    def valid_normals(self) -> NDArray[np.float32]:
+        """The normals of these, (M, 3)."""
+        return self.normals[self.mask]
+
 
 def segment(
     depths: NDArray[Any],

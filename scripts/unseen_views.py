@@ -1,0 +1,156 @@
+"""What the completion network learns from: objects of random shape, each seen by one camera, beside the whole hull.
+
+`python scripts/unseen_views.py OUT.npz --first 5000 --objects 2000` writes features (N, 391) and what is missing to the
+support of the seen side (N, 361), cm, each view once as it is and once mirrored. Two thirds of the objects are
+`varied-N`, the rest convex shapes of random points; no object of the catalogue and no scan is among them.
+"""
+
+import argparse
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+import trimesh
+from numpy.random import Generator
+from tqdm import tqdm
+
+from agents.unseen.network import OUTPUT
+from agents.unseen.view import UNIT, WRITTEN, View
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.segment import SegmentedCloud, segment
+from dexgrasp_env.sensing.backends import make_backend
+from dexgrasp_env.sensing.cameras import default_cameras
+from dexgrasp_env.sensing.groups import VISUAL_GROUPS
+from dexgrasp_env.sensing.sensor import SensorModel
+
+_VARIED, _CELL = (
+    0.65,
+    0.7,
+)  # shares of `varied-N` among the objects and of the cell's cameras among the cameras
+_POSES, _CAMERAS = 6, 2  # of an object; of a pose
+_MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+def random_shape(rng: Generator) -> trimesh.Trimesh:
+    """Return a convex shape of 3 to 20 cm: polytope, superellipsoid, tapered prism, or the hull of two bodies."""
+    kind = rng.integers(4)
+    size = np.exp(rng.uniform(np.log([0.03, 0.03, 0.03]), np.log([0.1, 0.13, 0.2])))
+    if kind == 0:
+        points = rng.standard_normal((rng.integers(8, 40), 3))
+        points *= size / 2.0 / np.linalg.norm(points, axis=1, keepdims=True) ** rng.uniform(0.5, 1.0)
+    elif kind == 1:
+        points, power = rng.standard_normal((500, 3)), rng.uniform(1.5, 6.0)
+        points *= size / 2.0 / (np.abs(points) ** power).sum(1, keepdims=True) ** (1.0 / power)
+    elif kind == 2:
+        angle, taper = np.sort(rng.uniform(0.0, 2.0 * np.pi, rng.integers(3, 9))), rng.uniform(0.3, 1.0)
+        base = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1) * size / 2.0
+        points = np.concatenate([base, base * taper + [0.0, 0.0, size[2]]])
+    else:
+        ball = rng.standard_normal((200, 3))
+        ball /= np.linalg.norm(ball, ord=np.inf if rng.random() < 0.5 else 2, axis=1, keepdims=True)
+        other = ball * size / 2.0 * rng.uniform(0.3, 1.0, 3) + size * rng.uniform(-0.5, 0.5, 3)
+        points = np.concatenate([ball * size / 2.0, other])
+    return trimesh.convex.convex_hull(points)
+
+
+def shape_of(number: int, rng: Generator) -> trimesh.Trimesh:
+    """Return the surface of object `number`, m."""
+    return load_target(f"varied-{number}").mesh if rng.random() < _VARIED else random_shape(rng)
+
+
+def views_of(mesh: trimesh.Trimesh, rng: Generator) -> Iterator[tuple[SegmentedCloud, Array]]:
+    """Yield clouds of one camera each, and the corners (V, 3) m of the whole hull, of an object at rest."""
+    transforms, odds = trimesh.poses.compute_stable_poses(mesh.convex_hull, n_samples=1)
+    model = _scene(mesh)
+    data, sensor = mujoco.MjData(model), SensorModel.realistic()
+    for _ in range(_POSES):
+        chosen = transforms[rng.choice(len(odds), p=odds / odds.sum())]
+        R = _yaw(rng) @ chosen[:3, :3]
+        hull = mesh.convex_hull.vertices @ R.T
+        middle = 0.5 * (hull.min(0) + hull.max(0))
+        shift = np.array([rng.uniform(0.44, 0.60), rng.uniform(-0.12, 0.12), 0.0])
+        shift -= [*middle[:2], hull[:, 2].min()]
+        data.qpos[:3] = shift
+        mujoco.mju_mat2Quat(data.qpos[3:7], R.ravel())
+        mujoco.mj_kinematics(model, data)
+        cameras = _cameras(rng)
+        backend = make_backend("auto", model, cameras, VISUAL_GROUPS)
+        believed = sensor.calibrate(cameras, rng)
+        depths = sensor.measure(backend.render(data), cameras, rng)
+        backend.close()
+        for k in range(len(cameras)):
+            yield segment(depths[k : k + 1], believed[k : k + 1], rng), hull + shift
+
+
+def example(cloud: SegmentedCloud, hull: Array, mirror: bool) -> tuple[Array, Array]:
+    """Return features (391,) and what the support of the seen side lacks (361,), in units of `OUTPUT`."""
+    side = _MIRROR if mirror else np.ones(3)
+    assert cloud.plane is not None
+    plane = Plane(cloud.plane.normal * side, cloud.plane.offset, cloud.plane.rms, 0)
+    view = View.of(cloud.valid_points * side, cloud.valid_normals * side, plane)
+    whole = (((hull * side - view.origin) @ view.R.T / UNIT) @ WRITTEN.T).max(0)
+    return view.features(), (whole - view.seen()) * UNIT / OUTPUT
+
+
+def _scene(mesh: trimesh.Trimesh) -> mujoco.MjModel:
+    spec = mujoco.MjSpec()
+    spec.add_mesh(
+        name="shape",
+        uservert=mesh.vertices.ravel(),
+        userface=mesh.faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+    table = {"size": [0.6, 0.8, 0.02], "pos": [0.55, 0.0, -0.02]}
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **table)
+    body = spec.worldbody.add_body(name="object")
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="shape")
+    return spec.compile()
+
+
+def _yaw(rng: Generator) -> Array:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _cameras(rng: Generator) -> tuple[Camera, ...]:
+    """Two of the cell's cameras, or two from anywhere above the table."""
+    if rng.random() < _CELL:
+        return tuple(default_cameras()[k] for k in rng.permutation(4)[:_CAMERAS])
+    found = []
+    for _ in range(_CAMERAS):
+        azimuth, elevation = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(22.0, 55.0))
+        level = np.cos(elevation)
+        way = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+        centre = np.array([0.52, 0.0, 0.05])
+        found.append(Camera.look_at("anywhere", centre + rng.uniform(0.5, 0.9) * way, centre))
+    return tuple(found)
+
+
+def main() -> None:
+    """Write the examples of some objects."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
+    parser.add_argument("out")
+    parser.add_argument("--first", type=int, default=5000)
+    parser.add_argument("--objects", type=int, default=2000)
+    args = parser.parse_args()
+    features, missing, objects = [], [], []
+    for number in tqdm(range(args.first, args.first + args.objects)):
+        rng = np.random.default_rng([number, 77])
+        for cloud, hull in views_of(shape_of(number, rng), rng):
+            if cloud.reason is not None:
+                continue
+            for mirror in (False, True):
+                x, y = example(cloud, hull, mirror)
+                features.append(x.astype(np.float32))
+                missing.append(y.astype(np.float32))
+                objects.append(number)
+    np.savez(args.out, features=features, missing=missing, objects=objects)
+
+
+if __name__ == "__main__":
+    main()
