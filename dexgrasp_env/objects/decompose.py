@@ -31,12 +31,13 @@ MOST_PARTS = 24
 _VERTICES = 64
 _FACES = 1500
 _CUTS = 48
+_PIECES = 160  # enough: merging takes time with the square of their number, and crumbs are no parts
 _EXCESS = 0.02  # of the volume: what the parts' hulls may add before cutting ends
 _FREE = 0.002  # of the volume: what a merge may add even where there are few parts already
 _OFFSETS = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)  # of a piece's length: where cuts are tried
 _GAIN = 0.1  # of a piece's excess: below it no cut helps at once, and the piece is halved
 _SECTORS = 12
-_VERSION = 3
+_VERSION = 4
 _LAYOUT = {"points": (None, 3), "counts": (None,)}
 
 
@@ -124,9 +125,11 @@ class _Cut:
 
 
 def _cut_up(pieces: list[_Piece], volume: float, bar: Any) -> list[_Piece]:
-    """Cut the piece of the most excess, again and again, until `_EXCESS` is reached or `_CUTS` are spent."""
+    """Cut the piece of the most excess, again and again, until `_EXCESS` is reached or cuts or pieces are enough."""
     pieces = list(pieces)
     for _ in range(_CUTS):
+        if len(pieces) > _PIECES:
+            break
         worst = max(pieces, key=lambda piece: piece.excess)
         if sum(piece.excess for piece in pieces) < _EXCESS * volume or worst.excess < 1e-3 * volume:
             break
