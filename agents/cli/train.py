@@ -7,6 +7,7 @@ from typing import Any
 
 from agents.cli.options import add_json, natural_int, positive_float, positive_int
 from agents.cli.train_bc import add_bc_parser, run_bc
+from agents.cli.train_grip import add_grip_parser, run_grip
 from agents.cli.train_rl import add_rl_parsers, run_rl
 from agents.cli.training import add_length, add_torch
 from dexgrasp_env.extras import require_extra
@@ -16,6 +17,7 @@ _EPILOG = """examples:
   dexgrasp train cvae --data runs/ycb6 --out runs/cvae --epochs 300 --held-out-object potted_meat_can --device cuda
   dexgrasp train bc --data runs/demos --out runs/bc --minutes 10
   dexgrasp train bc --data runs/demos --view cloud --out runs/bc_cloud --seed 0 1 2
+  dexgrasp train grip --objects varied-0..59 --from runs/bc --out runs/grip
   dexgrasp train ppo --objects varied-0..29 --from runs/bc --out runs/ppo
   dexgrasp evaluate --agents runs/bc runs/ppo hardcoded --objects seen
 
@@ -50,13 +52,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_json(cvae)
     add_bc_parser(commands)
+    add_grip_parser(commands)
     add_rl_parsers(commands)
 
 
 def run(args: argparse.Namespace) -> int:
     """Train, draw curves, print the losses."""
     require_extra("learning", "training")
-    return {"cvae": _cvae, "bc": run_bc, "ppo": run_rl, "sac": run_rl}[args.train_command](args)
+    run_policy = {"bc": run_bc, "grip": run_grip, "ppo": run_rl, "sac": run_rl}
+    return {"cvae": _cvae, **run_policy}[args.train_command](args)
 
 
 def _cvae(args: argparse.Namespace) -> int:

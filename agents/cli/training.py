@@ -12,9 +12,10 @@ if TYPE_CHECKING:
     from agents.imitation.settings import BcSettings
     from agents.imitation.trials import Trials
     from agents.learning.epochs import Progress
+    from agents.reinforcement.grip_settings import GripSettings
     from agents.reinforcement.settings import RlSettings
 
-    Settings = BcSettings | RlSettings
+    Settings = BcSettings | GripSettings | RlSettings
 
 
 def add_length(parser: argparse.ArgumentParser, steps: int, epochs: int) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-_PANELS = (("loss", "test_loss"), ("return",), ("success", "training_success"))
+_PANELS = (("loss", "test_loss"), ("return",), ("success", "training_success", "training_held"))
 
 
 def draw(curve: Sequence[Mapping[str, Any]], path: Path) -> None:

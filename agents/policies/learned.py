@@ -13,6 +13,8 @@ from agents.imitation.clone import Clone, CloneRun
 from agents.imitation.policy_folder import read_policy
 from agents.reinforcement.actor import KIND as ACTOR
 from agents.reinforcement.actor import Actor, ActorRun
+from agents.reinforcement.grip import KIND as GRIP
+from agents.reinforcement.grip import Grip, GripRun
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
@@ -34,7 +36,7 @@ class LearnedAgent(Agent):
         """
         self._policy = read_learned(expand(folder))
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
-        self._run: CloneRun | ActorRun | None = None
+        self._run: CloneRun | ActorRun | GripRun | None = None
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Look at the object."""
@@ -55,14 +57,14 @@ class LearnedAgent(Agent):
         return self._run.action(observation)
 
 
-def read_learned(folder: Path) -> Clone | Actor:
+def read_learned(folder: Path) -> Clone | Actor | Grip:
     """Read the policy of a folder, of whatever kind.
 
     Raises:
         InputError: if it holds none, or a damaged one.
     """
     about, arrays = read_policy(folder)
-    kinds: dict[str, type[Clone] | type[Actor]] = {CLONE: Clone, ACTOR: Actor}
+    kinds: dict[str, type[Clone] | type[Actor] | type[Grip]] = {CLONE: Clone, ACTOR: Actor, GRIP: Grip}
     kind = str(about.get("kind"))
     if kind not in kinds:
         raise InputError(f"{folder}: policy of kind {kind!r}: valid are {', '.join(kinds)}")

@@ -63,7 +63,7 @@ def train_rl(
     torch.set_num_threads(settings.threads)
     base = None if clone is None else read_policy(clone)
     if base is not None:
-        _clone(*base)  # refused before `out` is claimed
+        checked_clone(*base)  # refused before `out` is claimed
     with occupy(out):
         _claim(out, settings, base, trials)
         training = _Training(out, settings, base, place)
@@ -79,7 +79,7 @@ class _Training:
     def __init__(self, out: Path, settings: RlSettings, base: Any, place: torch.device) -> None:
         self.out, self.settings, self.base = out, settings, base
         envs = SB3VecEnv(settings.env_id, settings.num_envs, objects=list(settings.objects), **_ENV)
-        clone = None if base is None else _clone(*base)
+        clone = None if base is None else checked_clone(*base)
         if base is None:
             envs.seed(settings.seed)
             rng = np.random.default_rng([settings.seed, 0])
@@ -118,7 +118,7 @@ class _Training:
         return row
 
     def _write_policy(self, row: dict[str, Any]) -> None:
-        arrays = {"mean": self.mean, "scale": self.scale, **_actor_arrays(self.model)}
+        arrays = {"mean": self.mean, "scale": self.scale, **actor_arrays(self.model)}
         about: dict[str, Any] = {
             "kind": KIND, "view": "state", "env": _ENV, "share": self.share,
             "activation": "relu" if self.settings.algorithm == "sac" else "tanh",
@@ -131,7 +131,12 @@ class _Training:
         write_policy(self.out, about, arrays)
 
 
-def _clone(about: dict[str, Any], arrays: Any) -> Clone:
+def checked_clone(about: dict[str, Any], arrays: Any) -> Clone:
+    """Return the clone that reinforcement starts from.
+
+    Raises:
+        InputError: if it is of another view.
+    """
     clone = Clone(about, arrays)
     if clone.view != "state" or clone.env != _ENV:
         raise InputError(
@@ -167,7 +172,7 @@ def _learner(settings: RlSettings, envs: FeatureVecEnv, place: torch.device, cor
     return model
 
 
-def _actor_arrays(model: Any) -> dict[str, Any]:
+def actor_arrays(model: Any) -> dict[str, Any]:
     """Return the layers from features to the mean action."""
     if isinstance(model, PPO):
         parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]

@@ -1,0 +1,124 @@
+"""A clone's grip corrected by reinforcement: begins at the clone, moves the palm as told, resumes to the same bits."""
+
+import numpy as np
+import pytest
+
+from agents.imitation.features import features, first_look
+from agents.imitation.policy_folder import read_policy, write_policy
+from agents.kinematics.palm_ik import palm_frame
+from agents.kinematics.tree import robot_tree
+from agents.registry import make_agent
+from agents.reinforcement.grip import PALM, SIZE, Grip, arm_step, look
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import HOME
+
+torch = pytest.importorskip("torch")
+pytest.importorskip("stable_baselines3")
+import gymnasium as gym  # noqa: E402
+
+import dexgrasp_env  # noqa: E402, F401
+from agents.reinforcement.grip_settings import GripSettings  # noqa: E402
+from agents.reinforcement.grip_training import GripTraining, load_learner, train_grip  # noqa: E402
+from agents.reinforcement.training import CHECKPOINT  # noqa: E402
+
+SETTINGS = GripSettings(
+    ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8
+)
+
+
+@pytest.fixture
+def clone(tmp_path):
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    first, _ = env.reset(seed=0)
+    width = len(features("state", first_look("state", first), first, 0))
+    rng = np.random.default_rng(0)
+    arrays = {
+        "mean": np.zeros(width), "scale": np.ones(width), "unit": np.full(8 * 23, 0.01),
+        "trunk.0.weight": 0.1 * rng.standard_normal((8 * 23, width)), "trunk.0.bias": np.zeros(8 * 23),
+    }  # fmt: skip
+    about = {
+        "kind": "clone", "view": "state", "chunk": 8, "execute": 4,
+        "env": {"obs_mode": "state", "control_mode": "joint_delta"},
+    }  # fmt: skip
+    write_policy(tmp_path / "clone", about, arrays)
+    return tmp_path / "clone"
+
+
+def grip_of(clone, correction):
+    """The policy whose network always says `correction`."""
+    about, arrays = read_policy(clone)
+    arrays = {f"base.{name}": array for name, array in arrays.items()}
+    arrays |= {"actor.0.weight": np.zeros((SIZE, len(arrays["base.mean"]))), "actor.0.bias": correction}
+    return Grip({"kind": "grip", "env": about["env"], "base": about}, arrays)
+
+
+def played(policy, env, steps):
+    observation, _ = env.reset(seed=3)
+    run, actions = policy.begin(observation), []
+    for _ in range(steps):
+        actions.append(run.action(observation))
+        observation, *_ = env.step(actions[-1])
+    return np.array(actions), observation
+
+
+def test_without_a_correction_it_is_the_clone(clone):
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    plain, bent = make_agent(str(clone))._policy, grip_of(clone, np.zeros(SIZE))
+    actions = [played(policy, env, 12)[0] for policy in (plain, bent)]
+    np.testing.assert_allclose(*actions, atol=1e-5)
+    assert np.abs(actions[0]).max() > 0.01
+
+
+@pytest.mark.parametrize("axis", range(6))
+def test_the_palm_moves_along_and_about_its_own_axes(axis):
+    tree, move = robot_tree("palm_normal"), np.zeros(6)
+    move[axis] = 0.25 * PALM[axis]
+    R, p = palm_frame(HOME, tree)
+    q = HOME.copy()
+    q[:7] += arm_step(HOME, move, tree)
+    turned, shifted = palm_frame(q, tree)
+    np.testing.assert_allclose(R.T @ (shifted - p), move[:3], atol=4e-4)
+    spin = R.T @ turned
+    found = 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
+    np.testing.assert_allclose(found, move[3:], atol=3e-3)
+
+
+def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
+    """What is added is not added again by the clone, which would see it as its own."""
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    correction = np.zeros(SIZE)
+    correction[-1] = 0.5  # 0.2 rad at the thumb's last joint
+    ends = [played(grip_of(clone, c), env, 60)[1]["joint_targets"] for c in (np.zeros(SIZE), correction)]
+    assert abs(ends[1][22] - ends[0][22] - 0.2) < 0.05
+
+
+def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
+    train_grip(tmp_path / "whole", SETTINGS, clone=clone)
+    train_grip(tmp_path / "parts", SETTINGS, clone=clone, stop_after=1)
+    state = train_grip(tmp_path / "parts", SETTINGS, clone=clone)
+    assert state.epoch == state.epochs == 3
+    files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
+    assert files[0] == files[1]
+    work = GripTraining(tmp_path / "whole", SETTINGS, read_policy(clone), torch.device("cpu"))
+    load_learner(tmp_path / "whole" / CHECKPOINT, work.model)
+    work.envs.seed(5)
+    meant, _ = work.model.predict(work.envs.reset()[:1], deterministic=True)
+    work.envs.close()
+    agent = make_agent(str(tmp_path / "whole"))
+    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
+    observation, info = env.reset(seed=8)
+    agent.reset(observation, info)
+    assert env.action_space.contains(agent.act(observation))
+    grip = agent._policy
+    looks = look(grip.mean, grip.scale, observation)
+    assert np.abs(grip.correction(looks)).max() > 0.0  # it has learned something
+    assert meant.shape == (1, SIZE)
+
+
+def test_what_does_not_fit_is_refused(tmp_path, clone):
+    about, arrays = read_policy(clone)
+    with pytest.raises(InputError, match="incomplete"):
+        Grip({"kind": "grip", "env": about["env"], "base": about}, arrays)
+    write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
+    with pytest.raises(InputError, match="clone another"):
+        train_grip(tmp_path / "out", SETTINGS, clone=clone)
