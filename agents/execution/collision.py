@@ -2,20 +2,37 @@
 
 from dataclasses import dataclass
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from agents.geometry.convex import NOTHING, ConvexDistance, Obstacle
-from agents.kinematics.clearance import OBJECT, SELF, clearance_rows, empty_rows
-from agents.kinematics.forward import body_frames, empty_frames, forward
+from agents.geometry.convex_kernel import convex_distance
+from agents.kinematics.clearance import (
+    OBJECT,
+    ROUNDING,
+    SELF,
+    TABLE,
+    Cover,
+    bounds_clearance,
+    clearance_rows,
+    cover_of,
+    empty_rows,
+    object_clearance,
+    palm_clearance,
+    self_clearance,
+    table_clearance,
+)
+from agents.kinematics.forward import Frames, body_frames, empty_frames, forward
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.names import BODIES
 
-_MAX_ROWS = 128
+_MAX_ROWS = 256  # more than there are bodies and pairs of them
 _CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
+_FAR, _NEAR = 0.016, 0.004  # m beyond the margin: up to there clearances from object and self are measured
 _OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
 
 
@@ -104,19 +121,121 @@ def densify(path: Array, step: float) -> Array:
     return np.concatenate(pieces)
 
 
+class _Watch(NamedTuple):
+    """What is known of clearances along a path: none changes by more than its bodies move.
+
+    A clearance is measured again when what the bodies have moved since could have used it up.
+    """
+
+    ways: Array  # (2, nb) m, how far each body has moved so far: in the world, and against the palm
+    to_object: Array  # (2, nb) m: clearance from the object when it was measured, and the way up to then
+    to_self: Array  # (2, np + 1) m: the same between two bodies, and of thumb and palm
+
+
 @njit(cache=True, error_model="numpy")
 def _first_contact(
     path: Array, tree: RobotTree, obstacle: Obstacle, needed: Array, margin: float, label: NDArray[np.int64]
 ) -> tuple[int, float]:
-    nb, frames, rows = tree.parent.shape[0], empty_frames(tree), empty_rows(_MAX_ROWS)
-    values, labels = rows.values, rows.labels
+    """Return the first state with a contact, -1 if none, and its clearance; `label` says between which."""
+    nb, pairs = tree.parent.shape[0], tree.pairs.shape[0]
+    watch = _Watch(np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs + 1), -1.0))
+    frames, before, seen, seen_before = (
+        empty_frames(tree), empty_frames(tree), empty_frames(tree), empty_frames(tree),
+    )  # fmt: skip
     for i in range(path.shape[0]):
         forward(path[i], tree, frames)
-        n = clearance_rows(tree, frames, obstacle, margin, False, rows)
-        for k in range(n):
-            kind, body, other = labels[k, 0], labels[k, 1], labels[k, 2]
-            column = other if kind == SELF else nb + (0 if kind == OBJECT else 1)
-            if values[k] < needed[body, column]:
-                label[:] = labels[k]
-                return i, values[k]
+        _seen_from(frames, tree.palm, seen)
+        if i > 0:
+            _add_ways(tree, frames, before, watch.ways[0])
+            _add_ways(tree, seen, seen_before, watch.ways[1])
+        cover = cover_of(tree, frames)
+        value = _object_contact(tree, frames, cover, obstacle, needed, margin, watch, label)
+        if value == np.inf:
+            value = _self_contact(tree, frames, cover, needed, margin, watch, label)
+        if value < np.inf:
+            return i, value
+        frames, before, seen, seen_before = before, frames, seen_before, seen
     return -1, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _object_contact(
+    tree: RobotTree, frames: Frames, cover: Cover, obstacle: Obstacle, needed: Array, margin: float, watch: _Watch,
+    label: NDArray[np.int64],
+) -> float:  # fmt: skip
+    """Return a clearance from table or object that is less than needed, infinity if there is none."""
+    nb, direction, known = tree.parent.shape[0], np.empty(3), watch.to_object
+    for b in range(2, nb):
+        if tree.bound_radius[b] < 0.0:
+            continue
+        value = cover.bounds[b, 2] - tree.bound_radius[b]
+        if value <= margin:  # calls are dear: each counts references to the arrays of the tree
+            value, _ = table_clearance(tree, frames, cover, b, margin)
+        if value < min(needed[b, nb + 1], margin):
+            label[0], label[1], label[2] = TABLE, b, -1
+            return value
+        way = watch.ways[0, b]
+        if obstacle.planes.shape[0] == 0 or known[0, b] - (way - known[1, b]) > margin:
+            continue
+        value = convex_distance(cover.bounds[b], obstacle, direction) - tree.bound_radius[b]
+        if value <= margin:
+            value, _ = object_clearance(tree, frames, cover, b, obstacle, margin + _FAR, False, direction)
+        known[0, b], known[1, b] = value, way
+        if value < min(needed[b, nb], margin):
+            label[0], label[1], label[2] = OBJECT, b, -1
+            return value
+    return np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _self_contact(
+    tree: RobotTree, frames: Frames, cover: Cover, needed: Array, margin: float, watch: _Watch,
+    label: NDArray[np.int64],
+) -> float:  # fmt: skip
+    """Return a clearance between two bodies that is less than needed, infinity if there is none."""
+    count, known, ways = tree.pairs.shape[0], watch.to_self, watch.ways[1]
+    for k in range(-1, count):  # the first is thumb and palm, by their boxes
+        a, b = (tree.thumb, tree.palm) if k < 0 else (tree.pairs[k, 0], tree.pairs[k, 1])
+        way = ways[a] + ways[b]
+        if known[0, k] - (way - known[1, k]) > margin:
+            continue
+        if k < 0:
+            value = palm_clearance(tree, frames, margin + _NEAR, np.empty(3), np.empty(3))
+        else:
+            value = bounds_clearance(tree, cover, a, b)
+            if value <= margin:
+                value, _, _ = self_clearance(tree, frames, cover, a, b, margin + _NEAR)
+        known[0, k], known[1, k] = value, way
+        if value < min(needed[a, b], margin):
+            label[0], label[1], label[2] = SELF, a, b
+            return value
+    return np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
+    """Add to `way` (nb,) how far (m) each body's spheres can have moved: the middle's way, and the turn's."""
+    centre, radius, R, p, R0, p0 = tree.bound_centre, tree.bound_radius, now.R, now.p, before.R, before.p
+    for b in range(p.shape[0]):
+        shift, turn = 0.0, 0.0
+        for r in range(3):
+            d = p[b, r] - p0[b, r]
+            for c in range(3):
+                t = R[b, r, c] - R0[b, r, c]
+                d += t * centre[b, c]
+                turn += t * t
+            shift += d * d
+        way[b] += np.sqrt(shift) + np.sqrt(turn) * max(radius[b], 0.0) + ROUNDING
+
+
+@njit(cache=True, error_model="numpy")
+def _seen_from(frames: Frames, a: int, seen: Frames) -> None:
+    """Write the frames of all bodies in the frame of body `a`."""
+    R, p = frames.R, frames.p
+    for b in range(p.shape[0]):
+        for r in range(3):
+            seen.p[b, r] = 0.0
+            for k in range(3):
+                seen.p[b, r] += R[a, k, r] * (p[b, k] - p[a, k])
+            for c in range(3):
+                seen.R[b, r, c] = R[a, 0, r] * R[b, 0, c] + R[a, 1, r] * R[b, 1, c] + R[a, 2, r] * R[b, 2, c]
