@@ -27,6 +27,7 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 import fuzz_inputs as inputs
 import numpy as np
+from json_log import JsonLog
 
 KINDS = {"arguments": 40, "mesh": 14, "grasp": 20, "run": 12, "cache": 4, "dataset": 6, "checkpoint": 4}
 """Kind -> share of the cases, %."""
@@ -289,22 +290,15 @@ def fuzz(
     """Run what is not in the log yet; return how often each exit code came up, by kind."""
     from tqdm import tqdm
 
-    log.parent.mkdir(parents=True, exist_ok=True)
-    rows = map(json.loads, log.read_text().splitlines()) if log.exists() else ()
-    done = {row["case"]: row for row in rows if row["code"] in ALLOWED}  # what failed is tried again
     worker, every = Worker(), max(1, count // processes) if processes else count + 1
-    with (
-        log.open("a") as file,
-        tqdm(total=count, initial=len(done), disable=not progress, unit="case") as bar,
-    ):
-        for k in (k for k in range(count) if k not in done):
-            alone = (k + 1) % every == 0
-            done[k] = _one(k, kind_of(k, seed, alone), seed, None if alone else worker, good)
-            file.write(json.dumps(done[k]) + "\n")
-            file.flush()
+    with JsonLog(log, "case") as done, tqdm(total=count, disable=not progress, unit="case") as bar:
+        for k in range(count):
+            if k not in done.rows or done.rows[k]["code"] not in ALLOWED:  # what failed is tried again
+                alone = (k + 1) % every == 0
+                done.add(_one(k, kind_of(k, seed, alone), seed, None if alone else worker, good))
             bar.update()
     worker.close()
-    return Counter(f"{row['kind']} {row['code']}" for row in done.values() if row["case"] < count)
+    return Counter(f"{row['kind']} {row['code']}" for row in done.rows.values() if row["case"] < count)
 
 
 def kind_of(k: int, seed: int, alone: bool) -> str:

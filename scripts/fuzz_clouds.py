@@ -1,21 +1,27 @@
 """Damaged and odd clouds through `plan_cloud`: each ends in a grasp or in a reason, never in a traceback.
 
-    python scripts/fuzz_clouds.py --count 1000 --seed 0
+    python scripts/fuzz_clouds.py --count 1000 --seed 0 [--plan 1] [--log out/clouds.jsonl]
 
 Scenes are a table with one or two boxes, cylinders or shells on it; each gets up to three damages: noise, holes, flying
 pixels, one side only, wrong unit, turned or shifted frames, NaN, repeated points, few points, a second object. `--plan`
-is the share that is planned as well as segmented (planning takes a part of a second).
+is the share that is planned as well as segmented (planning takes a part of a second). Goes on where it stopped.
 """
 
 import argparse
 import sys
+import time
 import traceback
 from collections import Counter
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
+from tqdm import tqdm
+
+sys.path.insert(0, str(Path(__file__).parent))
+from json_log import JsonLog
 
 from agents import plan_cloud
 from dexgrasp_env.errors import InputError
@@ -110,6 +116,20 @@ def outcome(points: Points, seed: int, plan: bool) -> str:
         return "refused" if "\n" not in str(error) else "REFUSED IN MORE THAN ONE LINE"
 
 
+def one(k: int, seed: int, share: float) -> dict[str, object]:
+    """Return what was done to cloud `k` and what came of it."""
+    rng = np.random.default_rng([seed, k])
+    names, points = odd_cloud(rng)
+    began, plan = time.process_time(), bool(rng.random() < share)
+    try:
+        found = outcome(points, k, plan)
+    except Exception:
+        found = "TRACEBACK"
+        print(f"cloud {k} ({', '.join(names)}):", file=sys.stderr)
+        traceback.print_exc()
+    return {"damages": names, "plan": plan, "outcome": found, "cpu_seconds": time.process_time() - began}
+
+
 def main() -> int:
     """Run; exit 1 if anything ended in a traceback."""
     parser = argparse.ArgumentParser(
@@ -118,19 +138,15 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--plan", type=float, default=0.2, help="share that is planned too (default 0.2)")
+    parser.add_argument("--log", type=Path, default=Path("out/clouds.jsonl"), help="to go on from")
     args = parser.parse_args()
-    found: Counter[str] = Counter()
-    for k in range(args.count):
-        rng = np.random.default_rng([args.seed, k])
-        names, points = odd_cloud(rng)
-        try:
-            found[outcome(points, k, bool(rng.random() < args.plan))] += 1
-        except Exception:
-            found["TRACEBACK"] += 1
-            print(f"cloud {k} ({', '.join(names)}):", file=sys.stderr)
-            traceback.print_exc()
-        if k % 100 == 99:
-            print(f"{k + 1} of {args.count}", file=sys.stderr)
+    with JsonLog(args.log, "cloud") as log:
+        for k in tqdm(range(args.count), unit="cloud"):
+            name = f"{args.seed}-{k}-{args.plan}"
+            if name not in log.rows or log.rows[name]["outcome"].isupper():  # what failed is tried again
+                log.add({"cloud": name, **one(k, args.seed, args.plan)})
+    rows = [log.rows[f"{args.seed}-{k}-{args.plan}"] for k in range(args.count)]
+    found = Counter(str(row["outcome"]) for row in rows)
     for reason, count in found.most_common():
         print(f"{count:6d}  {reason}")
     return 1 if any(reason.isupper() for reason in found) else 0

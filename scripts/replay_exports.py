@@ -16,6 +16,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from tqdm import tqdm
+
+sys.path.insert(0, str(Path(__file__).parent))
+from json_log import JsonLog
 
 from agents.evaluation.statistics import wilson_interval
 from agents.export.check import check_trajectory
@@ -70,21 +74,20 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each grasp")
     parser.add_argument("--agent", default="bilevel")
     parser.add_argument("--seed", type=int, default=0, help="of the object's errors")
+    parser.add_argument("--most", type=int, metavar="N", help="the first N grasps alone")
     args = parser.parse_args()
     trials = [
         json.loads(line)
         for line in (args.run / "trials.jsonl").read_text().splitlines()
         if line.endswith("}")
     ]
-    rows = [json.loads(line) for line in args.out.read_text().splitlines()] if args.out.exists() else []
-    done = {row["grasp"] for row in rows}
-    with args.out.open("a") as file:
-        for trial in trials:
-            if trial["agent"] == args.agent and trial.get("grasp") and trial["grasp"] not in done:
-                rows.append(one(args.run, trial, args.seed))
-                file.write(json.dumps(rows[-1]) + "\n")
-                file.flush()
-                print(f"{len(rows)} of {len(trials)}", file=sys.stderr)
+    trials = [trial for trial in trials if trial["agent"] == args.agent and trial.get("grasp")]
+    with JsonLog(args.out, "grasp") as log, tqdm(total=len(trials), unit="export") as bar:
+        for trial in trials[: args.most]:
+            if trial["grasp"] not in log.rows:
+                log.add(one(args.run, trial, args.seed))
+            bar.update()
+    rows = list(log.rows.values())
     print(summary(rows))
     return int(any(row["failed"] or "error" in row for row in rows))
 
