@@ -229,6 +229,23 @@ def read_json_object(path: Path, remedy: str, missing: str | None = None) -> dic
     return content
 
 
+def read_yaml(path: Path, kind: str = "") -> Any:
+    """Read a YAML file; `kind` of it is for messages.
+
+    Raises:
+        InputError: if it cannot be read, or is none.
+    """
+    import yaml
+
+    what = f"{kind} {path}".strip()
+    try:
+        return yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise InputError(f"cannot read {what}: {error.strerror}") from None
+    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+        raise InputError(f"{what} is no YAML ({str(error).splitlines()[0]})") from None
+
+
 def _refused(text: str) -> float:
     raise ValueError(f"{text[:20]} is no number of JSON")
 

@@ -74,6 +74,14 @@ def matrix_to_quat(R: Array) -> Array:
     return flat.reshape(*R.shape[:-2], 4)
 
 
+def frame_of_z(z: Array) -> Array:
+    """Return a rotation matrix (3, 3) whose last column is a unit vector (3,)."""
+    helper = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = np.cross(helper, z)
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=-1)
+
+
 def rotate(q: Array, v: Array) -> Array:
     """Rotate vectors (..., 3) by unit quaternions (..., 4) wxyz."""
     return join(*rotated_components(components(q), components(v)))

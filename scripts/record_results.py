@@ -17,6 +17,7 @@ from typing import Any
 
 from agents.evaluation.report.build import read_agents
 from agents.evaluation.report.origin import commands, describe_run
+from agents.evaluation.report.tables import rate_words
 from agents.evaluation.report.text import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -64,10 +65,7 @@ def render(content: Mapping[str, Any]) -> str:
 
 
 def _cell(cell: Mapping[str, Any] | None) -> str:
-    if not cell or not cell["trials"]:
-        return "-"
-    low, high = (100 * end for end in cell["ci95"])
-    return f"{100 * cell['rate']:.1f} % [{low:.0f}, {high:.0f}] of {cell['trials']}"
+    return f"{rate_words(cell)} of {cell['trials']}" if cell and cell["trials"] else "-"
 
 
 def pages() -> list[Path]:

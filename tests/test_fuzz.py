@@ -73,3 +73,16 @@ def test_a_short_run_ends_in_0_to_3(kind, fuzz, good, tmp_path, monkeypatch):
             continue  # some of these work, which takes time
         code, said = fuzz.run_here(argv, wanted)
         assert code in fuzz.ALLOWED, (argv, said)
+
+
+def test_a_log_goes_on_after_a_line_that_was_cut_off(fuzz, tmp_path):
+    path = tmp_path / "out" / "log.jsonl"
+    with fuzz.JsonLog(path, "case") as log:
+        log.add({"case": 0, "code": 2})
+        log.add({"case": 1, "code": 0})
+    path.write_bytes(path.read_bytes() + b'{"case": 2, "co')
+    with fuzz.JsonLog(path, "case") as log:
+        assert list(log.rows) == [0, 1]
+        log.add({"case": 0, "code": 0})
+    with fuzz.JsonLog(path, "case") as log:
+        assert log.rows == {0: {"case": 0, "code": 0}, 1: {"case": 1, "code": 0}}

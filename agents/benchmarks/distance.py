@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import time
 from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.benchmarks.timing import seconds_of
 from agents.geometry.convex import ConvexDistance
 from agents.geometry.exact import closest_on_mesh
 from agents.geometry.grid import GridDistance
@@ -126,12 +126,7 @@ def _errors(difference: NDArray[Any]) -> dict[str, float]:
 def _time(call: Callable[[], object], count: int, repeats: int) -> float:
     """Return the median time [us a point] of a call, compiled by a first one."""
     call()
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        call()
-        times.append(time.perf_counter() - start)
-    return 1e6 * float(np.median(times)) / count
+    return 1e6 * float(np.median(seconds_of(call, repeats))) / count
 
 
 if __name__ == "__main__":

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
+from agents.benchmarks.timing import seconds_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -205,9 +206,4 @@ def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Ca
 
 
 def _median_ms(step: Callable[[], object], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        step()
-        times.append(time.perf_counter() - start)
-    return float(1e3 * np.median(times))
+    return float(1e3 * np.median(seconds_of(step, repeats)))

@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from agents.benchmarks.timing import seconds_of
 from agents.physics.checks import rms_radius
 from agents.physics.closure import (
     BAND,
@@ -85,12 +86,7 @@ def _draw(count: int, rng: np.random.Generator) -> NDArray[np.int64]:
 
 
 def _best(action: Callable[[], object], repeats: int) -> float:
-    times = []
-    for _ in range(repeats):
-        start = time.perf_counter()
-        action()
-        times.append(time.perf_counter() - start)
-    return min(times)
+    return float(seconds_of(action, repeats).min())
 
 
 def proof(G: Array, normals: Array, forces: Array, mu: float) -> bool | None:

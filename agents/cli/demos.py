@@ -11,6 +11,7 @@ from agents.cli.options import (
     add_scene,
     check_backend,
     natural_int,
+    number,
     positive_int,
 )
 
@@ -27,6 +28,8 @@ The agent acts in its own modes; what it commands is converted to --control-mode
 OUT/lerobot one in the layout of LeRobot v3. A run that was interrupted goes on when the same command is given again;
 the demonstrations do not depend on --workers. varied-0..99 are a hundred objects of random sizes that no test set has.
 The agent agents.demos.teacher:Teacher is `hardcoded` with choices that are easy to learn."""
+
+_NOISE = number(float, lambda value: 0.0 <= value <= 1.0, "a share from 0 to 1")
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -71,7 +74,7 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
         help="when cameras look; a view seen once is stored once (default reset)",
     )  # fmt: skip
     parser.add_argument(
-        "--noise", type=_noise, default=0.0, metavar="SHARE",
+        "--noise", type=_NOISE, default=0.0, metavar="SHARE",
         help="on what is commanded, of the velocity limits, for demonstrations that recover (default 0; 0.03 is much)",
     )  # fmt: skip
     parser.add_argument(
@@ -80,16 +83,6 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
     add_jobs(parser)
     add_scene(parser)
     add_json(parser)
-
-
-def _noise(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 <= value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a share from 0 to 1")
-    return value
 
 
 def run(args: argparse.Namespace) -> int:

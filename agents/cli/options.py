@@ -2,50 +2,34 @@
 
 import argparse
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from typing import TypeVar
 
 from dexgrasp_env.errors import InputError
 
-
-def positive_int(text: str) -> int:
-    """Parse a whole number above zero."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = 0
-    if value < 1:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
-    return value
+Number = TypeVar("Number", int, float)
 
 
-def natural_int(text: str) -> int:
-    """Parse a whole number from zero on."""
-    try:
-        value = int(text)
-    except ValueError:
-        value = -1
-    if value < 0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number from 0 on")
-    return value
+def number(kind: type[Number], holds: Callable[[Number], bool], words: str) -> Callable[[str], Number]:
+    """Return a parser of the numbers that hold; `words` say in a message which these are."""
+
+    def parse(text: str) -> Number:
+        try:
+            value = kind(text)
+        except ValueError:
+            pass
+        else:
+            if holds(value):
+                return value
+        raise argparse.ArgumentTypeError(f"{text!r} is not {words}")
+
+    return parse
 
 
-def positive_float(text: str) -> float:
-    """Parse a finite number above zero."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0.0 < value < math.inf:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a positive number")
-    return value
-
-
-def share(text: str) -> float:
-    """Parse a number above 0 and below 1."""
-    value = positive_float(text)
-    if value >= 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number between 0 and 1")
-    return value
+positive_int = number(int, lambda value: value >= 1, "a whole number above 0")
+natural_int = number(int, lambda value: value >= 0, "a whole number from 0 on")
+positive_float = number(float, lambda value: 0.0 < value < math.inf, "a positive number")
+share = number(float, lambda value: 0.0 < value < 1.0, "a number between 0 and 1")
 
 
 def add_json(parser: argparse.ArgumentParser) -> None:

@@ -4,7 +4,7 @@ import argparse
 from functools import partial
 from pathlib import Path
 
-from agents.cli.options import add_json, positive_float, positive_int, share
+from agents.cli.options import add_json, number, positive_float, positive_int, share
 from agents.cli.training import add_seeds, add_torch, add_trials, train_each_seed
 
 _EPILOG = """examples:
@@ -17,6 +17,8 @@ Stable-Baselines3's algorithms on the native vector environment, dense reward. W
 share of the network's action is added to its own: what it can do already is the start. --out is an agent by its path
 (JSON and safetensors). A run that was interrupted goes on when the same command is given again; rounds (one episode of
 every environment) have seeds of their own, so that on a CPU it goes on to the same bits."""
+
+_SPREAD = number(float, lambda value: -5.0 <= value <= 2.0, "a number from -5 to 2")
 
 
 def add_rl_parsers(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -46,23 +48,13 @@ def add_rl_parsers(commands: "argparse._SubParsersAction[argparse.ArgumentParser
         )
         if name == "ppo":
             parser.add_argument(
-                "--spread", type=_number, default=-1.0, metavar="L",
+                "--spread", type=_SPREAD, default=-1.0, metavar="L",
                 help="logarithm of the standard deviation of exploration at first (default -1)",
             )  # fmt: skip
         add_seeds(parser)
         add_torch(parser)
         add_trials(parser, every=20, unit="round")
         add_json(parser)
-
-
-def _number(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = float("nan")
-    if not -5.0 <= value <= 2.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number from -5 to 2")
-    return value
 
 
 def run_rl(args: argparse.Namespace) -> int:

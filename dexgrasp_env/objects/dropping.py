@@ -9,7 +9,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.parts import support_height
-from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.poses import frame_of_z, matrix_to_quat
 
 if TYPE_CHECKING:
     import mujoco
@@ -92,7 +92,4 @@ def _drop_one(
 
 def _orientation(up: Array) -> Array:
     """A quaternion (4,) wxyz that turns `up` (3,) of the object to the world's vertical."""
-    helper = np.eye(3)[int(np.argmin(np.abs(up)))]
-    x = np.cross(helper, up)
-    x /= np.linalg.norm(x)
-    return matrix_to_quat(np.stack([x, np.cross(up, x), up]))
+    return matrix_to_quat(frame_of_z(up).T)

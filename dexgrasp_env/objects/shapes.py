@@ -12,7 +12,7 @@ from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.parts import ContactPart, hull_part
-from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.poses import frame_of_z, matrix_to_quat
 
 if TYPE_CHECKING:
     import manifold3d
@@ -196,7 +196,4 @@ def _spike_directions(count: int) -> Array:
 
 def _z_to(direction: Array) -> Array:
     """Quaternion (4,) wxyz that turns z to a unit direction (3,)."""
-    helper = np.eye(3)[int(np.argmin(np.abs(direction)))]
-    x = np.cross(helper, direction)
-    x /= np.linalg.norm(x)
-    return matrix_to_quat(np.stack([x, np.cross(direction, x), direction], axis=-1))
+    return matrix_to_quat(frame_of_z(direction))

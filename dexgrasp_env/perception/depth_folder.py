@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_yaml
 from dexgrasp_env.perception.camera import Camera, CameraIntrinsics
 from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
 
@@ -49,7 +50,7 @@ def read_cameras(path: Path) -> tuple[tuple[Camera, ...], list[str], list[float]
     Raises:
         InputError: naming the camera and the field that is missing or wrong.
     """
-    content = _read_yaml(path)
+    content = read_yaml(path)
     entries = content.get("cameras") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{path}: valid is a mapping with `cameras`, a list of one or more")
@@ -93,17 +94,6 @@ def _number(value: Any, what: str) -> float:
     if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
         raise InputError(f"{what} is {value!r}: valid is a finite number")
     return float(value)
-
-
-def _read_yaml(path: Path) -> Any:
-    import yaml
-
-    try:
-        return yaml.safe_load(path.read_text())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"{path} is no YAML ({str(error).splitlines()[0]})") from None
 
 
 def _read_depth(path: Path, camera: Camera, scale: float) -> NDArray[np.float32]:

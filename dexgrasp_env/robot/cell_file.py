@@ -9,6 +9,7 @@ import numpy as np
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_yaml
 from dexgrasp_env.robot.cell import SIMULATED, Cell, CellCamera, Joints, Numbers
 from dexgrasp_env.robot.home import HOME
 from dexgrasp_env.robot.names import MOUNT_NAMES
@@ -25,7 +26,7 @@ _FARTHEST = 0.5  # m from link 7 to the palm frame
 @lru_cache(maxsize=1)
 def simulated_cell() -> Cell:
     """Return the default cell, whose limits are the makers'."""
-    return _cell(_read_yaml(asset_path("robot", "cell.yaml")))
+    return _cell(read_yaml(asset_path("robot", "cell.yaml")))
 
 
 def read_cell(path: Path) -> Cell:
@@ -34,12 +35,12 @@ def read_cell(path: Path) -> Cell:
     Raises:
         InputError: one line: what is wrong, where, and what is valid.
     """
-    content = _read_yaml(path)
+    content = read_yaml(path, "cell file")
     if not isinstance(content, dict) or content.get("schema") != _SCHEMA:
         raise InputError(
             f"cell file {path} must be a mapping with schema: {_SCHEMA}, as assets/robot/cell.yaml is"
         )
-    default = _read_yaml(asset_path("robot", "cell.yaml"))
+    default = read_yaml(asset_path("robot", "cell.yaml"))
     try:
         cell = _cell(_merged(default, content))
         if cell.name == SIMULATED and cell != simulated_cell():
@@ -169,14 +170,3 @@ def _known(kind: str, given: Mapping[str, Any], valid: tuple[str, ...]) -> None:
     for key in given:
         if key not in valid:
             raise InputError(f"unknown {kind} {key!r}: valid are {', '.join(valid)}")
-
-
-def _read_yaml(path: Path) -> Any:
-    import yaml
-
-    try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputError(f"cannot read cell file {path}: {error.strerror}") from None
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"cell file {path} is no YAML ({str(error).splitlines()[0]})") from None

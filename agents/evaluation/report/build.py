@@ -27,7 +27,7 @@ from agents.evaluation.report.document import (
 )
 from agents.evaluation.report.origin import commands, describe_run, replay_commands
 from agents.evaluation.report.plots import plot_rates, plot_stages
-from agents.evaluation.report.tables import failure_rows, object_table, set_table
+from agents.evaluation.report.tables import failure_rows, object_table, rate_words, set_table
 from agents.evaluation.store import read_rows
 from agents.evaluation.summary import summarise_agent
 from dexgrasp_env.files import write_atomically
@@ -143,14 +143,8 @@ def _by_protocol(agents: Mapping[str, Any]) -> list[Block]:
         return []
     draw = partial(plot_rates, names, {n: a["by_protocol"] for n, a in agents.items()}, {})
 
-    def cell(agent: Mapping[str, Any], name: str) -> str:
-        own = agent["by_protocol"].get(name)
-        if not own:
-            return "-"
-        low, high = (100 * end for end in own["ci95"])
-        return f"{100 * own['rate']:.1f} % [{low:.0f}, {high:.0f}]"
-
-    table = TableBlock(("protocol", *agents), [[p, *(cell(a, p) for a in agents.values())] for p in names])
+    body = [[p, *(rate_words(agent["by_protocol"].get(p)) for agent in agents.values())] for p in names]
+    table = TableBlock(("protocol", *agents), body)
     return [Heading("By protocol"), table, FigureBlock("success_by_protocol", "Success by protocol", draw)]
 
 

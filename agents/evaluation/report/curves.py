@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
-from agents.evaluation.prediction import Prediction, predictions
+from agents.evaluation.prediction import predictions
 from agents.evaluation.report.document import Block, FigureBlock, Heading, Paragraph, TableBlock
 from agents.evaluation.report.plots import finished, new_figure
 from agents.evaluation.statistics import wilson_interval
@@ -27,7 +27,7 @@ def hardness_blocks(agents: Mapping[str, Any]) -> list[Block]:
         ]
         if len(shown) > 1:
             series = {agent: _cells(content, shown) for agent, content in agents.items()}
-            draw = partial(_plot_curves, series, label)
+            draw = partial(_plot_curves, series, label, 3.4)
             blocks.append(FigureBlock(f"success_by_{name}", f"Success against {label}", draw))
     return [Heading("How hard it gets"), *blocks] if blocks else []
 
@@ -37,8 +37,10 @@ def _cells(agent: Mapping[str, Any], points: Sequence[tuple[float, str]]) -> lis
     return [(value, own[p]["successes"], own[p]["trials"]) for value, p in points if p in own]
 
 
-def _plot_curves(series: Mapping[str, Sequence[tuple[float, int, int]]], label: str, kind: str) -> bytes:
-    figure, axes = new_figure(3.4)
+def _plot_curves(
+    series: Mapping[str, Sequence[tuple[float, int, int]]], label: str, height: float, kind: str
+) -> bytes:
+    figure, axes = new_figure(height)
     for i, (agent, points) in enumerate(series.items()):
         _draw_points(axes, agent, f"C{i}", points)
     axes.set(ylim=(-3, 103), xlabel=label, ylabel="success, % (95 % interval)")
@@ -102,19 +104,14 @@ def prediction_blocks(rows: Mapping[str, Sequence[Mapping[str, Any]]]) -> list[B
         Heading("What the certificate predicts"), words, TableBlock(("agent", "value", "trials", "area, 95 %"), body)
     ]  # fmt: skip
     for name in ("load", "closure_margin"):
-        own = {agent: p[name] for agent, p in found.items() if name in p}
-        if own:
-            draw = partial(_plot_reliability, own, _LABELS[name])
+        series = {
+            agent: [(b.median, b.successes, b.trials) for b in p[name].bins]
+            for agent, p in found.items()
+            if name in p
+        }
+        if series:
+            draw = partial(_plot_curves, series, f"{_LABELS[name]} (median of each part)", 3.2)
             blocks.append(
                 FigureBlock(f"reliability_{name}", f"Success against {_LABELS[name]}, in equal parts", draw)
             )
     return blocks
-
-
-def _plot_reliability(found: Mapping[str, Prediction], label: str, kind: str) -> bytes:
-    figure, axes = new_figure(3.2)
-    for i, (agent, prediction) in enumerate(found.items()):
-        _draw_points(axes, agent, f"C{i}", [(b.median, b.successes, b.trials) for b in prediction.bins])
-    axes.set(ylim=(-3, 103), xlabel=f"{label} (median of each part)", ylabel="success, %")
-    axes.grid(axis="y", color="0.9", lw=0.8)
-    return finished(figure, axes, kind)

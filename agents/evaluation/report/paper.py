@@ -6,14 +6,6 @@ Optimization", CoRL 2022. Trials on the real robot; sizes and masses of the obje
 
 from collections.abc import Iterable, Mapping
 
-METHODS = {
-    "bilevel": "Ours",
-    "cvae": "CVAE only",
-    "cvae_kinematics": "CVAE+kinematics",
-    "hardcoded": "Hardcoded",
-}
-"""Agent -> what the paper calls it."""
-
 TABLES = {"seen": "Table 1", "familiar": "Table 2", "novel": "Table 3"}
 """Set -> the table that reports it."""
 

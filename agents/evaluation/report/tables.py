@@ -74,11 +74,16 @@ def _object_cell(agent_name: str, agent: Mapping[str, Any], name: str) -> str:
     return f"{ours} ({printed[0]}/{printed[1]})" if printed else ours
 
 
-def _rate(cell: Mapping[str, Any] | None) -> str:
-    if cell is None or not cell["trials"]:
+def rate_words(cell: Mapping[str, Any] | None) -> str:
+    """Return a success rate with its interval as people read it; "-" where nothing was tried."""
+    if not cell or not cell["trials"]:
         return "-"
     low, high = (100 * end for end in cell["ci95"])
-    return f"{100 * cell['rate']:.1f} % [{low:.0f}, {high:.0f}] {cell['successes']}/{cell['trials']}"
+    return f"{100 * cell['rate']:.1f} % [{low:.0f}, {high:.0f}]"
+
+
+def _rate(cell: Mapping[str, Any] | None) -> str:
+    return f"{rate_words(cell)} {cell['successes']}/{cell['trials']}" if cell and cell["trials"] else "-"
 
 
 def _printed(cell: tuple[int, int] | None) -> str:
