@@ -41,8 +41,8 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     """Return the friction (N,) that is left of `settings.friction_squeeze` if the surface is not where it was seen.
 
     An error in place of `settings.place_error` turns the normal that a fingertip feels: not at all on a face, by a few
-    degrees on a can's side, far on an edge. The cone is narrowed by that angle; where the surface was not seen, also by
-    that of its own error over a fingertip's lever.
+    degrees on a can's side, far on an edge. The cone is narrowed by that angle; where the surface was guessed and may
+    be farther off, also by the angle of the rest over `_LEVER`.
 
     Args:
         tips: (N, 3) m, centres of fingertips.
@@ -55,7 +55,7 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     turned = target.distance.distance_gradient(around.reshape(-1, 3))[1].reshape(-1, 4, 3)
     turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
     if target.spread is not None:
-        turn += target.spread.along(normals) / _LEVER
+        turn += np.maximum(target.spread.along(normals) - settings.place_error, 0.0) / _LEVER
     narrowed: Array = np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, _LEAST_ANGLE))
     return narrowed
 
