@@ -9,9 +9,9 @@ stopped.
 """
 
 import argparse
-import json
 import sys
 import tempfile
+import zlib
 from pathlib import Path
 from typing import Any
 
@@ -22,12 +22,18 @@ sys.path.insert(0, str(Path(__file__).parent))
 from json_log import JsonLog
 
 from agents.evaluation.statistics import wilson_interval
+from agents.evaluation.store import read_rows
 from agents.export.check import check_trajectory
 from agents.export.grasp_export import export_grasp
 from agents.export.read import read_trajectory
 from agents.export.replay import replay
 from agents.grasp.file import read_grasp
 from dexgrasp_env.errors import InputError
+
+
+def _rng(seed: int, row: dict[str, Any]) -> np.random.Generator:
+    """What the object's error is drawn from, another one for each object and trial."""
+    return np.random.default_rng([seed, row["trial"], zlib.crc32(row["object"].encode())])
 
 
 def one(run: Path, row: dict[str, Any], seed: int) -> dict[str, Any]:
@@ -41,7 +47,7 @@ def one(run: Path, row: dict[str, Any], seed: int) -> dict[str, Any]:
             return found | {"error": str(error), "failed": [], "open": False}
         recording = read_trajectory(Path(folder))
         findings = check_trajectory(recording, record.mount)
-        played = replay(recording, Path(folder) / "scene.xml", np.random.default_rng([seed, row["trial"]]))
+        played = replay(recording, Path(folder) / "scene.xml", _rng(seed, row))
     shares = {f.name: f.value for f in findings if "share" in f.name}
     failed = [f.name for f in findings if not f.holds]
     return found | {"failed": failed, "open": played.success, "height": played.height, "shares": shares}
@@ -74,16 +80,14 @@ def main() -> int:
     parser.add_argument("--out", type=Path, required=True, help="a line of JSON for each grasp")
     parser.add_argument("--agent", default="bilevel")
     parser.add_argument("--seed", type=int, default=0, help="of the object's errors")
-    parser.add_argument("--most", type=int, metavar="N", help="the first N grasps alone")
+    parser.add_argument(
+        "--trials", type=int, metavar="N", help="the first N of each object alone (default all)"
+    )
     args = parser.parse_args()
-    trials = [
-        json.loads(line)
-        for line in (args.run / "trials.jsonl").read_text().splitlines()
-        if line.endswith("}")
-    ]
-    trials = [trial for trial in trials if trial["agent"] == args.agent and trial.get("grasp")]
+    own = [row for row in read_rows(args.run) if row["agent"] == args.agent and row.get("grasp")]
+    trials = [row for row in own if args.trials is None or row["trial"] < args.trials]
     with JsonLog(args.out, "grasp") as log, tqdm(total=len(trials), unit="export") as bar:
-        for trial in trials[: args.most]:
+        for trial in trials:
             if trial["grasp"] not in log.rows:
                 log.add(one(args.run, trial, args.seed))
             bar.update()
