@@ -17,9 +17,10 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
+from agents.reinforcement.checkpoint import load_learner  # noqa: E402
 from agents.reinforcement.grip_settings import GripSettings  # noqa: E402
-from agents.reinforcement.grip_training import GripTraining, load_learner, train_grip  # noqa: E402
-from agents.reinforcement.training import CHECKPOINT  # noqa: E402
+from agents.reinforcement.grip_training import GripTraining, train_grip  # noqa: E402
+from agents.reinforcement.rounds import CHECKPOINT  # noqa: E402
 
 SETTINGS = GripSettings(
     ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8

@@ -16,6 +16,8 @@ from agents.imitation.clone import Clone  # noqa: E402
 from agents.imitation.features import features, first_look  # noqa: E402
 from agents.reinforcement import settings as settings_module  # noqa: E402
 from agents.reinforcement import training  # noqa: E402
+from agents.reinforcement.checkpoint import load_learner  # noqa: E402
+from agents.reinforcement.rounds import CHECKPOINT  # noqa: E402
 from agents.reinforcement.settings import RlSettings  # noqa: E402
 from agents.reinforcement.training import train_rl  # noqa: E402
 
@@ -77,7 +79,7 @@ def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
     settings = settings_of(algorithm)
     train_rl(tmp_path / "out", settings)
     work = training._Training(tmp_path / "out", settings, None, torch.device("cpu"))
-    training.load_learner(tmp_path / "out" / training.CHECKPOINT, work.model)
+    load_learner(tmp_path / "out" / CHECKPOINT, work.model)
     agent = make_agent(str(tmp_path / "out"))
     work.envs.seed(5)
     looks = work.envs.reset()

@@ -69,11 +69,11 @@ def resumable(kept: str) -> Iterator[None]:
 
 
 @contextmanager
-def progress_bar(unit: str, of: str) -> Iterator[Callable[..., None]]:
+def progress_bar(unit: str, of: str, **options: Any) -> Iterator[Callable[..., None]]:
     """Show a bar; what it gives is called with how many are done, of how many, and figures to show beside them."""
     from tqdm import tqdm
 
-    with tqdm(unit=unit, desc=of) as bar:
+    with tqdm(unit=unit, desc=of, **options) as bar:
 
         def show(done: int, total: int, **figures: str) -> None:
             bar.total = total

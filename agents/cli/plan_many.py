@@ -1,14 +1,10 @@
 """`dexgrasp plan --count K`: grasps that differ, as files and as a table."""
 
 import argparse
-import sys
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from agents.planning.many import Progress
+from typing import Any
 
 _COLUMNS = {
     "load": "load", "capacity": "capacity", "margin": "closure_margin", "torque": "max_joint_torque_fraction",
@@ -33,18 +29,11 @@ def check(args: argparse.Namespace) -> None:
     check_count(args.count)
 
 
-@contextmanager
-def bar() -> Iterator["Progress"]:
-    """Show how far a set is, on standard error, once it takes 3 seconds."""
-    from tqdm import tqdm
+def bar() -> AbstractContextManager[Callable[..., None]]:
+    """Show how far a set is, once it takes 3 seconds."""
+    from agents.cli.output import progress_bar
 
-    with tqdm(desc="grasps", unit="step", delay=3, file=sys.stderr, leave=False) as shown:
-
-        def progress(done: int, of: int) -> None:
-            shown.total = of
-            shown.update(done - shown.n)
-
-        yield progress
+    return progress_bar("step", "grasps", delay=3, leave=False)
 
 
 def write_set(folder: Path, result: dict[str, Any]) -> str:

@@ -1,7 +1,6 @@
 """Teaching a clone a firmer grip by reinforcement, in rounds with seeds of their own: resumable to the same bits."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,17 +8,15 @@ from typing import Any
 import numpy as np
 
 from agents.imitation.policy_folder import read_policy, write_policy
-from agents.imitation.trials import Trials, due_success
+from agents.imitation.trials import Trials
 from agents.learning.device import torch_device
-from agents.learning.epochs import Progress, progress_of, run_epochs
-from agents.learning.folder import claim_training, occupy
-from agents.reinforcement.checkpoint import load_learner, save_learner
+from agents.learning.epochs import Progress
 from agents.reinforcement.grip import KIND
 from agents.reinforcement.grip_settings import GripSettings
-from agents.reinforcement.training import CHECKPOINT, RUN, actor_arrays, checked_clone
+from agents.reinforcement.rounds import Rounds, run_rounds
+from agents.reinforcement.training import actor_arrays, checked_clone
 from agents.versions import package_versions
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import content_hash
 
 with from_extra():
     import torch
@@ -52,24 +49,14 @@ def train_grip(
     torch.set_num_threads(settings.threads)
     base = read_policy(clone)
     checked_clone(*base)  # refused before `out` is claimed
-    run = {
-        "schema": 1, "clone": content_hash(*(base[1][name] for name in sorted(base[1]))),
-        "settings": settings.as_json(), "trials": None if trials is None else asdict(trials),
-    }  # fmt: skip
-    with occupy(out):
-        claim_training(out, RUN, run)
-        training = GripTraining(out, settings, base, place)
-        try:
-            return training.run(trials, progress, stop_after)
-        finally:
-            training.envs.close()
+    return run_rounds(partial(GripTraining, place=place), out, settings, base, trials, progress, stop_after)
 
 
-class GripTraining:
+class GripTraining(Rounds):
     """A training in its folder."""
 
     def __init__(self, out: Path, settings: GripSettings, base: Any, place: torch.device) -> None:
-        self.out, self.settings, self.base = out, settings, base
+        super().__init__(out, settings, base)
         clone = checked_clone(*base)
         self.envs = GripVecEnv(
             settings.env_id, settings.num_envs, clone, (base[1]["mean"], base[1]["scale"]), settings.alike,
@@ -77,28 +64,9 @@ class GripTraining:
             randomisation={"friction": settings.friction, "mass": settings.mass}, **clone.env,
         )  # fmt: skip
         self.model = _learner(settings, self.envs, place)
-        self.state = Progress(epochs=settings.rounds)
-
-    def run(
-        self, trials: Trials | None, progress: Callable[[Progress], None] | None, stop_after: int | None
-    ) -> Progress:
-        """Go on to the last round; see `train_grip`."""
-        path = self.out / CHECKPOINT
-        found = load_learner(path, self.model)
-        state = self.state = self.state if found is None else progress_of(found, path)
-        judge = partial(due_success, self.out, trials, state)
-        run_epochs(state, self.out, self._round, self._keep, progress, stop_after, judge)
-        return state
-
-    def _keep(self) -> None:
-        save_learner(self.out / CHECKPOINT, self.model, asdict(self.state))
 
     def _round(self) -> dict[str, Any]:
-        words = np.random.SeedSequence([self.settings.seed, 1, self.state.epoch]).generate_state(1)
-        self.model.set_random_seed(int(words[0]) >> 1)
-        self.model._last_obs = None  # begin anew
-        episodes = self.settings.num_envs * self.settings.round_episodes
-        self.model.learn(episodes, reset_num_timesteps=False, log_interval=None)
+        self._learn(self.settings.num_envs * self.settings.round_episodes)
         returns, held = zip(*self.envs.finished, strict=True)
         row = {
             "epoch": self.state.epoch + 1, "episodes": self.model.num_timesteps,

@@ -5,7 +5,6 @@ same bits: nothing of the environments has to be kept.
 """
 
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -14,17 +13,15 @@ import numpy as np
 
 from agents.imitation.clone import Clone
 from agents.imitation.policy_folder import read_policy, write_policy
-from agents.imitation.trials import Trials, due_success
+from agents.imitation.trials import Trials
 from agents.learning.device import torch_device
-from agents.learning.epochs import Progress, progress_of, run_epochs
-from agents.learning.folder import claim_training, occupy
+from agents.learning.epochs import Progress
 from agents.reinforcement.actor import KIND
-from agents.reinforcement.checkpoint import load_learner, save_learner
+from agents.reinforcement.rounds import Rounds, run_rounds
 from agents.reinforcement.settings import RlSettings
 from agents.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import content_hash
 
 with from_extra():
     import torch
@@ -33,7 +30,6 @@ with from_extra():
     from agents.learning.sb3_vec_env import SB3VecEnv
     from agents.reinforcement.vec_env import FeatureVecEnv, measure
 
-RUN, CHECKPOINT = "training.json", "checkpoint.safetensors"
 _ROLLOUT = 100  # control steps of every environment between two updates of `ppo`
 _BATCHES = 4  # that a rollout is cut into
 _MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
@@ -64,20 +60,14 @@ def train_rl(
     base = None if clone is None else read_policy(clone)
     if base is not None:
         checked_clone(*base)  # refused before `out` is claimed
-    with occupy(out):
-        _claim(out, settings, base, trials)
-        training = _Training(out, settings, base, place)
-        try:
-            return training.run(trials, progress, stop_after)
-        finally:
-            training.envs.close()
+    return run_rounds(partial(_Training, place=place), out, settings, base, trials, progress, stop_after)
 
 
-class _Training:
+class _Training(Rounds):
     """A training in its folder."""
 
     def __init__(self, out: Path, settings: RlSettings, base: Any, place: torch.device) -> None:
-        self.out, self.settings, self.base = out, settings, base
+        super().__init__(out, settings, base)
         envs = SB3VecEnv(settings.env_id, settings.num_envs, objects=list(settings.objects), **_ENV)
         clone = None if base is None else checked_clone(*base)
         if base is None:
@@ -89,26 +79,9 @@ class _Training:
         self.share = settings.share if base is not None else 1.0
         self.envs = FeatureVecEnv(envs, self.mean, self.scale, clone, self.share)
         self.model = _learner(settings, self.envs, place, base is not None)
-        self.state = Progress(epochs=settings.rounds)
-
-    def run(
-        self, trials: Trials | None, progress: Callable[[Progress], None] | None, stop_after: int | None
-    ) -> Progress:
-        path = self.out / CHECKPOINT
-        found = load_learner(path, self.model)
-        state = self.state = self.state if found is None else progress_of(found, path)
-        judge = partial(due_success, self.out, trials, state)
-        run_epochs(state, self.out, self._round, self._keep, progress, stop_after, judge)
-        return state
-
-    def _keep(self) -> None:
-        save_learner(self.out / CHECKPOINT, self.model, asdict(self.state))
 
     def _round(self) -> dict[str, Any]:
-        words = np.random.SeedSequence([self.settings.seed, 1, self.state.epoch]).generate_state(1)
-        self.model.set_random_seed(int(words[0]) >> 1)
-        self.model._last_obs = None  # begin anew
-        self.model.learn(self.settings.round_steps, reset_num_timesteps=False, log_interval=None)
+        self._learn(self.settings.round_steps)
         finished = self.envs.finished
         row: dict[str, Any] = {"epoch": self.state.epoch + 1, "steps": self.model.num_timesteps}
         if finished:
@@ -184,15 +157,3 @@ def actor_arrays(model: Any) -> dict[str, Any]:
         for k, layer in enumerate(linear)
         for name in ("weight", "bias")
     }
-
-
-def _claim(out: Path, settings: RlSettings, base: Any, trials: Trials | None) -> None:
-    """Write what is trained from what into `out`, or check that it is the same."""
-    hashed = None if base is None else content_hash(*(base[1][name] for name in sorted(base[1])))
-    run = {
-        "schema": 1,
-        "clone": hashed,
-        "settings": settings.as_json(),
-        "trials": None if trials is None else asdict(trials),
-    }
-    claim_training(out, RUN, run)
