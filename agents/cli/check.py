@@ -3,7 +3,7 @@
 import argparse
 from pathlib import Path
 
-from agents.cli.options import add_cell, add_json, natural_int
+from agents.cli.options import add_cell, add_json, add_seed, natural_int
 
 _EPILOG = """examples:
   dexgrasp check robot/pear                           limits, timing, collisions
@@ -23,9 +23,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--replay", type=natural_int, default=0, metavar="N", help="replay it N times in MuJoCo"
     )
-    parser.add_argument(
-        "--seed", type=natural_int, default=0, metavar="S", help="of the object's errors (default 0)"
-    )
+    add_seed(parser, "of the object's errors")
     add_cell(parser)
     add_json(parser)
 

@@ -10,9 +10,9 @@ from agents.cli.options import (
     add_jobs,
     add_json,
     add_mesh,
+    add_seed,
     check_backend,
     check_mesh_options,
-    natural_int,
     positive_int,
 )
 
@@ -57,7 +57,7 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
         metavar="N",
         help="asked for of each rest pose (default 200)",
     )
-    parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
+    add_seed(parser)
     parser.add_argument(
         "--chunk", type=positive_int, default=200, metavar="N", help="grasps a file (default 200)"
     )

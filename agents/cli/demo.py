@@ -6,7 +6,7 @@ from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_film, add_json, add_mesh, add_scene, natural_int
+from agents.cli.options import add_film, add_json, add_mesh, add_scene, add_seed
 
 _EPILOG = """examples:
   dexgrasp demo                                       the sugar box
@@ -28,9 +28,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--object", default="sugar_box", metavar="TARGET", help="name or mesh file (default sugar_box)"
     )
     parser.add_argument("--agent", default="bilevel", metavar="NAME", help="who plans (default bilevel)")
-    parser.add_argument(
-        "--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)"
-    )
+    add_seed(parser, "of scene and planner")
     parser.add_argument(
         "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)"
     )

@@ -9,8 +9,8 @@ from agents.cli.options import (
     add_jobs,
     add_json,
     add_scene,
+    add_seed,
     check_backend,
-    natural_int,
     number,
     positive_int,
 )
@@ -64,7 +64,7 @@ def _add_generate(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--episodes", type=positive_int, default=10, metavar="N", help="scenes of each object (default 10)"
     )
-    parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
+    add_seed(parser)
     parser.add_argument("--obs-mode", choices=OBS_MODES, default="state", help="(default state)")
     parser.add_argument(
         "--control-mode", choices=CONTROL_MODES, default="joint_delta", help="(default joint_delta)"

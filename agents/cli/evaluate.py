@@ -11,6 +11,7 @@ from agents.cli.options import (
     add_json,
     add_mesh,
     add_scene,
+    add_seed,
     check_backend,
     check_mesh_options,
     natural_int,
@@ -61,7 +62,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--trials", type=positive_int, default=3, metavar="N", help="of each agent on each object (default 3)"
     )
-    parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of all scenes (default 0)")
+    add_seed(parser, "of all scenes")
     parser.add_argument(
         "--protocol", nargs="+", default=["lift"], metavar="P",
         help="how to score: see dexgrasp list protocols (default lift)",

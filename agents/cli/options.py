@@ -32,6 +32,11 @@ positive_float = number(float, lambda value: 0.0 < value < math.inf, "a positive
 share = number(float, lambda value: 0.0 < value < 1.0, "a number between 0 and 1")
 
 
+def add_seed(parser: argparse.ArgumentParser, of: str = "of everything") -> None:
+    """Add `--seed`; `of` says what it is of."""
+    parser.add_argument("--seed", type=natural_int, default=0, metavar="S", help=f"{of} (default 0)")
+
+
 def add_json(parser: argparse.ArgumentParser) -> None:
     """Add `--json`."""
     parser.add_argument(

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json, add_mesh, add_scene, check_mesh_options, natural_int
+from agents.cli.options import add_json, add_mesh, add_scene, add_seed, check_mesh_options
 from agents.cli.plan_cloud import add_cloud, run_cloud
 from agents.cli.plan_many import add_count, bar, check, describe_set, write_set
 
@@ -36,9 +36,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_cloud(parser)
     parser.add_argument("--agent", default="bilevel", metavar="NAME", help="which planner (default bilevel)")
-    parser.add_argument(
-        "--seed", type=natural_int, default=0, metavar="N", help="of scene and planner (default 0)"
-    )
+    add_seed(parser, "of scene and planner")
     add_count(parser)
     parser.add_argument("--out", type=Path, metavar="DIR", help="folder for grasp.json and grasp.png")
     add_mesh(parser)

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json, natural_int, positive_float, positive_int
+from agents.cli.options import add_json, add_seed, positive_float, positive_int
 
 _EPILOG = """examples:
   dexgrasp plan sugar_box --out grasps && dexgrasp score grasps/grasp.json --protocol dgb_fc dgb_tabletop
@@ -43,9 +43,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         metavar="HAND",
         help="allegro, or the path of an MJCF hand (default allegro)",
     )
-    parser.add_argument(
-        "--seed", type=natural_int, default=0, metavar="S", help="of the draws of pose noise (default 0)"
-    )
+    add_seed(parser, "of the draws of pose noise")
     parser.add_argument(
         "--workers", type=positive_int, default=1, metavar="W", help="processes; the outcome does not depend on it"
     )  # fmt: skip

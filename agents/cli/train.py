@@ -5,7 +5,7 @@ import dataclasses
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json, natural_int, positive_float, positive_int
+from agents.cli.options import add_json, add_seed, positive_float, positive_int
 from agents.cli.train_bc import add_bc_parser, run_bc
 from agents.cli.train_grip import add_grip_parser, run_grip
 from agents.cli.train_rl import add_rl_parsers, run_rl
@@ -39,7 +39,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     cvae.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the training")
     add_length(cvae, steps=50, epochs=150)
-    cvae.add_argument("--seed", type=natural_int, default=0, metavar="S", help="of everything (default 0)")
+    add_seed(cvae)
     add_torch(cvae, device="auto")
     cvae.add_argument(
         "--latent", type=positive_int, default=6, metavar="N", help="size of the latent (default 6)"

@@ -4,7 +4,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json, add_mesh, add_scene, natural_int, positive_int
+from agents.cli.options import add_json, add_mesh, add_scene, add_seed, positive_int
 
 _EPILOG = """examples:
   dexgrasp view pear                                  plan, then look at it in the browser
@@ -27,9 +27,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         help="an object to plan for, a grasp file, or an evaluation",
     )
     parser.add_argument("--html", type=Path, metavar="FILE", help="write a page instead of serving one")
-    parser.add_argument(
-        "--seed", type=natural_int, default=0, metavar="S", help="of scene and planner (default 0)"
-    )
+    add_seed(parser, "of scene and planner")
     parser.add_argument(
         "--port", type=positive_int, default=8080, metavar="P", help="of the server (default 8080)"
     )
