@@ -18,11 +18,13 @@ class Report:
 
     Attributes:
         failure: why it has no plan, in a few words that can be counted, or None.
+        again: whether it may yet have one: it acts, looks again and plans once more.
         planning_seconds: time from the observation to the plan; None for agents that do not plan.
         details: anything JSON can hold: the grasp, its certificate, counts of proposals.
     """
 
     failure: str | None = None
+    again: bool = False
     planning_seconds: float | None = None
     details: dict[str, Any] = field(default_factory=dict)
 

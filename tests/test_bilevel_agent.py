@@ -11,7 +11,8 @@ import pytest
 
 from agents import make_agent
 from agents.evaluation.attempt import attempt_target, plan_target
-from agents.evaluation.trial import public_info
+from agents.evaluation.protocol import TrialSeeds
+from agents.evaluation.trial import public_info, run_trial
 from agents.execution.guarded import GuardedExecution
 from agents.kinematics.forward import fingertips
 from agents.kinematics.tree import robot_tree
@@ -106,6 +107,31 @@ def test_grasps_again_what_was_lost():
     assert taken
     assert agent.report.details["regrasps"] == 1
     assert info["is_success"]
+
+
+class Blind(BilevelAgent):
+    """Finds no grasp in its first `blind` plans."""
+
+    blind = 1
+
+    def _carried_out(self, plan):
+        self.blind -= 1
+        if self.blind >= 0:
+            plan.grasp, plan.reason = None, "closure_margin"
+        return super()._carried_out(plan)
+
+
+@pytest.mark.parametrize(("blind", "reason", "steps"), [(1, None, 100), (9, "no_grasp:closure_margin", 7)])
+def test_looks_again_where_there_is_no_grasp(blind, reason, steps):
+    agent = Blind()
+    agent.blind = blind
+    env = gym.make("DexGrasp/Lift-v1", objects="gelatin_box", **agent.env_settings)
+    outcome, grasp = run_trial(env, agent, TrialSeeds(1, 1))
+    assert outcome.reason == reason
+    assert outcome.success == (reason is None) == (grasp is not None)
+    assert outcome.steps >= steps
+    assert outcome.steps < 300
+    assert outcome.details["regrasps"] == min(blind, 2)
 
 
 def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):

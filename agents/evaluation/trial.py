@@ -11,6 +11,7 @@ import numpy as np
 
 from agents.evaluation.planned import object_pose, planned_grasp
 from agents.evaluation.protocol import TrialSeeds
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -86,8 +87,11 @@ def run_trial(
     grasp: dict[str, Any] | None = None
     report_before = getattr(agent, "report", None)
     try:
-        observation, grasp = _begin(env, agent, seeds, outcome, frames)
+        observation, pose = _begin(env, agent, seeds, outcome, frames)
+        grasp = planned_grasp(env, agent, pose, seed=seeds.agent)
         _go_on(env, agent, observation, outcome, frames)
+        # A grasp that was found at a later look is of the same pose: nothing was touched before.
+        grasp = grasp or planned_grasp(env, agent, pose, seed=seeds.agent)
     except AgentError as error:
         cause = error.__cause__ or error
         outcome.reason = f"agent_error: {type(cause).__name__}"
@@ -117,18 +121,23 @@ def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, An
 
 def _begin(
     env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None
-) -> tuple[Any, dict[str, Any] | None]:
-    """Let the agent see the scene and plan; return the observation and the grasp."""
+) -> tuple[Any, Array]:
+    """Let the agent see the scene and plan; return the observation and the object's pose (4, 4)."""
     observation, info = env.reset(seed=seeds.scene)
     _record(env, frames)
     pose = object_pose(env)
     if hasattr(agent, "seed"):
         _ask(agent.seed, seeds.agent)
     _ask(agent.reset, observation, public_info(env, info))
+    outcome.reason = _given_up(agent)
+    return observation, pose
+
+
+def _given_up(agent: Any) -> str | None:
+    """Why an agent has no plan and will have none, or None."""
     report = getattr(agent, "report", None)
-    if report is not None and report.failure:
-        outcome.reason = str(report.failure)
-    return observation, planned_grasp(env, agent, pose, seed=seeds.agent)
+    failure = getattr(report, "failure", None)
+    return str(failure) if failure and not getattr(report, "again", False) else None
 
 
 def _go_on(
@@ -139,6 +148,9 @@ def _go_on(
     over = False
     while not over:
         action = _ask(agent.act, observation)
+        outcome.reason = _given_up(agent)
+        if outcome.reason is not None:
+            return
         try:
             observation, reward, terminated, truncated, info = env.step(_numbers(action))
         except InputError as error:

@@ -27,7 +27,8 @@ SOURCES = ("auto", "surface", "cvae", "uniform")
 class BilevelAgent(Agent):
     """Plans from the cloud at reset and carries the grasp out; told nothing of the object's pose or mass.
 
-    Where the joints feel that the object was lost, the arm goes home, looks again and grasps once more.
+    Where the joints feel that the object was lost, the arm goes home, looks again and grasps once more; where there is
+    no grasp, it looks again at once.
     """
 
     env_settings: ClassVar[Mapping[str, Any]] = {
@@ -38,7 +39,7 @@ class BilevelAgent(Agent):
 
     def __init__(
         self, proposals: str = "auto", settings: PlannerSettings | None = None, mount: str = "palm_normal",
-        with_closure: bool = True, starts: str = "atlas", regrasps: int = 1,
+        with_closure: bool = True, starts: str = "atlas", regrasps: int = 2,
     ) -> None:  # fmt: skip
         """Prepare the planner.
 
@@ -49,7 +50,7 @@ class BilevelAgent(Agent):
             mount: of the hand.
             with_closure: see `Planner`.
             starts: see `Planner`.
-            regrasps: how often to try again in an episode where the object was lost.
+            regrasps: how often to look and plan again in an episode where the object was lost or no grasp found.
         """
         self.settings = settings or PlannerSettings()
         self._source = make_source(proposals)
@@ -84,9 +85,12 @@ class BilevelAgent(Agent):
         self._left = self._regrasps if info.get("observe") in ("clear", "step") else 0
         self.report = Report(
             failure=None if self._execution else f"no_grasp:{self.plan.reason}",
+            again=not self._execution and self._left > 0,
             planning_seconds=time.perf_counter() - began,
             details=_details(self.plan, hull_seconds),
         )
+        if self.report.again:
+            self._let_go(observation)
 
     def plan_set(
         self, observation: Observation, info: Mapping[str, Any], count: int, progress: Progress | None = None
@@ -147,19 +151,33 @@ class BilevelAgent(Agent):
         )
 
     def _let_go(self, observation: Observation) -> None:
+        """Go home, where the cameras look again; stay as it is where there is no way."""
         try:
             self._execution = Retreat(start_of(observation), self._planner.tree)
         except NoPath:
-            self._left = 0
+            self._left, self.report.again = 0, False
 
     def _grasp_again(self, observation: Observation) -> None:
         """Plan from what the cameras see now that the hand is out of their way; without a grasp, stay."""
         self._left -= 1
-        self.report.details["regrasps"] = self._regrasps - self._left
+        tries = self._regrasps - self._left
+        self.report.details["regrasps"] = tries
+        began = time.perf_counter()
         target, _ = target_from_cloud(observation)
-        if target is not None:
-            plan = self._planner.plan(target, self._seed + 1, start_of(observation))
-            self._execution = self._carried_out(plan) or self._execution
+        plan = (
+            Plan()
+            if target is None
+            else self._planner.plan(target, self._seed + tries, start_of(observation))
+        )
+        carried = self._carried_out(plan)
+        self._execution = carried or self._execution
+        if (
+            self.report.failure and self.report.planning_seconds is not None
+        ):  # the first grasp is still to be found
+            self.report.planning_seconds += time.perf_counter() - began
+            self.report.again = carried is None and self._left > 0
+            if carried is not None:
+                self.report.failure, self.plan, self.grasp_target = None, plan, target
 
 
 def make_source(name: str) -> ProposalSource:
