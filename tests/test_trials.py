@@ -124,7 +124,14 @@ def test_settings_are_checked():
 def test_agents_are_told_nothing_of_the_object(env):
     agent = Still()
     outcome = run_trial(env, agent, SEEDS)
-    assert set(agent.info) == {"action_space", "control_period", "mount", "obs_mode", "control_mode"}
+    assert set(agent.info) == {
+        "action_space",
+        "control_period",
+        "mount",
+        "obs_mode",
+        "control_mode",
+        "observe",
+    }
     assert outcome.reason == "not_touched"
     assert outcome.steps == 6
     assert outcome.planning_seconds == 0.5
