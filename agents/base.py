@@ -53,7 +53,7 @@ class Agent(ABC):
 
         Args:
             observation: the first observation.
-            info: the public info: action_space, control_period (s), mount, modes, when cameras look, perception failures.
+            info: the public info: action_space, control_period (s), mount, modes, when cameras look (observe).
         """
 
     @abstractmethod
