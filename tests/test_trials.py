@@ -179,5 +179,5 @@ def test_jsonable():
     text = json.dumps(jsonable(value), allow_nan=False)
     assert json.loads(text) == {
         "a": 1.5, "2": [3, None], "c": [[1, 0], [0, 1]], "e": [1],
-        "d": {"failure": None, "planning_seconds": None, "details": {}},
+        "d": {"failure": None, "again": False, "planning_seconds": None, "details": {}},
     }  # fmt: skip
