@@ -85,7 +85,7 @@ def robot_tree(mount: str = "palm_normal") -> RobotTree:
         sphere_is_tip=np.concatenate([s.is_tip for s in spheres]),
         bound_centre=np.array([centre for centre, _ in bounds]),
         bound_radius=np.array([radius for _, radius in bounds]),
-        pairs=_body_pairs(model),
+        pairs=_body_pairs(),
         palm_box_centre=model.geom("palm").pos.copy(),
         palm_box_half=model.geom("palm").size.copy(),
         thumb=BODIES.index("thumb_medial"),
@@ -117,7 +117,7 @@ def _ancestors(parent: Index, joint: Index) -> NDArray[np.bool_]:
     return table
 
 
-def _body_pairs(model: mujoco.MjModel) -> Index:
+def _body_pairs() -> Index:
     """Pairs that a motion of the arm or of a finger can bring together; neighbours in the chain cannot collide."""
     fingers = ("index", "middle", "ring", "thumb")
     links = {

@@ -69,8 +69,7 @@ def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
 
     A score of minus infinity is that of a triple which may not be chosen.
     """
-    chosen = _best_apart(contacts, np.argsort(-score, kind="stable")[: int(np.isfinite(score).sum())], count)
-    return chosen
+    return _best_apart(contacts, np.argsort(-score, kind="stable")[: int(np.isfinite(score).sum())], count)
 
 
 @njit(cache=True, error_model="numpy")
