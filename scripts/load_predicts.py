@@ -5,8 +5,9 @@
 
 Agent `bilevel` plans from the cameras and lifts; then a force on the centre of mass grows evenly, by a fortieth of the
 claim a control step (50 ms), in a random direction of the world, until the object has moved 2 cm in the hand or three
-times the claim is reached. The state is taken back to where the grasp was held for each direction. A grasp that does not lift
-its object survives no push. One line a grasp goes into DIR/pushes.jsonl; those that are there are not made again.
+times the claim is reached. The state is taken back to where the grasp was held for each direction. A grasp that does
+not lift its object survives no push. One line a grasp goes into DIR/pushes.jsonl; those that are there are not made
+again.
 
 The claim is (load - 1) x assumed weight, the push that the certificate says is borne besides the weight, in any
 direction; `ratio_of_whole` compares with load x assumed weight instead, as if all of it were free for the push.
@@ -15,6 +16,7 @@ direction; `ratio_of_whole` compares with load x assumed weight instead, as if a
 import argparse
 import json
 import sys
+from copy import deepcopy
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -89,10 +91,10 @@ def _push(attempt: Attempt, observation: Any, direction: Array, claim: float) ->
     """Return the largest force, N, that the grasp bore; the most if it never failed."""
     env: Any = attempt.env.unwrapped
     data, body = env.data, env.simulation.body
-    before, force = _in_hand(data, body), 0.0
+    before, force, agent = _in_hand(data, body), 0.0, deepcopy(attempt.agent)  # it remembers what it felt
     for k in range(1, round(_MOST / _GROWTH) + 1):
         data.xfrc_applied[body, :3] = k * _GROWTH * claim * direction
-        observation, _, over, _, _ = env.step(attempt.agent.act(observation))
+        observation, _, over, _, _ = env.step(agent.act(observation))
         if over or np.linalg.norm(_in_hand(data, body) - before) > _SLIP:
             break
         force = k * _GROWTH * claim

@@ -9,9 +9,9 @@ the surface) with the object in one of its likely rest poses, anywhere in the us
 true: surface, mass, centre of mass, the friction given, all 0.7 Nm of each joint, nothing kept in reserve. Contact
 triples are drawn at random from all that can be in equilibrium, on the hull and, where that differs from the surface,
 on each convex part; a contact must lie on the true surface and the hand clear of the other parts. In every other round
-force closure is not asked for. The first posture with a `load` of 1 or more ends the search: the object is possible.
-Without one it goes on to `--postures`. What it says no to may still be possible with the palm, with other fingers, or
-in a posture that nobody tried.
+closure is not asked for, and triples may be such as need more friction. The first posture with a `load` of 1 or more
+ends the search: the object is possible. Without one it goes on to `--postures`. What it says no to may still be
+possible with the palm, with other fingers, or in a posture that nobody tried.
 
 One line an object goes into DIR/possible.jsonl; those that are there are not done again.
 """
@@ -50,19 +50,23 @@ _LIKELY = 0.1  # probability of a rest pose that is looked at
 _CONVEX = 0.97  # of the hull's volume that the surface encloses, from where the hull stands for it
 _ON_SURFACE = 0.0015  # m
 _ROUND, _EACH = 150, 60  # triples a round, and postures of them that are tried
-_ROUNDS = 400
+_ROUNDS = 4000
+_FREE = 0.7  # friction at which triples are drawn where closure is not asked for
 _SMALL = 0.015  # m, sides of parts too small for a fingertip
 
 
 class RandomTriples(ProposalSource):
-    """Triples drawn evenly from all that can be in equilibrium, not ranked."""
+    """Triples drawn evenly from all that can be in equilibrium at a friction, not ranked."""
+
+    def __init__(self, friction: float) -> None:
+        self._friction = friction
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples`."""
         points, normals = graspable_points(target, settings, rng)
         if len(points) < 3:
             return Proposals.none("no_surface_above_table")
-        triples = closure_sweep(points, normals, settings.friction, LEAST_DISTANCE)
+        triples = closure_sweep(points, normals, self._friction, LEAST_DISTANCE)
         if not len(triples):
             return Proposals.none("no_closure_triple")
         some = triples[rng.choice(len(triples), min(len(triples), settings.triples), replace=False)]
@@ -144,8 +148,8 @@ def settings_for(friction: float) -> PlannerSettings:
 
 def search(model: ObjectModel, friction: float, factor: float, postures: int, seed: int) -> dict[str, Any]:
     """Search one object; return what was found, as a line of possible.jsonl."""
-    settings, source = settings_for(friction), RandomTriples()
-    planners = [Planner(settings, source, with_closure=closed) for closed in (True, False)]
+    settings, frictions = settings_for(friction), {True: friction, False: max(friction, _FREE)}
+    planners = [Planner(settings, RandomTriples(mu), with_closure=closed) for closed, mu in frictions.items()]
     rng = np.random.default_rng([seed, int(content_hash(model.name), 16) % 2**32])
     best, tried, reached, rounds, began = 0.0, 0, 0, 0, time.process_time()
     with tqdm(
