@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+from agents.cli.commands import run_command
+
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
@@ -142,3 +144,26 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
     assert "Traceback" not in error
     kept = trials.read_text().splitlines()
     assert json.loads(out)["agents"]["random"]["trials"] == len(kept) >= 1
+
+
+@pytest.mark.parametrize(
+    ("words", "work"),
+    [
+        (["dataset", "generate", "--objects", "pear"], "agents.learning.generate.generate"),
+        (["demos", "generate", "--objects", "pear"], "agents.demos.generate.generate"),
+        (["train", "cvae", "--data", "data"], "agents.learning.training.train"),
+        (["train", "bc", "--data", "data", "--view", "state"], "agents.imitation.training.train_bc"),
+        (["train", "ppo", "--objects", "pear"], "agents.reinforcement.training.train_rl"),
+    ],
+)
+def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):
+    pytest.importorskip("stable_baselines3")
+
+    def stopped(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(work, stopped)
+    assert run_command([*words, "--out", str(tmp_path / "out")]) == 3
+    said = capsys.readouterr().err
+    assert f"dexgrasp {words[0]}: interrupted; " in said
+    assert f"kept in {tmp_path / 'out'}: the same command goes on from there" in said
