@@ -12,9 +12,9 @@ _EPILOG = """examples:
   dexgrasp train grip --objects varied-0..59 --from runs/bc --friction 0.3 0.5 --mass 1 1.5 --out runs/grip --seed 0 1 2
   dexgrasp evaluate --agents runs/grip runs/bc --objects all20 --protocol robust
 
-PPO of Stable-Baselines3, one decision an episode: from the first look the network shifts and turns the palm by up to
-2 cm and 0.15 rad and bends the fingers, and a policy of `train bc` from the state acts with that. It begins with no
-correction. Episodes are slippery and heavy by default, as a grip that holds there bears pushes as well. --out is an
+PPO of Stable-Baselines3, one decision an episode: from the first look the network shifts and tilts the palm by up to
+3 cm and 0.2 rad and bends fingers and thumb, and a policy of `train bc` from the state acts with that. It begins with
+no correction. Episodes are slippery and heavy by default, as a grip that holds there bears pushes as well. --out is an
 agent by its path (JSON and safetensors). A run that was interrupted goes on when the same command is given again, on a
 CPU to the same bits."""
 
@@ -28,7 +28,7 @@ def add_grip_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParse
         "--from", type=Path, dest="clone", metavar="DIR", required=True, help="a policy of `train bc`"
     )
     parser.add_argument(
-        "--episodes", type=positive_int, default=4000, metavar="N", help="to learn from (default 4000)"
+        "--episodes", type=positive_int, default=960, metavar="N", help="to learn from (default 960)"
     )
     parser.add_argument(
         "--friction", type=positive_float, nargs=2, default=[0.3, 0.5], metavar=("LEAST", "MOST"),
@@ -42,7 +42,7 @@ def add_grip_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParse
         "--num-envs", type=positive_int, default=16, metavar="N", help="side by side (default 16)"
     )
     parser.add_argument(
-        "--rate", type=positive_float, default=5e-4, metavar="R", help="of Adam (default 0.0005)"
+        "--rate", type=positive_float, default=6e-3, metavar="R", help="of Adam (default 0.006)"
     )
     add_seeds(parser)
     add_torch(parser)

@@ -1,8 +1,8 @@
 """A clone whose grip a network corrects: once, from the first look, it shifts the palm and bends the fingers.
 
 A servo that saturates squeezes no harder, so corrections of single actions win little. What bears pushes is where the
-hand takes hold, and in which posture: a dozen numbers an episode, which few thousand episodes teach. They are added to
-the set-points of the clone, which goes on as if they were not there.
+hand takes hold, and in which posture: a few numbers an episode, which a thousand episodes teach. They are added to the
+set-points of the clone, which goes on as if they were not there.
 """
 
 from collections.abc import Mapping
@@ -27,31 +27,34 @@ from dexgrasp_env.tasks.control import MAX_STEP
 
 KIND = "grip"
 MOUNT = "palm_normal"
-PALM = np.array([0.02, 0.02, 0.02, 0.15, 0.15, 0.15])
-"""Largest shift (m) and turn (rad) of the palm along and about its own axes."""
+_PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
+"""Axis of the palm, and m along it or (from 3 on) rad about it at 1."""
 _FINGERS = {
-    "proximal": {("index", 1): 0.2, ("middle", 1): 0.2},
-    "distal": {("index", 2): 0.3, ("index", 3): 0.2, ("middle", 2): 0.3, ("middle", 3): 0.2},
-    "thumb_turned": {("thumb", 0): 0.15},
-    "thumb_spread": {("thumb", 1): 0.3},
-    "thumb_tip": {("thumb", 3): 0.4},
-}
+    "curled": {
+        ("index", 1): 0.2, ("index", 2): 0.4, ("index", 3): 0.3,
+        ("middle", 1): 0.2, ("middle", 2): 0.4, ("middle", 3): 0.3,
+    },
+    "thumb": {("thumb", 1): 0.4},
+}  # fmt: skip
 """Synergies: rad of each joint at 1."""
-SIZE = len(PALM) + len(_FINGERS)
+SIZE = len(_PALM) + len(_FINGERS)
 """Numbers of a correction, each from -1 to 1."""
 _RAMP = 30  # control steps until it is there in full, well before the hand closes
 _DAMPING = 1e-4  # of the step from palm to arm
 
 
-def _synergies() -> Array:
-    table = np.zeros((len(_FINGERS), 23))
-    for row, joints in zip(table, _FINGERS.values(), strict=True):
+def _tables() -> tuple[Array, Array]:
+    """Return moves of the palm (3, 6), m and rad, and of the joints (2, 23), rad, at 1."""
+    moves, synergies = np.zeros((len(_PALM), 6)), np.zeros((len(_FINGERS), 23))
+    for row, (axis, size) in zip(moves, _PALM.values(), strict=True):
+        row[axis] = size
+    for row, joints in zip(synergies, _FINGERS.values(), strict=True):
         for (finger, k), size in joints.items():
             row[FINGER_COLUMNS[finger].start + k] = size
-    return table
+    return moves, synergies
 
 
-_SYNERGIES = _synergies()
+_MOVES, _SYNERGIES = _tables()
 
 
 class Grip:
@@ -108,8 +111,8 @@ class GripRun:
         """
         self._run, self._tree, self._step = CloneRun(clone, first), tree, 0
         self._own = np.array(first["joint_targets"], dtype=float)  # the clone's set-points, not corrected
-        self._palm = PALM * correction[: len(PALM)]
-        self._fingers = correction[len(PALM) :] @ _SYNERGIES
+        self._palm = correction[: len(_MOVES)] @ _MOVES
+        self._fingers = correction[len(_MOVES) :] @ _SYNERGIES
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action."""
