@@ -28,7 +28,7 @@ def add_grip_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParse
         "--from", type=Path, dest="clone", metavar="DIR", required=True, help="a policy of `train bc`"
     )
     parser.add_argument(
-        "--episodes", type=positive_int, default=960, metavar="N", help="to learn from (default 960)"
+        "--episodes", type=positive_int, default=3000, metavar="N", help="to learn from (default 3000)"
     )
     parser.add_argument(
         "--friction", type=positive_float, nargs=2, default=[0.3, 0.5], metavar=("LEAST", "MOST"),
@@ -42,7 +42,7 @@ def add_grip_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParse
         "--num-envs", type=positive_int, default=16, metavar="N", help="side by side (default 16)"
     )
     parser.add_argument(
-        "--rate", type=positive_float, default=6e-3, metavar="R", help="of Adam (default 0.006)"
+        "--rate", type=positive_float, default=2e-3, metavar="R", help="of Adam (default 0.002)"
     )
     add_seeds(parser)
     add_torch(parser)

@@ -91,12 +91,3 @@ class BcCloudAgent(LearnedAgent):
 
     def __init__(self) -> None:
         super().__init__(asset_path("weights", "bc_cloud"))
-
-
-class RlAgent(LearnedAgent):
-    """`bc` with its grip corrected by reinforcement: sees the state, decides at reset where and how to take hold."""
-
-    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
-
-    def __init__(self) -> None:
-        super().__init__(asset_path("weights", "rl"))

@@ -34,16 +34,16 @@ class GripSettings:
     mass: tuple[float, float] = (1.0, 1.5)
     env_id: str = "DexGrasp/Lift-v1"
     episode_steps: int = 110
-    episodes: int = 960
+    episodes: int = 3000
     num_envs: int = 16
     round_episodes: int = 6
     alike: int = 4
     seed: int = 0
     hidden: int = 32
-    rate: float = 6e-3
+    rate: float = 2e-3
     spread: float = -1.0
     passes: int = 10
-    divergence: float = 0.1
+    divergence: float = 0.08
     threads: int = 1
 
     def __post_init__(self) -> None:
