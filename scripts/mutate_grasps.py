@@ -34,7 +34,7 @@ LONG = {
 }  # fmt: skip
 """Arrays of which only some rows are changed."""
 SMALL = {
-    "q": 2e-4, "grasp": 1e-9, "pregrasp": 1e-9, "squeeze": 1e-9, "approach.setpoints": 2.5e-3, "lift.setpoints": 4e-3,
+    "q": 2e-4, "grasp": 1e-6, "pregrasp": 1e-6, "squeeze": 1e-6, "approach.setpoints": 2.5e-3, "lift.setpoints": 4e-3,
     "approach.times": 1e-9, "lift.times": 1e-9, "approach.bend": 1e-8, "lift.stray": 2e-6, "lift.height": 5e-4,
     "hull_vertices": 5e-4, "T_world_object": 1e-6, "hull_offset": 2e-6, "centre": 2e-6, "contacts": 2e-6,
     "normals": 1e-5, "forces": 2e-3, "certificate.distances_cm": 2e-4, "certificate.force_ratio_percent": 1e-3,
