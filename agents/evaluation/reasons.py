@@ -53,7 +53,10 @@ REASONS: dict[str, Reason] = {
     "time_budget": Reason("the time for planning was over"),
     # moving
     "approach_blocked": Reason("there is no way to the grasp that touches nothing", _SEED),
+    "approach_bends": Reason("the way to the grasp is not smooth", _SEED),
     "lift_out_of_reach": Reason("the arm cannot lift from there", _SEED),
+    "lift_blocked": Reason("the hand would meet itself or the table on the way up", _SEED),
+    "surface_out_of_reach": Reason("a finger ends before the surface", _SEED),
     "out_of_reach": Reason("the arm does not reach the object", _SEED),
     # trials
     "no_grasp": Reason("no grasp was found"),

@@ -2,8 +2,11 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from agents.grasp.grasp import Grasp, GraspMotion
 from agents.grasp.target import GraspTarget
+from agents.kinematics.forward import fingertips
 from agents.kinematics.tree import RobotTree
 from agents.physics.strength import capacity_of
 from agents.planning.claims import certificate_of, contacts_of, least_clearance
@@ -14,6 +17,9 @@ from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution
 from dexgrasp_env.arrays import Array
 
+_TIPS_MEET = (
+    2.5e-4  # m that closed tips may be from the surface: a finger may end before; `verify` allows 3e-4
+)
 _OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 
 
@@ -37,6 +43,10 @@ class Certifier:
         motion = self._open(solution.q, at.normals, hold.forces, target)
         if motion is None:
             plan.block("pregrasp_clearance")
+            return None
+        missed = fingertips(motion.grasp, self.tree) - (at.contacts + settings.tip_radius * at.normals)
+        if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
+            plan.block("surface_out_of_reach", farthest)
             return None
         certificate = certificate_of(
             solution.q, hold.forces, target, self.tree, self.settings, with_capacity=False

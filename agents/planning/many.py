@@ -14,7 +14,6 @@ from typing import Any
 
 import numpy as np
 
-from agents.execution.collision import CollisionChecker
 from agents.grasp.target import GraspTarget
 from agents.grasp.variety import component_shares, grasp_features, hand_points
 from agents.planning.holding import firmest_hold
@@ -225,24 +224,11 @@ class _Search:
         self._clock.lap("certificate")
         if grasp is None or not grasp.certificate.holds:
             return
-        carried = self._planner.carry_out(grasp, self._target, self._start, plan, self._clock)
-        if carried and self._lifts_free(plan):
+        if self._planner.carry_out(grasp, self._target, self._start, plan, self._clock):
             self._pool.choose(k)
             self._found.plans.append(plan)
         for reason, (_, violation) in plan.blocked.items():
             search.block(reason, violation)
-
-    def _lifts_free(self, plan: Plan) -> bool:
-        """Whether the squeezing hand and the arm are free of themselves and the table on the way up."""
-        if plan.script is None:
-            return True
-        first = dict(plan.script.phases)
-        way = plan.script.targets[first["lift"] - 1 : first["hold"]]
-        contact = CollisionChecker(self._planner.tree, None, 0.0).first_contact(way)
-        self._clock.lap("approach")
-        if contact is not None:
-            plan.block("lift_out_of_reach", -contact.clearance)
-        return contact is None
 
 
 def _load(plan: Plan) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from agents.execution.motion import NoPath
 from agents.execution.script import make_script
+from agents.execution.soundness import check_way
 from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
 from agents.kinematics.tree import RobotTree, robot_tree
@@ -142,6 +143,7 @@ class Planner:
         try:
             if start is not None:
                 plan.script = make_script(start, grasp.motion, target.distance, self.mount)
+                check_way(plan.script, self.tree)
             plan.grasp, plan.reason = self.certifier.complete(grasp, target), None
             return True
         except NoPath as blocked:

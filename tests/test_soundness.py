@@ -1,0 +1,41 @@
+"""Ways that `verify` would refuse are refused when they are planned."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from agents.execution.motion import NoPath
+from agents.execution.script import ActionScript
+from agents.execution.soundness import check_way
+from agents.kinematics.tree import robot_tree
+from dexgrasp_env.robot.home import HOME
+
+
+def script(targets):
+    phases = (("approach", 0), ("close", 20), ("squeeze", 22), ("lift", 24), ("hold", 34))
+    return ActionScript(np.asarray(targets), phases, HOME.copy())
+
+
+@pytest.fixture
+def still():
+    return script(np.repeat(HOME[None], 40, axis=0))
+
+
+def test_a_sound_way_passes(still):
+    check_way(still, robot_tree())
+
+
+def test_a_set_point_that_stands_out_is_refused(still):
+    targets = still.targets.copy()
+    targets[9, 3] += 0.01
+    with pytest.raises(NoPath, match="approach_bends"):
+        check_way(replace(still, targets=targets), robot_tree())
+
+
+def test_a_hand_that_meets_itself_on_the_way_up_is_refused(still):
+    targets = still.targets.copy()
+    targets[24:34, 7:] = np.tile([0.0, 1.6, 1.6, 1.5], 4)  # a fist
+    targets[24:34, 19:] = [1.35, 1.1, 1.6, 1.6]
+    with pytest.raises(NoPath, match="lift_blocked"):
+        check_way(replace(still, targets=targets), robot_tree())
