@@ -16,6 +16,7 @@ import trimesh
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from agents.cli.main import main
 from agents.evaluation.protocol import trial_seeds
+from agents.evaluation.report.origin import commands
 from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.spec import object_labels
 from dexgrasp_env.errors import InputError
@@ -127,6 +128,16 @@ def test_environments_take_the_friction_of_the_member_unless_they_name_one(folde
         assert set(model.pair_friction[:, 0]) == {expected}
         assert model.body("object").mass == pytest.approx(0.2)
         env.close()
+
+
+def test_a_whole_set_is_named_by_its_file_in_commands(folder):
+    path = written(folder, BRICK, BALL)
+    targets = resolve_targets([path])
+    run = {"agents": ["random"], "objects": targets, "trials": 1, "seed": 0, "protocol": "lift"}
+    (folder / "run.json").write_text(json.dumps(run))
+    assert f"--objects {path} --trials" in commands(folder)[0]
+    (folder / "run.json").write_text(json.dumps(run | {"objects": targets[:1]}))
+    assert f"--objects {targets[0]} --trials" in commands(folder)[0]
 
 
 def test_members_stand_upright_as_the_set_says(folder):

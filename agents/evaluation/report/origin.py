@@ -4,8 +4,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import parse_json
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
+from dexgrasp_env.objects.sets import is_set, set_targets
 
 _MOST_REPLAYS = 12
 
@@ -62,7 +64,16 @@ def _protocols(run: Mapping[str, Any]) -> str:
 
 
 def _sets(objects: Sequence[str]) -> list[str]:
-    """The name of a set where the objects are just its members."""
-    return next(
-        ([name] for name, members in OBJECT_SETS.items() if list(members) == list(objects)), list(objects)
-    )
+    """The name of a set, or the path of a set file, where the objects are just its members."""
+    name = next((name for name, members in OBJECT_SETS.items() if list(members) == list(objects)), None)
+    if name is not None:
+        return [name]
+    path = objects[0].partition("#")[0] if objects else ""
+    return [path] if is_set(path) and _members(path) == list(objects) else list(objects)
+
+
+def _members(path: str) -> list[str]:
+    try:
+        return set_targets(path)
+    except InputError:  # the file has gone or changed since
+        return []
