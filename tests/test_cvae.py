@@ -282,8 +282,8 @@ def test_what_the_ablations_reject_and_what_not():
     kept = KinematicPlanner(PlannerSettings(), "palm_normal")
     assert kept.plan(target, 0).grasp.certificate.holds
     refused = KinematicPlanner(PlannerSettings(), "palm_normal")
-    proposals = refused._source.propose(heavy, replace(refused.settings, triples=3), np.random.default_rng(0))
-    refused._source = Given(proposals)
+    proposals = refused.source.propose(heavy, replace(refused.settings, triples=3), np.random.default_rng(0))
+    refused.source = Given(proposals)
     plan = refused.plan(heavy, 0)
     assert plan.grasp is None
     assert TOO_WEAK in plan.blocked
