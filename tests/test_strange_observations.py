@@ -26,7 +26,8 @@ def agent(request):
 
 def observation(cloud, targets=HOME):
     plane = np.array([0.0, 0.0, 1.0, 0.0, 0.001])
-    return {"cloud": cloud, "cloud_mask": np.ones(256), "joint_targets": targets, "table_plane": plane}
+    seen = {"cloud": cloud, "cloud_normals": cloud, "cloud_mask": np.ones(256)}
+    return seen | {"joint_targets": targets, "table_plane": plane}
 
 
 @pytest.mark.parametrize("name", CLOUDS)
@@ -35,6 +36,14 @@ def test_strange_clouds_raise_nothing(agent, name):
     agent.reset(observation(CLOUDS[name]), {})
     if name in ("not a number", "one point"):
         assert agent.report.failure
+
+
+@pytest.mark.parametrize(
+    "normals", [np.zeros((256, 3)), np.full((256, 3), np.nan), np.tile([1e9, 0.0, 0.0], (256, 1))]
+)
+def test_strange_normals_raise_nothing(agent, normals):
+    agent.seed(0)
+    agent.reset(observation(BLOB) | {"cloud_normals": normals}, {})
 
 
 @pytest.mark.parametrize("targets", [np.full(23, 1e3), np.full(23, np.nan), HOME[:7]])

@@ -7,6 +7,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import LOWER, UPPER
 
+_LONGEST = 1.001  # of a unit vector in single precision
 _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
 
 
@@ -32,12 +33,14 @@ def points_of(observation: Observation) -> Array:
 
 
 def normals_of(observation: Observation) -> Array:
-    """Return the normals (N, 3) of `points_of`, zeros where one is not a number.
+    """Return the normals (N, 3) of `points_of`, zeros where one is not a number, none longer than 1.
 
     Raises:
         InputError: where the observation has no cloud.
     """
-    return np.nan_to_num(_counted(observation, "cloud_normals"), posinf=0.0, neginf=0.0)
+    normals = np.nan_to_num(_counted(observation, "cloud_normals"), posinf=0.0, neginf=0.0)
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.where(length > _LONGEST, normals / np.maximum(length, 1.0), normals)
 
 
 def _counted(observation: Observation, key: str) -> Array:
