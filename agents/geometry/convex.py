@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
@@ -19,6 +20,7 @@ from agents.geometry.convex_kernel import (
     convex_distance,
     convex_distance_hessian,
     convex_distances,
+    outward_triangles,
 )
 from dexgrasp_env.errors import InputError
 
@@ -127,12 +129,9 @@ def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any
         raise InputError("points lie in a plane: a convex hull needs points with a volume") from None
     if (-hull.equations[:, 3]).max() < FLAT or 3 * hull.volume < FLAT * hull.area / 2:
         raise InputError(f"points lie in a plane to {FLAT} m: a convex hull needs points with a volume")
-    triangles, planes = points[hull.simplices], hull.equations.copy()
+    planes = hull.equations.copy()
     planes[:, 3] -= planes[:, :3] @ centre
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    inward = (sides * planes[:, :3]).sum(-1) < 0
-    triangles[inward] = triangles[inward][:, ::-1]
-    return np.ascontiguousarray(triangles), planes, hull.vertices
+    return outward_triangles(points, hull.simplices, planes), planes, hull.vertices
 
 
 def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDArray[Any], float]:
@@ -152,7 +151,8 @@ def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDA
         error = max(float(distances.max()), 0.0)
         if error <= 1e-9 or len(chosen) == len(vertices):
             return *best, error
-        added = _farthest(distances, gradients, max(1, min(at_once, room - len(chosen))))
+        order = np.argsort(-distances, kind="stable")
+        added = _farthest(distances, order, gradients, max(1, min(at_once, room - len(chosen)))).tolist()
         trial = Obstacle(*_hull(vertices[chosen + added])[:2])
         if len(trial.planes) <= max_faces:
             chosen, best = chosen + added, trial
@@ -162,13 +162,23 @@ def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDA
             at_once = 1
 
 
-def _farthest(distances: NDArray[Any], gradients: NDArray[Any], count: int) -> list[int]:
-    """Return up to `count` vertices at least half as far outside as the farthest, each in a direction of its own."""
-    order = np.argsort(-distances, kind="stable")
-    found = [int(order[0])]
-    for k in order[1:]:
-        if len(found) == count or distances[k] < 0.5 * distances[found[0]]:
+@njit(cache=True, error_model="numpy")
+def _farthest(
+    distances: NDArray[Any], order: NDArray[np.int64], gradients: NDArray[Any], count: int
+) -> NDArray[np.int64]:
+    """Return up to `count` vertices at least half as far outside as the farthest, each in a direction of its own.
+
+    `order` has the vertices, farthest first.
+    """
+    found, n = np.empty(count, np.int64), 0
+    for k in order:
+        if n == count or (n > 0 and distances[k] < 0.5 * distances[found[0]]):
             break
-        if (gradients[found] @ gradients[k]).max() < _SAME_DIRECTION:
-            found.append(int(k))
-    return found
+        alike = -1.0
+        for m in range(n):
+            a, b = gradients[found[m]], gradients[k]
+            alike = max(alike, a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
+        if alike < _SAME_DIRECTION:
+            found[n] = k
+            n += 1
+    return found[:n]

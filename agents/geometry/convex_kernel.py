@@ -160,3 +160,20 @@ def convex_distances(points: NDArray[Any], obstacle: Obstacle, gradients_out: ND
     for i in range(points.shape[0]):
         distances[i] = convex_distance(points[i], obstacle, gradients_out[i])
     return distances
+
+
+@njit(cache=True, error_model="numpy")
+def outward_triangles(points: NDArray[Any], corners: NDArray[np.int32], planes: NDArray[Any]) -> NDArray[Any]:
+    """Return triangles (F, 3, 3) of points (N, 3) by corners (F, 3), counter-clockwise about the planes' normals."""
+    out = np.empty((corners.shape[0], 3, 3))
+    for f in range(corners.shape[0]):
+        a, b, c = points[corners[f, 0]], points[corners[f, 1]], points[corners[f, 2]]
+        turn = 0.0
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            turn += planes[f, k] * ((b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i]))
+        for k in range(3):
+            out[f, 0, k], out[f, 1, k], out[f, 2, k] = (
+                (c[k], b[k], a[k]) if turn < 0.0 else (a[k], b[k], c[k])
+            )
+    return out

@@ -55,50 +55,73 @@ class Placements(NamedTuple):
 
 
 @njit(cache=True, error_model="numpy")
-def _frame(a: Array, b: Array, c: Array) -> Array:
-    """Return axes (3, 3) as columns of a triangle's own frame."""
-    x = b - a
-    x /= np.sqrt((x * x).sum()) + 1e-12
-    z = np.cross(x, c - a)
-    z /= np.sqrt((z * z).sum()) + 1e-12
-    y = np.cross(z, x)
-    out = np.empty((3, 3))
-    out[:, 0], out[:, 1], out[:, 2] = x, y, z
-    return out
+def _frame(triangle: Array, out: Array) -> None:
+    """Write axes (3, 3) as columns of a triangle's own frame: along its first side, in it, and out of it."""
+    across = np.empty(3)
+    for r in range(3):
+        out[r, 0], across[r] = triangle[1, r] - triangle[0, r], triangle[2, r] - triangle[0, r]
+    _unit(out, 0)
+    _cross(out[:, 0], across, out[:, 2])
+    _unit(out, 2)
+    _cross(out[:, 2], out[:, 0], out[:, 1])
 
 
 @njit(cache=True, error_model="numpy")
-def _place(goal: Goals, posture: Tips, obstacle: Obstacle) -> tuple[float, Array, Array]:
-    """Align a posture with fingertip targets; return its score (-1 if useless), palm rotation and position."""
-    centres, tips = goal.centres, posture.centres
-    R = _frame(centres[0], centres[1], centres[2]) @ np.ascontiguousarray(_frame(tips[0], tips[1], tips[2]).T)
-    middle, own = np.zeros(3), np.zeros(3)
-    for i in range(3):
-        middle += centres[i] / 3.0
-        own += tips[i] / 3.0
-    p = middle - R @ own
-    palm = p + R @ _PALM_CENTRE
-    if palm[2] < _PALM_HEIGHT:
-        return -1.0, R, p
+def _unit(columns: Array, k: int) -> None:
+    size = np.sqrt(columns[0, k] ** 2 + columns[1, k] ** 2 + columns[2, k] ** 2) + 1e-12
+    for r in range(3):
+        columns[r, k] /= size
+
+
+@njit(cache=True, error_model="numpy")
+def _cross(a: Array, b: Array, out: Array) -> None:
+    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Array, p: Array) -> None:
+    """Write the rotation (3, 3) and shift (3,) that put a triangle of tips on its goal, middle on middle."""
+    for r in range(3):
+        p[r] = (goal[0, r] + goal[1, r] + goal[2, r]) / 3.0
+        for c in range(3):
+            R[r, c] = 0.0
+            for k in range(3):
+                R[r, c] += goal_frame[r, k] * tip_frame[c, k]
+    for r in range(3):
+        for c in range(3):
+            p[r] -= R[r, c] * (tips[0, c] + tips[1, c] + tips[2, c]) / 3.0
+
+
+@njit(cache=True, error_model="numpy")
+def _facing(inward: Array, posture: Tips, R: Array) -> float:
+    """How squarely the tips face where they press; -1 where one would touch with its back."""
     facing = 2.0
     for i in range(3):
         on_axis, on_pad = 0.0, 0.0
-        local = R.T @ goal.inward[i]
         for r in range(3):
-            on_axis += posture.axes[i, r] * local[r]
-            on_pad += posture.pads[i, r] * local[r]
+            local = R[0, r] * inward[i, 0] + R[1, r] * inward[i, 1] + R[2, r] * inward[i, 2]
+            on_axis += posture.axes[i, r] * local
+            on_pad += posture.pads[i, r] * local
         if on_axis < 0.05 or on_pad < -0.1:
-            return -1.0, R, p
+            return -1.0
         facing = min(facing, 0.5 * on_axis + on_pad)
-    gradient = np.empty(3)
-    room = convex_distance(palm, obstacle, gradient)
-    if room < _PALM_ROOM:
-        return -1.0, R, p
+    return facing
+
+
+@njit(cache=True, error_model="numpy")
+def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle, room: Array) -> float:
+    """Score an aligned posture, -1 if useless; what costs most is asked last. `room` is (2, 3) to work in."""
+    palm, gradient = room[0], room[1]
+    for r in range(3):
+        palm[r] = p[r] + R[r, 0] * _PALM_CENTRE[0] + R[r, 1] * _PALM_CENTRE[1] + R[r, 2] * _PALM_CENTRE[2]
     # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
     down = -R[2, 0]
-    if down < -0.2:
-        return -1.0, R, p
-    return min(facing, 0.8) + 0.5 * down + 2.0 * min(palm[2], 0.15), R, p
+    if palm[2] < _PALM_HEIGHT or down < -0.2:
+        return -1.0
+    facing = _facing(inward, posture, R)
+    if facing <= -1.0 or convex_distance(palm, obstacle, gradient) < _PALM_ROOM:
+        return -1.0
+    return min(facing, 0.8) + 0.5 * down + 2.0 * min(palm[2], 0.15)
 
 
 @njit(cache=True, error_model="numpy")
@@ -107,15 +130,20 @@ def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacl
     K, most = near.shape
     triple, which = np.empty(K * most, dtype=np.int64), np.empty(K * most, dtype=np.int64)
     scores, rotations, positions = np.empty(K * most), np.empty((K * most, 3, 3)), np.empty((K * most, 3))
+    goal_frame, tip_frame, room = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3))
     m = 0
     for k in range(K):
-        goal = Goals(goals.centres[k], goals.inward[k])
+        _frame(goals.centres[k], goal_frame)
         for n in near[k]:
             if n >= tips.centres.shape[0]:
                 break
-            score, R, p = _place(goal, Tips(tips.centres[n], tips.axes[n], tips.pads[n]), obstacle)
+            R, p = rotations[m], positions[m]
+            _frame(tips.centres[n], tip_frame)
+            _align(goals.centres[k], goal_frame, tips.centres[n], tip_frame, R, p)
+            posture = Tips(tips.centres[n], tips.axes[n], tips.pads[n])
+            score = _score(goals.inward[k], posture, R, p, obstacle, room)
             if score > 0.0:
-                triple[m], which[m], scores[m], rotations[m], positions[m] = k, n, score, R, p
+                triple[m], which[m], scores[m] = k, n, score
                 m += 1
     return Placements(goals, triple[:m], scores[:m], which[:m], rotations[:m], positions[:m])
 

@@ -12,7 +12,7 @@ from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 
 _ENOUGH = 0.7  # closure margin from where more is no merit
-_AT_ONCE = 128  # triples whose margins are computed together
+_AT_ONCE = 48  # triples whose margins are computed together
 _APART = 0.006  # m, mean distance of the fingertips of two triples that are not the same
 
 
