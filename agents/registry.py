@@ -17,6 +17,7 @@ AGENTS: dict[str, str] = {
     "bilevel": "agents.policies.bilevel:BilevelAgent",
     "bc": "agents.policies.learned:BcAgent",
     "bc_cloud": "agents.policies.learned:BcCloudAgent",
+    "rl": "agents.policies.learned:RlAgent",
 }
 """Name -> module and class; imported when asked for, some need torch."""
 

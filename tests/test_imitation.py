@@ -184,7 +184,7 @@ def test_the_script_records_clones_and_scores(tmp_path, capsys):
     assert "demonstrations" in capsys.readouterr().out
 
 
-@pytest.mark.parametrize("name", ["bc", "bc_cloud"])
+@pytest.mark.parametrize("name", ["bc", "bc_cloud", "rl"])
 def test_the_shipped_policies_lift(name):
     evaluation = EvaluationSettings.of([name], ["mustard_bottle"], trials=3, seed=5)
     runner = TrialRunner(evaluation)

@@ -11,10 +11,10 @@ from dexgrasp_env.errors import InputError
 
 pytest.importorskip("safetensors")
 pytest.importorskip("matplotlib")
-from safetensors.numpy import save_file  # noqa: E402
+from safetensors.numpy import save_file
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-import learning_curves  # noqa: E402
+import learning_curves
 
 
 def training(folder, seed, successes, rate=0.001):

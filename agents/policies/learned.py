@@ -80,6 +80,15 @@ class BcAgent(LearnedAgent):
         super().__init__(asset_path("weights", "bc"))
 
 
+class RlAgent(LearnedAgent):
+    """`bc` with a grip that reinforcement corrects: sees the state, decides once an episode where to take hold."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = BcAgent.env_settings
+
+    def __init__(self) -> None:
+        super().__init__(asset_path("weights", "rl"))
+
+
 class BcCloudAgent(LearnedAgent):
     """Cloned from demonstrations: looks at the cloud once, then feels through the joints."""
 
