@@ -117,6 +117,26 @@ def test_commands_are_those_that_made_it(folder):
     assert "--friction 0.5" in line
 
 
+@pytest.mark.parametrize(
+    "wrong",
+    [{"versions": 3}, {"protocol": 7}, {"agents": "bilevel"}, {"objects": [1]}, {"seed": None}],
+    ids=str,
+)
+def test_settings_that_no_evaluation_writes_are_unknown(folder, wrong):
+    run = json.loads((folder / "run.json").read_text())
+    changed = {key: value for key, value in (run | wrong).items() if value is not None}
+    (folder / "run.json").write_text(json.dumps(changed))
+    assert "settings unknown" in write_report([folder], folder / "out")
+    assert commands(folder) == [f"dexgrasp report {folder}"]
+
+
+def test_names_that_are_no_text_are_shown_with_question_marks(folder):
+    lines = (folder / "trials.jsonl").read_text().replace("my_mesh", r"my\udcff")
+    (folder / "trials.jsonl").write_text(lines)
+    write_report([folder], folder / "out")
+    assert "my?" in (folder / "out" / "report.html").read_text()
+
+
 def test_names_are_escaped():
     table = TableBlock(("<b>", "b"), [["<script>alert(1)</script>", "a|b"]])
     page = parsed(as_html("<title>", [table]))

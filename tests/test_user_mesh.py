@@ -89,6 +89,7 @@ def bad_file(folder: Path, defect: str) -> Path:
         "half": data[: len(data) // 2],
         "missing": None,
     }
+    contents["other buffer"] = data.replace(b'"bufferViews"', b'"bufferViemz"', 1)
     contents["range"] = b"v 0 0 0\nv .1 0 0\nv 0 .1 0\nf 1 2 9\n"
     if contents[kind] is not None:
         path.write_bytes(contents[kind])
@@ -111,6 +112,7 @@ def bad_file(folder: Path, defect: str) -> Path:
         *((f"text.{suffix}", "cannot be read|no faces") for suffix in ("obj", "stl", "ply", "glb")),
         *((f"half.{suffix}", "cannot be read|no faces|damaged") for suffix in ("obj", "stl", "ply", "glb")),
         ("range.obj", "cannot be read|damaged"),
+        ("other buffer.glb", "cannot be read"),
     ],
 )
 def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, defect, message):

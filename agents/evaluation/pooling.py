@@ -15,6 +15,9 @@ Rows = dict[str, list[Mapping[str, Any]]]
 _OWN = ("agents", "seed")  # what evaluations of one sample may differ in
 
 
+_NAMES = ("agent", "object", "protocol", "reason")
+
+
 def rows_by_agent(folders: Sequence[Path]) -> Rows:
     """Return the trials of every agent, judged by their protocols.
 
@@ -28,7 +31,7 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
     samples: dict[str, str] = {}  # label -> what its evaluations have in common
     seeds: set[tuple[str, Any]] = set()
     for folder in folders:
-        rows = read_rows(folder)
+        rows = [_legible(row) for row in read_rows(folder)]
         if not rows:
             raise InputError(f"{folder} holds no finished trial yet")
         sample, seed = _sample(folder)
@@ -39,6 +42,14 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
             seeds.add((label, seed))
             found.setdefault(label, []).extend(judged([row for row in rows if row["agent"] == name]))
     return found
+
+
+def _legible(row: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Make names text that can be drawn: those of files need not be."""
+    names = {
+        key: row[key].encode(errors="replace").decode() for key in _NAMES if isinstance(row.get(key), str)
+    }
+    return {**row, **names}
 
 
 def _sample(folder: Path) -> tuple[str, Any]:

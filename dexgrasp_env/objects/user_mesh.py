@@ -118,7 +118,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
 
 _DAMAGE = (
     ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError, EOFError, MemoryError,
-    NotImplementedError, RecursionError, struct.error,
+    NotImplementedError, NameError, RecursionError, struct.error,
 )  # fmt: skip
 """What the mesh library's parsers raise on files that are not what they say they are."""
 

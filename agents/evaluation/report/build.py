@@ -63,9 +63,14 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
     for block in blocks:
         if isinstance(block, FigureBlock):
             write_atomically(out / f"{block.name}.png", block.draw("png"))
-    write_atomically(out / "report.html", as_html(_TITLE, blocks).encode())
-    write_atomically(out / "report.md", text.encode())
+    write_atomically(out / "report.html", _bytes(as_html(_TITLE, blocks)))
+    write_atomically(out / "report.md", _bytes(text))
     return text
+
+
+def _bytes(text: str) -> bytes:
+    """Return what is written of a text; names from files of others may hold what UTF-8 cannot."""
+    return text.encode(errors="backslashreplace")
 
 
 def _blocks(folders: Sequence[Path], rows: Rows, agents: Mapping[str, Any]) -> list[Block]:

@@ -55,12 +55,26 @@ def _run(folder: Path) -> dict[str, Any] | None:
         content = parse_json((folder / "run.json").read_bytes())
     except (OSError, ValueError):
         return None
-    return content if isinstance(content, dict) else None
+    return content if isinstance(content, dict) and _is_of_an_evaluation(content) else None
+
+
+def _is_of_an_evaluation(run: Mapping[str, Any]) -> bool:
+    """Whether settings have the types that an evaluation writes; those of others are unknown."""
+    lists = (run.get("agents", []), run.get("objects", []), _protocol_names(run))
+    return (
+        {"seed", "trials"} <= run.keys()
+        and isinstance(run.get("versions", {}), dict)
+        and all(isinstance(names, list) and all(isinstance(name, str) for name in names) for names in lists)
+    )
+
+
+def _protocol_names(run: Mapping[str, Any]) -> Any:
+    names = run.get("protocols") or run.get("protocol") or "?"
+    return [names] if isinstance(names, str) else names
 
 
 def _protocols(run: Mapping[str, Any]) -> str:
-    names = run.get("protocols") or run.get("protocol") or "?"
-    return names if isinstance(names, str) else "+".join(names)
+    return "+".join(_protocol_names(run))
 
 
 def _sets(objects: Sequence[str]) -> list[str]:
