@@ -36,9 +36,18 @@ def users_mesh():
     return mesh
 
 
+def hammer():
+    """A handle and a head across its end, lying down: its hull is mostly air."""
+    handle, head = trimesh.creation.box((0.18, 0.03, 0.045)), trimesh.creation.box((0.035, 0.11, 0.05))
+    handle.apply_translation([0.50, 0.0, 0.0225])
+    head.apply_translation([0.60, 0.0, 0.025])
+    return handle, head
+
+
 MESHES = {
     "sugar_box": catalogue, "pear": catalogue, "tomato_soup_can": catalogue, "tetrahedron": catalogue,
     "massage_ball": catalogue, "users_mesh": lambda name: users_mesh(),
+    "hammer": lambda name: hammer(),
 }  # fmt: skip
 
 
@@ -46,7 +55,9 @@ def plan_contents():
     """Return name -> content of a grasp file."""
     found = {}
     for seed, (name, make) in enumerate(MESHES.items()):
-        grasp_target = GraspTarget.of(make(name), mass=0.2)
+        made = make(name)
+        meshes = made if isinstance(made, tuple) else (made,)
+        grasp_target = GraspTarget.of_parts(meshes, mass=0.2)
         plan = Planner().plan(grasp_target, seed, HOME)
         assert plan.grasp is not None, (name, plan.reason)
         identity, pose = name, None

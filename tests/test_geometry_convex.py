@@ -95,6 +95,44 @@ def test_compiled_function_and_batch_give_the_same_bits(can):
         np.testing.assert_array_equal(g, expected)
 
 
+@pytest.fixture(scope="module")
+def hammer():
+    """A handle along x and a head across its end."""
+    handle, head = trimesh.creation.box((0.2, 0.03, 0.03)), trimesh.creation.box((0.03, 0.1, 0.03))
+    head.apply_translation([0.1, 0.0, 0.0])
+    return [ConvexDistance.from_mesh(handle), ConvexDistance.from_mesh(head)]
+
+
+def test_distance_to_a_union_is_the_least_of_its_parts(hammer):
+    union, points = ConvexDistance.union(hammer), scatter(np.random.default_rng(8), 3000, 0.2)
+    each = [part.distance_gradient(points) for part in hammer]
+    nearest = np.argmin([d for d, _ in each], axis=0)
+    assert set(nearest) == {0, 1}
+    distances, gradients = union.distance_gradient(points)
+    for k, (d, g) in enumerate(each):  # to the bit: a part among others is computed as it is alone
+        np.testing.assert_array_equal(distances[nearest == k], d[nearest == k])
+        np.testing.assert_array_equal(gradients[nearest == k], g[nearest == k])
+    closest = union.closest(points)
+    outside = distances > 0
+    np.testing.assert_allclose(
+        np.linalg.norm(closest - points, axis=1)[outside], distances[outside], atol=1e-12
+    )
+    assert union.distance([[0.05, 0.03, 0.0]])[0] == pytest.approx(0.015)  # in the hull's air
+
+
+def test_curvature_of_a_union_is_that_of_its_nearest_part(hammer):
+    union, g, H, expected = ConvexDistance.union(hammer), np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+    for p in scatter(np.random.default_rng(9), 200, 0.2):
+        part = min(hammer, key=lambda part, p=p: part.distance(p)[0])
+        d = convex_distance_hessian(p, part.obstacle, g, expected)
+        assert convex_distance_hessian(p, union.obstacle, g, H) == d
+        np.testing.assert_array_equal(H, expected)
+
+
+def test_a_union_of_one_is_that_one(hammer):
+    assert ConvexDistance.union(hammer[:1]) is hammer[0]
+
+
 def test_simplified_hull_keeps_its_stated_error():
     mesh = trimesh.creation.icosphere(4, 0.05)
     full, small = ConvexDistance.from_mesh(mesh), ConvexDistance.from_mesh(mesh, max_faces=200)

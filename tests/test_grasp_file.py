@@ -31,6 +31,15 @@ def test_round_trip(contents, tmp_path):
     np.testing.assert_array_equal(read_grasp(tmp_path / "whole.json").arrays["q"], record.arrays["q"])
 
 
+def test_parts_are_read_as_they_were_planned_on(contents, tmp_path):
+    assert "part_sizes" not in contents["pear"]
+    write_grasp(tmp_path / "g.json", contents["hammer"])
+    record = read_grasp(tmp_path / "g.json")
+    assert [len(part) for part in record.parts] == [8, 8]
+    assert np.ptp(record.parts[1], axis=0) == pytest.approx([0.035, 0.11, 0.05])
+    np.testing.assert_array_equal(record.hull, contents["hammer"]["hull_vertices"])
+
+
 def drop(key):
     return lambda c: c.pop(key)
 
@@ -62,6 +71,9 @@ def put(key, value, *inner):
         (put("hull_vertices", [[0, 0, 0]] * 3), "V >= 4"),
         (put("hull_vertices", [[0.0, 0.0, float("nan")]] * 8), "hull_vertices"),
         (put("hull_vertices", [[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0], [0.1, 0.1, 0]]), "hull"),
+        (put("part_sizes", [4, 4]), "part_sizes must be"),
+        (put("part_sizes", [4.0, 4]), "part_sizes must be"),
+        (put("part_sizes", 3), "part_sizes must be"),
         (put("mount", "sideways"), "palm_normal"),
         (put("mass", "heavy", "certificate"), "mass"),
         (put("mass", float("nan"), "certificate"), "mass"),

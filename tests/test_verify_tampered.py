@@ -241,6 +241,21 @@ def test_tampered_grasps_fail_with_the_right_check(tamper, expected, name, conte
     assert expected <= broken, broken
 
 
+def test_one_hull_does_not_pass_for_its_parts(contents, check):
+    """The hand reaches into the air of the hull: it is clear of the parts alone."""
+    content = copy.deepcopy(contents["hammer"])
+    del content["part_sizes"]
+    assert {"contacts as claimed", "centre of mass as stated"} <= failing(check(content))
+
+
+def test_a_moved_corner_of_any_part_is_seen(contents):
+    for corner in range(len(contents["hammer"]["hull_vertices"])):
+        content = copy.deepcopy(contents["hammer"])
+        content["hull_vertices"][corner][0] += 0.001
+        failed = {c.name for c in verify(record_of(content), ["object"]) if not c.holds}
+        assert "centre of mass as stated" in failed, corner
+
+
 def test_only_what_was_tampered_with_fails(contents, check):
     for tamper, expected in (
         (raise_margin, {"closure_margin as claimed"}),

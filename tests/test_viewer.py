@@ -21,8 +21,8 @@ def film():
     forces = -4.0 * normals
     poses = carried(states, 2, T, "palm_normal")
     facts = {"load": "1.50 <firm>"}
-    return Film("gelatin", "palm_normal", states, poses, 0.05, (("approach", 0),), hull, contacts, normals, forces, 0.5,
-                shape, hull, facts)  # fmt: skip
+    return Film("gelatin", "palm_normal", states, poses, 0.05, (("approach", 0),), (hull,), contacts, normals, forces,
+                0.5, shape, hull, facts)  # fmt: skip
 
 
 def test_the_object_rests_until_it_is_lifted_and_then_follows_the_palm(film):

@@ -142,11 +142,11 @@ def _cloud_picture(path: Path, attempt: Any) -> None:
     if not len(points):
         return
     true = attempt.env.unwrapped.simulation.object.mesh
-    hull = None if attempt.grasp_target is None else attempt.grasp_target.hull
+    planned = None if attempt.grasp_target is None else attempt.grasp_target.surface
     cloud_picture(
         path,
         points,
-        hull,
+        planned,
         true,
         attempt.T_world_object,
         f"{attempt.name}: {len(points)} points from four cameras",

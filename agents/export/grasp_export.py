@@ -31,7 +31,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
         record: of a grasp file of schema 2.
         folder: made if it is not there.
         kind: one of `FORMATS`; `mjcf` writes the scene and the trajectory beside it, so that it can be replayed. Where
-            only a cloud was seen, the scene's object is the hull that was planned on.
+            only a cloud was seen, the scene's object is what was planned on.
         stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets; None for the cell's.
 
     Returns:
@@ -103,6 +103,7 @@ def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
         "quality": float(record.certificate["closure_margin"]),
         "lift_height": record.lift_height,
         "hull": record.hull.tolist(),
+        "part_sizes": None if len(record.parts) == 1 else [len(part) for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     }  # fmt: skip
 
@@ -122,10 +123,13 @@ def _scene(record: GraspRecord, folder: Path) -> list[Path]:
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
-    """The hull that was planned on as an object, and its pose: where only a cloud was seen, nobody knows more."""
+    """What was planned on as an object, and its pose: where only a cloud was seen, nobody knows more."""
     import trimesh
 
-    mesh = trimesh.Trimesh(record.hull, process=False).convex_hull
-    pose = np.eye(4)
+    from dexgrasp_env.objects.shapes import union
+
+    hulls = [trimesh.Trimesh(part, process=False).convex_hull for part in record.parts]
+    mesh, pose = hulls[0] if len(hulls) == 1 else union(hulls), np.eye(4)
     pose[:3, 3] = mesh.center_mass
-    return centred_model(record.object.name, mesh, [hull_part(record.hull)], record.mass), pose
+    parts = [hull_part(part) for part in record.parts]
+    return centred_model(record.object.name, mesh, parts, record.mass), pose

@@ -1,11 +1,13 @@
-"""Convex polyhedra from points or meshes, simplified on request, and their signed distance.
+"""Convex polyhedra from points or meshes, simplified on request, and the signed distance to one or to their union.
 
-The compiled functions of `convex_kernel` can be had from here; they take a polyhedron's `obstacle`.
+The compiled functions of `convex_kernel` can be had from here; they take an `obstacle`.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -45,18 +47,20 @@ _SAME_DIRECTION = 0.9  # cosine from which two vertices stick out the same way
 
 @dataclass(frozen=True, eq=False)
 class ConvexDistance:
-    """Signed distance to a convex polyhedron.
+    """Signed distance to a convex polyhedron, or to a union of several.
 
     Attributes:
         triangles: (F, 3, 3) corners [m], counter-clockwise seen from outside.
         planes: (F, 4) outward unit normal and offset of each triangle.
         error: how much this polyhedron lies inside the one asked for [m]: the true distance d of a point
             outside is within [distance - error, distance]. 0 when nothing was simplified.
+        sizes: faces of each part of a union, in order; empty for one polyhedron.
     """
 
     triangles: NDArray[Any]
     planes: NDArray[Any]
     error: float = 0.0
+    sizes: tuple[int, ...] = ()
 
     @classmethod
     def from_points(cls, points: ArrayLike, max_faces: int | None = None) -> ConvexDistance:
@@ -83,10 +87,23 @@ class ConvexDistance:
         """Build the convex hull of a mesh's vertices; the arguments and errors are those of `from_points`."""
         return cls.from_points(mesh.vertices, max_faces)
 
-    @property
+    @classmethod
+    def union(cls, parts: Sequence[ConvexDistance]) -> ConvexDistance:
+        """Return the distance to what at least one of some convex polyhedra holds; one part is returned as it is.
+
+        Faces that lie within another part stay: no point outside is nearest to them.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            np.concatenate([part.triangles for part in parts]), np.concatenate([part.planes for part in parts]),
+            max(part.error for part in parts), tuple(len(part.planes) for part in parts),
+        )  # fmt: skip
+
+    @cached_property
     def obstacle(self) -> Obstacle:
-        """The polyhedron as compiled code takes it."""
-        return Obstacle(self.triangles, self.planes)
+        """The polyhedra as compiled code takes them."""
+        return _obstacle(self.triangles, self.planes, self.sizes)
 
     def distance(self, points: ArrayLike) -> NDArray[Any]:
         """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
@@ -105,6 +122,11 @@ class ConvexDistance:
         for query, point in zip(queries, closest, strict=True):
             closest_feature(query, self.obstacle, gradient, point)
         return closest
+
+
+def _obstacle(triangles: NDArray[Any], planes: NDArray[Any], sizes: tuple[int, ...] = ()) -> Obstacle:
+    starts = np.cumsum([0, *(sizes or (len(planes),))], dtype=np.int64)
+    return Obstacle(triangles, planes, starts)
 
 
 def _checked_points(points: ArrayLike) -> NDArray[Any]:
@@ -145,19 +167,19 @@ def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDA
     room, at_once = max_faces // 2 + 2, _AT_ONCE
     chosen = list(dict.fromkeys((vertices @ axes.T).argmax(axis=0).tolist()))[:room]
     gradients = np.empty_like(vertices)
-    best = Obstacle(*_hull(vertices[chosen])[:2])
+    best = _obstacle(*_hull(vertices[chosen])[:2])
     while True:
         distances = convex_distances(vertices, best, gradients)
         error = max(float(distances.max()), 0.0)
         if error <= 1e-9 or len(chosen) == len(vertices):
-            return *best, error
+            return best.triangles, best.planes, error
         order = np.argsort(-distances, kind="stable")
         added = _farthest(distances, order, gradients, max(1, min(at_once, room - len(chosen)))).tolist()
-        trial = Obstacle(*_hull(vertices[chosen + added])[:2])
+        trial = _obstacle(*_hull(vertices[chosen + added])[:2])
         if len(trial.planes) <= max_faces:
             chosen, best = chosen + added, trial
         elif len(added) == 1:
-            return *best, error
+            return best.triangles, best.planes, error
         else:
             at_once = 1
 

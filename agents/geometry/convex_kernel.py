@@ -1,4 +1,7 @@
-"""Exact signed distance to a convex polyhedron, with gradient, closest point and Hessian.
+"""Exact signed distance to a union of convex polyhedra, with gradient, closest point and Hessian.
+
+Outside, the distance to the union is the least of those to its parts. Inside, the least is a lower bound: where parts
+overlap, the surface is farther away than that.
 
 The functions are compiled and may be called from compiled code. Source: Eq. (3).
 """
@@ -19,20 +22,23 @@ INCIDENT = 1e-9
 
 
 class Obstacle(NamedTuple):
-    """A convex polyhedron; one without faces (`NOTHING`) stands for no obstacle."""
+    """A union of convex polyhedra; one without faces (`NOTHING`) stands for no obstacle."""
 
     triangles: NDArray[Any]  # (F, 3, 3) corners, counter-clockwise seen from outside, m
     planes: NDArray[Any]  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
+    starts: NDArray[np.int64]  # (P + 1,) first face of each part, and the number of faces
 
 
-NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)))
+NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
 
 
 @njit(cache=True, error_model="numpy")
-def _farthest_plane(px: float, py: float, pz: float, planes: NDArray[Any]) -> tuple[float, int]:
-    """Return the largest plane value, a lower bound of the distance, and its face."""
-    best, face = -math.inf, 0
-    for j in range(planes.shape[0]):
+def _farthest_plane(
+    px: float, py: float, pz: float, planes: NDArray[Any], first: int, end: int
+) -> tuple[float, int]:
+    """Return the largest plane value of a part, a lower bound of its distance, and its face."""
+    best, face = -math.inf, first
+    for j in range(first, end):
         value = planes[j, 0] * px + planes[j, 1] * py + planes[j, 2] * pz + planes[j, 3]
         if value > best:
             best, face = value, j
@@ -41,21 +47,21 @@ def _farthest_plane(px: float, py: float, pz: float, planes: NDArray[Any]) -> tu
 
 @njit(cache=True, error_model="numpy")
 def _walk(
-    px: float, py: float, pz: float, obstacle: Obstacle, start: int
+    px: float, py: float, pz: float, obstacle: Obstacle, first: int, end: int, start: int
 ) -> tuple[float, float, float, float, int, int]:
-    """Descend from a face that p sees to the closest point; return squared distance, point, code, face.
+    """Descend from a face of a part that p sees to its closest point; return squared distance, point, code, face.
 
     The distance to a convex body has no local minimum on the faces that p sees but the global one, so it is
     enough to try the seen faces that hold the present point. When a whole round brings no gain, the point
     is the closest.
     """
     triangles, planes = obstacle.triangles, obstacle.planes
-    face, count = start, planes.shape[0]
+    face, count = start, end - first
     cx, cy, cz, code = closest_on_triangle(px, py, pz, triangles[start])
     best = (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2
     j, idle = start, 0
     while code != 0 and idle < count:
-        j = j + 1 if j + 1 < count else 0
+        j = j + 1 if j + 1 < end else first
         idle += 1
         nx, ny, nz, offset = planes[j, 0], planes[j, 1], planes[j, 2], planes[j, 3]
         if nx * cx + ny * cy + nz * cz + offset < -INCIDENT or nx * px + ny * py + nz * pz + offset <= 0.0:
@@ -76,7 +82,7 @@ def closest_feature(
 
     Args:
         p: (3,) point [m].
-        obstacle: the polyhedron, with at least one face.
+        obstacle: the polyhedra, with at least one face.
         gradient_out: (3,) receives the unit gradient: the face's normal inside, (p - closest) / distance
             outside.
         point_out: (3,) receives the closest point of the surface [m].
@@ -85,20 +91,28 @@ def closest_feature(
         Signed distance [m] (negative inside), feature code (see `triangle.FACE_CODE`), face index.
     """
     px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
-    bound, face = _farthest_plane(px, py, pz, planes)
-    code, distance = 0, bound
-    gx, gy, gz = planes[face, 0], planes[face, 1], planes[face, 2]
-    cx, cy, cz = px - bound * gx, py - bound * gy, pz - bound * gz
-    if bound > 0.0:
-        squared, x, y, z, walked, holder = _walk(px, py, pz, obstacle, face)
-        reached = math.sqrt(squared)
-        # A point over an edge between coplanar triangles is over their face, where the plane itself is exact.
-        if walked != 0 and reached - bound > 1e-12 * reached + 1e-15:
-            code, face, distance = walked, holder, reached
-            cx, cy, cz = x, y, z
-            gx, gy, gz = (px - x) / reached, (py - y) / reached, (pz - z) / reached
-    gradient_out[0], gradient_out[1], gradient_out[2] = gx, gy, gz
-    point_out[0], point_out[1], point_out[2] = cx, cy, cz
+    distance, code, face = math.inf, 0, 0
+    for part in range(obstacle.starts.shape[0] - 1):
+        first, end = obstacle.starts[part], obstacle.starts[part + 1]
+        bound, seen = _farthest_plane(px, py, pz, planes, first, end)
+        if bound >= distance:
+            continue
+        if bound > 0.0:
+            squared, x, y, z, walked, holder = _walk(px, py, pz, obstacle, first, end, seen)
+            reached = math.sqrt(squared)
+            # A point over an edge between coplanar triangles is over their face, where the plane itself is exact.
+            if walked != 0 and reached - bound > 1e-12 * reached + 1e-15:
+                if reached < distance:
+                    distance, code, face = reached, walked, holder
+                    point_out[0], point_out[1], point_out[2] = x, y, z
+                    gradient_out[0] = (px - x) / reached
+                    gradient_out[1] = (py - y) / reached
+                    gradient_out[2] = (pz - z) / reached
+                continue
+        gx, gy, gz = planes[seen, 0], planes[seen, 1], planes[seen, 2]
+        distance, code, face = bound, 0, seen
+        gradient_out[0], gradient_out[1], gradient_out[2] = gx, gy, gz
+        point_out[0], point_out[1], point_out[2] = px - bound * gx, py - bound * gy, pz - bound * gz
     return distance, code, face
 
 
@@ -106,24 +120,31 @@ def closest_feature(
 def convex_distance(p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any]) -> float:
     """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,).
 
-    Outside, the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it is
-    the normal of the nearest face. See `closest_feature` for the arguments.
+    Outside one polyhedron the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it
+    is the normal of the nearest face. See `closest_feature` for the arguments.
     """
     px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
-    bound, face = _farthest_plane(px, py, pz, planes)
-    gradient_out[0], gradient_out[1], gradient_out[2] = planes[face, 0], planes[face, 1], planes[face, 2]
-    if bound <= 0.0:
-        return bound
-    squared, x, y, z, code, _ = _walk(px, py, pz, obstacle, face)
-    reached = math.sqrt(squared)
-    if code == 0 or reached - bound <= 1e-12 * reached + 1e-15:
-        return bound
-    gradient_out[0], gradient_out[1], gradient_out[2] = (
-        (px - x) / reached,
-        (py - y) / reached,
-        (pz - z) / reached,
-    )
-    return reached
+    distance = math.inf
+    for part in range(obstacle.starts.shape[0] - 1):
+        first, end = obstacle.starts[part], obstacle.starts[part + 1]
+        bound, face = _farthest_plane(px, py, pz, planes, first, end)
+        if bound >= distance:
+            continue
+        if bound > 0.0:
+            squared, x, y, z, code, _ = _walk(px, py, pz, obstacle, first, end, face)
+            reached = math.sqrt(squared)
+            if code != 0 and reached - bound > 1e-12 * reached + 1e-15:
+                if reached < distance:
+                    distance = reached
+                    gradient_out[0], gradient_out[1], gradient_out[2] = (
+                        (px - x) / reached,
+                        (py - y) / reached,
+                        (pz - z) / reached,
+                    )
+                continue
+        distance = bound
+        gradient_out[0], gradient_out[1], gradient_out[2] = planes[face, 0], planes[face, 1], planes[face, 2]
+    return distance
 
 
 @njit(cache=True, error_model="numpy")

@@ -11,7 +11,7 @@ from agents.grasp.grasp import Grasp
 from agents.grasp.identity import ObjectIdentity
 from agents.grasp.path import bend, stray
 from agents.grasp.record import CONVENTIONS, SCHEMA, GraspRecord, parse, parse_1
-from agents.grasp.target import GraspTarget, assumed_mass
+from agents.grasp.target import GraspTarget, assumed_mass, volume_centre
 from agents.grasp.thresholds import thresholds_for
 from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Array
@@ -52,7 +52,7 @@ def grasp_json(
         "object": {**identity.as_json(), **_known(target)},
         "T_world_object": None if pose is None else pose.T_world_object.tolist(),
         "hull_offset": None if pose is None else pose.hull_offset(target).tolist(),
-        "hull_vertices": np.asarray(target.hull.vertices).tolist(),
+        **_shape(target),
         "centre": target.centre.tolist(),
         "thresholds": thresholds_for(settings).as_json(),
         "q": grasp.q.tolist(),
@@ -66,6 +66,13 @@ def grasp_json(
         "forces": grasp.forces.tolist(),
         "certificate": grasp.certificate.as_json(),
     }  # fmt: skip
+
+
+def _shape(target: GraspTarget) -> dict[str, Any]:
+    """The corners of all parts, and where there are several, how many are each one's."""
+    corners = {"hull_vertices": np.concatenate([part.vertices for part in target.parts]).tolist()}
+    sizes = [len(part.vertices) for part in target.parts]
+    return corners if len(sizes) == 1 else {**corners, "part_sizes": sizes}
 
 
 class ObjectPose:
@@ -84,9 +91,9 @@ class ObjectPose:
 
 
 def _known(target: GraspTarget) -> dict[str, Any]:
-    """What the planner was told of the object, rather than assumed from its hull."""
+    """What the planner was told of the object, rather than assumed from its shape."""
     told = abs(target.mass - assumed_mass(target.hull)) > 1e-9
-    moved = np.abs(target.centre - target.hull.center_mass).max() > 1e-9
+    moved = np.abs(target.centre - volume_centre(target.parts)).max() > 1e-9
     return {
         "known_mass": target.mass if told else None,
         "known_centre": target.centre.tolist() if moved else None,

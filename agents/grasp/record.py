@@ -43,7 +43,7 @@ _CLAIMS_1 = (
 _OF_SCHEMA_1 = ("friction", "friction_hold", "distance", "tip_radius", "closure_margin", "clearance")
 _LARGEST = 1e6  # in SI units: no number of a grasp is nearly as large, and squares of larger ones overflow
 _FLAT = 1e-6  # m: a hull thinner than this has no inside
-_MOST_ROWS, _MOST_VERTICES = 10_000, 100_000
+_MOST_ROWS, _MOST_VERTICES, _MOST_PARTS = 10_000, 100_000, 64
 
 
 @dataclass(frozen=True)
@@ -69,7 +69,7 @@ class GraspRecord:
         object: which object it is of.
         mount: of the hand.
         arrays: `q`, `pregrasp`, `grasp`, `squeeze` (23,), `contacts`, `normals`, `forces` (3, 3), `centre` (3,).
-        hull: vertices (V, 3) of the convex hull that was planned on.
+        parts: vertices (V, 3) of each convex part that was planned on; mostly one, the hull.
         thresholds: that the file asks to be held to.
         certificate: what the planner claims.
         T_world_object: (4, 4) of the true object, where the file knows it.
@@ -85,7 +85,7 @@ class GraspRecord:
     object: ObjectIdentity
     mount: str
     arrays: dict[str, Array]
-    hull: Array
+    parts: tuple[Array, ...]
     thresholds: Thresholds
     certificate: dict[str, Any]
     T_world_object: Array | None = None
@@ -96,6 +96,11 @@ class GraspRecord:
     conventions: Mapping[str, Any] | None = None
     agent: str = ""
     schema: int = SCHEMA
+
+    @property
+    def hull(self) -> Array:
+        """(V, 3) m, vertices whose convex hull is that of all parts."""
+        return np.concatenate(self.parts)
 
     @property
     def mass(self) -> float:
@@ -118,7 +123,8 @@ def parse(content: dict[str, Any]) -> GraspRecord:
     return GraspRecord(
         object=identity, mount=_mount(content["mount"]),
         arrays={name: array(name, content[name], shape) for name, shape in _ARRAYS.items()},
-        hull=_hull(content["hull_vertices"]), thresholds=_thresholds(content["thresholds"]),
+        parts=_parts(content["hull_vertices"], content.get("part_sizes")),
+        thresholds=_thresholds(content["thresholds"]),
         certificate=_certificate(content["certificate"], CLAIMS),
         T_world_object=None if pose is None else array("T_world_object", pose, (4, 4)),
         hull_offset=None if offset is None else array("hull_offset", offset, (3,)),
@@ -136,7 +142,7 @@ def parse_1(content: dict[str, Any]) -> GraspRecord:
     return GraspRecord(
         object=ObjectIdentity(str(content["object"])[:200]), mount=_mount(content["mount"]),
         arrays={name: array(name, content[name], shape) for name, shape in _ARRAYS.items()},
-        hull=_hull(content["hull_vertices"]), thresholds=_thresholds(Thresholds().as_json() | limits),
+        parts=(_hull(content["hull_vertices"]),), thresholds=_thresholds(Thresholds().as_json() | limits),
         certificate=certificate | {"mass": positive("mass", content["mass"])},
         T_world_object=None if pose is None else array("T_world_object", pose, (4, 4)), schema=1,
     )  # fmt: skip
@@ -205,6 +211,24 @@ def _identity(value: Any) -> ObjectIdentity:
         _word("object name", known["name"]), words["source"], positive("object scale", known["scale"]),
         words["content_hash"], None if mass is None else positive("known_mass", mass), centre,
     )  # fmt: skip
+
+
+def _parts(value: Any, sizes: Any) -> tuple[Array, ...]:
+    """The parts' vertices, one after the other; without sizes they are those of one hull."""
+    if sizes is None:
+        return (_hull(value),)
+    whole = isinstance(sizes, list) and all(type(n) is int and n >= 4 for n in sizes)
+    if (
+        not whole
+        or not 2 <= len(sizes) <= _MOST_PARTS
+        or not isinstance(value, list)
+        or sum(sizes) != len(value)
+    ):
+        raise ValueError(
+            f"part_sizes must be null or the vertices of 2 to {_MOST_PARTS} parts, hull_vertices in all"
+        )
+    ends = np.cumsum(sizes).tolist()
+    return tuple(_hull(value[end - n : end]) for n, end in zip(sizes, ends, strict=True))
 
 
 def _hull(value: Any) -> Array:

@@ -1,5 +1,6 @@
-"""The object as a planner knows it: a convex hull in the robot base frame, and assumptions about its mass."""
+"""The object as a planner knows it: convex parts in the robot base frame, and assumptions about its mass."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     import trimesh
 
 MAX_FACES = 120  # of the hull that is planned on
+PART_FACES = 80  # of each part where there are several
 ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
 MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
 
@@ -31,16 +33,18 @@ class Spread(NamedTuple):
 
 @dataclass(frozen=True)
 class GraspTarget:
-    """What is grasped.
+    """What is grasped: a union of convex parts, mostly one.
 
     Attributes:
-        hull: watertight convex mesh, robot base frame, m.
-        distance: its signed distance.
-        centre: (3,) m, centre of mass, taken to be that of the hull's volume unless it is known.
+        parts: watertight convex meshes, robot base frame, m.
+        hull: the convex hull of them all; the part itself where there is one.
+        distance: signed distance to their union.
+        centre: (3,) m, centre of mass, taken to be that of the parts' volumes unless it is known.
         mass: kg, assumed unless it is known.
         spread: how far the surface may be off where it was guessed; None where it was seen all round.
     """
 
+    parts: "tuple[trimesh.Trimesh, ...]"
     hull: "trimesh.Trimesh"
     distance: ConvexDistance
     centre: Array
@@ -66,20 +70,68 @@ class GraspTarget:
         Raises:
             InputError: for a mesh without volume or a mass that is not positive.
         """
-        import trimesh
+        return cls.of_parts([mesh], mass, centre, spread)
 
+    @classmethod
+    def of_parts(
+        cls,
+        meshes: "Sequence[trimesh.Trimesh]",
+        mass: float | None = None,
+        centre: Array | None = None,
+        spread: Spread | None = None,
+    ) -> "GraspTarget":
+        """Take the union of the convex hulls of meshes in the robot base frame; arguments and errors as in `of`."""
         if mass is not None and not (np.isfinite(mass) and mass > 0.0):
             raise InputError(f"mass {mass!r}: valid is a positive number of kilograms")
-        distance = ConvexDistance.from_mesh(mesh, max_faces=MAX_FACES)
-        hull = trimesh.Trimesh(
-            distance.triangles.reshape(-1, 3), np.arange(3 * len(distance.triangles)).reshape(-1, 3)
-        )
-        hull.merge_vertices()
+        faces = MAX_FACES if len(meshes) == 1 else PART_FACES
+        distances = [ConvexDistance.from_mesh(mesh, max_faces=faces) for mesh in meshes]
+        parts = tuple(_mesh(distance) for distance in distances)
+        hull = parts[0] if len(parts) == 1 else hull_of(parts)
         known = assumed_mass(hull) if mass is None else float(mass)
-        middle = np.asarray(hull.center_mass if centre is None else centre, dtype=float)
-        return cls(hull, distance, middle, known, spread)
+        middle = np.asarray(volume_centre(parts) if centre is None else centre, dtype=float)
+        return cls(parts, hull, ConvexDistance.union(distances), middle, known, spread)
+
+    @property
+    def surface(self) -> "trimesh.Trimesh":
+        """The faces of all parts in one mesh, also those that lie within another part."""
+        return self.hull if len(self.parts) == 1 else _together(self.parts)
+
+
+def _together(parts: "Sequence[trimesh.Trimesh]") -> "trimesh.Trimesh":
+    import trimesh
+
+    counts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
+    faces = [part.faces + first for part, first in zip(parts, counts, strict=True)]
+    corners = np.concatenate([part.vertices for part in parts])
+    return trimesh.Trimesh(corners, np.concatenate(faces), process=False)
+
+
+def _mesh(distance: ConvexDistance) -> "trimesh.Trimesh":
+    import trimesh
+
+    corners = distance.triangles.reshape(-1, 3)
+    mesh = trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3))
+    mesh.merge_vertices()
+    return mesh
+
+
+def hull_of(parts: "Sequence[trimesh.Trimesh]") -> "trimesh.Trimesh":
+    """Return the convex hull of parts."""
+    import trimesh
+
+    return trimesh.convex.convex_hull(np.concatenate([part.vertices for part in parts]))
+
+
+def volume_centre(parts: "Sequence[trimesh.Trimesh]") -> Array:
+    """Return the centre of mass (3,) m of parts of one density; where they overlap, both count."""
+    volumes = np.array([part.volume for part in parts])
+    centres = np.array([part.center_mass for part in parts])
+    return centres[0] if len(parts) == 1 else volumes @ centres / volumes.sum()
 
 
 def assumed_mass(hull: "trimesh.Trimesh") -> float:
-    """Return the mass, kg, that is assumed of an object of which only its hull is known."""
+    """Return the mass, kg, that is assumed of an object from its hull.
+
+    Also where parts are known: what fills little of its hull is seldom packed goods, and denser.
+    """
     return float(np.clip(ASSUMED_DENSITY * hull.volume, *MASS_RANGE))

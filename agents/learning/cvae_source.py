@@ -1,4 +1,4 @@
-"""Learned proposals: latents drawn in one batch, decoded, put on the hull, and judged in one batch."""
+"""Learned proposals: latents drawn in one batch, decoded, put on the surface, and judged in one batch."""
 
 from functools import lru_cache
 from pathlib import Path
@@ -88,7 +88,7 @@ def hull_cloud(target: GraspTarget, count: int, rng: Generator) -> tuple[Array, 
 
     Plain sampling will do where a maximum over points is all that is taken, and costs a tenth of blue noise.
     """
-    triangles = target.distance.triangles
+    triangles = target.distance.triangles if len(target.parts) == 1 else np.asarray(target.hull.triangles)
     sides = triangles[:, 1:] - triangles[:, :1]
     normal = np.cross(sides[:, 0], sides[:, 1])
     doubled = np.linalg.norm(normal, axis=1)
@@ -104,7 +104,7 @@ def hull_cloud(target: GraspTarget, count: int, rng: Generator) -> tuple[Array, 
 def on_surface(
     tips: Array, target: GraspTarget, settings: PlannerSettings
 ) -> tuple[Array, Array, NDArray[np.bool_]]:
-    """Put fingertips (K, 3, 3) on the hull.
+    """Put fingertips (K, 3, 3) on the surface.
 
     Returns:
         Contacts (K, 3, 3), normals (K, 3, 3) as a fingertip feels them (smooth over edges), and which are usable: above

@@ -125,7 +125,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
         "distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"]), "mass": borne,
     }  # fmt: skip
     return GraspRecord(
-        ObjectIdentity(pose.name), next(iter(MOUNTS)), arrays, target.distance.triangles.reshape(-1, 3),
+        ObjectIdentity(pose.name), next(iter(MOUNTS)), arrays, (target.distance.triangles.reshape(-1, 3),),
         thresholds_for(settings), certificate,
     )  # fmt: skip
 

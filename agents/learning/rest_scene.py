@@ -10,7 +10,6 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import NDArray
 
-from agents.geometry.convex import ConvexDistance
 from agents.geometry.samples import surface_samples
 from agents.grasp.target import GraspTarget
 from agents.learning.settings import DatasetSettings
@@ -122,5 +121,5 @@ def placed(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
     planes = old.planes.copy()
     planes[:, :3] = old.planes[:, :3] @ R.T
     planes[:, 3] -= planes[:, :3] @ shift
-    moved = ConvexDistance(np.ascontiguousarray(old.triangles @ R.T + shift), planes, old.error)
+    moved = replace(old, triangles=np.ascontiguousarray(old.triangles @ R.T + shift), planes=planes)
     return replace(grasp_target, distance=moved, centre=R @ grasp_target.centre + shift)

@@ -16,8 +16,9 @@ from dexgrasp_env.arrays import Array
 
 LEAST_DISTANCE = 0.03
 """m between contacts: two fingertips are wider than this."""
+_ROUNDING = 1e-4  # m
 _JUDGED = 30  # times as many feasible triples have their margin computed as are proposed
-_NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
+_NO_CLOSURE, _NO_SURFACE, _NOT_CONVEX = "no_closure_triple", "no_surface_above_table", "not_convex"
 
 
 @dataclass(frozen=True)
@@ -106,15 +107,32 @@ class FirstProposals(ProposalSource):
         return found
 
 
+class ConvexOnly(ProposalSource):
+    """A source that was made for convex objects: it proposes nothing for others."""
+
+    def __init__(self, source: ProposalSource) -> None:
+        """Prepare; `source` is asked for convex objects."""
+        self._source = source
+
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return what the source proposes for an object of one part."""
+        if len(target.parts) > 1:
+            return Proposals.none(_NOT_CONVEX)
+        return self._source.propose(target, settings, rng)
+
+
 def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
     """Sample points (N, 3) m and outward normals (N, 3) that a fingertip can reach above the table.
 
-    The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges.
+    The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges. Where another
+    part is nearer to the fingertip than the point is, it cannot touch there.
     """
-    samples = surface_samples(target.hull, settings.surface_points, rng)
+    samples = surface_samples(target.surface, settings.surface_points, rng)
     centres = samples.points + settings.tip_height * samples.normals
     above = (samples.points[:, 2] > settings.table_clearance) & (
         centres[:, 2] > settings.tip_radius + settings.clearance
     )
     distance, gradient = target.distance.distance_gradient(centres[above])
-    return centres[above] - distance[:, None] * gradient, gradient
+    touching = distance > settings.tip_height - _ROUNDING
+    centres, distance, gradient = centres[above][touching], distance[touching], gradient[touching]
+    return centres - distance[:, None] * gradient, gradient

@@ -14,7 +14,7 @@ from agents.execution.retreat import Retreat
 from agents.grasp.target import GraspTarget
 from agents.planning.many import GraspSet, Progress, check_count, plan_many
 from agents.planning.planner import Plan, Planner, warm_up
-from agents.planning.proposals import FirstProposals, ProposalSource, SurfaceProposals
+from agents.planning.proposals import ConvexOnly, FirstProposals, ProposalSource, SurfaceProposals
 from agents.planning.settings import PlannerSettings
 from agents.policies.seen import normals_of, points_of, start_of
 from agents.unseen.hull import target_of_cloud
@@ -45,7 +45,7 @@ class BilevelAgent(Agent):
 
         Args:
             proposals: `surface` (all triples of surface points), `cvae` (learned), `uniform`, or `auto`: `cvae`, and
-                `surface` for objects of which the network finds no triple in closure.
+                `surface` for objects that are not convex or of which the network finds no triple in closure.
             settings: thresholds and budgets of the planner.
             mount: of the hand.
             with_closure: see `Planner`.
@@ -196,7 +196,7 @@ def make_source(name: str) -> ProposalSource:
         from agents.learning.cvae_source import CvaeProposals
 
         learned = CvaeProposals()
-        return learned if name == "cvae" else FirstProposals(learned, SurfaceProposals())
+        return learned if name == "cvae" else FirstProposals(ConvexOnly(learned), SurfaceProposals())
     raise unknown_name("proposals", name, SOURCES)
 
 

@@ -11,6 +11,7 @@ from agents.unseen.view import ONE_SIDED, UNIT, WRITTEN, View, one_sidedness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.parts import parts_within
 from dexgrasp_env.perception.plane import Plane
 
 if TYPE_CHECKING:
@@ -31,8 +32,11 @@ def target_of_cloud(
         mass: kg; assumed if None.
     """
     hull, spread = completed_hull(points, normals, plane)
+    if hull is None:
+        return None
+    parts = [hull] if spread is not None else parts_within(hull, points, plane)
     try:
-        return None if hull is None else GraspTarget.of(hull, mass=mass, spread=spread)
+        return GraspTarget.of_parts(parts, mass=mass, spread=spread)
     except InputError:
         return None
 

@@ -21,7 +21,7 @@ class Film:
         period: s between states.
         segments: names and first states.
         object: the true object where it is known, else None.
-        hull: (V, 3) m of the hull that was planned on, in the robot base frame.
+        parts: (V, 3) m of each convex part that was planned on, in the robot base frame.
         cloud: (N, 3) m that was seen; may be empty.
         contacts, normals, forces: (3, 3) m, unit out of the object, N on the object.
         friction: of the cones that are drawn.
@@ -34,7 +34,7 @@ class Film:
     object_poses: Array
     period: float
     segments: tuple[tuple[str, int], ...]
-    hull: Array
+    parts: tuple[Array, ...]
     contacts: Array
     normals: Array
     forces: Array

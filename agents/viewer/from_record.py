@@ -38,7 +38,7 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
     return Film(
         title=record.object.name, mount=record.mount, states=states,
         object_poses=carried(states, int(starts[3]), pose, record.mount), period=CONTROL_PERIOD,
-        segments=tuple(zip(pieces, (int(start) for start in starts), strict=True)), hull=record.hull,
+        segments=tuple(zip(pieces, (int(start) for start in starts), strict=True)), parts=record.parts,
         contacts=arrays["contacts"], normals=arrays["normals"], forces=arrays["forces"],
         friction=record.thresholds.friction, object=model, cloud=np.zeros((0, 3)) if cloud is None else cloud,
         facts=_facts(record),

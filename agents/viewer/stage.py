@@ -89,7 +89,7 @@ class Stage:
             mesh = self.film.object.mesh
             vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces)
         else:
-            mesh = _hull_mesh(self.film.hull)
+            mesh = _parts_mesh(self.film.parts)
             vertices, faces = (np.asarray(mesh.vertices) - T[:3, 3]) @ T[:3, :3], np.asarray(mesh.faces)
         self._scene.add_mesh_simple(
             f"{path}/surface",
@@ -110,9 +110,9 @@ class Stage:
         )
 
     def _add_seen(self) -> None:
-        hull = _hull_mesh(self.film.hull)
+        seen = _parts_mesh(self.film.parts)
         self._scene.add_mesh_simple(
-            f"{self._root}/hull planned on", np.asarray(hull.vertices, np.float32), np.asarray(hull.faces, np.uint32),
+            f"{self._root}/hull planned on", np.asarray(seen.vertices, np.float32), np.asarray(seen.faces, np.uint32),
             color=_HULL, wireframe=True, visible=self.film.object is not None,
         )  # fmt: skip
         if len(self.film.cloud):
@@ -145,10 +145,10 @@ class Stage:
             self._scene.add_icosphere(f"{path}/point", radius=0.004, color=colour, position=tuple(points[k]))
 
 
-def _hull_mesh(points: Array) -> Any:
+def _parts_mesh(parts: tuple[Array, ...]) -> Any:
     import trimesh
 
-    return trimesh.Trimesh(points, process=False).convex_hull
+    return trimesh.util.concatenate([trimesh.convex.convex_hull(points) for points in parts])
 
 
 def _cone_rays(contact: Array, normal: Array, friction: float, count: int = 24) -> Array:

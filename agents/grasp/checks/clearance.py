@@ -58,13 +58,15 @@ def cover_clearance(record: GraspRecord, scene: Scene) -> float:
 
 def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float:
     counted = (body >= 2) & ~tree.sphere_is_tip
-    # The farthest plane is a lower bound of the distance: spheres that it keeps clear need no more.
-    faces = scene.hull
-    planes = ((centres[:, None] - faces.triangles[None, :, 0]) * faces.face_normals[None]).sum(-1).max(1)
-    near = np.flatnonzero(counted & (planes - tree.sphere_radius < COVER_FAR))
-    if not len(near):
-        return COVER_FAR
-    return float((closest_on_mesh(scene.hull, centres[near]).distances - tree.sphere_radius[near]).min())
+    least = COVER_FAR
+    for part in scene.parts:
+        # The farthest plane is a lower bound of the distance: spheres that it keeps clear need no more.
+        planes = ((centres[:, None] - part.triangles[None, :, 0]) * part.face_normals[None]).sum(-1).max(1)
+        near = np.flatnonzero(counted & (planes - tree.sphere_radius < COVER_FAR))
+        if len(near):
+            apart = closest_on_mesh(part, centres[near]).distances - tree.sphere_radius[near]
+            least = min(least, float(apart.min()))
+    return least
 
 
 def _table(tree: RobotTree, body: Index, centres: Array) -> float:

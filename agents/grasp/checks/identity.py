@@ -1,4 +1,4 @@
-"""The object: is it the one stated, does it lie where stated, does the assumed mass follow from the hull."""
+"""The object: is it the one stated, does it lie where stated, do assumed mass and centre follow from its shape."""
 
 import numpy as np
 
@@ -25,14 +25,21 @@ def identity_checks(record: GraspRecord, scene: Scene) -> list[Check]:
 
 
 def mass_checks(record: GraspRecord, scene: Scene) -> list[Check]:
-    """Mass and centre of mass are the known ones, or follow from the hull."""
+    """Mass and centre of mass are the known ones, or follow from hull and parts."""
     known, centre = record.object.known_mass, record.object.known_centre
     mass = assumed_mass(scene.hull) if known is None else known
-    middle = scene.hull.center_mass if centre is None else np.array(centre)
+    middle = _middle(scene) if centre is None else np.array(centre)
     return [
         same("mass", abs(record.mass - mass), MASS, "kg"),
         same("centre of mass", float(np.abs(record.arrays["centre"] - middle).max()), LENGTH, "m"),
     ]
+
+
+def _middle(scene: Scene) -> Array:
+    """Centroid (3,) m of the parts' volumes."""
+    volumes = np.array([part.volume for part in scene.parts])
+    centres = np.array([part.center_mass for part in scene.parts])
+    return np.asarray((volumes[:, None] * centres).sum(0) / volumes.sum())
 
 
 def _object_checks(record: GraspRecord, scene: Scene) -> list[Check]:

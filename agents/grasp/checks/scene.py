@@ -1,4 +1,4 @@
-"""The judge's own kinematics and distances: the robot, the hull and the table as MuJoCo has them."""
+"""The judge's own kinematics and distances: the robot, the object's parts and the table as MuJoCo has them."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from agents.geometry.exact import closest_on_mesh
+from agents.geometry.exact import Closest, closest_on_mesh
 from agents.grasp.record import GraspRecord
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.model import robot_spec
@@ -18,15 +18,15 @@ PLINTH_BODIES = 3  # links 0 to 2 stand on the arm's plinth, not over the table
 
 @dataclass(frozen=True)
 class Touch:
-    """Where the three tips of a configuration are, and what of the hull is nearest to each.
+    """Where the three tips of a configuration are, and what of the object's parts is nearest to each.
 
     Attributes:
         tips: (3, 3) m, centres of thumb, index, middle.
         axes: (3, 3) unit, out of each tip.
         pads: (3, 3) unit, out of each pad.
-        distance: (3,) m, of the centres from the hull.
-        points: (3, 3) m on the hull.
-        normals: (3, 3) unit, out of the hull.
+        distance: (3,) m, of the centres from the nearest part.
+        points: (3, 3) m on it.
+        normals: (3, 3) unit, out of it.
         jacobians: (3, 3, 16) of those points, as the distal links carry them, by the hand's joints.
     """
 
@@ -40,23 +40,24 @@ class Touch:
 
 
 class Scene:
-    """Robot, hull and table of one record."""
+    """Robot, object and table of one record."""
 
     def __init__(self, record: GraspRecord) -> None:
-        """Compile them; the object's geom bears the name `object`, the table's `table`."""
-        import trimesh
-
-        self.hull: Any = trimesh.Trimesh(record.hull, process=False).convex_hull
+        """Compile them; the geoms of the object's parts bear the names `object0` on, the table's `table`."""
+        self.parts = [_hull(vertices) for vertices in record.parts]
+        self.hull = self.parts[0] if len(self.parts) == 1 else _hull(record.hull)
         spec = _bare(robot_spec(record.mount))
-        mesh = spec.add_mesh(name="hull")
-        mesh.uservert = np.asarray(self.hull.vertices).ravel()
-        mesh.userface = np.asarray(self.hull.faces).ravel()
-        mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        spec.worldbody.add_geom(name="object", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="hull")
+        for k, part in enumerate(self.parts):
+            mesh = spec.add_mesh(name=f"part{k}")
+            mesh.uservert = np.asarray(part.vertices).ravel()
+            mesh.userface = np.asarray(part.faces).ravel()
+            mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+            spec.worldbody.add_geom(name=f"object{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{k}")
         spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
-        self.object, self.table = self.model.geom("object").id, self.model.geom("table").id
+        self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
+        self.table = self.model.geom("table").id
         self._tip_geoms = {self.model.geom(f"{finger}_tip").id for finger in GRASP_FINGERS}
 
     def place(self, q: Array) -> None:
@@ -65,14 +66,21 @@ class Scene:
         mujoco.mj_forward(self.model, self.data)
 
     def touch(self, q: Array) -> Touch:
-        """Return where the tips of `q` (23,) are on the hull."""
+        """Return where the tips of `q` (23,) are on the object."""
         self.place(q)
         tips = np.array([self.data.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS])
         frames = np.array([self.data.body(f"{finger}_distal").xmat.reshape(3, 3) for finger in GRASP_FINGERS])
-        distance, points, normals = closest_on_mesh(self.hull, tips)
+        distance, points, normals = self.closest(tips)
         return Touch(
             tips, frames[:, :, 2], frames[:, :, 0], distance, points, normals, self.jacobians(points)
         )
+
+    def closest(self, points: Array) -> Closest:
+        """Return what of the parts is closest to points (N, 3) m outside; inside, how deep they lie in the deepest."""
+        found = [closest_on_mesh(part, points) for part in self.parts]
+        nearest = np.argmin([part.distances for part in found], axis=0)
+        each = np.arange(len(points))
+        return Closest(*(np.stack(values)[nearest, each] for values in zip(*found, strict=True)))
 
     def jacobians(self, points: Array) -> Array:
         """Return the Jacobians (3, 3, 16) of points (3, 3) m of the distal links, where the robot is now."""
@@ -95,12 +103,12 @@ class Scene:
         robot = [
             g
             for g in range(self.model.ngeom)
-            if self.model.geom_contype[g] and g not in (self.object, self.table)
+            if self.model.geom_contype[g] and g != self.table and g not in self.object
         ]
         moving = [g for g in robot if self.model.body_weldid[self.model.geom_bodyid[g]] != 0]
         apart = self._tip_geoms if tips_touch else set()
         return {
-            "hand_object": self._least([(g, self.object) for g in moving if g not in apart]),
+            "hand_object": self._least([(g, part) for g in moving if g not in apart for part in self.object]),
             "hand_table": self._least([(g, self.table) for g in moving if not self._on_plinth(g)]),
             "self": self._least(self._pairs(robot)),
         }
@@ -115,7 +123,7 @@ class Scene:
             for k in range(self.data.ncon):
                 contact = self.data.contact[k]
                 pair = {int(contact.geom[0]), int(contact.geom[1])}
-                if self.object in pair and (not with_object or self.table in pair):
+                if pair & self.object and (not with_object or pair <= self.object | {self.table}):
                     continue
                 if self.table in pair and self._on_plinth(next(iter(pair - {self.table}))):
                     continue
@@ -148,6 +156,12 @@ class Scene:
                 if not (welded or neighbours or (one, two) in excluded or (two, one) in excluded):
                     pairs.append((a, b))
         return pairs
+
+
+def _hull(vertices: Array) -> Any:
+    import trimesh
+
+    return trimesh.Trimesh(vertices, process=False).convex_hull
 
 
 def _bare(spec: mujoco.MjSpec) -> mujoco.MjSpec:

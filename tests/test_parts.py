@@ -1,0 +1,89 @@
+"""Convex parts of clouds whose hull would hold much air."""
+
+import numpy as np
+import pytest
+import trimesh
+from planned import hammer
+
+from agents.unseen.hull import target_of_cloud
+from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.parts import MOST_PARTS, parts_within
+from dexgrasp_env.perception.plane import Plane
+
+TABLE = Plane(np.array([0, 0, 1.0]), 0.0, 0.0005, 100)
+
+
+def cloud(*meshes, count=1000, noise=0.0005, seed=0):
+    """What cameras would see: points and normals of the outer surface, from just above the table."""
+    rng = np.random.default_rng(seed)
+    points, faces = trimesh.sample.sample_surface(trimesh.util.concatenate(meshes), 3 * count, seed=seed)
+    normals = trimesh.util.concatenate(meshes).face_normals[faces]
+    within = np.zeros(len(points), bool)
+    for mesh in meshes if len(meshes) > 1 else ():
+        planes = ((points[:, None] - mesh.triangles[None, :, 0]) * mesh.face_normals[None]).sum(-1)
+        within |= planes.max(1) < -1e-6
+    seen = np.flatnonzero(~within & (points[:, 2] > 0.005))[:count]
+    return points[seen] + noise * rng.standard_normal((len(seen), 3)), normals[seen]
+
+
+def parts_of(points):
+    return parts_within(cloud_hull(points, TABLE), points, TABLE)
+
+
+def test_a_hammer_comes_apart_into_what_it_is():
+    solid = hammer()
+    points, normals = cloud(*solid)
+    parts = parts_of(points)
+    true = trimesh.boolean.union(solid)
+    assert 2 <= len(parts) <= MOST_PARTS
+    assert all(part.is_watertight for part in parts)
+    held = sum(part.volume for part in parts)
+    assert held < 1.25 * true.volume < 0.75 * cloud_hull(points, TABLE).volume
+    target = target_of_cloud(points, normals, TABLE)
+    assert np.linalg.norm(target.centre - true.center_mass) < 0.006
+    inside = np.array([0.54, 0.04, 0.02])  # beside the handle: air, though within the hull
+    assert target.distance.distance(inside)[0] > 0.015
+    assert target.hull.contains([inside])[0]
+    assert np.quantile(abs(target.distance.distance(points)), 0.95) < 0.004
+
+
+@pytest.mark.parametrize(
+    "solid",
+    [
+        trimesh.creation.box((0.06, 0.09, 0.12)),
+        trimesh.creation.cylinder(0.033, 0.1),
+        trimesh.creation.icosphere(3, 0.035),
+        trimesh.creation.cone(0.04, 0.08),
+        trimesh.creation.annulus(0.035, 0.04, 0.09),  # hollow: no plane takes its air away
+    ],
+    ids=["box", "can", "ball", "cone", "cup"],
+)
+def test_what_is_convex_or_hollow_stays_whole(solid):
+    solid = solid.copy()
+    solid.apply_translation([0.5, 0.0, -solid.bounds[0, 2]])
+    points, normals = cloud(solid, noise=0.001)
+    hull = cloud_hull(points, TABLE)
+    assert parts_within(hull, points, TABLE) == [hull]
+    target = target_of_cloud(points, normals, TABLE)
+    assert target.parts == (target.hull,)
+
+
+def test_the_same_cloud_gives_the_same_parts():
+    points, _ = cloud(*hammer())
+    for one, other in zip(parts_of(points), parts_of(points.copy()), strict=True):
+        np.testing.assert_array_equal(one.vertices, other.vertices)
+
+
+def test_a_side_that_was_guessed_is_one_hull():
+    points, normals = cloud(*hammer())
+    seen = normals[:, 0] < -0.5
+    target = target_of_cloud(points[seen], normals[seen], TABLE)
+    assert target.spread is not None
+    assert len(target.parts) == 1
+
+
+def test_points_without_volume_have_no_parts_but_their_hull():
+    hull = trimesh.creation.box((0.1, 0.1, 0.1))
+    flat = np.column_stack([np.random.default_rng(0).uniform(0, 0.1, (50, 2)), np.full(50, 0.05)])
+    assert parts_within(hull, flat, None) == [hull]
+    assert parts_within(hull, flat[:3], None) == [hull]
