@@ -17,7 +17,6 @@ def numbers(figures):
         yield figures
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("name", BENCHMARKS)
 def test_it_runs_and_gives_finite_figures(name):
     found = list(numbers(run_benchmark(name, quick=True)))

@@ -36,7 +36,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     Args:
         quick: fewer points and repetitions.
     """
-    count, repeats = (2000, 3) if quick else (20_000, 7)
+    count, repeats = (500, 2) if quick else (20_000, 7)
     return {
         name: _measure(mesh, analytic, count, repeats, 100 if quick else 1000)
         for name, (mesh, analytic) in solids().items()

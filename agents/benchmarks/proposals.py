@@ -25,7 +25,7 @@ from dexgrasp_env.objects.catalogue import OBJECT_SETS
 SOURCES = ("cvae", "surface", "uniform")
 SETS = ("seen", "familiar", "novel")
 _SINGLE = 100  # proposals an object for `each_feasible`
-_QUICK, _FULL = (1, 3), (3, 4)  # scenes an object, seeds a scene
+_QUICK, _FULL = (2, 1, 1), (None, 3, 4)  # objects of a set (all), scenes an object, seeds a scene
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         proposals that become feasible), and over the verified grasps of one scene the mean distance of contact
         centroids (`spread_cm`) and the mean angle between palms (`palm_degrees`).
     """
-    scenes, seeds = _QUICK if quick else _FULL
+    objects, scenes, seeds = _QUICK if quick else _FULL
     first = replace(
         PlannerSettings(), candidates=1, firm_load=0.0
     )  # the first grasp, not the best of several
@@ -58,7 +58,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     for group in SETS:
         subjects = [
             (f"{name}-{k}", target)
-            for name in OBJECT_SETS[group]
+            for name in OBJECT_SETS[group][:objects]
             for k in range(scenes)
             if (target := _perceived(name, 1000 + k)) is not None
         ]

@@ -66,7 +66,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         if quick
         else ("sugar_box", "tomato_soup_can", "mustard_bottle", "massage_ball", "castle")
     )
-    rounds, steps = (5, 60) if quick else (15, 150)
+    rounds, steps = (3, 60) if quick else (15, 150)
     cases: dict[str, Any] = {}
     for name in objects:
         for motion, record in (("random", _record_random), ("grasp", _record_grasp)):
