@@ -153,7 +153,8 @@ def test_impossible_tasks_end_with_a_reason_and_within_the_budget(grasp_target, 
     assert plan.reason
     assert "\n" not in plan.reason
     assert plan.reason in reasons
-    assert plan.tried <= sum(round(b * settings.postures) for b in settings.breadths)
+    rounds = (*settings.breadths, *settings.breadths[-1:] * Planner.patience)
+    assert plan.tried <= sum(round(b * settings.postures) for b in rounds)
     if plan.tried:
         assert sum(count for count, _ in plan.blocked.values()) >= plan.tried
 

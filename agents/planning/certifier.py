@@ -1,6 +1,7 @@
 """A feasible configuration made a grasp: forces that hold, an opening to close from, and the certificate."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 
@@ -12,7 +13,7 @@ from agents.physics.strength import capacity_of
 from agents.planning.claims import certificate_of, contacts_of, least_clearance
 from agents.planning.holding import UNBALANCED, Hold
 from agents.planning.plan import Plan
-from agents.planning.setpoints import OPENINGS, grasp_motion
+from agents.planning.setpoints import OPENINGS, RISES, grasp_motion
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution
 from dexgrasp_env.arrays import Array
@@ -40,7 +41,9 @@ class Certifier:
         if hold.share == 0.0 and self._with_closure:
             plan.block(f"holding_forces: {UNBALANCED}", 1.0)
             return None
-        motion = self._open(solution.q, at.normals, hold.forces, target)
+        # Firm grasps are many. One that is not is worth another way to open.
+        rises = RISES[:1] if hold.merit >= settings.firm_load else RISES
+        motion = self._open(solution.q, at.normals, hold.forces, target, rises)
         if motion is None:
             plan.block("pregrasp_clearance")
             return None
@@ -59,9 +62,11 @@ class Certifier:
         certificate = replace(grasp.certificate, capacity=capacity_of(contacts))
         return replace(grasp, certificate=certificate)
 
-    def _open(self, q: Array, normals: Array, forces: Array, target: GraspTarget) -> GraspMotion | None:
-        for opening in OPENINGS:
-            motion = grasp_motion(q, normals, forces, target, self.tree, self.settings, opening)
+    def _open(
+        self, q: Array, normals: Array, forces: Array, target: GraspTarget, rises: tuple[float, ...]
+    ) -> GraspMotion | None:
+        for rise, opening in product(rises, OPENINGS):
+            motion = grasp_motion(q, normals, forces, target, self.tree, self.settings, opening, rise)
             clear = least_clearance(motion.pregrasp, target, self.tree, tips_touch=False)
             if clear > _OPEN_CLEARANCE:
                 return motion

@@ -1,8 +1,8 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from itertools import islice
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
@@ -34,8 +34,18 @@ class Candidate(NamedTuple):
     hold: Hold
 
 
+def _holds(hold: Hold) -> bool:
+    return hold.holds
+
+
 class Planner:
-    """A planner of one robot; its proposals come from any source."""
+    """A planner of one robot; its proposals come from any source.
+
+    Attributes:
+        patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight.
+    """
+
+    patience: ClassVar[int] = 4
 
     def __init__(
         self, settings: PlannerSettings | None = None, source: ProposalSource | None = None,
@@ -66,7 +76,11 @@ class Planner:
         plan, rng = Plan(), np.random.default_rng(seed)
         clock = Clock(plan)
         pool: list[Candidate] = []
-        for breadth in self.settings.breadths:
+        breadths = self.settings.breadths
+        for k, breadth in enumerate((*breadths, *breadths[-1:] * self.patience)):
+            patient = k >= len(breadths)
+            if patient and (not pool or self._any(pool, _holds, target, start, plan, clock)):
+                break
             if self._out_of_time(plan):
                 break
             settings = self.settings.broadened(breadth)
@@ -74,43 +88,45 @@ class Planner:
             plan.rounds += 1
             clock.lap("proposals")
             plan.reason = proposals.failure
-            if self._firm(proposals, target, settings, start, plan, clock, pool):
+            if self._firm(proposals, target, settings, start, plan, clock, pool, patient):
                 return plan
-        if not self._any(pool, 0.0, target, start, plan, clock):
+        if plan.grasp is None and not self._any(pool, lambda _: True, target, start, plan, clock):
             plan.reason = plan.commonest() or plan.reason or NO_POSTURE
         return plan
 
     def _firm(
         self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, start: Array | None, plan: Plan,
-        clock: Clock, pool: list[Candidate],
+        clock: Clock, pool: list[Candidate], patient: bool,
     ) -> bool:  # fmt: skip
         """Whether proposals gave a firm grasp that can be carried out; what is feasible but weaker goes to `pool`.
 
-        Postures come firmest first, so that a batch without a firm one is the last that is looked at.
+        Postures come firmest first, so that a batch without a firm one is the last that is looked at, unless `patient`.
         """
+        firm = self.settings.firm_load
         solutions = self.solutions(proposals, target, settings, plan, clock)
         for batch in iter(lambda: list(islice(solutions, settings.candidates)), []):
             held = [Candidate(at, firmest_hold(at.q, target, self.tree, self.settings)) for at in batch]
             clock.lap("certificate")
             pool += held
-            if self._any(pool, settings.firm_load, target, start, plan, clock):
+            if self._any(pool, lambda hold: hold.merit >= firm, target, start, plan, clock):
                 return True
-            if max(candidate.hold.merit for candidate in held) < settings.firm_load:
+            if not patient and max(candidate.hold.merit for candidate in held) < firm:
                 return False
         return False
 
     def _any(
         self,
         pool: list[Candidate],
-        least: float,
+        enough: Callable[[Hold], bool],
         target: GraspTarget,
         start: Array | None,
         plan: Plan,
         clock: Clock,
     ) -> bool:
-        """Whether a candidate of at least this merit can be carried out; the firmest goes into `plan`, failures out."""
-        pool.sort(key=lambda candidate: -candidate.hold.merit)
-        while pool and pool[0].hold.merit >= least:
+        """Whether a candidate that is good enough can be carried out; the first goes into `plan`, failures out."""
+        # What holds the weight comes before what does not, though its merit with less friction may be lower.
+        pool.sort(key=lambda candidate: (not candidate.hold.holds, -candidate.hold.merit))
+        while pool and enough(pool[0].hold):
             solution, hold = pool.pop(0)
             grasp = self.certifier.certify(solution, hold, target, plan)
             clock.lap("certificate")

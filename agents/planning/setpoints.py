@@ -13,6 +13,8 @@ from dexgrasp_env.robot.limits import HAND_STIFFNESS
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
+RISES = (0.0, 0.006)
+"""m that they rise besides: none, or off the table, where contacts are low."""
 
 
 def grasp_motion(
@@ -23,6 +25,7 @@ def grasp_motion(
     tree: RobotTree,
     settings: PlannerSettings,
     opening: float,
+    rise: float = 0.0,
 ) -> GraspMotion:
     """Return the set-points of a grasp.
 
@@ -37,13 +40,14 @@ def grasp_motion(
         tree: the robot.
         settings: of the planner.
         opening: m that the tips back off before they close.
+        rise: m that they come down as they close.
     """
     tips = fingertips(q, tree)
     distance, _ = target.distance.distance_gradient(tips)
     touching, pregrasp = q.copy(), q.copy()
     to_surface = (settings.tip_radius - distance)[:, None] * normals
     solve_tips(touching, tips + to_surface, tree, 30, 1e-5, True)
-    solve_tips(pregrasp, tips + to_surface + opening * normals, tree, 40, 1e-4, True)
+    solve_tips(pregrasp, tips + to_surface + opening * normals + [0.0, 0.0, rise], tree, 40, 1e-4, True)
     contacts = tips - distance[:, None] * normals
     J = tip_jacobian(tree, body_frames(touching, tree), contacts)[:, :, 7:]
     torque = np.einsum("frj,fr->j", J, forces)

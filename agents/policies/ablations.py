@@ -6,6 +6,7 @@ to `LATENTS` of them. What is rejected differs: see the agents.
 
 from collections.abc import Iterator
 from dataclasses import replace
+from typing import ClassVar
 
 import numpy as np
 
@@ -79,6 +80,8 @@ class CvaeKinematicsAgent(BilevelAgent):
 
 class LatentPlanner(Planner):
     """Tries latents one after the other and carries out the first that nothing rejects."""
+
+    patience: ClassVar[int] = 0
 
     def __init__(self, settings: PlannerSettings, mount: str) -> None:
         """Prepare; of `settings`, what bounds and ranks the search does not count."""
