@@ -8,11 +8,13 @@ import trimesh
 
 from agents.execution.collision import CollisionChecker
 from agents.grasp.target import GraspTarget
+from agents.kinematics.forward import fingertips
 from agents.kinematics.tree import robot_tree
 from agents.planning.constraints import evaluate
 from agents.planning.planner import Planner
 from agents.planning.postures import atlas_postures
 from agents.planning.proposals import SurfaceProposals, UniformProposals
+from agents.planning.setpoints import grasp_motion
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
@@ -128,6 +130,30 @@ def test_approach_keeps_clear_of_the_object(plan):
     checker = CollisionChecker(TREE, BOX.distance, margin=0.0)
     assert checker.first_contact(plan.script.targets[: first["close"]]) is None
     assert ((plan.script.targets >= LOWER - 1e-9) & (plan.script.targets <= UPPER + 1e-9)).all()
+
+
+def test_a_heavy_flat_bar_is_searched_for_until_a_grasp_bears_it():
+    bar = lying((0.12, 0.03, 0.032))
+    heavy = GraspTarget.of(bar.hull, mass=1.5)
+    hasty = Planner()
+    hasty.patience = 0
+    weak, strong = hasty.plan(heavy, 0, HOME), Planner().plan(heavy, 0, HOME)
+    assert weak.grasp is not None  # better than none
+    assert not weak.grasp.certificate.holds
+    assert strong.grasp is not None
+    assert strong.grasp.certificate.holds
+    assert strong.rounds > weak.rounds
+
+
+def test_a_hand_may_open_upwards(plan):
+    grasp = plan.grasp
+    level, risen = (
+        grasp_motion(grasp.q, grasp.normals, grasp.forces, BOX, TREE, SETTINGS, 0.018, rise)
+        for rise in (0.0, 0.006)
+    )
+    up = fingertips(risen.pregrasp, TREE) - fingertips(level.pregrasp, TREE)
+    np.testing.assert_allclose(up, np.tile([0.0, 0.0, 0.006], (3, 1)), atol=0.001)
+    np.testing.assert_array_equal(risen.squeeze, level.squeeze)
 
 
 def test_a_plan_without_start_has_no_script():
