@@ -4,8 +4,8 @@
     python scripts/replay_exports.py runs/lift --out runs/replays.jsonl
 
 Each grasp is written as `export --format mjcf` does, read back by `check`, and played once in MuJoCo with the object
-3 mm off in a random direction and turned by 1 degree; its trial of the evaluation is the closed loop. Goes on where it
-stopped.
+3 mm off in a random direction and turned by 1 degree; its trial of the evaluation is the closed loop. With `--bullet`
+it is played in Bullet as well, the object off by the same. Goes on where it stopped.
 """
 
 import argparse
@@ -23,6 +23,7 @@ from json_log import JsonLog
 
 from agents.evaluation.statistics import wilson_interval
 from agents.evaluation.store import read_rows
+from agents.export.bullet import replay_in_bullet
 from agents.export.check import check_trajectory
 from agents.export.grasp_export import export_grasp
 from agents.export.read import read_trajectory
@@ -36,7 +37,7 @@ def _rng(seed: int, row: dict[str, Any]) -> np.random.Generator:
     return np.random.default_rng([seed, row["trial"], zlib.crc32(row["object"].encode())])
 
 
-def one(run: Path, row: dict[str, Any], seed: int) -> dict[str, Any]:
+def one(run: Path, row: dict[str, Any], seed: int, bullet: bool = False) -> dict[str, Any]:
     """Return what became of the grasp of one trial."""
     found = {"grasp": row["grasp"], "object": row["object"], "closed": row["success"]}
     record = read_grasp(run / row["grasp"])
@@ -48,6 +49,9 @@ def one(run: Path, row: dict[str, Any], seed: int) -> dict[str, Any]:
         recording = read_trajectory(Path(folder))
         findings = check_trajectory(recording, record.mount)
         played = replay(recording, Path(folder) / "scene.xml", _rng(seed, row))
+        if bullet:
+            second = replay_in_bullet(recording, Path(folder) / "scene.xml", _rng(seed, row))
+            found |= {"bullet": second.success, "bullet_height": second.height}
     shares = {f.name: f.value for f in findings if "share" in f.name}
     failed = [f.name for f in findings if not f.holds]
     return found | {"failed": failed, "open": played.success, "height": played.height, "shares": shares}
@@ -56,11 +60,15 @@ def one(run: Path, row: dict[str, Any], seed: int) -> dict[str, Any]:
 def summary(rows: list[dict[str, Any]]) -> str:
     """Return the counts with Wilson's intervals."""
     lines = []
-    for name, good in (
+    counts = [
         ("within all limits and free", [not row["failed"] and "error" not in row for row in rows]),
         ("held, open loop, 3 mm and 1 deg off", [row["open"] for row in rows]),
         ("held, closed loop", [row["closed"] for row in rows]),
-    ):
+    ]
+    if any("bullet" in row for row in rows):
+        both = [row.get("bullet", False) for row in rows if "bullet" in row or "error" in row]
+        counts.append(("held, open loop, the same in Bullet", both))
+    for name, good in counts:
         low, high = wilson_interval(sum(good), len(good))
         lines.append(f"{name:<38} {sum(good)}/{len(good)} = {np.mean(good):.1%} [{low:.1%}, {high:.1%}]")
     worst: dict[str, float] = {}
@@ -83,13 +91,14 @@ def main() -> int:
     parser.add_argument(
         "--trials", type=int, metavar="N", help="the first N of each object alone (default all)"
     )
+    parser.add_argument("--bullet", action="store_true", help="in Bullet as well (the extra `bullet`)")
     args = parser.parse_args()
     own = [row for row in read_rows(args.run) if row["agent"] == args.agent and row.get("grasp")]
     trials = [row for row in own if args.trials is None or row["trial"] < args.trials]
     with JsonLog(args.out, "grasp") as log, tqdm(total=len(trials), unit="export") as bar:
         for trial in trials:
             if trial["grasp"] not in log.rows:
-                log.add(one(args.run, trial, args.seed))
+                log.add(one(args.run, trial, args.seed, args.bullet))
             bar.update()
     rows = list(log.rows.values())
     print(summary(rows))

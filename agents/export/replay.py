@@ -14,8 +14,10 @@ OFFSET = 0.003
 """m that the object is off, in a random direction."""
 TURN = np.radians(1.0)
 """rad that it is turned about its centre, about a random axis."""
-_HOLD = 3.0  # s that the object must stay up after the lift
-_HEIGHT = 0.10  # m
+HOLD = 3.0
+"""s that the object must stay up after the lift."""
+HEIGHT = 0.10
+"""m that it must stay up."""
 
 
 @dataclass(frozen=True)
@@ -39,25 +41,30 @@ def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = 
     """
     import mujoco
 
-    model, data = _load(scene)
+    model, data = load_scene(scene)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     free = int(model.joint("object").qposadr[0])
     if rng is not None:
-        _displace(data.qpos[free : free + 7], rng)
-    data.qpos[:23] = data.ctrl[:] = _state(recording, 0.0)
+        displace(data.qpos[free : free + 7], rng)
+    data.qpos[:23] = data.ctrl[:] = set_points(recording, 0.0)
     body = model.body("object").id
     mujoco.mj_forward(model, data)
     start, least = float(data.xpos[body, 2]), np.inf
     end = float(recording.arm.times[-1])
-    while data.time < end + _HOLD:
-        data.ctrl[:] = _state(recording, data.time)
+    while data.time < end + HOLD:
+        data.ctrl[:] = set_points(recording, data.time)
         mujoco.mj_step(model, data)
         if data.time >= end:
             least = min(least, float(data.xpos[body, 2]) - start)
-    return Replay(least >= _HEIGHT, least)
+    return Replay(least >= HEIGHT, least)
 
 
-def _load(scene: Path) -> tuple[Any, Any]:
+def load_scene(scene: Path) -> tuple[Any, Any]:
+    """Return MuJoCo's model and data of a `scene.xml`.
+
+    Raises:
+        InputError: if it does not load, or is no scene of a trajectory.
+    """
     import mujoco
 
     try:
@@ -70,7 +77,7 @@ def _load(scene: Path) -> tuple[Any, Any]:
     return model, mujoco.MjData(model)
 
 
-def _state(recording: Recording, time: float) -> Array:
+def set_points(recording: Recording, time: float) -> Array:
     """The set-points that the controllers hold at a time: each takes its last row."""
     return np.concatenate([_held(recording.arm, time), _held(recording.hand, time)])
 
@@ -81,7 +88,7 @@ def _held(rows: Rows, time: float) -> Array:
     ]
 
 
-def _displace(pose: Array, rng: np.random.Generator) -> None:
+def displace(pose: Array, rng: np.random.Generator) -> None:
     """Move a free joint's pose (7,), in place, by the error that is stated."""
     import mujoco
 

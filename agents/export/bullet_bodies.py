@@ -1,0 +1,183 @@
+"""The bodies of an exported scene in Bullet, from the model that MuJoCo compiled: shapes, inertias, joints, friction.
+
+Bullet has no rotor inertia at the joints: that of the scene is added to the link's own about the joint's axis. It slows
+motions, and has no part in the forces of a grasp at rest.
+"""
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
+
+Pose = tuple[Array, Array]
+"""A position (3,), m, and a unit quaternion (4,) wxyz."""
+# No drag, no bounce, and convex hulls as they are: Bullet would swell them by a millimetre. NB: with drag or margin
+# named, `changeDynamics` sets the base, whatever link it is given.
+_EXACT = {"linearDamping": 0.0, "angularDamping": 0.0, "restitution": 0.0, "collisionMargin": 0.0}
+_WORLD: Pose = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
+
+
+def add_bodies(client: Any, model: mujoco.MjModel) -> tuple[int, int]:
+    """Put table, robot and object into a Bullet world.
+
+    Args:
+        client: PyBullet's functions, for one world.
+        model: of an exported scene.
+
+    Returns:
+        The ids of the robot, whose link k is body k + 2 of the model, and of the object, whose frame is its inertia's.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        table = model.body("table").id
+        _add_free(client, model, table, Path(folder), fixed=True)
+        robot = _add_robot(client, model, table, Path(folder))
+        held = _add_free(client, model, model.body("object").id, Path(folder), fixed=False)
+    return robot, held
+
+
+def _add_free(client: Any, model: mujoco.MjModel, body: int, folder: Path, *, fixed: bool) -> int:
+    """The table or the object, in its inertial frame. Bullet multiplies frictions: the object has 1, the rest mu."""
+    frame = (model.body_ipos[body], model.body_iquat[body])
+    shape = _collision_shape(client, model, body, folder, frame)
+    place = compose((model.body_pos[body], model.body_quat[body]), frame)
+    mass = 0.0 if fixed else float(model.body_mass[body])
+    made = client.createMultiBody(
+        mass, shape, basePosition=place[0].tolist(), baseOrientation=_xyzw(place[1])
+    )
+    friction = _friction(model, body) if fixed else 1.0
+    client.changeDynamics(made, -1, lateralFriction=friction, **_EXACT)
+    if not fixed:
+        client.changeDynamics(made, -1, localInertiaDiagonal=model.body_inertia[body].tolist())
+    return int(made)
+
+
+def _add_robot(client: Any, model: mujoco.MjModel, end: int, folder: Path) -> int:
+    """The bodies 1 to `end` - 1: the first is the base, which is the world's frame."""
+    links = range(2, end)
+    inertials = {body: _with_rotor(model, body) for body in links}
+    robot = client.createMultiBody(
+        0.0, _collision_shape(client, model, 1, folder, _WORLD),
+        basePosition=model.body_pos[1].tolist(), baseOrientation=_xyzw(model.body_quat[1]),
+        linkMasses=[float(model.body_mass[b]) for b in links],
+        linkCollisionShapeIndices=[_collision_shape(client, model, b, folder, _WORLD) for b in links],
+        linkVisualShapeIndices=[-1 for _ in links],
+        linkPositions=[model.body_pos[b].tolist() for b in links],
+        linkOrientations=[_xyzw(model.body_quat[b]) for b in links],
+        linkInertialFramePositions=[model.body_ipos[b].tolist() for b in links],
+        linkInertialFrameOrientations=[_xyzw(inertials[b][1]) for b in links],
+        linkParentIndices=[int(model.body_parentid[b]) - 1 for b in links],
+        linkJointTypes=[client.JOINT_REVOLUTE if model.body_jntnum[b] else client.JOINT_FIXED for b in links],
+        linkJointAxis=[_axis(model, b).tolist() for b in links],
+        flags=client.URDF_USE_SELF_COLLISION,
+    )  # fmt: skip
+    # NB: first, as Bullet's inverse dynamics refuses a rotor's inertia, but keeps the links that it has seen.
+    still = [0.0] * int(np.count_nonzero(model.body_jntnum[1:end]))
+    client.calculateInverseDynamics(robot, still, still, still)
+    client.changeDynamics(robot, -1, lateralFriction=_friction(model, 1), **_EXACT)
+    for body in links:
+        client.changeDynamics(
+            robot, body - 2, lateralFriction=_friction(model, body), restitution=0.0, jointDamping=0.0,
+            localInertiaDiagonal=inertials[body][0].tolist(),
+        )  # fmt: skip
+        if model.body_jntnum[body]:
+            lower, upper = model.jnt_range[model.body_jntadr[body]].tolist()
+            client.changeDynamics(robot, body - 2, jointLowerLimit=lower, jointUpperLimit=upper)
+    for first, second in _strangers(model, end):
+        client.setCollisionFilterPair(robot, robot, first - 2, second - 2, 0)
+    return int(robot)
+
+
+def _friction(model: mujoco.MjModel, body: int) -> float:
+    """Sliding coefficient of what collides of a body."""
+    colliding = (model.geom_bodyid == body) & (model.geom_contype > 0)
+    return float(model.geom_friction[colliding][0, 0])
+
+
+def _axis(model: mujoco.MjModel, body: int) -> Array:
+    return model.jnt_axis[model.body_jntadr[body]] if model.body_jntnum[body] else np.array([0.0, 0.0, 1.0])
+
+
+def _with_rotor(model: mujoco.MjModel, body: int) -> tuple[Array, Array]:
+    """Principal moments (3,) and their frame (wxyz) of a link and its joint's rotor."""
+    R = quat_to_matrix(model.body_iquat[body])
+    inertia = R @ np.diag(model.body_inertia[body]) @ R.T
+    if model.body_jntnum[body]:
+        axis = _axis(model, body)
+        inertia += float(model.dof_armature[model.body_dofadr[body]]) * np.outer(axis, axis)
+    moments, frame = np.linalg.eigh(inertia)
+    return moments, matrix_to_quat(frame * [1.0, 1.0, np.sign(np.linalg.det(frame))])
+
+
+def _strangers(model: mujoco.MjModel, end: int) -> list[tuple[int, int]]:
+    """Pairs of the robot's bodies that never touch, as MuJoCo has it: excluded, neighbours, welded together."""
+    excluded = {(int(code) >> 16, int(code) & 0xFFFF) for code in model.exclude_signature}
+    weld, above = model.body_weldid, model.body_weldid[model.body_parentid[model.body_weldid]]
+
+    def apart(a: int, b: int) -> bool:
+        near = weld[a] and weld[b] and (weld[a] == above[b] or weld[b] == above[a])
+        return bool(weld[a] == weld[b] or near or (a, b) in excluded or (b, a) in excluded)
+
+    return [(a, b) for a in range(1, end) for b in range(a + 1, end) if apart(a, b)]
+
+
+def _collision_shape(client: Any, model: mujoco.MjModel, body: int, folder: Path, frame: Pose) -> int:
+    """All that collides of a body as one shape, seen from a frame of the body."""
+    geoms = [int(g) for g in np.flatnonzero(model.geom_bodyid == body) if model.geom_contype[g]]
+    sizes = model.geom_size
+    kinds = {
+        mujoco.mjtGeom.mjGEOM_SPHERE: client.GEOM_SPHERE, mujoco.mjtGeom.mjGEOM_CAPSULE: client.GEOM_CAPSULE,
+        mujoco.mjtGeom.mjGEOM_CYLINDER: client.GEOM_CYLINDER, mujoco.mjtGeom.mjGEOM_BOX: client.GEOM_BOX,
+        mujoco.mjtGeom.mjGEOM_MESH: client.GEOM_MESH,
+    }  # fmt: skip
+    places = [compose(inverse(frame), (model.geom_pos[g], model.geom_quat[g])) for g in geoms]
+    return int(
+        client.createCollisionShapeArray(
+            shapeTypes=[kinds[mujoco.mjtGeom(model.geom_type[g])] for g in geoms],
+            radii=[float(sizes[g, 0]) for g in geoms],
+            lengths=[2.0 * float(sizes[g, 1]) for g in geoms],
+            halfExtents=[sizes[g].tolist() for g in geoms],
+            fileNames=[_mesh_file(model, g, folder) for g in geoms],
+            meshScales=[[1.0, 1.0, 1.0] for _ in geoms],
+            collisionFramePositions=[position.tolist() for position, _ in places],
+            collisionFrameOrientations=[_xyzw(quat) for _, quat in places],
+        )
+    )
+
+
+def _mesh_file(model: mujoco.MjModel, geom: int, folder: Path) -> str:
+    """Write a mesh, of which both simulators take the convex hull; '' for other shapes."""
+    if model.geom_type[geom] != mujoco.mjtGeom.mjGEOM_MESH:
+        return ""
+    mesh = int(model.geom_dataid[geom])
+    corner, face = int(model.mesh_vertadr[mesh]), int(model.mesh_faceadr[mesh])
+    lines = [
+        f"v {x:.9f} {y:.9f} {z:.9f}\n"
+        for x, y, z in model.mesh_vert[corner : corner + model.mesh_vertnum[mesh]]
+    ]
+    lines += [
+        f"f {a + 1} {b + 1} {c + 1}\n" for a, b, c in model.mesh_face[face : face + model.mesh_facenum[mesh]]
+    ]
+    path = folder / f"{geom}.obj"
+    path.write_text("".join(lines))
+    return str(path)
+
+
+def _xyzw(quat_wxyz: Array) -> list[float]:
+    w, x, y, z = quat_wxyz.tolist()
+    return [x, y, z, w]
+
+
+def compose(a: Pose, b: Pose) -> Pose:
+    """Return the pose of b's frame, which is stated in a's."""
+    return a[0] + rotate(a[1], b[0]), quat_multiply(a[1], b[1])
+
+
+def inverse(a: Pose) -> Pose:
+    """Return the pose of the outer frame in the inner one."""
+    back = quat_conjugate(a[1])
+    return -rotate(back, a[0]), back
