@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from agents.export.bullet import World, replay_in_bullet
+from agents.export.bullet import STEP, World, replay_in_bullet
 from agents.export.read import Recording, Rows
 from agents.export.scene_folder import write_scene
 from dexgrasp_env.errors import InputError
@@ -87,7 +87,7 @@ def test_objects_touch_the_table_where_their_surface_is(name):
     pytest.importorskip("pybullet")
     _, world, pose = world_of(name, lift=0.0005)
     with contextlib.closing(world):
-        for _ in range(600):
+        for _ in range(round(0.2 / STEP)):
             world.step(HOME)
         assert world.height() == pytest.approx(pose[2] - 0.0005, abs=1e-4)
 
@@ -100,7 +100,7 @@ def test_friction_is_the_scenes(slope):
     across, down = 9.81 * np.array([slope, 1.0]) / np.hypot(1.0, slope)
     with contextlib.closing(world):
         world.client.setGravity(0.0, across, -down)
-        for _ in range(600):
+        for _ in range(round(0.3 / STEP)):
             world.client.stepSimulation()
         position, _ = world.client.getBasePositionAndOrientation(world.object)
     assert position[1] - pose[1] == pytest.approx(0.5 * max(0.0, across - 0.7 * down) * 0.3**2, abs=5e-4)

@@ -14,9 +14,9 @@ from agents.export.replay import HEIGHT, HOLD, Replay, displace, load_scene, set
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.extras import require_extra
 
-_STEP = 0.0005
-"""s, of the physics: Bullet takes the torques of the arm's stiff dampers explicitly; half of it changes no height by
-0.1 mm."""
+STEP = 0.00025
+"""s, of the physics: Bullet takes the torques of the wrist's stiff dampers explicitly. At 0.5 ms they chatter and shake
+heavy objects out of the hand."""
 _PENETRATION_TIME = 0.02
 """s in which bodies that overlap are pushed apart, as the scene's contacts have it."""
 _ITERATIONS = 100
@@ -67,7 +67,7 @@ class World:
         self._model = model
         client.setGravity(*model.opt.gravity.tolist())
         client.setPhysicsEngineParameter(
-            fixedTimeStep=_STEP, numSolverIterations=_ITERATIONS, contactERP=_STEP / _PENETRATION_TIME,
+            fixedTimeStep=STEP, numSolverIterations=_ITERATIONS, contactERP=STEP / _PENETRATION_TIME,
             enableConeFriction=1,
         )  # fmt: skip
         self.robot, self.object = add_bodies(client, model)
@@ -104,8 +104,8 @@ class World:
         """Carry a trajectory out, hold, and say what came of it."""
         start, least, time = self.height(), np.inf, 0.0
         end = float(recording.arm.times[-1])
-        for step in range(round((end + HOLD) / _STEP)):
-            time = step * _STEP
+        for step in range(round((end + HOLD) / STEP)):
+            time = step * STEP
             self.step(set_points(recording, time))
             if time >= end:
                 least = min(least, self.height() - start)
