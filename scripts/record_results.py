@@ -60,8 +60,20 @@ def render(content: Mapping[str, Any]) -> str:
     if not several:
         body.append(["all", *(_cell(agent) for agent in agents.values())])
     table = markdown_table((kind, *(f"`{name}`" for name in agents)), body)
-    made = "\n".join(f"`{command}`  " for command in content["commands"]).rstrip()
+    made = "\n".join(f"{words}  " for words in _together(content["commands"])).rstrip()
     return f"**{content['title']}** {content['note']}\n\n{table}\n\n{made}\n"
+
+
+def _together(commands: Sequence[str]) -> list[str]:
+    """Return commands as pages show them; those that differ in the seed alone are one, with S for it."""
+    alike: dict[str, list[tuple[str, str]]] = {}
+    for command in commands:
+        seed = command.partition("--seed ")[2].split()[0]
+        alike.setdefault(re.sub(rf"(?<!\d){seed}(?!\d)", "S", command), []).append((seed, command))
+    return [
+        f"`{own[0][1]}`" if len(own) == 1 else f"`{words}`, S = {', '.join(seed for seed, _ in own)}"
+        for words, own in alike.items()
+    ]
 
 
 def _cell(cell: Mapping[str, Any] | None) -> str:

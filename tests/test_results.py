@@ -33,6 +33,14 @@ def test_rates_follow_from_counts():
                 assert cell["ci95"][0] <= cell["rate"] <= cell["ci95"][1]
 
 
+def test_commands_that_differ_in_their_seed_are_shown_once():
+    commands = [f"evaluate --trials 3 --seed {seed} --out runs/robust_{seed}" for seed in (1000, 1001)]
+    assert record_results._together(commands) == [
+        "`evaluate --trials 3 --seed S --out runs/robust_S`, S = 1000, 1001"
+    ]
+    assert record_results._together(commands[:1]) == [f"`{commands[0]}`"]
+
+
 def row(load, success):
     return {"success": success, "details": {"certificate": {"load": load}}}
 
