@@ -2,6 +2,7 @@
 
 import json
 import shutil
+from dataclasses import replace
 
 import mujoco
 import numpy as np
@@ -9,11 +10,13 @@ import pytest
 
 from agents.export.check import check_trajectory
 from agents.export.formats import moveit_grasp, write_csv, write_json, write_ros2
+from agents.export.grasp_export import export_grasp
 from agents.export.read import read_trajectory
 from agents.export.replay import replay
 from agents.export.scene_folder import write_scene
 from agents.export.time_law import Limits, largest_shares, timed
 from agents.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
+from agents.grasp.file import record_of
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import load_object
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
@@ -206,3 +209,17 @@ def test_a_scene_that_is_none_is_one_line(trajectory, folder):
     (folder / "scene.xml").write_text("<mujoco/>")
     with pytest.raises(InputError):
         replay(read_trajectory(folder), folder / "scene.xml")
+
+
+def test_a_way_between_the_parts_of_an_object_touches_nothing(contents, tmp_path):
+    export_grasp(record_of(contents["hammer"]), tmp_path, "csv")
+    recording = read_trajectory(tmp_path)
+    assert len(recording.facts["parts"]) == 2
+
+    def reached(facts):
+        findings = check_trajectory(replace(recording, facts=facts), "palm_normal")
+        return next(f for f in findings if "the object" in f.name)
+
+    assert reached(recording.facts).holds
+    hull = {key: value for key, value in recording.facts.items() if key != "parts"}  # as files had it before
+    assert reached(hull).value < reached(recording.facts).value

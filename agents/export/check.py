@@ -34,6 +34,7 @@ _TIME = 1e-9  # s
 _STEP = 0.02  # s between states that are looked at for collisions
 _CLEAR = -1e-4  # m: deeper than this is a collision
 _FAR = 0.05  # m: distances beyond are not measured
+_OBJECT = "object"  # what the geoms of the object are called, with a number
 
 
 @dataclass(frozen=True)
@@ -110,8 +111,7 @@ def _collisions(recording: Recording, mount: str) -> list[Finding]:
     """Distances of the true collision shapes: robot to itself and to the table, and to the object while approaching."""
     import mujoco
 
-    hull = _hull(recording.facts)
-    model, data = _model(mount, hull)
+    model, data = _model(mount, _parts(recording.facts))
     states, approaching = _states(recording)
     pairs = _pairs(model)
     least = dict.fromkeys(pairs, _FAR)
@@ -136,29 +136,30 @@ def _collisions(recording: Recording, mount: str) -> list[Finding]:
     ]
 
 
-def _hull(facts: dict[str, Any]) -> Array | None:
+def _parts(facts: dict[str, Any]) -> list[Array]:
+    """Vertices of the object's convex parts, of its hull in files without parts; none where they make no sense."""
+    stated = facts.get("parts", [facts.get("hull")])
     try:
-        hull = np.asarray(facts.get("hull"), dtype=float)
+        parts = [np.asarray(part, dtype=float) for part in stated]
     except (TypeError, ValueError):
-        return None
-    return (
-        hull
-        if hull.ndim == 2 and hull.shape[1:] == (3,) and len(hull) >= 4 and np.isfinite(hull).all()
-        else None
-    )
+        return []
+    whole = all(p.ndim == 2 and p.shape[1:] == (3,) and len(p) >= 4 and np.isfinite(p).all() for p in parts)
+    return parts if whole else []
 
 
-def _model(mount: str, hull: Array | None) -> tuple[Any, Any]:
+def _model(mount: str, parts: list[Array]) -> tuple[Any, Any]:
     import mujoco
 
     from dexgrasp_env.robot.model import robot_spec
 
     spec = robot_spec(mount)
     spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
-    if hull is not None:
-        mesh = spec.add_mesh(name="hull", uservert=hull.ravel())
+    for k, part in enumerate(parts):
+        mesh = spec.add_mesh(name=f"{_OBJECT}{k}", uservert=part.ravel())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-        spec.worldbody.add_geom(name="object", type=mujoco.mjtGeom.mjGEOM_MESH, meshname="hull")
+        spec.worldbody.add_geom(
+            name=f"{_OBJECT}{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"{_OBJECT}{k}"
+        )
     model = spec.compile()
     return model, mujoco.MjData(model)
 
@@ -182,10 +183,12 @@ def _states(recording: Recording) -> tuple[Array, list[bool]]:
 def _pairs(model: Any) -> dict[str, list[tuple[int, int]]]:
     """Geom pairs by what they are of; those that MuJoCo would not collide are left out."""
     names = {g: model.geom(g).name for g in range(model.ngeom)}
-    own = [g for g in range(model.ngeom) if model.geom_contype[g] and names[g] not in ("table", "object")]
+    own = [
+        g for g in range(model.ngeom) if model.geom_contype[g] and not names[g].startswith(("table", _OBJECT))
+    ]
     moving = [g for g in own if model.body_weldid[model.geom_bodyid[g]] != 0]
     far = [g for g in moving if not names[g].startswith(("panda_link1", "panda_link2"))]
-    table, target = model.geom("table").id, [g for g, name in names.items() if name == "object"]
+    table, target = model.geom("table").id, [g for g, name in names.items() if name.startswith(_OBJECT)]
     excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature}
     return {
         "self": [pair for pair in combinations(own, 2) if _may_collide(model, *pair, excluded)],
