@@ -13,9 +13,7 @@ Rows = dict[str, list[Mapping[str, Any]]]
 """Agent, as a report calls it -> its trials."""
 
 _OWN = ("agents", "seed")  # what evaluations of one sample may differ in
-
-
-_NAMES = ("agent", "object", "protocol", "reason")
+_NAMES = ("agent", "object", "protocol", "reason")  # of a trial, that reports write and draw
 
 
 def rows_by_agent(folders: Sequence[Path]) -> Rows:

@@ -137,14 +137,17 @@ def _collisions(recording: Recording, mount: str) -> list[Finding]:
 
 
 def _parts(facts: dict[str, Any]) -> list[Array]:
-    """Vertices of the object's convex parts, of its hull in files without parts; none where they make no sense."""
-    stated = facts.get("parts", [facts.get("hull")])
+    """Vertices of the object's convex parts, which the hull holds one after the other; none where senseless."""
     try:
-        parts = [np.asarray(part, dtype=float) for part in stated]
-    except (TypeError, ValueError):
+        hull = np.asarray(facts.get("hull"), dtype=float)
+        sizes = np.asarray(facts.get("part_sizes") or [len(hull)], dtype=int)
+    except (TypeError, ValueError, OverflowError):
         return []
-    whole = all(p.ndim == 2 and p.shape[1:] == (3,) and len(p) >= 4 and np.isfinite(p).all() for p in parts)
-    return parts if whole else []
+    if hull.ndim != 2 or hull.shape[1:] != (3,) or not np.isfinite(hull).all():
+        return []
+    if sizes.ndim != 1 or sizes.min() < 4 or sizes.sum() != len(hull):
+        return []
+    return np.split(hull, np.cumsum(sizes)[:-1])
 
 
 def _model(mount: str, parts: list[Array]) -> tuple[Any, Any]:

@@ -103,7 +103,6 @@ def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
         "quality": float(record.certificate["closure_margin"]),
         "lift_height": record.lift_height,
         "hull": record.hull.tolist(),
-        "parts": [part.tolist() for part in record.parts],
         "part_sizes": None if len(record.parts) == 1 else [len(part) for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     }  # fmt: skip

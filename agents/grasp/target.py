@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
 
@@ -94,16 +94,11 @@ class GraspTarget:
     @property
     def surface(self) -> "trimesh.Trimesh":
         """The faces of all parts in one mesh, also those that lie within another part."""
-        return self.hull if len(self.parts) == 1 else _together(self.parts)
+        import trimesh
 
-
-def _together(parts: "Sequence[trimesh.Trimesh]") -> "trimesh.Trimesh":
-    import trimesh
-
-    counts = np.cumsum([0, *(len(part.vertices) for part in parts[:-1])])
-    faces = [part.faces + first for part, first in zip(parts, counts, strict=True)]
-    corners = np.concatenate([part.vertices for part in parts])
-    return trimesh.Trimesh(corners, np.concatenate(faces), process=False)
+        if len(self.parts) == 1:
+            return self.hull
+        return cast("trimesh.Trimesh", trimesh.util.concatenate(list(self.parts)))
 
 
 def _mesh(distance: ConvexDistance) -> "trimesh.Trimesh":

@@ -11,6 +11,8 @@ from dexgrasp_env.perception.plane import Plane
 if TYPE_CHECKING:
     import trimesh
 
+REACH = 0.020
+"""m above the table within which points are dropped onto it."""
 # A hull is made of extremes, and the extremes of noisy points lie outside the surface. The two numbers below
 # were set on boxes, cans, balls, cones and a tetrahedron with the default sensor: without them the hull is
 # 13 % too large.
@@ -19,7 +21,7 @@ _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the las
 
 
 def cloud_hull(
-    points: NDArray[Any], plane: Plane | None = None, *, reach: float = 0.020, noise: float | None = None
+    points: NDArray[Any], plane: Plane | None = None, *, reach: float = REACH, noise: float | None = None
 ) -> "trimesh.Trimesh | None":
     """Return the convex hull of the points as a mesh in the robot base frame.
 

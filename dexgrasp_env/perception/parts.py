@@ -6,17 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.hull import REACH, cloud_hull
 from dexgrasp_env.perception.plane import Plane
 
 if TYPE_CHECKING:
     import trimesh
 
 MOST_PARTS = 6
-_DEEP, _SHARE = (
-    0.008,
-    0.05,
-)  # m inside the hull, and the share of points so deep, from where an object is cut at all
+_DEEP = 0.008  # m inside the hull, from where a point counts as deep
+_SHARE = 0.05  # of the points that are deep, from where an object is cut at all
 _NOTCH = 0.005  # m that a point lies inside the hull of its piece, from where a cut through it is tried
 _GAIN = 0.05  # of a piece's volume: what a cut must take away
 _LEAST = 0.02  # of the whole's volume: the same
@@ -69,7 +67,7 @@ class _Piece(NamedTuple):
         """Return the piece of these points, or None where they span no volume."""
         from scipy.spatial import ConvexHull, QhullError
 
-        inside = points[(points @ normals.T <= offsets + _OVERLAP).all(1)]
+        inside = points[_within(points, normals, offsets)]
         if len(inside) < 8:
             return None
         try:
@@ -80,7 +78,7 @@ class _Piece(NamedTuple):
 
     def holds(self, points: Array) -> NDArray[np.bool_]:
         """Return which of points (M, 3) belong to the piece (M,)."""
-        return np.asarray((points @ self.normals.T <= self.offsets + _OVERLAP).all(1))
+        return _within(points, self.normals, self.offsets)
 
     def depths(self) -> Array:
         """Return how far the points lie inside the hull (N,) m."""
@@ -110,6 +108,11 @@ class _Piece(NamedTuple):
                 return None
             sides.append(side)
         return sides
+
+
+def _within(points: Array, normals: Array, offsets: Array) -> NDArray[np.bool_]:
+    """Whether points (M, 3) lie within half-spaces, or next to them (M,)."""
+    return np.asarray((points @ normals.T <= offsets + _OVERLAP).all(1))
 
 
 def _cut_up(points: Array, plane: Plane | None) -> list[_Piece]:
@@ -154,7 +157,7 @@ def _sample(points: Array, plane: Plane | None) -> Array:
         return some
     heights = plane.heights(some)
     dropped = some - heights[:, None] * plane.normal
-    return np.concatenate([some, dropped[heights < 0.02]])
+    return np.concatenate([some, dropped[heights < REACH]])
 
 
 def _directions() -> Array:
