@@ -151,6 +151,21 @@ def test_identity_knows_every_file(tmp_path, monkeypatch):
         known = changed
 
 
+@pytest.mark.parametrize(
+    "asset", ["weights/cvae.safetensors", "robot/shells/palm.obj", "rest_poses/pear.json"]
+)
+def test_identity_knows_what_is_shipped(tmp_path, monkeypatch, asset):
+    monkeypatch.setattr("agents.evaluation.settings.asset_path", lambda *parts: tmp_path)
+    path = tmp_path / asset
+    path.parent.mkdir(parents=True)
+    path.write_text("one")
+    before = EvaluationSettings(("random",), ("pear",)).identity()
+    (tmp_path / "README.md").write_text("only people read this")
+    assert EvaluationSettings(("random",), ("pear",)).identity() == before
+    path.write_text("two")
+    assert EvaluationSettings(("random",), ("pear",)).identity() != before
+
+
 def test_replay_is_exact(finished, tmp_path):
     folder, _ = finished
     for name in ("sugar_box", "gelatin_box"):

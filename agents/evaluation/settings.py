@@ -142,14 +142,15 @@ def versions() -> dict[str, str]:
 
 
 def code_hash(agents: Sequence[str] = ()) -> str:
-    """Return a hash of both packages' sources and weights and of users' agents: results of other code do not mix in."""
+    """Return a hash of both packages' sources, their assets and users' agents: results of other code do not mix in.
+
+    Assets are weights, the robot's description and shells, and rest poses; not what only people read.
+    """
     roots = [_package_folder(name) for name in ("agents", "dexgrasp_env")]
     files = sorted(path for root in roots for path in root.rglob("*.py"))
     digest = hashlib.sha256()
-    weights = sorted(
-        path for path in asset_path("weights").rglob("*") if path.suffix in (".safetensors", ".json")
-    )
-    for path in [*files, *weights, *_agent_sources(agents)]:
+    assets = sorted(path for path in asset_path().rglob("*") if path.is_file() and path.suffix != ".md")
+    for path in [*files, *assets, *_agent_sources(agents)]:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
 
