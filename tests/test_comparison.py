@@ -55,6 +55,19 @@ def test_other_scene_seeds_and_protocols_are_other_scenes():
     assert set(compare_rows(both, "x", "y")["by_protocol"]) == {"heavy", "lift"}
 
 
+def test_a_protocol_that_changes_nothing_counts_once():
+    """Two agents that are told the state play `one_view` as they play `lift`."""
+    seen = dict(steps=9, total_reward=1.5, height=0.1, slip=0.0, tilt=0.0)
+    rows = [
+        row(n, "pear", 0, n == "x", protocol=p, **seen) for n in "xy" for p in ("lift", "one_view", "heavy")
+    ]
+    rows[2]["height"] = 0.11  # x feels the mass
+    found = compare_rows(rows, "x", "y")
+    assert (found["scenes"], found["only_a"], found["repeated"]) == (2, 2, 1)
+    assert [cell["scenes"] for cell in found["by_protocol"].values()] == [1, 1, 1]
+    assert [d["protocol"] for d in found["discordant"]] == ["lift", "heavy"]
+
+
 def test_table_and_mistakes(folder, capsys):
     assert main(["compare", str(folder), "x", "y"]) == 0
     out = capsys.readouterr().out

@@ -20,7 +20,9 @@ def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
 
     Returns:
         Counts and statistics over all scenes, `by_set`, `by_object` and (where there are several) `by_protocol`, and
-        `discordant`, the scenes that one alone solved with the other's reason.
+        `discordant`, the scenes that one alone solved with the other's reason. A protocol that changed nothing for
+        either agent (other cameras, for two that are told the state) repeats trials of another: `repeated` of them
+        count in `by_protocol` only.
 
     Raises:
         InputError: if a folder holds no evaluation, or none a trial of one of the agents.
@@ -38,11 +40,13 @@ def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
 def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
     """Return the comparison of two agents from the trials of both."""
     first, second = ({_scene(row): row for row in rows if row["agent"] == name} for name in (a, b))
-    pairs = [(first[scene], second[scene]) for scene in first if scene in second]
+    every = [(first[scene], second[scene]) for scene in first if scene in second]
+    pairs = list({(_trial(x), _trial(y)): (x, y) for x, y in reversed(every)}.values())[::-1]
     objects = list(dict.fromkeys(row["object"] for row, _ in pairs))
-    protocols = dict.fromkeys(row.get("protocol") for row, _ in pairs)
+    protocols = dict.fromkeys(row.get("protocol") for row, _ in every)
     return {
         **_statistics(pairs),
+        "repeated": len(every) - len(pairs),
         "by_set": {
             name: _statistics([p for p in pairs if p[0]["object"] in members])
             for name, members in present_sets(objects).items()
@@ -51,7 +55,7 @@ def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
         **(
             {
                 "by_protocol": {
-                    n: _statistics([p for p in pairs if p[0].get("protocol") == n]) for n in protocols
+                    n: _statistics([p for p in every if p[0].get("protocol") == n]) for n in protocols
                 }
             }
             if len(protocols) > 1
@@ -64,6 +68,12 @@ def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
 def _scene(row: Row) -> tuple[object, ...]:
     """What makes two trials the same scene."""
     return row.get("protocol"), row["object"], row["trial"], row.get("scene_seed")
+
+
+def _trial(row: Row) -> tuple[object, ...]:
+    """What makes two trials of an agent the same: the scene and, under any protocol, every number that came of it."""
+    played = [row.get(key) for key in ("success", "steps", "total_reward", "height", "slip", "tilt")]
+    return row["object"], row["trial"], row.get("scene_seed"), *(_scene(row) if None in played else played)
 
 
 def _statistics(pairs: Sequence[tuple[Row, Row]]) -> dict[str, Any]:
@@ -143,8 +153,12 @@ def _sentence(content: Mapping[str, Any]) -> str:
         if content["p_value"] <= 0.05
         else "these scenes show no difference"
     )
+    repeated = content["repeated"]
+    again = (
+        f" {repeated} trials repeat others: their protocols change nothing for these two." if repeated else ""
+    )
     return (
         f"Exact McNemar test, two-sided: p = {content['p_value']:.3g}: {verdict}. For new objects like these the "
         f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew). Evidence that may be looked "
-        f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %)."
+        f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %).{again}"
     )
