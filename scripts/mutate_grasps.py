@@ -28,6 +28,8 @@ from dexgrasp_env.errors import InputError
 FREE = ("schema", "seed", "version", "versions", "created", "seconds", "planning_seconds", "agent")
 """Fields that say where a file comes from; no physics hangs on them."""
 SETPOINTS = ("q", "pregrasp", "grasp", "squeeze", "approach.setpoints", "lift.setpoints")
+SHIFTED = {**dict.fromkeys(SETPOINTS, "rad"), "table_height": "m"}
+"""Fields that are changed by 0.05 of their unit as well; shares of 0 are no change."""
 LONG = {
     "approach.setpoints": ("approach", "setpoints"), "approach.times": ("approach", "times"),
     "lift.setpoints": ("lift", "setpoints"), "lift.times": ("lift", "times"), "hull_vertices": ("hull_vertices",),
@@ -107,9 +109,9 @@ def _changes(path: tuple[str | int, ...], field: str, value: Any) -> Iterator[Mu
             changed = value * (1.0 + share)
             if changed != value:
                 yield Mutation(path, f"{100 * share:+.0f} %", abs(changed - value), changed)
-        if field in SETPOINTS:
+        if field in SHIFTED:
             for shift in (0.05, -0.05):
-                yield Mutation(path, f"{shift:+} rad", 0.05, value + shift)
+                yield Mutation(path, f"{shift:+} {SHIFTED[field]}", 0.05, value + shift)
 
 
 def passes(content: dict[str, Any], mutation: Mutation) -> bool:

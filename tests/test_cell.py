@@ -26,8 +26,9 @@ from dexgrasp_env.robot.cell_file import read_cell
 from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
 
+TABLE = 0.08
 LAB = {
-    "schema": 1, "name": "our lab",
+    "schema": 1, "name": "our lab", "table_height": TABLE,
     "mounts": {"palm_normal": {"position": [0.0475, 0.0, 0.162]}},
     "arm": {"velocity": [1.0, 1.0, 1.0, 1.0, 1.2, 1.2, 1.2]},
     "hand": {"torque": 0.5, "stiffness": 8.0},
@@ -80,7 +81,8 @@ def test_this_process_is_in_the_simulated_cell():
         ({"mounts": {"sideways": {}}}, "unknown mount 'sideways'"),
         ({"mounts": {"palm_normal": {"quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}}, "norm 1.414"),
         ({"mounts": {"palm_normal": {"position": [47.5, 0.0, 150.0]}}}, "within 0.5 m"),
-        ({"table_height": 0.1}, "table at the base's height"),
+        ({"table_height": 0.2}, "table_height is 0.2: valid is -0.15 to 0.15"),
+        ({"table_height": "high"}, "table_height is"),
         ({"cameras": []}, "1 to 8 cameras"),
         ({"cameras": [LAB["cameras"][0]] * 2}, "same name"),
         ({"cameras": [{"name": "top", "position": [0, 0, 1]}]}, "look_at of top"),
@@ -112,12 +114,8 @@ def test_a_second_cell_in_one_process_is_refused(lab):
         use_cell(lab)
 
 
-def in_lab(lab, *words):
-    """Run a command, or code, in a process of its own in the cell of the lab."""
-    environment = os.environ | {"DEXGRASP_CELL": str(lab)}
-    return subprocess.run(
-        [sys.executable, *words], capture_output=True, text=True, env=environment, timeout=300
-    )
+def run(words, environment):
+    return subprocess.run(words, capture_output=True, text=True, env=environment, timeout=300)
 
 
 LOOK = """
@@ -135,6 +133,9 @@ print(json.dumps({
     "step": float(after[0] - before[0]), "palm": model.body("palm").pos.tolist(), "cloud": int(observation["cloud_mask"].sum()),
     "cameras": [model.camera(k).name for k in range(model.ncam)], "kp": float(model.actuator("thumb_0").gainprm[0]),
     "most": float(model.actuator("thumb_0").forcerange[1]),
+    "base": float(env.unwrapped.data.body("panda_link0").xpos[2]), "camera": float(model.camera("left").pos[2]),
+    "lowest": float(observation["cloud"][observation["cloud_mask"] == 1, 2].min()),
+    "plane": float(observation["table_plane"][3]),
     "cells": [EvaluationSettings.of(["random"], ["pear"]).identity()["cell"], _identity(DatasetSettings.of(["pear"]))["cell"],
               DemoSettings.of(["pear"]).as_json()["cell"]],
 }))
@@ -142,38 +143,71 @@ print(json.dumps({
 
 
 def test_the_environment_is_of_the_cell(lab):
-    done = in_lab(lab, "-c", LOOK)
+    done = run([sys.executable, "-c", LOOK], os.environ | {"DEXGRASP_CELL": str(lab)})
     assert done.returncode == 0, done.stderr
     seen = json.loads(done.stdout)
     assert seen["step"] == pytest.approx(1.0 * 0.05, rel=1e-5)  # its velocity limit times the control period
     assert seen["palm"] == [0.0475, 0.0, 0.162]
     assert seen["cameras"] == ["left", "right"]
     assert seen["cloud"] > 300
+    assert seen["base"] == -TABLE  # in the world the table's top is z = 0, and files are seen from the base
+    assert seen["camera"] == 0.5 - TABLE
+    assert 0.0 < seen["lowest"] < 0.01
+    assert abs(seen["plane"]) < 0.005
     assert (seen["kp"], seen["most"]) == (8.0, 0.5)
     assert len(set(seen["cells"])) == 1
     assert seen["cells"][0].startswith("our lab-")
 
 
 COMMANDS = """
+import json, sys
 from agents.cli.commands import run_command
-from agents.demos.settings import DemoSettings
-grasp, robot = "{folder}/grasp.json", "{folder}/robot"
-for command in (
-    ["plan", "pear", "--out", "{folder}"], ["verify", grasp], ["export", grasp, "--out", robot], ["check", robot],
-):
-    assert run_command(command) == 0, command
+for command, code in json.loads(sys.argv[1]):
+    assert run_command([*command, "--cell", sys.argv[2]]) == code, command
 """
 
 
+def box_on_the_table(rng, height):
+    """Points (N, 3) m of a box, 6 x 8 x 12 cm, that stands at (0.52, 0.05) on a table, as seen from its base."""
+    local = rng.uniform(-1.0, 1.0, (6000, 3))
+    face = rng.integers(0, 3, len(local))
+    each = np.arange(len(local))
+    local[each, face] = np.where(face == 2, 1.0, np.sign(local[each, face]))
+    box = local * (0.03, 0.04, 0.06) + (0.52, 0.05, 0.06)
+    top = np.column_stack([rng.uniform(0.3, 0.8, 9000), rng.uniform(-0.4, 0.4, 9000), np.zeros(9000)])
+    return np.concatenate([box, top]) + np.array([0.0, 0.0, height]) + rng.normal(0.0, 0.0005, (15000, 3))
+
+
 def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_path, capsys):
-    done = in_lab(lab, "-c", COMMANDS.format(folder=tmp_path))
+    folder, scene = str(tmp_path), str(tmp_path / "scene.npy")
+    np.save(scene, box_on_the_table(np.random.default_rng(0), TABLE))
+    near = ["0.52", "0.05", str(TABLE + 0.06)]
+    commands = [
+        (["plan", "pear", "--out", folder], 0),
+        (["verify", f"{folder}/grasp.json"], 0),
+        (["export", f"{folder}/grasp.json", "--out", f"{folder}/robot"], 0),
+        (["check", f"{folder}/robot"], 0),
+        (["plan", "--cloud", scene, "--object-near", *near, "--out", f"{folder}/seen"], 0),
+        (["verify", f"{folder}/seen/grasp.json"], 0),
+        (["replay", f"{folder}/none", "--agent=rl", "--object=pear", "--trial=0", "--camera=left"], 2),
+    ]
+    environment = {key: value for key, value in os.environ.items() if key != "DEXGRASP_CELL"}
+    done = run([sys.executable, "-c", COMMANDS, json.dumps(commands), str(lab)], environment)
     assert done.returncode == 0, done.stderr
-    grasp, robot = tmp_path / "grasp.json", tmp_path / "robot"
-    assert json.loads(grasp.read_text())["cell"].startswith("our lab-")
+    assert "camera" not in done.stderr  # the cell's cameras are choices of the command's options
+    grasp, robot, seen = tmp_path / "grasp.json", tmp_path / "robot", tmp_path / "seen" / "grasp.json"
+    for content in (json.loads(path.read_text()) for path in (grasp, seen)):
+        assert content["cell"].startswith("our lab-")
+        assert content["table_height"] == TABLE
+        assert min(content["contacts"], key=lambda p: p[2])[2] > TABLE + 0.015
+        assert abs(min(content["hull_vertices"], key=lambda p: p[2])[2] - TABLE) < 0.004
+    exported = np.array(json.loads((robot / "segments.json").read_text())["contacts"]["points"])
+    assert np.abs(exported - json.loads(grasp.read_text())["contacts"]).max() < 1e-12
     assert run_command(["verify", str(grasp)]) == 1
     assert "FAIL  cell" in capsys.readouterr().out
     assert run_command(["export", str(grasp), "--out", str(tmp_path / "other")]) == 2
     assert "our lab" in capsys.readouterr().err
+    assert run_command(["view", str(grasp), "--html", str(tmp_path / "page.html")]) == 2
     assert run_command(["check", str(robot)]) == 1
 
 

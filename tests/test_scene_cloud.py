@@ -1,5 +1,7 @@
 """Clouds of whole scenes: read from files, one object isolated, or a reason."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -71,6 +73,20 @@ def test_what_is_wrong_is_named(rng):
         found = find(points)
         assert found.reason == reason, (reason, found.reason)
         assert scene.WORDS[reason] in found.sentence
+
+
+def test_a_table_at_another_height_is_where_the_cell_has_it(rng, monkeypatch):
+    points, up = scene_points(rng, (0.5, 0.15), (0.5, -0.15)), np.array([0.0, 0.0, 0.08])
+    beside = find(points, near=(0.5, -0.15, 0.03))
+    assert "the cell has 0 m" in find(points + up).sentence
+    raised = replace(scene.active_cell(), table_height=0.08)
+    monkeypatch.setattr(scene, "active_cell", lambda: raised)
+    found = find(points + up, near=(0.5, -0.15, 0.11))
+    assert found.reason is None  # the object is in the world, whose z = 0 is the table's top
+    assert np.abs(found.cloud.valid_points.mean(0) - beside.cloud.valid_points.mean(0)).max() < 0.002
+    assert "the cell has 0.08 m" in find(points + 0.5 * up).sentence
+    # What is said is in the frame of the base: middles are 2.5 cm above the table.
+    assert find(points + up).sentence.count("0.11)") == 2
 
 
 def test_a_point_near_the_object_chooses_it(rng):

@@ -198,6 +198,7 @@ def claims(key, value):
         (more_friction, {"thresholds looser than ours"}),
         (same_words("frame", "world"), {"frame"}),
         (same_words("finger_order", ["index", "thumb", "middle"]), {"finger_order"}),
+        (same_words("table_height", 0.01), {"table_height", "contacts as claimed"}),
         (same_words("units", {"length": "mm"}), {"units"}),
         (same_words("agent", "nobody"), {"agent"}),
         (claims("load", 2.6), {"load as claimed"}),

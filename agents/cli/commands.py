@@ -64,9 +64,12 @@ def run_command(arguments: Sequence[str]) -> int:
         if isinstance(stream, io.TextIOWrapper):  # names of files need not be text
             stream.reconfigure(errors="backslashreplace")
     try:
+        _choose_cell(arguments)
         args = make_parser(_named_command(arguments)).parse_args(arguments)
     except SystemExit as end:  # argparse: --help is 0, a mistake is 2
         return int(end.code or 0)
+    except InputError as error:
+        return _refused(_named_command(arguments) or "", error)
     except KeyboardInterrupt:
         return _interrupted("")
     with json_output(getattr(args, "json", False)):
@@ -104,13 +107,11 @@ def _guarded(args: argparse.Namespace) -> int:
     try:
         if args.command is None:
             return _no_command(args)
-        _choose_cell(args)
         return int(importlib.import_module(COMMANDS[args.command]).run(args))
     except InputError as error:
         if interrupt.requested():
             return _interrupted(f" {args.command}")
-        print(f"dexgrasp {args.command}: {' '.join(str(error).split())}", file=sys.stderr)
-        return BAD_INPUT
+        return _refused(args.command, error)
     except ModuleNotFoundError as error:
         return _without(args.command, error)
     except KeyboardInterrupt as request:
@@ -122,12 +123,20 @@ def _guarded(args: argparse.Namespace) -> int:
         return _unexpected(args.command, error)
 
 
-def _choose_cell(args: argparse.Namespace) -> None:
-    """Everything that is imported after this has the limits of the cell that was named."""
-    if getattr(args, "cell", None):
+def _choose_cell(arguments: Sequence[str]) -> None:
+    """What is imported after this is of the cell that was named, and so are the choices of the command's options."""
+    finder = Parser(prog="dexgrasp", add_help=False)
+    finder.add_argument("--cell")
+    cell = finder.parse_known_args(arguments)[0].cell
+    if cell:
         from dexgrasp_env.robot.cell import use_cell
 
-        use_cell(args.cell)
+        use_cell(cell)
+
+
+def _refused(command: str, error: InputError) -> int:
+    print(f"dexgrasp {command}: {' '.join(str(error).split())}", file=sys.stderr)
+    return BAD_INPUT
 
 
 def _without(command: str, error: ModuleNotFoundError) -> int:

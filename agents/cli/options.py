@@ -111,10 +111,10 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def add_cell(parser: argparse.ArgumentParser) -> None:
-    """Add `--cell`, which `commands` applies before anything of the command is imported."""
+    """Add `--cell`, which `commands` has applied before: choices of other options are the cell's."""
     parser.add_argument(
         "--cell", metavar="CELL.yaml",
-        help="mounts, limits, gains, torques and cameras of your cell (default: the simulated one)",
+        help="table, mounts, limits, gains, torques and cameras of your cell (default: the simulated one)",
     )  # fmt: skip
 
 

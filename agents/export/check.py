@@ -156,7 +156,9 @@ def _model(mount: str, parts: list[Array]) -> tuple[Any, Any]:
     from dexgrasp_env.robot.model import robot_spec
 
     spec = robot_spec(mount)
-    spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    spec.body("panda_link0").pos = [0, 0, 0]  # the files are in its frame
+    top = [0, 0, active_cell().table_height]
+    spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1], pos=top)
     for k, part in enumerate(parts):
         mesh = spec.add_mesh(name=f"{_OBJECT}{k}", uservert=part.ravel())
         mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX

@@ -16,7 +16,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.cell import SIMULATED, active_cell
+from dexgrasp_env.robot.cell import active_cell
 from dexgrasp_env.robot.limits import HAND_STIFFNESS
 from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_JOINTS
 from dexgrasp_env.scene.constants import FRICTION
@@ -45,7 +45,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     stiffness = HAND_STIFFNESS if stiffness is None else stiffness
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
-    _check_cell(record)
+    record.check_cell()
     trajectory, facts = trajectory_of(record), grasp_facts(record, stiffness)
     folder.mkdir(parents=True, exist_ok=True)
     if kind == "json":
@@ -54,14 +54,6 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
         return write_ros2(folder, trajectory, facts)
     written = write_csv(folder, trajectory, facts)
     return written if kind == "csv" else [*_scene(record, folder), *written]
-
-
-def _check_cell(record: GraspRecord) -> None:
-    planned = (record.conventions or {}).get("cell", SIMULATED)
-    if planned != active_cell().stamp:
-        raise InputError(
-            f"the grasp was planned for cell {planned!r}, and this is {active_cell().stamp!r}: give its --cell file"
-        )
 
 
 def trajectory_of(record: GraspRecord) -> Trajectory:
@@ -79,8 +71,8 @@ def trajectory_of(record: GraspRecord) -> Trajectory:
 
 
 def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
-    """Return what the files say beside the rows: postures, palm, the squeeze as torques and as offsets."""
-    torque = _torque(record)
+    """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
+    torque, base = _torque(record), active_cell().base
     tree = robot_tree(record.mount)
     R, p = body_frames(record.arrays["q"], tree)
     palm_R, palm_p = R[tree.palm] @ tree.palm_rotation, p[tree.palm] + R[tree.palm] @ tree.palm_offset
@@ -90,19 +82,19 @@ def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
         "cell": active_cell().stamp,
         "open": record.arrays["pregrasp"][7:].tolist(),
         "closed": record.arrays["squeeze"][7:].tolist(),
-        "palm": {"position": palm_p.tolist(), "quat_wxyz": matrix_to_quat(palm_R).tolist()},
+        "palm": {"position": (palm_p - base).tolist(), "quat_wxyz": matrix_to_quat(palm_R).tolist()},
         "squeeze": {
             "joints": list(HAND_JOINTS),
             "torque": torque.tolist(),
             "stiffness": stiffness,
             "offset": (torque / stiffness).tolist(),
         },
-        "contacts": {"fingers": list(GRASP_FINGERS), "points": record.arrays["contacts"].tolist(),
+        "contacts": {"fingers": list(GRASP_FINGERS), "points": (record.arrays["contacts"] - base).tolist(),
                      "forces": record.arrays["forces"].tolist()},
         "largest_force": float(np.linalg.norm(record.arrays["forces"], axis=1).max()),
         "quality": float(record.certificate["closure_margin"]),
         "lift_height": record.lift_height,
-        "hull": record.hull.tolist(),
+        "hull": (record.hull - base).tolist(),
         "part_sizes": None if len(record.parts) == 1 else [len(part) for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     }  # fmt: skip

@@ -10,13 +10,14 @@ import numpy as np
 from agents.grasp.grasp import Grasp
 from agents.grasp.identity import ObjectIdentity
 from agents.grasp.path import bend, stray
-from agents.grasp.record import CONVENTIONS, SCHEMA, GraspRecord, parse, parse_1
+from agents.grasp.record import CONVENTIONS, SCHEMA, GraspRecord, parse, parse_1, shifted
 from agents.grasp.target import GraspTarget, assumed_mass, volume_centre
 from agents.grasp.thresholds import thresholds_for
 from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
+from dexgrasp_env.robot.cell import active_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 if TYPE_CHECKING:
@@ -30,11 +31,11 @@ def grasp_json(
     script: "ActionScript | None" = None, pose: "ObjectPose | None" = None, agent: str = "", seed: int = 0,
     planning_seconds: float | None = None,
 ) -> dict[str, Any]:  # fmt: skip
-    """Return the JSON object of a grasp (lengths m, angles rad, forces N, robot base frame).
+    """Return the JSON object of a grasp (lengths m, angles rad, forces N, frame of the robot's base).
 
     Args:
         name: which object, or only what to call it.
-        grasp: as planned.
+        grasp: as planned, in the world.
         target: what it was planned on.
         settings: of the planner, for its thresholds.
         script: what will be executed; without it the file has no approach and no lift, and is not verified.
@@ -43,17 +44,17 @@ def grasp_json(
         seed: it planned with.
         planning_seconds: it took.
     """
-    identity = ObjectIdentity(name) if isinstance(name, str) else name
+    identity, base = ObjectIdentity(name) if isinstance(name, str) else name, active_cell().base
     return {
         "schema": SCHEMA, "version": __version__, "created": datetime.now(UTC).isoformat(timespec="seconds"),
         "agent": agent, "seed": seed, "planning_seconds": planning_seconds,
         **CONVENTIONS,
         "mount": grasp.mount,
-        "object": {**identity.as_json(), **_known(target)},
-        "T_world_object": None if pose is None else pose.T_world_object.tolist(),
+        "object": {**identity.as_json(), **_known(target, base)},
+        "T_world_object": None if pose is None else shifted(pose.T_world_object, -base).tolist(),
         "hull_offset": None if pose is None else pose.hull_offset(target).tolist(),
-        **_shape(target),
-        "centre": target.centre.tolist(),
+        **_shape(target, base),
+        "centre": (target.centre - base).tolist(),
         "thresholds": thresholds_for(settings).as_json(),
         "q": grasp.q.tolist(),
         "pregrasp": grasp.motion.pregrasp.tolist(),
@@ -61,16 +62,16 @@ def grasp_json(
         "squeeze": grasp.motion.squeeze.tolist(),
         "approach": None if script is None else _approach(script),
         "lift": None if script is None else _lift(script, grasp),
-        "contacts": grasp.contacts.tolist(),
+        "contacts": (grasp.contacts - base).tolist(),
         "normals": grasp.normals.tolist(),
         "forces": grasp.forces.tolist(),
         "certificate": grasp.certificate.as_json(),
     }  # fmt: skip
 
 
-def _shape(target: GraspTarget) -> dict[str, Any]:
+def _shape(target: GraspTarget, base: Array) -> dict[str, Any]:
     """The corners of all parts, and where there are several, how many are each one's."""
-    corners = {"hull_vertices": np.concatenate([part.vertices for part in target.parts]).tolist()}
+    corners = {"hull_vertices": (np.concatenate([part.vertices for part in target.parts]) - base).tolist()}
     sizes = [len(part.vertices) for part in target.parts]
     return corners if len(sizes) == 1 else {**corners, "part_sizes": sizes}
 
@@ -90,13 +91,13 @@ class ObjectPose:
         )
 
 
-def _known(target: GraspTarget) -> dict[str, Any]:
+def _known(target: GraspTarget, base: Array) -> dict[str, Any]:
     """What the planner was told of the object, rather than assumed from its shape."""
     told = abs(target.mass - assumed_mass(target.hull)) > 1e-9
     moved = np.abs(target.centre - volume_centre(target.parts)).max() > 1e-9
     return {
         "known_mass": target.mass if told else None,
-        "known_centre": target.centre.tolist() if moved else None,
+        "known_centre": (target.centre - base).tolist() if moved else None,
     }
 
 

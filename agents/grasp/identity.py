@@ -20,7 +20,7 @@ class ObjectIdentity:
         scale: factor from the source's unit to metres (1 for the catalogue).
         content_hash: of the surface in its own frame, vertices to a micron; None without a source.
         known_mass: kg, where the planner was told; None where it assumed one from the hull's volume.
-        known_centre: (3,) m, robot base frame, where the planner was told the centre of mass.
+        known_centre: (3,) m, world frame, where the planner was told the centre of mass.
     """
 
     name: str

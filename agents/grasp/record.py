@@ -9,6 +9,7 @@ import numpy as np
 from agents.grasp.identity import ObjectIdentity
 from agents.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import SIMULATED, active_cell
 from dexgrasp_env.robot.mounts import MOUNTS
 from dexgrasp_env.robot.names import GRASP_FINGERS, JOINTS
@@ -20,13 +21,14 @@ OUTSIDE = ["close", "hold"]
 """Phases that run on feedback from the joints, so that no certificate can cover them."""
 CONVENTIONS: dict[str, Any] = {
     "frame": FRAME, "units": UNITS, "joint_names": list(JOINTS), "finger_order": list(GRASP_FINGERS),
-    "outside_certificate": OUTSIDE, "cell": active_cell().stamp,
+    "outside_certificate": OUTSIDE, "cell": active_cell().stamp, "table_height": active_cell().table_height,
 }  # fmt: skip
 """What every file of schema 2 states in the same words."""
 _ARRAYS = {
     "q": (23,), "pregrasp": (23,), "grasp": (23,), "squeeze": (23,), "contacts": (3, 3), "normals": (3, 3),
     "forces": (3, 3), "centre": (3,),
 }  # fmt: skip
+_PLACES = ("contacts", "centre")
 CLAIMS: dict[str, tuple[int, ...]] = {
     "distances_cm": (3,), "force_ratio_percent": (), "torque_ratio_percent": (), "closure_residual": (),
     "closure_margin": (), "min_clearance_m": (), "joint_limit_margin_rad": (), "max_joint_torque_fraction": (),
@@ -63,7 +65,7 @@ class Segment:
 
 @dataclass(frozen=True)
 class GraspRecord:
-    """A grasp as read from a file; robot base frame, m, rad, N.
+    """A grasp as read from a file; world frame (the file's is the robot's base), m, rad, N.
 
     Attributes:
         object: which object it is of.
@@ -102,6 +104,19 @@ class GraspRecord:
         """(V, 3) m, vertices whose convex hull is that of all parts."""
         return np.concatenate(self.parts)
 
+    def check_cell(self) -> None:
+        """Refuse a grasp of another cell, where the same joint angles are another place.
+
+        Raises:
+            InputError: naming both cells.
+        """
+        planned = (self.conventions or {}).get("cell", SIMULATED)
+        if planned != active_cell().stamp:
+            raise InputError(
+                f"the grasp was planned for cell {planned!r}, and this is {active_cell().stamp!r}: "
+                "give its --cell file"
+            )
+
     @property
     def mass(self) -> float:
         """Kg that the certificate is about."""
@@ -114,7 +129,9 @@ def parse(content: dict[str, Any]) -> GraspRecord:
     Raises:
         KeyError, TypeError, ValueError: with what is missing or malformed.
     """
-    identity = _identity(content["object"])
+    conventions = _conventions(content)
+    base = np.array([0.0, 0.0, 0.0 - float(array("table_height", conventions["table_height"], ()))])
+    identity = _identity(content["object"], base)
     pose, offset = content["T_world_object"], content["hull_offset"]
     if (pose is None) != (offset is None) or (pose is not None and identity.content_hash is None):
         raise ValueError(
@@ -122,15 +139,16 @@ def parse(content: dict[str, Any]) -> GraspRecord:
         )
     return GraspRecord(
         object=identity, mount=_mount(content["mount"]),
-        arrays={name: array(name, content[name], shape) for name, shape in _ARRAYS.items()},
-        parts=_parts(content["hull_vertices"], content.get("part_sizes")),
+        arrays={name: array(name, content[name], shape) + (base if name in _PLACES else 0.0)
+                for name, shape in _ARRAYS.items()},
+        parts=tuple(part + base for part in _parts(content["hull_vertices"], content.get("part_sizes"))),
         thresholds=_thresholds(content["thresholds"]),
         certificate=_certificate(content["certificate"], CLAIMS),
-        T_world_object=None if pose is None else array("T_world_object", pose, (4, 4)),
+        T_world_object=None if pose is None else shifted(array("T_world_object", pose, (4, 4)), base),
         hull_offset=None if offset is None else array("hull_offset", offset, (3,)),
         approach=_segment("approach", content["approach"], "bend"), lift=_segment("lift", content["lift"], "stray"),
         lift_height=0.0 if content["lift"] is None else positive("lift height", content["lift"]["height"]),
-        conventions=_conventions(content), agent=_word("agent", content["agent"]),
+        conventions=conventions, agent=_word("agent", content["agent"]),
     )  # fmt: skip
 
 
@@ -146,6 +164,13 @@ def parse_1(content: dict[str, Any]) -> GraspRecord:
         certificate=certificate | {"mass": positive("mass", content["mass"])},
         T_world_object=None if pose is None else array("T_world_object", pose, (4, 4)), schema=1,
     )  # fmt: skip
+
+
+def shifted(T: Array, by: Array) -> Array:
+    """Return a pose (4, 4) moved by (3,) m."""
+    moved = T.copy()
+    moved[:3, 3] += by
+    return moved
 
 
 def array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
@@ -187,8 +212,8 @@ def _word(name: str, value: Any) -> str:
 
 
 def _conventions(content: dict[str, Any]) -> dict[str, Any]:
-    """What the file states; one without a cell was written before there were others."""
-    stated = {"cell": SIMULATED} | content
+    """What the file states; one without a cell, or its table, was written before there were others."""
+    stated = {"cell": SIMULATED, "table_height": 0.0} | content
     return {name: stated[name] for name in CONVENTIONS}
 
 
@@ -198,14 +223,14 @@ def _mount(value: Any) -> str:
     return str(value)
 
 
-def _identity(value: Any) -> ObjectIdentity:
+def _identity(value: Any, base: Array) -> ObjectIdentity:
     known = {f.name: value[f.name] for f in fields(ObjectIdentity)}
     words = {n: None if known[n] is None else _word(n, known[n]) for n in ("source", "content_hash")}
     if (words["source"] is None) != (words["content_hash"] is None):
         raise ValueError("the object's source and content_hash go together: both, or none")
     mass, centre = known["known_mass"], known["known_centre"]
     if centre is not None:
-        x, y, z = array("known_centre", centre, (3,))
+        x, y, z = array("known_centre", centre, (3,)) + base
         centre = (float(x), float(y), float(z))
     return ObjectIdentity(
         _word("object name", known["name"]), words["source"], positive("object scale", known["scale"]),

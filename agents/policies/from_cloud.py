@@ -120,11 +120,12 @@ def plan_cloud(
 ) -> CloudPlan:
     """Plan a grasp of the object in a cloud of the scene, or several that differ.
 
-    The scene stands on a table at the height of the robot's base; the table, and the robot where it stands at `start`,
-    may be in the cloud.
+    The scene stands on a table at the height that the cell has; the table, and the robot where it stands at `start`,
+    may be in the cloud. Points are given in the frame of the robot's base; the plan is in the world, whose z = 0 is the
+    table's top: the same frame, unless the cell says otherwise. Grasp files are in the frame of the base again.
 
     Args:
-        points: (N, 3) m in the robot base frame, z up, or a `Cloud` as `read_scan` returns it.
+        points: (N, 3) m in the frame of the robot's base, z up, or a `Cloud` as `read_scan` returns it.
         near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
         mass: kg where it is known; None assumes one from the volume.
         seed: of everything that is drawn; the same cloud and seed give the same grasp.

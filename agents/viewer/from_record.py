@@ -22,7 +22,11 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
     Args:
         record: of a grasp file; one without approach and lift shows closing alone.
         cloud: (N, 3) m that was seen, if it is to be shown.
+
+    Raises:
+        InputError: for a grasp of another cell, or one whose object is not here.
     """
+    record.check_cell()
     arrays = record.arrays
     approach = arrays["pregrasp"][None] if record.approach is None else record.approach.setpoints
     close, squeeze = (

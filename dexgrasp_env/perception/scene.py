@@ -1,11 +1,12 @@
 """One object out of the cloud of a whole scene, or the reason why there is none.
 
 For clouds that come from a file or from a user's own cameras: unlike in `segment`, nothing is known of the images they
-were made from, and a wrong unit or frame is likelier than noise.
+were made from, and a wrong unit or frame is likelier than noise. What comes in, and what is said of it, is in the frame
+of the robot's base; what goes out is in the world's.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,6 +18,7 @@ from dexgrasp_env.perception.cloud import Cloud, crop, remove_outliers
 from dexgrasp_env.perception.plane import Plane, fit_plane
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.segment import SegmentationSettings, SegmentedCloud, finish
+from dexgrasp_env.robot.cell import active_cell
 
 if TYPE_CHECKING:
     import mujoco
@@ -36,7 +38,7 @@ WORDS = {
     UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001",
     NO_TABLE: "no level plane that could be the table: is the cloud in the robot base frame, z up?",
     UPSIDE_DOWN: "the points lie below the table: z must point up in the robot base frame",
-    TABLE_HEIGHT: "the table is not at the height of the robot's base, as the cell has it",
+    TABLE_HEIGHT: "the table is not at the height above the robot's base that the cell has it at (table_height)",
     NO_OBJECT: "nothing stands on the table within the workspace",
     NOTHING_NEAR: "no object near the point that was named",
     SEVERAL: "several objects are in the workspace: name a point near the one that is meant",
@@ -47,8 +49,8 @@ WORDS = {
 _VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
 _ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
-_HEIGHTS = 0.30  # m above and below the base where a table is looked for, to say where it is
-_TABLE_OFF = 0.02  # m that the table may be off the base's height
+_HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, to say where it is
+_TABLE_OFF = 0.02  # m that the table may be off the cell's
 _BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
 _RIVAL = 0.35  # of the largest cluster's points: a smaller one is a remnant, not another object
 _NEAR = 0.08  # m from the named point to the object
@@ -90,12 +92,15 @@ def find_object(
     """Return the one object that stands on the table of a scene.
 
     Args:
-        scene: points in the robot base frame, m; robot and table may be in it.
+        scene: points in the frame of the robot's base, m; robot and table may be in it.
         rng: draws the plane hypotheses and the subset.
         near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
         settings: of the pipeline.
         robot: its shape, to remove its points; None removes none.
         data: current kinematics of the robot; needed with `robot`.
+
+    Returns:
+        The object in the world, or why there is none.
     """
     s = settings or SegmentationSettings()
     if len(scene) < s.min_points:
@@ -105,6 +110,8 @@ def find_object(
     scene = _thinned(crop(scene, (-_ROOM,) * 3, (_ROOM,) * 3))
     if len(scene) < s.min_points:
         return _none(s, EMPTY, f"{len(scene)} points within {_ROOM:g} m of the base")
+    base = active_cell().base
+    scene = replace(scene, points=scene.points + base)
     plane, reason, detail = _find_table(scene, rng, s)
     if plane is None:
         return _none(s, reason, detail)
@@ -112,7 +119,7 @@ def find_object(
     if robot is not None and data is not None:
         above = above.select(~robot.contains(above.points, data, s.robot_margin))
     above = remove_outliers(above, s.outlier_radius, s.outlier_neighbours)
-    chosen, reason, detail = _choose(above, near, s)
+    chosen, reason, detail = _choose(above, None if near is None else np.asarray(near, dtype=float) + base, s)
     if chosen is None:
         return _none(s, reason, detail)
     return SceneObject(finish(_seen_from_outside(chosen), plane, s, rng))
@@ -141,26 +148,28 @@ def _find_table(cloud: Cloud, rng: Generator, s: SegmentationSettings) -> tuple[
         )
         if elsewhere is None:
             return None, NO_TABLE, ""
-        return None, TABLE_HEIGHT, f"found at z = {elsewhere.offset:.3f} m"
+        return None, TABLE_HEIGHT, _heights(elsewhere)
     heights = plane.heights(pool.points)
     off_table = np.abs(heights) > 0.015
     if off_table.sum() >= s.min_points and (heights[off_table] < 0).mean() > _BELOW:
         return None, UPSIDE_DOWN, f"{100 * (heights[off_table] < 0).mean():.0f} % of what is off the table"
     if abs(plane.offset - s.table_height) > _TABLE_OFF:
-        return None, TABLE_HEIGHT, f"found at z = {plane.offset:.3f} m"
+        return None, TABLE_HEIGHT, _heights(plane)
     return plane, "", ""
 
 
-def _choose(
-    cloud: Cloud, near: Sequence[float] | Array | None, s: SegmentationSettings
-) -> tuple[Cloud | None, str, str]:
+def _heights(found: Plane) -> str:
+    cell = active_cell()
+    return f"found at z = {found.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
+
+
+def _choose(cloud: Cloud, near: Array | None, s: SegmentationSettings) -> tuple[Cloud | None, str, str]:
     """Return the cluster that is meant, or the reason and its figures."""
     clusters = [c for c in _clusters(cloud, s.link) if len(c) >= s.min_points]
     if not clusters:
         return None, NO_OBJECT, f"{len(cloud)} points above the table"
     if near is not None:
-        point = np.asarray(near, dtype=float)
-        gaps = [float(np.linalg.norm(c.points - point, axis=1).min()) for c in clusters]
+        gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in clusters]
         best = int(np.argmin(gaps))
         if gaps[best] > _NEAR:
             return None, NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away"
@@ -200,7 +209,9 @@ def _middle(cloud: Cloud) -> Array:
 
 
 def _places(clouds: list[Cloud]) -> str:
-    return "at " + ", ".join("({:.2f}, {:.2f}, {:.2f})".format(*_middle(c)) for c in clouds[:4])
+    return "at " + ", ".join(
+        "({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - active_cell().base)) for c in clouds[:4]
+    )
 
 
 def _seen_from_outside(cloud: Cloud) -> Cloud:

@@ -1,16 +1,20 @@
-"""The cell as data: mounts, limits, gains, torques, cameras; planner, environment and exporter read the same file.
+"""The cell as data: table, mounts, limits, gains, torques, cameras; planner, environment and exporter read one file.
+
+Files are in the frame of the robot's base; everything inside is in the world's, whose origin is on the table's top,
+straight above or below the base, with the same axes: `Cell.base` is all that lies between them.
 
 A process has one cell, so that nothing planned in one is carried out in another: the simulated one of
 `assets/robot/cell.yaml`, or that of `use_cell` (`--cell FILE`, DEXGRASP_CELL).
 """
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand
 from dexgrasp_env.perception.camera import Camera, CameraIntrinsics
@@ -47,7 +51,7 @@ class CellCamera:
 
 @dataclass(frozen=True)
 class Cell:
-    """What a cell file says; metres, radians, robot base frame.
+    """What a cell file says; metres, radians, frame of the robot's base.
 
     Attributes:
         name: of the cell.
@@ -55,6 +59,7 @@ class Cell:
         arm, hand: limits and gains.
         image: width, height, fx, fy, cx, cy of every camera, pixels.
         cameras: of the environment.
+        table_height: of the table's top, m.
     """
 
     name: str
@@ -63,27 +68,37 @@ class Cell:
     hand: Joints
     image: Numbers
     cameras: tuple[CellCamera, ...]
+    table_height: float = field(default=0.0, repr=False)
 
     @cached_property
     def version(self) -> str:
         """What evaluations, datasets and demonstrations call it: its name, and a hash of all that it says."""
-        return f"{self.name}-{content_hash(repr(self))[:8]}"
+        table = [self.table_height] if self.table_height else []  # hashes of before 0.2.0 had none
+        return f"{self.name}-{content_hash(repr(self), *table)[:8]}"
 
     @property
     def stamp(self) -> str:
         """What grasp files call it: its version, of the default its name alone."""
         return self.name if self.is_simulated else self.version
 
+    @property
+    def base(self) -> Array:
+        """Where the robot's base stands in the world, (3,) m."""
+        return np.array([0.0, 0.0, 0.0 - self.table_height])
+
     def make_cameras(self, intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
-        """Return the cameras, with the cell's intrinsics or others."""
+        """Return the cameras in the world, with the cell's intrinsics or others."""
         width, height, *lens = self.image
         lens_of_all = intrinsics or CameraIntrinsics(int(width), int(height), *lens)
-        return tuple(
-            Camera(camera.name, np.reshape(camera.T_base_camera, (4, 4)), lens_of_all)
-            if camera.T_base_camera
-            else Camera.look_at(camera.name, camera.position, camera.look_at, lens_of_all)
-            for camera in self.cameras
-        )
+        return tuple(self._camera(camera, lens_of_all) for camera in self.cameras)
+
+    def _camera(self, camera: CellCamera, lens: CameraIntrinsics) -> Camera:
+        if not camera.T_base_camera:
+            position, target = (np.array(end) + self.base for end in (camera.position, camera.look_at))
+            return Camera.look_at(camera.name, position, target, lens)
+        T_world_camera = np.reshape(camera.T_base_camera, (4, 4)).copy()
+        T_world_camera[:3, 3] += self.base
+        return Camera(camera.name, T_world_camera, lens)
 
     @property
     def is_simulated(self) -> bool:

@@ -21,6 +21,7 @@ _LIMITS = ("lower", "upper", "velocity", "acceleration", "jerk", "torque")
 _EXTRA = {"arm": ("stiffness", "damping"), "hand": ("stiffness",)}
 _IMAGE = ("width", "height", "fx", "fy", "cx", "cy")
 _FARTHEST = 0.5  # m from link 7 to the palm frame
+_TABLE = (-0.15, 0.15)  # m above the base
 
 
 @lru_cache(maxsize=1)
@@ -63,10 +64,6 @@ def _cell(content: Mapping[str, Any]) -> Cell:
     _known("key", content, _KEYS)
     if not isinstance(content["name"], str) or not content["name"]:
         raise InputError(f"name is {content['name']!r}: valid is a word")
-    if content["table_height"] != 0.0:
-        raise InputError(
-            f"table_height is {content['table_height']!r}: this version plans with the table at the base's height, 0.0"
-        )
     mounts = _mapping("mounts", content["mounts"])
     _known("mount", mounts, MOUNT_NAMES)
     image = _mapping("image", content["image"])
@@ -75,8 +72,17 @@ def _cell(content: Mapping[str, Any]) -> Cell:
         name=content["name"], mounts=tuple(_mount(name, mounts[name]) for name in MOUNT_NAMES),
         arm=_joints("arm", content["arm"]), hand=_joints("hand", content["hand"]),
         image=tuple(_numbers(f"image {key}", [image[key]], 1)[0] for key in _IMAGE),
-        cameras=_cameras(content["cameras"]),
+        cameras=_cameras(content["cameras"]), table_height=_table_height(content["table_height"]),
     )  # fmt: skip
+
+
+def _table_height(value: Any) -> float:
+    (height,) = _numbers("table_height", [value], 1)
+    if not _TABLE[0] <= height <= _TABLE[1]:
+        raise InputError(
+            f"table_height is {height}: valid is {_TABLE[0]} to {_TABLE[1]} m above the robot's base"
+        )
+    return height
 
 
 def _mount(name: str, value: Any) -> tuple[str, Numbers, Numbers]:

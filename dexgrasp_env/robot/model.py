@@ -7,7 +7,7 @@ import mujoco
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.robot.cell import Cell, active_cell
 from dexgrasp_env.robot.mounts import Mount, find_mount
-from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
+from dexgrasp_env.robot.names import ARM_BODIES, ARM_JOINTS, HAND_JOINTS
 
 FLANGE_OFFSET = 0.107
 """Of the flange from link 7's frame along z7, m."""
@@ -16,7 +16,7 @@ _PREFIX = "hand/"
 
 
 def robot_spec(mount: str = "palm_normal") -> mujoco.MjSpec:
-    """Build the Panda with the Allegro hand, base at the origin, names as in `names`.
+    """Build the Panda with the Allegro hand where the cell has its base in the world, names as in `names`.
 
     Args:
         mount: how the hand sits on the flange, a key of `mounts.MOUNTS`.
@@ -32,6 +32,7 @@ def robot_spec(mount: str = "palm_normal") -> mujoco.MjSpec:
     hand = mujoco.MjSpec.from_file(str(asset_path("robot", "allegro.xml")))
     arm.modelname = "panda_allegro"
     _attach_hand(arm, hand, placement)
+    arm.body(ARM_BODIES[0]).pos = active_cell().base
     _set_limits(arm, active_cell())
     return arm
 

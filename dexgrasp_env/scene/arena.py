@@ -2,6 +2,7 @@
 
 import mujoco
 
+from dexgrasp_env.robot.cell import active_cell
 from dexgrasp_env.scene.constants import (
     IMPRATIO,
     TABLE_CENTRE_X,
@@ -59,11 +60,10 @@ def add_arena(spec: mujoco.MjSpec) -> None:
                 type=_BOX, size=size, material="metal", contype=0, conaffinity=0, group=VISUAL_GROUP, **leg
             )
     plinth = dict(material="plinth", contype=0, conaffinity=0, group=VISUAL_GROUP)
-    middle = -0.5 * TABLE_HEIGHT - 0.005
-    world.add_geom(
-        type=_CYLINDER, size=[0.11, 0.5 * TABLE_HEIGHT - 0.005, 0], pos=[-0.04, 0, middle], **plinth
-    )
-    world.add_geom(type=_CYLINDER, size=[0.17, 0.012, 0], pos=[-0.04, 0, -0.012], **plinth)
+    base = float(active_cell().base[2])
+    half_height, middle = 0.5 * (TABLE_HEIGHT + base) - 0.005, 0.5 * (base - TABLE_HEIGHT) - 0.005
+    world.add_geom(type=_CYLINDER, size=[0.11, half_height, 0], pos=[-0.04, 0, middle], **plinth)
+    world.add_geom(type=_CYLINDER, size=[0.17, 0.012, 0], pos=[-0.04, 0, base - 0.012], **plinth)
 
 
 def _add_look(spec: mujoco.MjSpec) -> None:

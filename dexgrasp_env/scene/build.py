@@ -27,13 +27,13 @@ def scene_spec(
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjSpec:
-    """Return the editable scene: robot base at the origin, table top at z = 0, one free object.
+    """Return the editable scene: robot base above or below the origin, table top at z = 0, one free object.
 
     Args:
         model: the object to pick up.
         mount: how the hand sits on the flange (see `robot.mounts`).
         friction: sliding friction coefficient of every contact.
-        cameras: depth cameras to add, in the robot base frame.
+        cameras: depth cameras to add, in the world frame.
     """
     spec = robot_spec(mount)
     spec.modelname = f"dexgrasp {model.name}"

@@ -20,6 +20,6 @@ TIP_SOLREF = (0.02, 1.0)
 TIP_SOLIMP = (0.9, 0.95, 0.001, 0.5, 2.0)
 TIP_SOLREFFRICTION = (0.004, 1.0)
 
-TABLE_SIZE = (0.70, 1.20, 0.04)  # m, x y z; the top is the plane z = 0, which is also the arm's base
+TABLE_SIZE = (0.70, 1.20, 0.04)  # m, x y z; the top is the plane z = 0
 TABLE_CENTRE_X = 0.52  # m
 TABLE_HEIGHT = 0.75  # m above the floor

@@ -18,7 +18,7 @@ _GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z 
 
 
 def default_cameras(intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
-    """Return the cell's cameras.
+    """Return the cell's cameras, in the world frame.
 
     In the simulated one two stand at the table's front corners, two at the sides behind the objects. All of these see
     the whole region in which objects are put; the two at the back look past the arm.
@@ -27,7 +27,7 @@ def default_cameras(intrinsics: CameraIntrinsics | None = None) -> tuple[Camera,
 
 
 def add_cameras(spec: "mujoco.MjSpec", cameras: Iterable[Camera]) -> None:
-    """Add the cameras to a model under construction, fixed to the world (= the robot base frame).
+    """Add the cameras to a model under construction, fixed to the world.
 
     MJCF knows a centred principal point only; the depth backends use the full intrinsics whatever is written
     here.

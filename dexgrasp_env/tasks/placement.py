@@ -14,6 +14,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import MERGE_ANGLE, rest_poses
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
+from dexgrasp_env.robot.cell import active_cell
 from dexgrasp_env.robot.limits import REACH
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
@@ -21,7 +22,7 @@ from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_
 PRESENTATIONS = ("rest", "upright")
 _CLEARANCE = 0.0005  # m above the table; the settle closes it
 _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
-_SHOULDER = (0.0, 0.0, 0.333)  # m, the arm's reach counts from here
+_SHOULDER = np.array([0.0, 0.0, 0.333]) + active_cell().base  # m, the arm's reach counts from here
 
 
 @dataclass(frozen=True)
@@ -146,7 +147,7 @@ def check_pose(value: Any, hull: Array) -> Array:
         )
     if np.linalg.norm(pose[:3] - _SHOULDER) > REACH:
         raise InputError(
-            f"object_pose is out of reach: valid is within {REACH} m of the arm's shoulder {_SHOULDER}"
+            f"object_pose is out of reach: valid is within {REACH} m of the arm's shoulder at {_SHOULDER.tolist()}"
         )
     return np.concatenate([pose[:3], quat])
 

@@ -22,9 +22,10 @@ def read_ours(path: Path, options: ReadOptions) -> list[Candidate]:
     """Return the grasp of a file; the object's true pose must be in it.
 
     Raises:
-        InputError: if the file is unusable, knows no true pose, or its object is not found.
+        InputError: if the file is unusable, of another cell, knows no true pose, or its object is not found.
     """
     record = read_grasp(path)
+    record.check_cell()
     if record.T_world_object is None:
         raise InputError(
             f"{path}: T_world_object is missing: a grasp planned on a cloud alone cannot be simulated"
