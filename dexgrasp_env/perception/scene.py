@@ -137,8 +137,9 @@ def _find_table(cloud: Cloud, rng: Generator, s: SegmentationSettings) -> tuple[
     local = crop(cloud, (*s.crop_low[:2], -np.inf), (*s.crop_high[:2], np.inf))
     pool = local if len(local) > s.min_points else cloud
     plane = fit_plane(pool.points, rng, height=s.table_height, tolerance=0.010, min_inliers=100)
-    if plane is None:
-        elsewhere = fit_plane(
+    if plane is None or _below(pool, plane, s) > _BELOW:
+        # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
+        plane = fit_plane(
             pool.points,
             rng,
             height=s.table_height,
@@ -146,16 +147,21 @@ def _find_table(cloud: Cloud, rng: Generator, s: SegmentationSettings) -> tuple[
             tolerance=0.010,
             min_inliers=100,
         )
-        if elsewhere is None:
-            return None, NO_TABLE, ""
-        return None, TABLE_HEIGHT, _heights(elsewhere)
-    heights = plane.heights(pool.points)
-    off_table = np.abs(heights) > 0.015
-    if off_table.sum() >= s.min_points and (heights[off_table] < 0).mean() > _BELOW:
-        return None, UPSIDE_DOWN, f"{100 * (heights[off_table] < 0).mean():.0f} % of what is off the table"
+    if plane is None:
+        return None, NO_TABLE, ""
+    below = _below(pool, plane, s)
+    if below > _BELOW:
+        return None, UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table"
     if abs(plane.offset - s.table_height) > _TABLE_OFF:
         return None, TABLE_HEIGHT, _heights(plane)
     return plane, "", ""
+
+
+def _below(cloud: Cloud, plane: Plane, s: SegmentationSettings) -> float:
+    """Share of what is off a plane that lies under it; 0 where next to nothing is off it."""
+    heights = plane.heights(cloud.points)
+    off = heights[np.abs(heights) > 0.015]
+    return float((off < 0).mean()) if len(off) >= s.min_points else 0.0
 
 
 def _heights(found: Plane) -> str:
