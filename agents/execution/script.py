@@ -56,7 +56,7 @@ def make_script(
     Args:
         start: (23,) rad, the set-points now.
         motion: the grasp.
-        obstacle: the object in the robot base frame, or None to approach as if there were none.
+        obstacle: the object in the world frame, or None to approach as if there were none.
         mount: how the hand sits on the flange.
         speed: share of the velocity and acceleration limits that the approach uses, above 0 and up to 1.
         margin: clearance to keep on the approach, m.

@@ -38,7 +38,7 @@ class GraspMotion:
 
 @dataclass(frozen=True)
 class Grasp:
-    """A certified grasp; fingers in the order thumb, index, middle, robot base frame.
+    """A certified grasp; fingers in the order thumb, index, middle, world frame.
 
     Attributes:
         q: (23,) rad, the configuration that the optimisation made feasible.

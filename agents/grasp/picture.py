@@ -50,7 +50,7 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
 
 
 def _hand_triangles(grasp: Grasp) -> Array:
-    """The hand's collision shapes as it grasps, (N, 3, 3) m in the robot base frame."""
+    """The hand's collision shapes as it grasps, (N, 3, 3) m in the world frame."""
     import mujoco
 
     from dexgrasp_env.robot.model import robot_spec

@@ -1,4 +1,4 @@
-"""The object as a planner knows it: convex parts in the robot base frame, and assumptions about its mass."""
+"""The object as a planner knows it: convex parts in the world frame, and assumptions about its mass."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
 class Spread(NamedTuple):
     """How far a surface may be from where it is believed to be, by direction."""
 
-    directions: Array  # (K, 3) unit, robot base frame
+    directions: Array  # (K, 3) unit, world frame
     errors: Array  # (K,) m, mean absolute error of the support in each
 
     def along(self, normals: Array) -> Array:
@@ -36,7 +36,7 @@ class GraspTarget:
     """What is grasped: a union of convex parts, mostly one.
 
     Attributes:
-        parts: watertight convex meshes, robot base frame, m.
+        parts: watertight convex meshes, world frame, m.
         hull: the convex hull of them all; the part itself where there is one.
         distance: signed distance to their union.
         centre: (3,) m, centre of mass, taken to be that of the parts' volumes unless it is known.
@@ -59,10 +59,10 @@ class GraspTarget:
         centre: Array | None = None,
         spread: Spread | None = None,
     ) -> "GraspTarget":
-        """Take the convex hull of a mesh in the robot base frame.
+        """Take the convex hull of a mesh in the world frame.
 
         Args:
-            mesh: m, robot base frame.
+            mesh: m, world frame.
             mass: kg; assumed from the hull's volume if None.
             centre: (3,) m; the hull's centroid if None.
             spread: of a surface that was guessed in part.
@@ -80,7 +80,7 @@ class GraspTarget:
         centre: Array | None = None,
         spread: Spread | None = None,
     ) -> "GraspTarget":
-        """Take the union of the convex hulls of meshes in the robot base frame; arguments and errors as in `of`."""
+        """Take the union of the convex hulls of meshes in the world frame; arguments and errors as in `of`."""
         if mass is not None and not (np.isfinite(mass) and mass > 0.0):
             raise InputError(f"mass {mass!r}: valid is a positive number of kilograms")
         faces = MAX_FACES if len(meshes) == 1 else PART_FACES

@@ -31,7 +31,7 @@ def component_shares(features: Array) -> list[float]:
 
 
 def grasp_features(grasp: Grasp) -> Array:
-    """Return palm position, m, its rotation vector, rad, and the hand's joints, rad: (22,), robot base frame."""
+    """Return palm position, m, its rotation vector, rad, and the hand's joints, rad: (22,), world frame."""
     R, p = palm_frame(grasp.q, robot_tree(grasp.mount))
     return np.concatenate([p, Rotation.from_matrix(R).as_rotvec(), grasp.q[7:]])
 

@@ -61,7 +61,7 @@ class CvaeProposals(ProposalSource):
 
 
 def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:
-    """Return fingertips (count, 3, 3) m and poses (count, 4, 4) of the palm, robot base frame, of latents drawn."""
+    """Return fingertips (count, 3, 3) m and poses (count, 4, 4) of the palm, world frame, of latents drawn."""
     points, normals = hull_cloud(target, 2 * decoder.settings.points, rng)
     if not len(points):  # next to nothing stands out of the table
         points, normals = target.distance.triangles[:1, 0], np.array([[0.0, 0.0, 1.0]])

@@ -26,12 +26,12 @@ class Proposals:
     """K contact triples, best first.
 
     Attributes:
-        contacts: (K, 3, 3) m, robot base frame.
+        contacts: (K, 3, 3) m, world frame.
         normals: (K, 3, 3) out of the object.
         margins: (K,) closure margins, NaN where the source does not know.
         assigned: whether the order is thumb, index, middle; otherwise any finger may take any contact.
         failure: why there are none.
-        palms: (K, 4, 4) where the source would have the palm, robot base frame; None where it does not say.
+        palms: (K, 4, 4) where the source would have the palm, world frame; None where it does not say.
     """
 
     contacts: Array

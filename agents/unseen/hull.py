@@ -26,7 +26,7 @@ def target_of_cloud(
     """Return the object that a cloud shows, or None where its points span no volume to speak of.
 
     Args:
-        points: (N, 3) m, of the object alone, robot base frame.
+        points: (N, 3) m, of the object alone, world frame.
         normals: (N, 3) out of the object.
         plane: the table, on which it stands.
         mass: kg; assumed if None.
@@ -49,7 +49,7 @@ def completed_hull(
     A cloud whose normals do not all point one way shows the object all round: its hull is `cloud_hull`.
 
     Args:
-        points: (N, 3) m, robot base frame.
+        points: (N, 3) m, world frame.
         normals: (N, 3) out of the object.
         plane: the table; None completes nothing.
         network: that completes; the shipped one by default.

@@ -46,13 +46,13 @@ class View(NamedTuple):
 
     points: Array  # (N, 3) UNIT
     normals: Array  # (N, 3)
-    R: Array  # (3, 3) rotation, robot base frame to that of the view
-    origin: Array  # (3,) m, robot base frame
+    R: Array  # (3, 3) rotation, world frame to that of the view
+    origin: Array  # (3,) m, world frame
     viewer: float  # rad, where the normals point on the whole, from x
 
     @classmethod
     def of(cls, points: Array, normals: Array, plane: Plane) -> "View":
-        """Look at points (N, 3) m with outward normals (N, 3), both in the robot base frame."""
+        """Look at points (N, 3) m with outward normals (N, 3), both in the world frame."""
         level = normals[:, :2]
         length = np.linalg.norm(level, axis=1)
         viewer = np.arctan2(level[:, 1].sum(), level[:, 0].sum())

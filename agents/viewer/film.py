@@ -17,11 +17,11 @@ class Film:
         title: one line.
         mount: of the hand.
         states: (T, 23) rad.
-        object_poses: (T, 4, 4) m, robot base frame.
+        object_poses: (T, 4, 4) m, world frame.
         period: s between states.
         segments: names and first states.
         object: the true object where it is known, else None.
-        parts: (V, 3) m of each convex part that was planned on, in the robot base frame.
+        parts: (V, 3) m of each convex part that was planned on, in the world frame.
         cloud: (N, 3) m that was seen; may be empty.
         contacts, normals, forces: (3, 3) m, unit out of the object, N on the object.
         friction: of the cones that are drawn.
@@ -62,7 +62,7 @@ def carried(states: Array, first_lifted: int, T_world_object: Array, mount: str)
 
 
 def palm_poses(states: Array, mount: str) -> Array:
-    """Return the palm's poses (T, 4, 4) in the robot base frame."""
+    """Return the palm's poses (T, 4, 4) in the world frame."""
     model, data = robot_model(mount)
     import mujoco
 

@@ -59,7 +59,7 @@ class Camera:
 
     Attributes:
         name: of the MJCF camera.
-        T_world_camera: (4, 4) pose of the optical frame in the robot base frame, metres.
+        T_world_camera: (4, 4) pose of the optical frame in the world frame, metres.
         intrinsics: the pinhole model.
     """
 
@@ -87,7 +87,7 @@ class Camera:
         target: Iterable[float],
         intrinsics: CameraIntrinsics | None = None,
     ) -> "Camera":
-        """Return a camera at `position` looking at `target`, rows level; both (3,) m, robot base frame."""
+        """Return a camera at `position` looking at `target`, rows level; both (3,) m, world frame."""
         eye, forward = np.array(list(position), float), np.array(list(target), float)
         forward = forward - eye
         if np.linalg.norm(forward) < 1e-6:
@@ -103,12 +103,12 @@ class Camera:
 
     @property
     def position(self) -> Array:
-        """Optical centre in the robot base frame, (3,) m."""
+        """Optical centre in the world frame, (3,) m."""
         return self.T_world_camera[:3, 3]
 
     @property
     def rotation(self) -> Array:
-        """(3, 3) rotation of the optical frame in the robot base frame."""
+        """(3, 3) rotation of the optical frame in the world frame."""
         return self.T_world_camera[:3, :3]
 
     def moved(self, T_camera_believed: Array) -> "Camera":

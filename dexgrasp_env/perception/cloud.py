@@ -1,4 +1,4 @@
-"""Depth images to points in the robot base frame, and fewer of them."""
+"""Depth images to points in the world frame, and fewer of them."""
 
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -16,7 +16,7 @@ class Cloud:
     """Points and where each comes from; all arrays have M rows.
 
     Attributes:
-        points: (M, 3) m, robot base frame.
+        points: (M, 3) m, world frame.
         views: (M, 3) unit vectors from the points to the cameras that saw them.
         depth: (M,) m along the optical axis.
         camera: (M,) index of the camera.
@@ -60,7 +60,7 @@ def deproject(depth: NDArray[Any], camera: Camera) -> Array:
         camera: pose and intrinsics as believed.
 
     Returns:
-        (H, W, 3) m in the robot base frame, NaN where there is no measurement.
+        (H, W, 3) m in the world frame, NaN where there is no measurement.
     """
     z = np.where(is_valid(depth), depth, np.nan).astype(float)
     return (camera.intrinsics.directions() * z[..., None]) @ camera.rotation.T + camera.position
@@ -81,7 +81,7 @@ def gather(depths: NDArray[Any], cameras: tuple[Camera, ...]) -> Cloud:
 
 
 def crop(cloud: Cloud, low: ArrayLike, high: ArrayLike) -> Cloud:
-    """Return the points inside the axis-aligned box from `low` to `high`, (3,) m each, robot base frame."""
+    """Return the points inside the axis-aligned box from `low` to `high`, (3,) m each, world frame."""
     low, high = np.asarray(low), np.asarray(high)
     keep = np.ones(len(cloud), bool)
     for axis in range(3):

@@ -23,7 +23,7 @@ _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the las
 def cloud_hull(
     points: NDArray[Any], plane: Plane | None = None, *, reach: float = REACH, noise: float | None = None
 ) -> "trimesh.Trimesh | None":
-    """Return the convex hull of the points as a mesh in the robot base frame.
+    """Return the convex hull of the points as a mesh in the world frame.
 
     No camera sees the underside, and points near the table are removed with it. The object stands on the
     table, so points within `reach` of the plane are dropped straight onto it before the hull is taken, and

@@ -28,7 +28,7 @@ _APART = 0.03  # m between two of them
 def parts_within(
     hull: "trimesh.Trimesh", points: NDArray[Any], plane: Plane | None
 ) -> "list[trimesh.Trimesh]":
-    """Return convex meshes in the robot base frame whose union is the object of a cloud, or its hull alone.
+    """Return convex meshes in the world frame whose union is the object of a cloud, or its hull alone.
 
     The deepest notch is cut first (Lien and Amato, Approximate convex decomposition of polyhedra, 2007): through one of
     the points that lie farthest inside the hull, by the plane that takes away most of the volume. The hull

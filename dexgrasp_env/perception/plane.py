@@ -10,7 +10,7 @@ from dexgrasp_env.perception.cloud import Cloud
 
 @dataclass(frozen=True, eq=False)
 class Plane:
-    """The plane normal . x = offset, robot base frame.
+    """The plane normal . x = offset, world frame.
 
     Attributes:
         normal: (3,) unit, upwards.
@@ -57,7 +57,7 @@ def fit_plane(
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
     Args:
-        points: (M, 3) m, robot base frame.
+        points: (M, 3) m, world frame.
         rng: draws the subsample and the triples.
         height: where the table is expected, metres.
         height_tolerance: farther points have no say, metres.

@@ -42,7 +42,7 @@ REASONS = (OUT_OF_VIEW, TOO_FEW, NO_PLANE)
 
 @dataclass(frozen=True)
 class SegmentationSettings:
-    """Settings of the pipeline; lengths in metres, robot base frame.
+    """Settings of the pipeline; lengths in metres, world frame.
 
     Attributes:
         count: points returned.
@@ -82,7 +82,7 @@ class SegmentedCloud:
     """The object as seen; all arrays have `count` rows.
 
     Attributes:
-        points: (N, 3) m, robot base frame, zeros where the mask is false.
+        points: (N, 3) m, world frame, zeros where the mask is false.
         normals: (N, 3) unit, out of the object.
         mask: (N,) which rows hold a point.
         plane: the table, or None.

@@ -12,7 +12,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.perception.camera import Camera
 from dexgrasp_env.poses import quat_to_matrix
 
-PIVOT = (0.5, 0.0, 0.0)  # m, robot base frame: the error turns about axes through this point
+PIVOT = (0.5, 0.0, 0.0)  # m, world frame: the error turns about axes through this point
 
 
 @dataclass(frozen=True)

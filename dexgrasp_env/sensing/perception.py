@@ -36,7 +36,7 @@ class Observation:
     cloud: SegmentedCloud
 
     def hull(self) -> "trimesh.Trimesh | None":
-        """Return the cloud's convex hull down to the table, robot base frame, or None without a cloud."""
+        """Return the cloud's convex hull down to the table, world frame, or None without a cloud."""
         return cloud_hull(self.cloud.valid_points, self.cloud.plane)
 
 

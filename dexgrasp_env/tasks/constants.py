@@ -16,7 +16,7 @@ OFF_TABLE = 0.002  # m: from here on the object counts as lifted off
 DISTURB_AFTER = 20  # control steps held, 1 s, after which the disturbance begins
 DISTURB_SHIFT = 0.06  # m of motion in the palm's frame that a held object may make under it
 
-# Where an object may be before it counts as lost: centre, robot base frame, m.
+# Where an object may be before it counts as lost: centre, world frame, m.
 WORKSPACE_LOW = (0.05, -0.65, -0.05)
 WORKSPACE_HIGH = (1.05, 0.65, 1.30)
 

@@ -35,7 +35,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     object's lowest point has been at least 10 cm above the table for the last 3 s, nothing but the hand has touched it
     meanwhile, and it is grasped: at the end and for 90 % of that time the thumb and the index, middle or ring finger
     press it with at least 0.5 N each, from opposite sides (more than 90 deg between the forces). Control runs at
-    20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in the robot base frame: x
+    20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in the world frame: x
     forward, z up, table top at z = 0.
 
     ## Action Space
@@ -252,7 +252,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         Args:
             seed: of every draw of this and the following episodes.
             options: `object` names one of the environment's objects; `object_pose` is (7,) position m and quaternion
-                wxyz of the object in the robot base frame.
+                wxyz of the object in the world frame.
 
         Raises:
             InputError: for an unknown option or object, or a pose that cannot be.

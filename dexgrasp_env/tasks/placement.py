@@ -27,7 +27,7 @@ _SHOULDER = np.array([0.0, 0.0, 0.333]) + active_cell().base  # m, the arm's rea
 
 @dataclass(frozen=True)
 class Placement:
-    """Ranges that the object's pose is drawn from, in the robot base frame.
+    """Ranges that the object's pose is drawn from, in the world frame.
 
     Attributes:
         x: range of the centre, m.
@@ -120,7 +120,7 @@ def check_pose(value: Any, hull: Array) -> Array:
     """Return a given pose of the object with its quaternion normalised, (7,).
 
     Args:
-        value: seven numbers, position m in the robot base frame and quaternion wxyz.
+        value: seven numbers, position m in the world frame and quaternion wxyz.
         hull: (V, 3) m, vertices of the object's hull in its own frame.
 
     Raises:
