@@ -96,7 +96,7 @@ def _read_cached(path: Path) -> Arrays | None:
         content = path.read_bytes()
     except OSError:
         return None
-    payload, digest = content[:-_DIGEST], content[-_DIGEST:]
+    payload, digest = memoryview(content)[:-_DIGEST], content[-_DIGEST:]
     if hashlib.sha256(payload).digest() != digest:
         return None
     return read_npz(io.BytesIO(payload))

@@ -3,12 +3,14 @@
 import numpy as np
 import pytest
 import trimesh
+from scipy.interpolate import CubicSpline
 
 from agents.execution.cartesian import shift_palm
 from agents.execution.collision import CollisionChecker, densify
 from agents.execution.motion import NoPath
 from agents.execution.sampling import plan_arm
 from agents.execution.script import make_script
+from agents.execution.spline import NaturalSpline
 from agents.execution.time_optimal import fastest_squared_speeds, places_at
 from agents.execution.timing import ACCELERATION, round_corners, time_path, within_limits
 from agents.geometry.convex import ConvexDistance
@@ -136,6 +138,16 @@ def test_timing_of_degenerate_paths():
     samples = time_path(np.stack([HOME, HOME, tiny]))
     np.testing.assert_allclose(samples[-1], tiny)
     assert within_limits(HOME, samples)
+
+
+def test_our_spline_is_scipys():
+    rng = np.random.default_rng(0)
+    at, points = np.cumsum(rng.uniform(0.1, 1.0, 30)), rng.normal(size=(30, 4))
+    scipys, places = CubicSpline(at, points, bc_type="natural"), np.linspace(at[0], at[-1], 200)
+    for derivative in range(3):
+        np.testing.assert_allclose(
+            NaturalSpline(at, points)(places, derivative), scipys(places, derivative), atol=1e-12
+        )
 
 
 def test_rounded_corners_stay_near_the_polyline():

@@ -1,9 +1,9 @@
 """When to be where: time-optimal within the limits, by reachability analysis (TOPP-RA)."""
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from agents.execution.collision import CollisionChecker
+from agents.execution.spline import NaturalSpline
 from agents.execution.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import ACCELERATION, VELOCITY
@@ -74,12 +74,12 @@ def _without_repeats(path: Array) -> Array:
 
 def _time_smooth(points: Array, at: Array, speed: float) -> Array:
     """Time a smooth path as fast as limits allow; by a slow smooth law where that fails."""
-    curve = CubicSpline(at, points, bc_type="natural")
+    curve = NaturalSpline(at, points)
     velocity, acceleration = _ROOM * speed * VELOCITY, _ROOM * speed * ACCELERATION
     squared = fastest_squared_speeds(at, curve(at, 1), curve(at, 2), velocity, acceleration)
     places = places_at(at, squared, CONTROL_PERIOD) if len(squared) else squared
     if len(places):
-        samples: Array = curve(places)
+        samples = curve(places)
         samples[-1] = points[-1]
         if np.isfinite(samples).all() and _gentle(points[0], samples, speed):
             return samples

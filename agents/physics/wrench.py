@@ -10,6 +10,7 @@ rms radius, and taken about c, the contacts' centroid unless given. A zero resid
 import warnings
 from typing import Any, NamedTuple
 
+import daqp
 import numpy as np
 
 from agents.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
@@ -89,35 +90,47 @@ def solve_wrench_qp(
     solver: str = "daqp",
     center: Numbers = None,
 ) -> WrenchSolution:
-    """Solve Eq. 4 through qpsolvers.
+    """Solve Eq. 4 by daqp, or through qpsolvers by another solver.
 
     Args:
         points: (N, 3) metres. normals: (N, 3) unit, out of the object. mu: friction coefficient.
         f_min: least pressing force [N] of each contact.
         length_scale: divides torques [m]; None is the contacts' rms radius.
-        solver: any solver that qpsolvers finds installed.
+        solver: daqp, or any that qpsolvers finds installed.
         center: (3,) torque reference; None is the contacts' centroid.
 
     Raises:
         InputError: bad contacts or an unknown solver.
     """
+    points, normals, mu, f_min, about, scale = _setting(points, normals, mu, f_min, center, length_scale)
+    G = grasp_map(points, about, scale)
+    A, b = pyramid_rows(normals, mu, f_min)
+    H = G.T @ G + REGULARISER * np.eye(G.shape[1])
+    x = _by_daqp(H, A, b) if solver == "daqp" else _by_qpsolvers(H, A, b, solver)
+    start = -f_min * normals if x is None else x.reshape(-1, 3)
+    forces = restore_feasible(start, normals, mu, f_min)
+    wrench = G @ forces.ravel()
+    status = f"{solver} found no solution" if x is None else "solved"
+    return WrenchSolution(float(wrench @ wrench), forces, status)
+
+
+def _by_daqp(H: Array, A: Array, b: Array) -> Array | None:
+    """Return the minimiser of x H x / 2 subject to A x >= b, None where none is found."""
+    sense = np.zeros(len(b), dtype=np.int32)
+    x, _, flag, _ = daqp.solve(H, np.zeros(len(H)), -A, -b, np.full(len(b), -1e30), sense)
+    return x if flag > 0 else None
+
+
+def _by_qpsolvers(H: Array, A: Array, b: Array, solver: str) -> Array | None:
+    """Like `_by_daqp`; qpsolvers takes long to import."""
     import qpsolvers
     from scipy.sparse import csc_matrix
 
     if solver not in qpsolvers.available_solvers:
         raise unknown_name("QP solver", solver, sorted(qpsolvers.available_solvers))
-    points, normals, mu, f_min, about, scale = _setting(points, normals, mu, f_min, center, length_scale)
-    G = grasp_map(points, about, scale)
-    A, b = pyramid_rows(normals, mu, f_min)
-    H = G.T @ G + REGULARISER * np.eye(G.shape[1])
     form = np.asarray if solver in qpsolvers.dense_solvers else csc_matrix
     problem = qpsolvers.Problem(form(H), np.zeros(len(H)), form(-A), -b)
     with warnings.catch_warnings():  # the status returned says the same
         warnings.simplefilter("ignore")
         answer = qpsolvers.solve_problem(problem, solver, **_OPTIONS.get(solver, {}))
-    start = -f_min * normals if answer.x is None else answer.x.reshape(-1, 3)
-    forces = restore_feasible(start, normals, mu, f_min)
-    wrench = G @ forces.ravel()
-    return WrenchSolution(
-        float(wrench @ wrench), forces, "solved" if answer.found else f"{solver} found no solution"
-    )
+    return answer.x if answer.found else None
