@@ -93,6 +93,8 @@ def test_compiled_function_and_batch_give_the_same_bits(can):
     for p, d, expected in zip(points, distances, gradients, strict=True):
         assert convex_distance(p, can.obstacle, g) == d
         np.testing.assert_array_equal(g, expected)
+        assert convex_distance(p, can.obstacle, g, d + 1e-3) == d
+        assert d - 0.01 <= convex_distance(p, can.obstacle, g, d - 0.01) <= d
 
 
 @pytest.fixture(scope="module")

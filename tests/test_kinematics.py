@@ -9,7 +9,7 @@ import trimesh
 
 from agents.geometry.convex import ConvexDistance
 from agents.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
-from agents.kinematics.forward import body_frames, fingertips, tip_jacobian
+from agents.kinematics.forward import body_frames, fingertips, hand_jacobian, tip_jacobian
 from agents.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
 from agents.kinematics.tree import robot_tree
 from dexgrasp_env.errors import InputError
@@ -126,7 +126,9 @@ def test_tip_jacobians_are_mujocos(mount):
     tree, J = robot_tree(mount), np.zeros((3, 23))
     for q in anywhere(np.random.default_rng(1), 40):
         model, data = placed(q, mount)
-        ours = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree))
+        ours, of_hand = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)), np.empty((3, 3, 23))
+        hand_jacobian(tree, body_frames(q, tree), fingertips(q, tree), of_hand)
+        np.testing.assert_array_equal(of_hand, np.where(np.arange(23) < 7, 0.0, ours))
         for i, finger in enumerate(GRASP_FINGERS):
             mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
             np.testing.assert_allclose(ours[i], J, atol=1e-12)

@@ -1,7 +1,6 @@
 """Whether configurations of the whole robot are free of the object, the table and the robot itself."""
 
 from dataclasses import dataclass
-from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -114,11 +113,11 @@ class CollisionChecker:
 def densify(path: Array, step: float) -> Array:
     """Return points (m, 23) on a polyline (n, 23), corners included, no joint moving over `step` rad."""
     path = np.atleast_2d(np.asarray(path, dtype=float))
-    pieces = [path[:1]]
-    for a, b in pairwise(path):
-        count = max(1, int(np.ceil(np.abs(b - a).max() / step)))
-        pieces.append(a + np.arange(1, count + 1)[:, None] / count * (b - a))
-    return np.concatenate(pieces)
+    way = np.diff(path, axis=0)
+    counts = np.maximum(np.ceil(np.abs(way).max(axis=1) / step), 1).astype(int)
+    leg = np.repeat(np.arange(len(way)), counts)
+    number = np.arange(1, len(leg) + 1) - (np.cumsum(counts) - counts)[leg]
+    return np.concatenate([path[:1], path[leg] + (number / counts[leg])[:, None] * way[leg]])
 
 
 class _Watch(NamedTuple):

@@ -76,10 +76,10 @@ class ConvexDistance:
         vertices = _checked_points(points)
         if max_faces is not None and max_faces < 20:
             raise InputError(f"max_faces is {max_faces}: valid are integers of at least 20")
-        triangles, planes, corners = _hull(vertices)
+        triangles, planes, hull = _hull(vertices)
         error = 0.0
         if max_faces is not None and len(triangles) > max_faces:
-            triangles, planes, error = _simplify(vertices[corners], max_faces)
+            triangles, planes, error = _simplify(vertices[hull.vertices], max_faces)
         return cls(triangles, planes, error)
 
     @classmethod
@@ -139,8 +139,8 @@ def _checked_points(points: ArrayLike) -> NDArray[Any]:
     return array
 
 
-def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Return triangles, planes and the indices of the corners of a convex hull.
+def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], ConvexHull]:
+    """Return triangles and planes of a convex hull, and the hull as Qhull has it (its `vertices` take time).
 
     The planes are Qhull's, one for all triangles of a merged facet: those of thin triangles would be noise.
     """
@@ -153,7 +153,7 @@ def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any
         raise InputError(f"points lie in a plane to {FLAT} m: a convex hull needs points with a volume")
     planes = hull.equations.copy()
     planes[:, 3] -= planes[:, :3] @ centre
-    return outward_triangles(points, hull.simplices, planes), planes, hull.vertices
+    return outward_triangles(points, hull.simplices, planes), planes, hull
 
 
 def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDArray[Any], float]:

@@ -117,18 +117,23 @@ def closest_feature(
 
 
 @njit(cache=True, error_model="numpy")
-def convex_distance(p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any]) -> float:
+def convex_distance(
+    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
+) -> float:
     """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,).
+
+    From `limit` on any lower bound of the distance that is no less will do, without a gradient.
 
     Outside one polyhedron the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it
     is the normal of the nearest face. See `closest_feature` for the arguments.
     """
     px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
-    distance = math.inf
+    distance, beyond = math.inf, math.inf
     for part in range(obstacle.starts.shape[0] - 1):
         first, end = obstacle.starts[part], obstacle.starts[part + 1]
         bound, face = _farthest_plane(px, py, pz, planes, first, end)
-        if bound >= distance:
+        if bound >= min(distance, limit):
+            beyond = min(beyond, bound)
             continue
         if bound > 0.0:
             squared, x, y, z, code, _ = _walk(px, py, pz, obstacle, first, end, face)
@@ -144,7 +149,7 @@ def convex_distance(p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[A
                 continue
         distance = bound
         gradient_out[0], gradient_out[1], gradient_out[2] = planes[face, 0], planes[face, 1], planes[face, 2]
-    return distance
+    return min(distance, beyond)
 
 
 @njit(cache=True, error_model="numpy")

@@ -13,15 +13,24 @@ def bend(rows: Array) -> float:
 
     Straight ways and rounded corners lie in such planes; a single set-point that was changed does not.
     """
-    worst = 0.0
-    for k in range(1, len(rows) - 1):
-        near = rows[[i for i in (k - 2, k - 1, k + 1, k + 2) if 0 <= i < len(rows)]]
-        middle = near.mean(0)
-        _, spread, directions = np.linalg.svd(near - middle, full_matrices=False)
-        spanned = directions[:2][spread[:2] > max(_LINE * spread[0], 1e-9)]
-        off = rows[k] - middle
-        worst = max(worst, float(np.abs(off - spanned.T @ (spanned @ off)).max()))
-    return worst
+    inner = np.arange(2, len(rows) - 2)
+    ends = [k for k in (1, len(rows) - 2) if 0 < k < len(rows) - 1]
+    near = [rows[[i for i in (k - 2, k - 1, k + 1, k + 2) if 0 <= i < len(rows)]][None] for k in ends]
+    worst = [_stands_out(rows[[k]], some) for k, some in zip(ends, near, strict=True)]
+    if len(inner):
+        worst.append(_stands_out(rows[inner], rows[inner[:, None] + [-2, -1, 1, 2]]))
+    return max(worst, default=0.0)
+
+
+def _stands_out(rows: Array, near: Array) -> float:
+    """Return how far at most rows (K, 23) are from the planes of K sets of neighbours (K, n, 23)."""
+    middle = near.mean(1)
+    _, spread, directions = np.linalg.svd(near - middle[:, None], full_matrices=False)
+    spans = spread[:, :2] > np.maximum(_LINE * spread[:, :1], 1e-9)
+    spanned = directions[:, :2] * spans[:, :, None]
+    off = rows - middle
+    along = np.einsum("knj,kj->kn", spanned, off)
+    return float(np.abs(off - np.einsum("kn,knj->kj", along, spanned)).max())
 
 
 def stray(positions: Array, rotations: Array) -> float:

@@ -38,7 +38,6 @@ class Cover(NamedTuple):
     known: NDArray[np.bool_]  # (nb,): whose centres are there
 
 
-@njit(cache=True, error_model="numpy")
 def empty_rows(count: int) -> Rows:
     """Return room for `count` clearances."""
     return Rows(np.empty(count), np.empty((count, 23)), np.empty((count, 3), dtype=np.int64))
@@ -127,7 +126,7 @@ def object_clearance(
     """
     centres, gradient, best, which = cover.centres, np.empty(3), activation, -1
     last = cover.bounds[b]
-    middle = convex_distance(last, obstacle, gradient)
+    middle = convex_distance(last, obstacle, gradient, activation + tree.bound_radius[b])
     at_last = middle
     if middle - tree.bound_radius[b] > activation:
         return best, which
@@ -141,10 +140,9 @@ def object_clearance(
             continue
         if at_last - need > 0.0 and _squared(centres[s], last) < (at_last - need) ** 2:
             continue
-        at_last, last = convex_distance(centres[s], obstacle, gradient), centres[s]
-        d = at_last - tree.sphere_radius[s]
-        if d < best:
-            best, which = d, s
+        at_last, last = convex_distance(centres[s], obstacle, gradient, need), centres[s]
+        if at_last < need:
+            best, which = at_last - tree.sphere_radius[s], s
             direction[:] = gradient
     return best, which
 

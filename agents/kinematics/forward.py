@@ -23,11 +23,17 @@ def empty_frames(tree: RobotTree) -> Frames:
     return Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
 
 
-@njit(cache=True, error_model="numpy", fastmath=False)
+@njit(cache=True, error_model="numpy")
 def forward(q: Array, tree: RobotTree, frames: Frames) -> None:
     """Write the body frames for joint positions `q` (23,) rad into `frames`."""
+    forward_part(q, tree, frames, 0, tree.parent.shape[0])
+
+
+@njit(cache=True, error_model="numpy")
+def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int) -> None:
+    """Write the frames of bodies `first` to `end` only; those before them are there. The hand follows the palm."""
     R, p = frames.R, frames.p
-    for b in range(tree.parent.shape[0]):
+    for b in range(first, end):
         a, j = tree.parent[b], tree.joint[b]
         L = tree.rotation[b]
         if a < 0:
@@ -125,18 +131,42 @@ def tip_positions(tree: RobotTree, frames: Frames) -> Array:
 def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     """Return the linear Jacobians (3, 3, 23) of points (3, 3) m of the tips: finger, coordinate, joint."""
     J = np.zeros((3, 3, 23))
-    direction = np.zeros(3)
     for i in range(3):
-        for r in range(3):
-            direction[:] = 0.0
-            direction[r] = 1.0
-            add_row(J[i, r], tree.tip_body[i], tips[i], direction, 1.0, tree, frames)
+        _add_columns(J[i], tree.tip_body[i], -1, tips[i], tree, frames)
     return J
+
+
+@njit(cache=True, error_model="numpy")
+def _add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
+    """Add the linear Jacobian of a point (3,) of a body to `J` (3, 23), of the joints below body `top`."""
+    R, p, b = frames.R, frames.p, body
+    while b > top:
+        j = tree.joint[b]
+        if j >= 0:
+            ax = R[b, 0, 0] * tree.axis[b, 0] + R[b, 0, 1] * tree.axis[b, 1] + R[b, 0, 2] * tree.axis[b, 2]
+            ay = R[b, 1, 0] * tree.axis[b, 0] + R[b, 1, 1] * tree.axis[b, 1] + R[b, 1, 2] * tree.axis[b, 2]
+            az = R[b, 2, 0] * tree.axis[b, 0] + R[b, 2, 1] * tree.axis[b, 1] + R[b, 2, 2] * tree.axis[b, 2]
+            dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
+            J[0, j] += ay * dz - az * dy
+            J[1, j] += az * dx - ax * dz
+            J[2, j] += ax * dy - ay * dx
+        b = tree.parent[b]
+
+
+@njit(cache=True, error_model="numpy")
+def hand_jacobian(tree: RobotTree, frames: Frames, points: Array, J: Array) -> None:
+    """Write the linear Jacobians (3, 3, 23) of points (3, 3) m of the tips by the hand's joints; 0 by the arm's."""
+    J[:] = 0.0
+    for i in range(3):
+        _add_columns(J[i], tree.tip_body[i], tree.palm, points[i], tree, frames)
 
 
 def body_frames(q: Array, tree: RobotTree) -> Frames:
     """Return the frames of all bodies at `q` (23,) rad."""
-    frames = empty_frames(tree)
+    bodies = len(tree.parent)
+    frames = Frames(
+        np.empty((bodies, 3, 3)), np.empty((bodies, 3))
+    )  # `empty_frames` would be one more to load
     forward(np.ascontiguousarray(q, dtype=float), tree, frames)
     return frames
 

@@ -10,7 +10,7 @@ from agents.kinematics.forward import (
     add_turn_row,
     body_frames,
     empty_frames,
-    forward,
+    forward_part,
     to_world,
 )
 from agents.kinematics.tree import RobotTree
@@ -49,8 +49,8 @@ def solve_palm(
     e, J, point = np.empty(6), np.empty((6, 7)), np.empty(3)
     error = 1e9
     for k in range(iterations + 1):
-        forward(q, tree, frames)
         palm = tree.palm
+        forward_part(q, tree, frames, 0, palm + 1)  # the hand follows it
         to_world(R[palm], p[palm], tree.palm_offset, point)
         now = R[palm] @ tree.palm_rotation
         turn = _rotation_error(R_goal, now)

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from agents.kinematics.damped import damped_step
-from agents.kinematics.forward import empty_frames, forward, tip_jacobian, tip_positions
+from agents.kinematics.forward import empty_frames, forward_part, hand_jacobian, tip_jacobian, tip_positions
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
@@ -33,10 +33,11 @@ def solve_tips(
     """
     frames = empty_frames(tree)
     start = q.copy()
+    blocks = np.zeros((3, 3, 23))
     J, e = np.empty((9, 23)), np.empty(9)
     miss = 1e9
     for k in range(iterations + 1):
-        forward(q, tree, frames)
+        forward_part(q, tree, frames, tree.palm + 1 if fingers_only and k > 0 else 0, tree.parent.shape[0])
         tips = tip_positions(tree, frames)
         miss = 0.0
         for i in range(3):
@@ -47,12 +48,13 @@ def solve_tips(
             miss = max(miss, np.sqrt(squared))
         if miss < tolerance or k == iterations:
             return miss
-        blocks = tip_jacobian(tree, frames, tips)
+        if fingers_only:
+            hand_jacobian(tree, frames, tips, blocks)
+        else:
+            blocks = tip_jacobian(tree, frames, tips)
         for i in range(3):
             for r in range(3):
                 J[3 * i + r] = blocks[i, r]
-        if fingers_only:
-            J[:, :7] = 0.0
         _freeze_blocked(J, e, q, tree)
         step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)
         for j in range(23):

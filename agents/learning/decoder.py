@@ -101,14 +101,19 @@ def layers_of(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:
 
 def _through(layers: tuple[Layer, ...], x: NDArray[np.float32], activation: Any) -> NDArray[np.float32]:
     for k, (weight, bias) in enumerate(layers):
-        x = (activation(x) if k else x) @ weight + bias
+        x = (activation(x) if k else x) @ weight
+        x += bias
     return x
 
 
 def _relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.maximum(x, 0.0)
+    return np.maximum(x, 0.0, out=x)
 
 
 def _silu(x: NDArray[np.float32]) -> NDArray[np.float32]:
     with np.errstate(over="ignore"):  # exp(-x) of a large -x is infinite, and x / infinity what it should be
-        return np.asarray(x / (1.0 + np.exp(-x)), dtype=np.float32)
+        shrink = np.negative(x)
+        np.exp(shrink, out=shrink)
+        shrink += 1.0
+        x /= shrink
+        return x

@@ -93,19 +93,16 @@ def _push(contacts: Contacts, forces: Array) -> float:
 
 
 def _least_ratio(contacts: Contacts, forces: Array, answer: Array) -> float:
-    mu, least = contacts.friction, np.inf
-    t1, t2 = tangent_basis(contacts.normals)
-    for i, (n, f) in enumerate(zip(contacts.normals, forces, strict=True)):
-        block = answer[3 * i : 3 * i + 3]
-        angles, width = _ANGLES, _ANGLES[1]
-        for _ in range(_REFINEMENTS + 1):
-            a = np.cos(angles)[:, None] * t1[i] + np.sin(angles)[:, None] * t2[i] - mu * n
-            ratio = (a @ f) / np.maximum(np.linalg.norm(a @ block, axis=1), 1e-12)
-            worst = int(ratio.argmin())
-            angles = angles[worst] + width * np.linspace(-1.0, 1.0, 33)
-            width /= 16.0
-        least = min(least, float(ratio[worst]))
-    return least
+    t1, t2 = (t[:, None] for t in tangent_basis(contacts.normals))
+    blocks, normal = answer.reshape(-1, 3, 3), contacts.friction * contacts.normals[:, None]
+    angles, width = np.broadcast_to(_ANGLES, (len(blocks), len(_ANGLES))), _ANGLES[1]
+    for _ in range(_REFINEMENTS + 1):
+        a = np.cos(angles)[..., None] * t1 + np.sin(angles)[..., None] * t2 - normal
+        ratio = (a @ forces[..., None])[..., 0] / np.maximum(np.linalg.norm(a @ blocks, axis=2), 1e-12)
+        worst = ratio.argmin(axis=1)[:, None]
+        angles = np.take_along_axis(angles, worst, 1) + width * np.linspace(-1.0, 1.0, 33)
+        width /= 16.0
+    return float(ratio.min())
 
 
 def capacity_of(contacts: Contacts) -> float:

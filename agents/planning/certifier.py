@@ -10,10 +10,10 @@ from agents.grasp.target import GraspTarget
 from agents.kinematics.forward import fingertips
 from agents.kinematics.tree import RobotTree
 from agents.physics.strength import capacity_of
-from agents.planning.claims import certificate_of, contacts_of, least_clearance
+from agents.planning.claims import certificate_of, contacts_of, is_clear
 from agents.planning.holding import UNBALANCED, Hold
 from agents.planning.plan import Plan
-from agents.planning.setpoints import OPENINGS, RISES, grasp_motion
+from agents.planning.setpoints import OPENINGS, RISES, first_motion
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution
 from dexgrasp_env.arrays import Array
@@ -65,9 +65,8 @@ class Certifier:
     def _open(
         self, q: Array, normals: Array, forces: Array, target: GraspTarget, rises: tuple[float, ...]
     ) -> GraspMotion | None:
-        for rise, opening in product(rises, OPENINGS):
-            motion = grasp_motion(q, normals, forces, target, self.tree, self.settings, opening, rise)
-            clear = least_clearance(motion.pregrasp, target, self.tree, tips_touch=False)
-            if clear > _OPEN_CLEARANCE:
-                return motion
-        return None
+        def clear(pregrasp: Array) -> bool:
+            return is_clear(pregrasp, target, self.tree, _OPEN_CLEARANCE)
+
+        ways = product(rises, OPENINGS)
+        return first_motion(q, normals, forces, target, self.tree, self.settings, ways, clear)

@@ -7,7 +7,7 @@ from agents.grasp.target import GraspTarget
 from agents.kinematics.clearance import clearance_rows, empty_rows
 from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from agents.kinematics.tree import RobotTree
-from agents.physics.margin import cone_margin
+from agents.physics.margin import margins
 from agents.physics.ratios import wrench_ratios
 from agents.physics.strength import Contacts, capacity_of, hold_residual, load_of, torque_fraction
 from agents.physics.wrench import solve_wrench_qp
@@ -51,7 +51,7 @@ def certificate_of(
         force_ratio_percent=ratios.force,
         torque_ratio_percent=ratios.torque,
         closure_residual=float(internal.residual),
-        closure_margin=float(cone_margin(contacts.points, contacts.normals, settings.friction)[0]),
+        closure_margin=float(margins(contacts.points[None], contacts.normals[None], settings.friction)[0][0]),
         min_clearance_m=least_clearance(q, target, tree, tips_touch=True),
         joint_limit_margin_rad=float(np.minimum(q - tree.lower, tree.upper - q).min()),
         max_joint_torque_fraction=torque_fraction(contacts, forces),
@@ -69,3 +69,9 @@ def least_clearance(q: Array, target: GraspTarget, tree: RobotTree, tips_touch: 
     frames, rows = body_frames(q, tree), empty_rows(160)
     n = clearance_rows(tree, frames, target.distance.obstacle, FAR, tips_touch, rows)
     return float(rows.values[:n].min()) if n else FAR
+
+
+def is_clear(q: Array, target: GraspTarget, tree: RobotTree, least: float) -> bool:
+    """Whether every clearance is `least`, m, or more, the tips' from the object too."""
+    rows = empty_rows(160)
+    return clearance_rows(tree, body_frames(q, tree), target.distance.obstacle, least, False, rows) == 0

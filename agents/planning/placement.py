@@ -119,7 +119,7 @@ def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle,
     if palm[2] < _PALM_HEIGHT or down < -0.2:
         return -1.0
     facing = _facing(inward, posture, R)
-    if facing <= -1.0 or convex_distance(palm, obstacle, gradient) < _PALM_ROOM:
+    if facing <= -1.0 or convex_distance(palm, obstacle, gradient, _PALM_ROOM) < _PALM_ROOM:
         return -1.0
     return min(facing, 0.8) + 0.5 * down + 2.0 * min(palm[2], 0.15)
 

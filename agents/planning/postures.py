@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 
 from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import empty_frames, forward, tip_jacobian, tip_positions
+from agents.kinematics.forward import empty_frames, forward, forward_part, hand_jacobian, tip_positions
 from agents.kinematics.palm_ik import reach_palm
 from agents.kinematics.tip_ik import solve_tips
 from agents.kinematics.tree import RobotTree
@@ -81,15 +81,16 @@ def _estimates(
 ) -> Array:  # fmt: skip
     """Loads (M,) of placements; a contact is `height` m from its tip's centre. The arm does not matter to them."""
     frames, room, q = empty_frames(tree), empty_room(12), np.zeros(23)
-    out, J = np.empty(len(placed.which)), np.empty((3, 3, 16))
+    out, J, nothing, shift = np.empty(len(placed.which)), np.empty((3, 3, 23)), np.zeros(3), np.empty(3)
     points, normals, down, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    forward(q, tree, frames)
+    palm = frames.R[tree.palm] @ tree.palm_rotation
     for m in range(len(placed.which)):
         goal = placed.triple[m]
         q[7:] = joints[placed.which[m]]
-        forward(q, tree, frames)
+        forward_part(q, tree, frames, tree.palm + 1, tree.parent.shape[0])
         # All in the frame of the hand as the kinematics have it: x -> turn x + shift.
-        turn = (frames.R[tree.palm] @ tree.palm_rotation) @ np.ascontiguousarray(placed.rotations[m].T)
-        shift = np.empty(3)
+        turn = palm @ np.ascontiguousarray(placed.rotations[m].T)
         for r in range(3):
             shift[r] = frames.p[tree.palm, r]
             for c in range(3):
@@ -98,14 +99,16 @@ def _estimates(
                 )
         tips = tip_positions(tree, frames)
         _turned(turn, centre, shift, middle)
-        _turned(turn, gravity, np.zeros(3), down)
+        _turned(turn, gravity, nothing, down)
         for i in range(3):
             inward = placed.goals.inward[goal, i]
             _turned(turn, placed.goals.centres[goal, i] + height * inward, shift, points[i])
-            _turned(turn, -inward, np.zeros(3), normals[i])
+            _turned(turn, -inward, nothing, normals[i])
             tips[i] -= height * normals[i]
-        J[:] = tip_jacobian(tree, frames, tips)[:, :, 7:]
-        out[m] = squeeze_estimate(points, normals, middle, down, friction[goal], J, limit, ENOUGH, room)
+        hand_jacobian(tree, frames, tips, J)
+        out[m] = squeeze_estimate(
+            points, normals, middle, down, friction[goal], J[:, :, 7:], limit, ENOUGH, room
+        )
     return out
 
 

@@ -16,17 +16,19 @@ from numpy.typing import NDArray
 from agents.grasp.target import GraspTarget
 from agents.kinematics.clearance import KINDS
 from agents.kinematics.tree import RobotTree
-from agents.planning.constraints import Bounds, Evaluation, evaluate
+from agents.planning.constraints import CLOSURE, FIXED_ROWS, MARGIN_SCALE, Bounds, Evaluation, evaluate
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.names import BODIES, FINGER_COLUMNS, GRASP_FINGERS
 
 MOVED = np.delete(np.arange(23), FINGER_COLUMNS["ring"])  # the ring finger stays
+_BLOCK = np.ix_(MOVED, MOVED)
 _SOFT = 8  # daqp's mark of a soft constraint
 _SOFTNESS = (
     1e-7  # weight of a step against violations: small enough that a feasible one is found where there is one
 )
-_SLIDE, _TURN = 0.5, 1e-3  # a step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2
+# A step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2.
+_SLIDE, _TURN = 0.5, 1e-3 * np.eye(len(MOVED))
 _TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
 TOLERANCE = 1e-6  # m: a constraint violated by less is met
 
@@ -101,14 +103,14 @@ class _Solver:
         q[MOVED] = np.clip(q[MOVED], self._low, self._high)
         steps = 0
         for goal in (self._goal, self._modest):
-            q, used = self._descend(q, goal, self._settings.iterations - steps)
+            q, now, used = self._descend(q, goal, self._settings.iterations - steps)
             steps += used
-            solution = self._solution(q, steps)
+            solution = self._solution(q, now, goal, steps)
             if solution.feasible or not self._with_margin:
                 break
         return solution
 
-    def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, int]:
+    def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, Evaluation, int]:
         now, trust, steps = self.evaluate(q, goal), _TRUST, 0
         merit = _merit(now.values)
         while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
@@ -123,14 +125,14 @@ class _Solver:
                 q, now, merit = trial, evaluation, reached
             else:
                 trust *= 0.4
-        return q, steps
+        return q, now, steps
 
     def _step(self, q: Array, now: Evaluation, trust: float) -> Array:
         A = np.ascontiguousarray(now.rows[:, MOVED])
         lower = np.maximum(self._low - q[MOVED], -trust)
         upper = np.minimum(self._high - q[MOVED], trust)
         n, m = len(MOVED), len(now.values)
-        H = now.metric[np.ix_(MOVED, MOVED)] / _SLIDE**2 + _TURN * np.eye(n)
+        H = now.metric[_BLOCK] / _SLIDE**2 + _TURN
         sense = np.zeros(n + m, dtype=np.int32)
         sense[n:] = _SOFT
         x, _, flag, _ = daqp.solve(
@@ -139,15 +141,19 @@ class _Solver:
         )  # fmt: skip
         return x if flag > 0 else np.clip(x, lower, upper) * 0.5
 
-    def _solution(self, q: Array, steps: int) -> Solution:
+    def _solution(self, q: Array, now: Evaluation, goal: Bounds, steps: int) -> Solution:
         """Judge by the least that is accepted, not by what was aimed at."""
-        final = self.evaluate(q, self._least)
-        worst = int(np.argmin(final.values))
-        violation = max(0.0, -float(final.values[worst]))
+        least, values = self._least, now.values.copy()
+        values[:3] += goal.low - least.low
+        values[3:6] += least.high - goal.high
+        if self._with_margin:
+            values[CLOSURE] += MARGIN_SCALE * (goal.margin - least.margin)
+        values[FIXED_ROWS:] += goal.clearance - least.clearance
+        worst = int(np.argmin(values))
+        violation = max(0.0, -float(values[worst]))
         feasible = violation <= TOLERANCE
-        return Solution(
-            q, final, feasible, None if feasible else _name(final.labels[worst]), violation, steps
-        )
+        blocking = None if feasible else _name(now.labels[worst])
+        return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
 
 
 def _merit(values: Array) -> float:

@@ -66,7 +66,7 @@ def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
     local = points - centre
     along = local @ outward.T
     last = len(points) - 1 - count
-    limit = np.maximum(np.partition(along, last, axis=0)[last] - _INWARDS * noise, 0.0)
+    limit = np.maximum(np.partition(along.T.copy(), last, axis=1)[:, last] - _INWARDS * noise, 0.0)
     for _ in range(2):  # a corner sticks out in more than one direction
         excess = local @ outward.T - limit
         worst = excess.argmax(axis=1)
