@@ -1,7 +1,7 @@
 """KL weight and latent size of the CVAE: every pair trained alike, and judged on objects that no training saw.
 
-    dexgrasp dataset generate --objects varied-0..199 --grasps-per-pose 30 --out runs/varied
-    dexgrasp dataset generate --objects varied-200..209 --grasps-per-pose 30 --out runs/unseen
+    dexgrasp dataset generate --objects varied-0..89 --grasps-per-pose 30 --out runs/varied
+    dexgrasp dataset generate --objects varied-90..101 --grasps-per-pose 30 --out runs/unseen
     python scripts/sweep_cvae.py runs/varied runs/unseen --out runs/sweep --json docs/cvae_sweep.json
 
 The pair is chosen that has the largest share of feasible samples: latents drawn from the prior, decoded and put on the
