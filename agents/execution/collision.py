@@ -58,7 +58,7 @@ class CollisionChecker:
 
         Args:
             tree: the robot.
-            obstacle: the object in the robot base frame; None when there is none, or the hand holds it.
+            obstacle: the object in the world frame; None when there is none, or the hand holds it.
             margin: clearance to keep, m.
         """
         self.tree, self.margin = tree, margin

@@ -31,7 +31,7 @@ class Rows(NamedTuple):
 
 
 class Cover(NamedTuple):
-    """Where the covering spheres are, robot base frame; those of a body once they are asked for."""
+    """Where the covering spheres are, world frame; those of a body once they are asked for."""
 
     bounds: Array  # (nb, 3) m, centres of the spheres around whole bodies
     centres: Array  # (ns, 3) m
@@ -52,7 +52,7 @@ def clearance_rows(
     Args:
         tree: the robot.
         frames: of its bodies.
-        obstacle: the object in the robot base frame, `NOTHING` where there is none.
+        obstacle: the object in the world frame, `NOTHING` where there is none.
         activation: m.
         tips_touch: whether the grasping tips may touch the object.
         rows: filled.

@@ -10,7 +10,7 @@ from dexgrasp_env.arrays import Array
 
 
 class Frames(NamedTuple):
-    """Frames of all bodies, in the robot base frame."""
+    """Frames of all bodies, in the world frame."""
 
     R: Array  # (nb, 3, 3)
     p: Array  # (nb, 3) m
@@ -84,7 +84,7 @@ def add_row(
 ) -> None:
     """Add sign * direction . (Jacobian of a point of a body) to `row` (23,).
 
-    The point and the direction (3,) are in the robot base frame.
+    The point and the direction (3,) are in the world frame.
     """
     R, p, b = frames.R, frames.p, body
     while b >= 0:

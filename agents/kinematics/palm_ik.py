@@ -35,7 +35,7 @@ def solve_palm(
 
     Args:
         q: (23,) rad, start and result; the hand's part is not touched.
-        R_goal: (3, 3) palm rotation in the robot base frame.
+        R_goal: (3, 3) palm rotation in the world frame.
         p_goal: (3,) m.
         tree: the robot.
         iterations: at most so many steps.
@@ -98,7 +98,7 @@ def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
 
 @njit(cache=True, error_model="numpy")
 def _rotation_error(goal: Array, now: Array) -> Array:
-    """Rotation vector (3,) rad that takes `now` to `goal`, in the base frame."""
+    """Rotation vector (3,) rad that takes `now` to `goal`, in the world frame."""
     D = goal @ now.T
     v = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
     s = 0.5 * np.sqrt((v * v).sum())

@@ -25,7 +25,7 @@ def solve_tips(
 
     Args:
         q: (23,) rad, start and result; joints stay within their range, the ring finger stays.
-        targets: (3, 3) m, tip sphere centres of thumb, index, middle, robot base frame.
+        targets: (3, 3) m, tip sphere centres of thumb, index, middle, world frame.
         tree: the robot.
         iterations: at most so many steps.
         tolerance: m, of the largest miss.

@@ -21,7 +21,7 @@ _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 Arrays = dict[str, NDArray[Any]]
 FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
     "q": ((23,), "float32", "rad, joints of arm and hand, at the placement"),
-    "placement": ((3,), "float32", "x m, y m, yaw rad of the rest frame in the robot base frame"),
+    "placement": ((3,), "float32", "x m, y m, yaw rad of the rest frame in the world frame"),
     "triple": ((3,), "int16", "candidate points it started from, thumb, index, middle"),
     "contacts": ((3, 3), "float32", "m, rest frame, thumb, index, middle"),
     "normals": ((3, 3), "float32", "unit, out of the object, rest frame"),

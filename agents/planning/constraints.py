@@ -71,7 +71,7 @@ def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with
     Args:
         q: (23,) rad.
         tree: the robot.
-        obstacle: the object in the robot base frame.
+        obstacle: the object in the world frame.
         bounds: thresholds.
         with_margin: whether the closure margin counts (ablation `cvae_kinematics` leaves it out).
     """

@@ -25,7 +25,7 @@ _PALM_HEIGHT = 0.06  # m of the palm's centre above the table
 class Goals(NamedTuple):
     """Where fingertips are to go: K triples, or one."""
 
-    centres: Array  # (K, 3, 3) m, tip centres of thumb, index, middle, robot base frame
+    centres: Array  # (K, 3, 3) m, tip centres of thumb, index, middle, world frame
     inward: Array  # (K, 3, 3) into the object
 
 

@@ -132,7 +132,7 @@ def _palm_step(action: Array, targets: Array, chain: Array, joints: Array) -> Ar
 
 @njit(cache=True)
 def palm_jacobian(targets: Array, chain: Array) -> Array:
-    """Jacobian of the palm (6, 7) at arm positions: rows linear m and angular rad in the robot base frame."""
+    """Jacobian of the palm (6, 7) at arm positions: rows linear m and angular rad in the world frame."""
     axes, anchors = np.empty((7, 3)), np.empty((8, 3))
     q = (1.0, 0.0, 0.0, 0.0)
     x, y, z = 0.0, 0.0, 0.0
