@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from agents.cli.plan_cloud import scan_name
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception import scene
 from dexgrasp_env.perception.depth_folder import read_cameras
@@ -163,3 +164,9 @@ def test_wrong_camera_files_are_one_line(text, tmp_path):
     (tmp_path / "cameras.yaml").write_text(text)
     with pytest.raises(InputError):
         read_cameras(tmp_path / "cameras.yaml")
+
+
+def test_a_scan_is_called_after_its_file_or_folder(tmp_path):
+    (tmp_path / "scan0.08").mkdir()
+    assert scan_name(tmp_path / "scan0.08") == "scan0.08"
+    assert scan_name(tmp_path / "scene.ply") == "scene"

@@ -52,9 +52,9 @@ def run_cloud(args: argparse.Namespace) -> int:
     if args.count is not None:
         with bar() as progress:
             many = plan_cloud(scene, count=args.count, progress=progress, **options)
-        return finish_set(args, many.as_json(args.cloud.stem))
+        return finish_set(args, many.as_json(scan_name(args.cloud)))
     found = plan_cloud(scene, **options)
-    result = found.as_json(args.cloud.stem)
+    result = found.as_json(scan_name(args.cloud))
     if args.out is not None and result["success"]:
         _write(args.out, found, result)
         note(f"wrote {args.out / 'grasp.json'} and {args.out / 'grasp.png'}")
@@ -65,6 +65,11 @@ def run_cloud(args: argparse.Namespace) -> int:
     else:
         print(describe(result))
     return 0 if result["success"] else 1
+
+
+def scan_name(path: Path) -> str:
+    """Return what a scan is called: a file without its suffix, a folder whole (`scan0.08` has none)."""
+    return path.resolve().name if path.is_dir() else path.stem
 
 
 def _write(folder: Path, found: "CloudPlan", result: dict[str, Any]) -> None:
