@@ -2,11 +2,16 @@
 
 import copy
 import json
+from dataclasses import replace
 
+import gymnasium as gym
 import numpy as np
 import pytest
+import trimesh
 
+from agents.evaluation.planned import object_identity
 from agents.grasp.file import read_grasp, write_grasp
+from agents.grasp.identity import surface_hash
 from agents.grasp.thresholds import FROZEN
 from agents.grasp.verify import verify
 from dexgrasp_env.errors import InputError
@@ -146,3 +151,20 @@ def test_truncated_missing_and_folder(contents, tmp_path):
         read_grasp(tmp_path / "nowhere.json")
     with pytest.raises(InputError, match="cannot read"):
         read_grasp(tmp_path)
+
+
+def test_what_has_a_size_of_its_own_has_scale_1(tmp_path):
+    """`--mesh-scale` is for bare mesh files: members of sets, like the catalogue, do not heed it."""
+    trimesh.creation.box((0.06, 0.06, 0.1)).export(tmp_path / "box.stl")
+    member = {"name": "box", "mesh": "box.stl", "mass": 0.2}
+    (tmp_path / "set.json").write_text(json.dumps({"schema": 1, "name": "one", "objects": [member]}))
+    targets = {f"{tmp_path}/set.json#box": False, "varied-3": False, f"{tmp_path}/box.stl": True}
+    for target, heeds in targets.items():
+        env = gym.make("DexGrasp/Lift-v1", objects=[target], mesh_scale=0.9)
+        identity = object_identity(env)
+        env.close()
+        assert identity.scale == (0.9 if heeds else 1.0)
+        assert surface_hash(identity.load()) == identity.content_hash
+        if not heeds:
+            with pytest.raises(InputError, match="a size of its own"):
+                replace(identity, scale=1.01).load()

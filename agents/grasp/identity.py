@@ -17,7 +17,7 @@ class ObjectIdentity:
     Attributes:
         name: as it is shown.
         source: name of the catalogue or path of a mesh file; None where only a cloud was seen.
-        scale: factor from the source's unit to metres (1 for the catalogue).
+        scale: factor from the source's unit to metres (1 for what is no bare mesh file).
         content_hash: of the surface in its own frame, vertices to a micron; None without a source.
         known_mass: kg, where the planner was told; None where it assumed one from the hull's volume.
         known_centre: (3,) m, world frame, where the planner was told the centre of mass.
@@ -41,8 +41,7 @@ class ObjectIdentity:
         Raises:
             InputError: if the source is not here.
         """
-        from dexgrasp_env.objects.catalogue import CATALOGUE
-        from dexgrasp_env.objects.load import load_object
+        from dexgrasp_env.objects.load import has_own_size, load_object
 
         if self.source is None:
             return None
@@ -50,8 +49,10 @@ class ObjectIdentity:
             model = load_object(self.source, scale=self.scale)
         except InputError as error:
             raise InputError(f"the object of the grasp, {self.source!r}, cannot be had: {error}") from None
-        if self.source in CATALOGUE and self.scale != 1.0:
-            raise InputError(f"object scale is {self.scale}: objects of the catalogue have scale 1")
+        if has_own_size(self.source) and self.scale != 1.0:
+            raise InputError(
+                f"object scale is {self.scale}: {self.source} has a size of its own, and scale 1"
+            )
         return model
 
     def as_json(self) -> dict[str, Any]:

@@ -64,9 +64,14 @@ def _member_object(member: SetMember) -> ObjectModel:
 
 def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = None) -> ObjectModel:
     """Return an object as `load_object` does; scale and mass apply to bare mesh files alone."""
-    if target in CATALOGUE or varied_targets(target):
+    if has_own_size(target):
         return load_object(target)
     return load_object(target, scale=mesh_scale, mass=mesh_mass)
+
+
+def has_own_size(target: str) -> bool:
+    """Whether a target is of the catalogue, `varied-N` or of a set file: all but bare mesh files have size and mass."""
+    return target in CATALOGUE or bool(varied_targets(target)) or is_set(target)
 
 
 def resolve_targets(targets: Sequence[str]) -> list[str]:
