@@ -84,7 +84,7 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
     if not names:
         raise InputError(f"no objects given: name some, or a set: {', '.join(OBJECT_SETS)}")
     for name in names:
-        if name in CATALOGUE or is_set(name) or varied_targets(name):
+        if has_own_size(name):
             continue
         if not is_mesh_path(name):
             raise unknown_object(name)
