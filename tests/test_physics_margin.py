@@ -5,7 +5,7 @@ from oracles import directional_error
 from agents.benchmarks.wrench import sample_box
 from agents.physics.closure import closure_decide
 from agents.physics.conic import conic_margin
-from agents.physics.margin import UNDEFINED, cone_margin, margins
+from agents.physics.margin import UNDEFINED, cone_margin, margins, rough_margins
 from agents.physics.metrics import ferrari_canny
 from dexgrasp_env.errors import InputError
 
@@ -50,6 +50,16 @@ def test_a_margin_is_closure_and_at_most_one():
     assert closure_decide(P[cone > 1e-9], N[cone > 1e-9], 0.5).all()
     assert not closure_decide(P[cone < -1e-3], N[cone < -1e-3], 0.5 / 2**0.5).any()
     assert cone.max() <= 1.0
+
+
+def test_rough_margins_are_a_little_high_and_refuse_what_has_no_closure():
+    P, N = random_grasps(2000, 5)
+    exact, rough = margins(P, N, 0.5)[0], rough_margins(P, N, 0.5, 1e-2)
+    closed = exact > 0.0
+    assert 0.1 < closed.mean() < 0.9
+    assert (rough >= exact - 1e-9).all()
+    assert (rough[closed] <= exact[closed] + 1e-2).all()
+    assert (rough[exact < -1e-2] <= 0.0).all()
 
 
 def test_best_grasp_has_margin_one():

@@ -137,25 +137,37 @@ def _margin(grip: Grip, slopes: Slopes) -> float:
     """The value of `cone_margin`; writes gradients and the optimal forces."""
     for out in (slopes.by_points, slopes.by_normals, slopes.forces):
         out[:] = 0.0
+    cuts = _empty_cuts(grip)
+    best = _Optimum(np.empty(3), np.empty(3), np.empty(3, np.int64))
+    value = _optimise(grip, cuts, best, slopes.forces, 0.0, -np.inf)
+    if value > UNDEFINED:
+        _gradients(grip, cuts, best, slopes)
+    return value
+
+
+@njit(cache=True)
+def _optimise(
+    grip: Grip, cuts: _Cuts, best: _Optimum, forces: Array, tolerance: float, enough: float
+) -> float:
+    """Return the margin, at most `tolerance` too high, or any bound of it from above that is not above `enough`."""
     internal = _Internal(np.zeros((3, 3, 3)), np.empty(3), np.empty((2, 3)))
     if not _span(grip, internal):
         return UNDEFINED
-    cuts = _empty_cuts(grip)
-    best = _Optimum(np.empty(3), np.empty(3), np.empty(3, np.int64))
     m = _first_cuts(grip, internal, cuts)
     start_rows(cuts.s, cuts.d, m, best.B)
     m += 3
     if not max_min(cuts.s, cuts.d, m, best.B, best.y, best.lam):
         return UNDEFINED
     for _ in range(45):
-        _forces(internal, best.y, slopes.forces)
+        if 3.0 * best.y[2] <= enough:
+            break
+        _forces(internal, best.y, forces)
         before = m
-        m = _more_cuts(grip, internal, cuts, best.y[2], slopes.forces, m)
+        m = _more_cuts(grip, internal, cuts, best.y[2], forces, m, tolerance / 3.0)
         if m == before or not max_min(cuts.s, cuts.d, m, best.B, best.y, best.lam):
             break
     if cuts.owner[best.B].min() < 0 or 3.0 * best.y[2] <= UNDEFINED:
         return UNDEFINED
-    _gradients(grip, cuts, best, slopes)
     return 3.0 * best.y[2]
 
 
@@ -199,8 +211,11 @@ def _first_cuts(grip: Grip, internal: _Internal, cuts: _Cuts) -> int:
 
 
 @njit(cache=True)
-def _more_cuts(grip: Grip, internal: _Internal, cuts: _Cuts, value: float, forces: Array, m: int) -> int:
+def _more_cuts(
+    grip: Grip, internal: _Internal, cuts: _Cuts, value: float, forces: Array, m: int, tolerance: float
+) -> int:
     """Append a row where the forces leave the exact cone; return how many rows there are then."""
+    least = value - max(tolerance, 1e-12 * (1.0 + abs(value)))
     for i in range(3):
         press, u, v = 0.0, 0.0, 0.0
         for k in range(3):
@@ -208,7 +223,7 @@ def _more_cuts(grip: Grip, internal: _Internal, cuts: _Cuts, value: float, force
             u += cuts.T[i, 0, k] * forces[i, k]
             v += cuts.T[i, 1, k] * forces[i, k]
         size = (u * u + v * v) ** 0.5
-        if press - size / grip.mu < value - 1e-12 * (1.0 + abs(value)) and size > 0.0 and m < _MAX_ROWS:
+        if press - size / grip.mu < least and size > 0.0 and m < _MAX_ROWS:
             _cut(grip, internal, cuts, m, i, u / size, v / size)
             m += 1
     return m
@@ -313,6 +328,24 @@ def _batch(grips: Grip, values: Array, out: Slopes) -> None:
     for k in range(values.shape[0]):
         grip = Grip(grips.points[k], grips.normals[k], grips.mu)
         values[k] = _margin(grip, Slopes(out.by_points[k], out.by_normals[k], out.forces[k]))
+
+
+@njit(cache=True)
+def rough_margins(points: Array, normals: Array, mu: float, tolerance: float) -> Array:
+    """Return the margins (K,) of grasps, at most `tolerance` too high; without closure, any number not above 0.
+
+    For ranking, in a fraction of the time of `margins`; no checks.
+
+    Args:
+        points: (K, 3, 3) metres. normals: (K, 3, 3) unit, out of the object. mu: friction coefficient.
+        tolerance: in units of the margin.
+    """
+    values, forces = np.empty(points.shape[0]), np.empty((3, 3))
+    best = _Optimum(np.empty(3), np.empty(3), np.empty(3, np.int64))
+    for k in range(values.shape[0]):
+        grip = Grip(points[k], normals[k], mu)
+        values[k] = _optimise(grip, _empty_cuts(grip), best, forces, tolerance, 0.0)
+    return values
 
 
 def margins(points: Numbers, normals: Numbers, mu: float) -> tuple[Array, Array, Array, Array]:

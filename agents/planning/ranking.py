@@ -7,11 +7,12 @@ from numba import njit
 from numpy.typing import NDArray
 
 from agents.grasp.target import GraspTarget
-from agents.physics.margin import margins
+from agents.physics.margin import rough_margins
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 
 _ENOUGH = 0.7  # closure margin from where more is no merit
+_ROUGH = 1e-3  # of the closure margins that are ranked by
 _AT_ONCE = 48  # triples whose margins are computed together
 _APART = 0.006  # m, mean distance of the fingertips of two triples that are not the same
 
@@ -46,15 +47,15 @@ def most_robust(
 ) -> tuple[Array, Array, Array]:
     """Return contacts, normals and margins of the `settings.triples` most robust of triples in closure, best first.
 
-    Those nearly the same as a better one are left out. Margins, the dear part, are computed best first by what
-    robustness could be at most, and not for triples that cannot be among the best any more.
+    Those nearly the same as a better one are left out. Margins, the dear part, are at most `_ROUGH` too low. They are
+    computed best first by what robustness could be at most, and not for triples that cannot be among the best any more.
     """
     risk = contact_sensitivity(contacts, normals, target)
     order = np.argsort(risk, kind="stable")
     margin, score = np.full(len(order), np.nan), np.full(len(order), -np.inf)
     for first in range(0, len(order), _AT_ONCE):
         some = order[first : first + _AT_ONCE]
-        margin[some] = margins(contacts[some], normals[some], settings.friction)[0]
+        margin[some] = rough_margins(contacts[some], normals[some], settings.friction, _ROUGH) - _ROUGH
         closed = some[margin[some] > 0.0]
         score[closed] = np.minimum(margin[closed], _ENOUGH) - risk[closed]
         chosen = best_apart(contacts, score, settings.triples)
