@@ -11,7 +11,6 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
@@ -24,6 +23,7 @@ from agents.geometry.convex_kernel import (
     convex_distances,
     outward_triangles,
 )
+from agents.geometry.outline import outline
 from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,8 +41,6 @@ __all__ = [
 
 FLAT = 1e-6
 """A hull thinner than this [m] is refused: its inside has no meaning at the scale of a hand."""
-_AT_ONCE = 4  # vertices added to a simplified hull before it is made anew: the same error to 2 %, a third of the time
-_SAME_DIRECTION = 0.9  # cosine from which two vertices stick out the same way
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,48 +157,10 @@ def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], ConvexHull]
 def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDArray[Any], float]:
     """Return triangles, planes and error [m] of a hull of some of the vertices.
 
-    From the extreme points along 13 axes, vertices are added that are far outside, a few at once where they stick out
-    in different directions, until the faces are used up. The result lies inside the hull of all; the error is the
-    farthest vertex, where the two hulls are farthest apart.
+    Those that stick out most are taken, until the faces are used up. The result lies inside the hull of all; the error
+    is the farthest vertex, where the two hulls are farthest apart.
     """
-    axes = np.stack(np.meshgrid([-1, 0, 1], [-1, 0, 1], [-1, 0, 1]), -1).reshape(-1, 3)
-    room, at_once = max_faces // 2 + 2, _AT_ONCE
-    chosen = list(dict.fromkeys((vertices @ axes.T).argmax(axis=0).tolist()))[:room]
-    gradients = np.empty_like(vertices)
-    best = _obstacle(*_hull(vertices[chosen])[:2])
-    while True:
-        distances = convex_distances(vertices, best, gradients)
-        error = max(float(distances.max()), 0.0)
-        if error <= 1e-9 or len(chosen) == len(vertices):
-            return best.triangles, best.planes, error
-        order = np.argsort(-distances, kind="stable")
-        added = _farthest(distances, order, gradients, max(1, min(at_once, room - len(chosen)))).tolist()
-        trial = _obstacle(*_hull(vertices[chosen + added])[:2])
-        if len(trial.planes) <= max_faces:
-            chosen, best = chosen + added, trial
-        elif len(added) == 1:
-            return best.triangles, best.planes, error
-        else:
-            at_once = 1
-
-
-@njit(cache=True, error_model="numpy")
-def _farthest(
-    distances: NDArray[Any], order: NDArray[np.int64], gradients: NDArray[Any], count: int
-) -> NDArray[np.int64]:
-    """Return up to `count` vertices at least half as far outside as the farthest, each in a direction of its own.
-
-    `order` has the vertices, farthest first.
-    """
-    found, n = np.empty(count, np.int64), 0
-    for k in order:
-        if n == count or (n > 0 and distances[k] < 0.5 * distances[found[0]]):
-            break
-        alike = -1.0
-        for m in range(n):
-            a, b = gradients[found[m]], gradients[k]
-            alike = max(alike, a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
-        if alike < _SAME_DIRECTION:
-            found[n] = k
-            n += 1
-    return found[:n]
+    chosen = outline(vertices, max_faces // 2 + 2)  # n corners make 2 n - 4 triangles
+    triangles, planes, _ = _hull(vertices[chosen])
+    distances = convex_distances(vertices, _obstacle(triangles, planes), np.empty_like(vertices))
+    return triangles, planes, max(float(distances.max()), 0.0)

@@ -1,0 +1,172 @@
+"""The few points that tell most of a convex hull: Quickhull that adds the farthest point and stops early.
+
+Barber, Dobkin and Huhdanpaa, The Quickhull algorithm for convex hulls (1996). It only chooses points: planes of thin
+triangles are noise, and the hull of what it chose is better made by Qhull, which merges them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+
+_JOGGLE = 1e-6  # m
+_OUTSIDE = 1e-9  # m
+_FLAT = 1e-12  # m2: twice the area of a triangle without a plane of its own
+
+
+class _Faces(NamedTuple):
+    """Triangles of the hull of the points chosen so far; slots are used again."""
+
+    corners: NDArray[np.int64]  # (F, 3) which of the points chosen, counter-clockwise seen from outside
+    planes: Array  # (F, 4) outward unit normal and offset
+    alive: NDArray[np.bool_]  # (F,)
+    seen: NDArray[np.int64]  # (n, n): the last point that saw a face with the edge from one corner to another
+
+
+def outline(points: Array, count: int) -> NDArray[np.int64]:
+    """Return up to `count` of points: four that span much, then always the one farthest outside the faces so far.
+
+    Fewer where their hull holds all. For the choice the points are joggled, so that no four lie in a plane and no
+    triangle is without one.
+
+    Args:
+        points: (N, 3) m, N >= 4.
+        count: at least 4.
+    """
+    joggled = points + np.random.default_rng(0).uniform(-_JOGGLE, _JOGGLE, points.shape)
+    return _outline(joggled, count)
+
+
+@njit(cache=True, error_model="numpy")
+def _outline(points: Array, count: int) -> NDArray[np.int64]:
+    chosen, corners = np.empty(count, np.int64), np.empty((count, 3))
+    n = _simplex(points, chosen)
+    for k in range(n):
+        corners[k] = points[chosen[k]]
+    if n < 4:
+        return chosen[:n]
+    size = 2 * count + 4
+    faces = _Faces(
+        np.empty((size, 3), np.int64), np.empty((size, 4)), np.zeros(size, np.bool_),
+        np.full((count, count), -1),
+    )  # fmt: skip
+    for k in range(4):
+        a, b, c = (k + 1) % 4, (k + 2) % 4, (k + 3) % 4
+        _set_face(corners, faces, k, a, b, c)
+        if _height(faces.planes[k], corners[k]) > 0.0:
+            _set_face(corners, faces, k, a, c, b)
+    height, face, new = np.empty(len(points)), np.full(len(points), -1), np.arange(4)
+    while True:
+        far = _farthest(points, faces, new, height, face)
+        if n == count or height[far] <= _OUTSIDE:
+            return chosen[:n]
+        chosen[n], corners[n] = far, points[far]
+        new = _add(corners, faces, n, face)
+        n += 1
+        if not len(new):
+            return chosen[:n]
+
+
+@njit(cache=True, error_model="numpy")
+def _simplex(points: Array, chosen: NDArray[np.int64]) -> int:
+    """Write a point far out, the one farthest from it, from the line of both, and from the plane of the three."""
+    local, size = points - points[np.argmin(points[:, 0])], np.empty(len(points))
+    chosen[0] = np.argmin(points[:, 0])
+    normal = np.zeros(3)
+    for n in range(1, 4):
+        x, y, z = local[chosen[1]] if n > 1 else normal
+        for k in range(len(points)):
+            a, b, c = local[k]
+            if n == 1:
+                size[k] = a * a + b * b + c * c
+            elif n == 2:
+                size[k] = (y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2
+            else:
+                size[k] = abs(normal[0] * a + normal[1] * b + normal[2] * c)
+        chosen[n] = np.argmax(size)
+        if not size[chosen[n]] > _FLAT**2:
+            return n
+        if n == 2:
+            normal = np.cross(local[chosen[1]], local[chosen[2]])
+    return 4
+
+
+@njit(cache=True, error_model="numpy")
+def _height(plane: Array, p: Array) -> float:
+    return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] + plane[3]
+
+
+@njit(cache=True, error_model="numpy")
+def _set_face(corners: Array, faces: _Faces, slot: int, a: int, b: int, c: int) -> None:
+    faces.corners[slot, 0], faces.corners[slot, 1], faces.corners[slot, 2] = a, b, c
+    plane = faces.planes[slot]
+    for k in range(3):
+        i, j = (k + 1) % 3, (k + 2) % 3
+        plane[k] = (corners[b, i] - corners[a, i]) * (corners[c, j] - corners[a, j])
+        plane[k] -= (corners[b, j] - corners[a, j]) * (corners[c, i] - corners[a, i])
+    size = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
+    for k in range(3):
+        plane[k] = plane[k] / size if size > _FLAT else 0.0  # without a plane: no point is outside
+    plane[3] = 0.0
+    plane[3] = -_height(plane, corners[a])
+    faces.alive[slot] = True
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest(
+    points: Array, faces: _Faces, new: NDArray[np.int64], height: Array, face: NDArray[np.int64]
+) -> int:
+    """Update how far the points are outside (N,) m, and of which face, by new faces; return the farthest.
+
+    What saw a face that is gone and sees none of the new ones is inside for good; its `face` is -1 before.
+    """
+    far = 0
+    for k in range(len(points)):
+        if face[k] < 0:
+            height[k] = -np.inf
+        for f in new:
+            up = _height(faces.planes[f], points[k])
+            if up > height[k]:
+                height[k], face[k] = up, f
+        if height[k] > height[far]:
+            far = k
+    return far
+
+
+@njit(cache=True, error_model="numpy")
+def _add(corners: Array, faces: _Faces, n: int, face: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Put a cone to corner `n` in place of the faces that it sees; return the new faces.
+
+    Points whose `face` (N,) is gone get -1. There are none where rounding makes the faces seen no disc.
+    """
+    gone = np.empty(len(faces.alive), np.int64)
+    m = 0
+    for f in range(len(faces.alive)):
+        if faces.alive[f] and _height(faces.planes[f], corners[n]) > _OUTSIDE:
+            gone[m] = f
+            m += 1
+            for k in range(3):
+                faces.seen[faces.corners[f, k], faces.corners[f, (k + 1) % 3]] = n
+    edges, e = np.empty((3 * m, 2), np.int64), 0
+    for f in gone[:m]:
+        for k in range(3):
+            a, b = faces.corners[f, k], faces.corners[f, (k + 1) % 3]
+            if faces.seen[b, a] != n:
+                edges[e, 0], edges[e, 1] = a, b
+                e += 1
+        faces.alive[f] = False
+    if e > m + 2:
+        return edges[:0, 0]
+    for k in range(len(face)):
+        if not faces.alive[face[k]]:
+            face[k] = -1
+    new, slot = np.empty(e, np.int64), 0
+    for k in range(e):
+        while faces.alive[slot]:
+            slot += 1
+        _set_face(corners, faces, slot, edges[k, 0], edges[k, 1], n)
+        new[k] = slot
+    return new
