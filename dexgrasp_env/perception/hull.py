@@ -64,14 +64,22 @@ def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
     outward = _directions(directions)
     centre = np.median(points, axis=0)
     local = points - centre
-    along = local @ outward.T
+    along = outward @ local.T
     last = len(points) - 1 - count
-    limit = np.maximum(np.partition(along.T.copy(), last, axis=1)[:, last] - _INWARDS * noise, 0.0)
-    for _ in range(2):  # a corner sticks out in more than one direction
-        excess = local @ outward.T - limit
-        worst = excess.argmax(axis=1)
-        local = local - np.maximum(excess[np.arange(len(local)), worst], 0.0)[:, None] * outward[worst]
+    limit = np.maximum(np.partition(along, last, axis=1)[:, last] - _INWARDS * noise, 0.0)
+    excess = along - limit[:, None]
+    out = np.flatnonzero((excess > 0.0).any(axis=0))
+    moved = _moved(local[out], excess[:, out], outward)
+    # A corner sticks out in more than one direction.
+    local[out] = _moved(moved, outward @ moved.T - limit[:, None], outward)
     return local + centre
+
+
+def _moved(points: Array, excess: Array, outward: Array) -> Array:
+    """Move points (M, 3) back by the most that they stick out of limits in directions (K, 3): `excess` (K, M)."""
+    worst = excess.argmax(axis=0)
+    back = np.maximum(excess[worst, np.arange(len(points))], 0.0)
+    return np.asarray(points - back[:, None] * outward[worst])
 
 
 def _directions(count: int) -> Array:
