@@ -1,4 +1,4 @@
-"""Straight motions of the palm through differential inverse kinematics."""
+"""Motions of the palm through differential inverse kinematics."""
 
 import numpy as np
 from numba import njit
@@ -13,23 +13,29 @@ _DAMPING = 1e-4
 _CORRECTIONS = 4  # steps of Newton at every point; two are enough away from singularities
 
 
-def shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]:
-    """Follow a path of the palm without turning it, fingers still, from `q` on.
+def shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array | None = None) -> tuple[Array, float]:
+    """Follow a path of the palm, fingers still, from `q` on.
 
     Args:
         q: (23,) rad.
         tree: the robot.
         shifts: (n, 3) m, palm positions relative to the one at `q`, about a centimetre from one to the next.
+        turns: (n, 3, 3) its rotations since then, in the world frame; None to keep it as it is.
 
     Returns:
         Configurations (n, 23) rad, within the joint range, and the largest error of the palm, m (a radian
         counts as 0.15 m).
     """
-    return _shift_palm(np.ascontiguousarray(q, dtype=float), tree, np.ascontiguousarray(shifts, dtype=float))
+    shifts = np.ascontiguousarray(shifts, dtype=float)
+    if turns is None:
+        turns = np.repeat(np.eye(3)[None], len(shifts), axis=0)
+    return _shift_palm(
+        np.ascontiguousarray(q, dtype=float), tree, shifts, np.ascontiguousarray(turns, dtype=float)
+    )
 
 
 @njit(cache=True, error_model="numpy")
-def _shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]:
+def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple[Array, float]:
     frames, palm = empty_frames(tree), tree.palm
     R, p = frames.R, frames.p
     start, point = np.empty(3), np.empty(3)
@@ -43,7 +49,7 @@ def _shift_palm(q: Array, tree: RobotTree, shifts: Array) -> tuple[Array, float]
         for step in range(_CORRECTIONS + 1):
             forward(now, tree, frames)
             to_world(R[palm], p[palm], tree.palm_offset, point)
-            D = turn @ R[palm].T
+            D = turns[i] @ turn @ R[palm].T
             for r in range(3):
                 e[r] = start[r] + shifts[i, r] - point[r]
             e[3] = 0.5 * TURN_SCALE * (D[2, 1] - D[1, 2])

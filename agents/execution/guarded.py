@@ -3,16 +3,19 @@
 What perception sees is a few millimetres off, and position servos turn millimetres into newtons. So each finger closes
 until it lags behind its set-point, and the squeeze follows the joints: set-point = measured position + torque / kp
 presses with that torque wherever the surface is, and while the object gives way to it. The torque is J^T f at the
-contact points, and what the finger's own weight takes. From the lift on the set-points stand still. Only joint
-positions are used, which every observation mode has.
+contact points, and what the finger's own weight takes. From the lift on the set-points stand still, but for a turn of
+the object in the air, in which they go over to forces that hold it as it then is. Only joint positions are used, which
+every observation mode has.
 """
 
 import numpy as np
 from numpy.typing import NDArray
 
 from agents.execution.script import ActionScript
+from agents.execution.turn import Turn
 from agents.kinematics.forward import body_frames, fingertips, tip_jacobian
 from agents.kinematics.gravity import hand_gravity
+from agents.kinematics.palm_ik import palm_frame
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HAND_STIFFNESS, HAND_TORQUE
@@ -39,8 +42,9 @@ class GuardedExecution:
     """Carries out one grasp with feedback from the joint positions."""
 
     def __init__(
-        self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree, mount: str = "palm_normal"
-    ) -> None:
+        self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree, mount: str = "palm_normal",
+        turn: Turn | None = None,
+    ) -> None:  # fmt: skip
         """Prepare.
 
         Args:
@@ -49,10 +53,12 @@ class GuardedExecution:
             forces: (3, 3) N on the object, to press with.
             tree: the robot.
             mount: of the hand, the tree's.
+            turn: in the air, after the lift; None to hold the object as it was lifted.
         """
+        self._turn, self._turned = turn, 0.0
         self._script, self._tree, self._forces, self._mount = script, tree, forces, mount
         first = dict(script.phases)
-        self._approach_end, self._lift_start = first["close"], first["lift"]
+        self._approach_end, self._lift_start, self._hold_start = first["close"], first["lift"], first["hold"]
         self._base = script.targets[self._approach_end - 1] if self._approach_end else script.targets[0]
         self._grasp = script.targets[first["squeeze"] - 1]
         self._travel = self._tip_travel()
@@ -62,6 +68,7 @@ class GuardedExecution:
         self._settled = 0
         self._targets = self._base.copy()
         self._pressed = self._base.copy()
+        self._before, self._after = self._pressed, self._pressed
         self._spans, self._lost_steps = np.zeros(2), 0
 
     def _tip_travel(self) -> Array:
@@ -109,10 +116,20 @@ class GuardedExecution:
 
     def _wanted(self, q: Array) -> Array:
         """Torques (23,) Nm of the joints that press with the planned forces; 0 for the arm."""
+        return self._pressing(q, self._normals, self._forces)
+
+    def _wanted_turned(self, q: Array, share: float) -> Array:
+        """Those that press when a share of the turn is done; normals and forces turn with the hand."""
+        assert self._turn is not None
+        R = palm_frame(q, self._tree)[0] @ palm_frame(self._grasp, self._tree)[0].T
+        forces = (1.0 - share) * self._forces + share * self._turn.forces
+        return self._pressing(q, self._normals @ R.T, forces @ R.T)
+
+    def _pressing(self, q: Array, normals: Array, forces: Array) -> Array:
         frames = body_frames(q, self._tree)
-        points = fingertips(q, self._tree) - _TIP_DEPTH * self._normals
+        points = fingertips(q, self._tree) - _TIP_DEPTH * normals
         J = tip_jacobian(self._tree, frames, points)[:, :, 7:]
-        torque = np.einsum("frj,fr->j", J, self._forces) + hand_gravity(q, self._mount)
+        torque = np.einsum("frj,fr->j", J, forces) + hand_gravity(q, self._mount)
         return np.concatenate([np.zeros(7), np.clip(torque, -HAND_TORQUE, HAND_TORQUE)])
 
     def _squeeze(self, q: Array) -> Array:
@@ -133,17 +150,34 @@ class GuardedExecution:
         return self._lost_steps >= _LOST_STEPS
 
     def _carry(self, q: Array) -> Array:
-        """Lift and hold: the arm by the script, the fingers pressing as they do."""
+        """Lift and hold: the arm by the script, the fingers pressing as they do; then the turn."""
         self._lost_steps = self._lost_steps + 1 if self._nothing_to_press(q) else 0
-        arm = self._script.targets[min(self._step, len(self._script.targets) - 1)][:7]
+        step = self._step - self._hold_start
         self._step += 1
+        if self._turn is not None and step >= 0:
+            return self._turning(q, self._turn, step)
+        arm = self._script.targets[min(self._step - 1, len(self._script.targets) - 1)][:7]
         return np.concatenate([arm, self._pressed[7:]])
+
+    def _turning(self, q: Array, turn: Turn, step: int) -> Array:
+        """Set-points from the start of the turn on: evenly from what the fingers press with to what they should."""
+        if step == 0:
+            after = np.concatenate([turn.arm[-1], q[7:]])
+            change = self._wanted_turned(after, 1.0) - self._wanted(q)
+            self._before, self._after = self._pressed, self._pressed.copy()
+            for columns in _COLUMNS:
+                self._after[columns] += change[columns] / HAND_STIFFNESS
+            self._after = np.clip(self._after, self._tree.lower, self._tree.upper)
+        self._turned = min(1.0, (step + 1) / len(turn.arm))
+        self._pressed = self._before + self._turned * (self._after - self._before)
+        return np.concatenate([turn.arm[min(step, len(turn.arm) - 1)], self._pressed[7:]])
 
     def _nothing_to_press(self, q: Array) -> bool:
         """Whether a finger no longer lags behind its set-point as it should, or has come closer to the thumb."""
         if (self._spans - self._spans_at(q) > _GIVEN_WAY).any():
             return True
-        wanted, lag = self._wanted(q), HAND_STIFFNESS * (self._pressed - q)
+        wanted = self._wanted_turned(q, self._turned) if self._turned else self._wanted(q)
+        lag = HAND_STIFFNESS * (self._pressed - q)
         pressing = [(lag[c] @ wanted[c], wanted[c] @ wanted[c]) for c in _COLUMNS]
         return any(given < _FREE_SHARE * asked for given, asked in pressing)
 

@@ -8,7 +8,7 @@ from agents.grasp.target import GraspTarget
 from agents.kinematics.tree import RobotTree
 from agents.physics.cones import tangent_basis
 from agents.physics.squeeze import Squeeze, firmest_squeeze
-from agents.physics.strength import Contacts
+from agents.physics.strength import GRAVITY, Contacts
 from agents.planning.claims import contacts_of
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
@@ -18,6 +18,7 @@ ENOUGH = 6.0
 """Weights: to bear a larger push only strains the hand."""
 NONE = -1
 """Level of a grasp that bears none of `settings.loads`."""
+DOWN = np.array([0.0, 0.0, -1.0])
 UNBALANCED = "no forces within friction cones and joint torques balance gravity at these contacts"
 _LEVER = 0.03  # m over which a surface that was guessed turns by its error in place
 _LEAST_ANGLE = 0.02  # rad, of a cone that has been narrowed to nothing
@@ -73,19 +74,27 @@ def firmest_hold(q: Array, target: GraspTarget, tree: RobotTree, settings: Plann
     """
     contacts, distance = contacts_of(q, target, tree, settings.friction_hold)
     tips = contacts.points + distance[:, None] * contacts.normals
-    firm = _squeeze(contacts, narrowed_friction(tips, contacts.normals, target, settings), settings)
+    firm = firmest(contacts, narrowed_friction(tips, contacts.normals, target, settings), settings)
     if firm.share >= 1.0:
         return Hold(contacts, firm.forces, firm.share, firm.load)
-    most = _squeeze(contacts, np.full(3, settings.friction_hold), settings)
+    most = firmest(contacts, np.full(3, settings.friction_hold), settings)
     if most.share == 0.0:
         return Hold(contacts, -settings.least_press * contacts.normals, 0.0, 0.0)
     return Hold(contacts, most.forces, most.share, min(firm.load, most.load))
 
 
-def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings) -> Squeeze:
+def firmest(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array = DOWN) -> Squeeze:
+    """Return the forces within the torque limits that bear the largest push.
+
+    Args:
+        contacts: of the grasp.
+        friction: (3,) coefficient of each.
+        settings: least press and torque limits.
+        down: (3,) the way gravity points.
+    """
     return firmest_squeeze(
         contacts.points, contacts.normals, friction, contacts.mass, contacts.centre, contacts.jacobians,
-        settings.torque_share * HAND_TORQUE, press=settings.least_press, most=ENOUGH,
+        settings.torque_share * HAND_TORQUE, press=settings.least_press, gravity=GRAVITY * down, most=ENOUGH,
     )  # fmt: skip
 
 

@@ -57,7 +57,7 @@ class CvaeAgent(BilevelAgent):
         Raises:
             InputError: without the shipped weights.
         """
-        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0)
+        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0, turns=False)
 
     def _make(self, mount: str) -> Planner:
         return RawPlanner(self.settings, mount)
@@ -72,7 +72,7 @@ class CvaeKinematicsAgent(BilevelAgent):
 
     def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
         """Prepare; arguments and errors are those of `CvaeAgent`."""
-        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0)
+        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0, turns=False)
 
     def _make(self, mount: str) -> Planner:
         return KinematicPlanner(self.settings, mount)

@@ -12,6 +12,7 @@ from agents.execution.guarded import GuardedExecution
 from agents.execution.motion import NoPath
 from agents.execution.retreat import Retreat
 from agents.grasp.target import GraspTarget
+from agents.planning.carry import plan_turn
 from agents.planning.many import GraspSet, Progress, check_count, plan_many
 from agents.planning.planner import Plan, Planner, warm_up
 from agents.planning.proposals import ConvexOnly, FirstProposals, ProposalSource, SurfaceProposals
@@ -39,7 +40,7 @@ class BilevelAgent(Agent):
 
     def __init__(
         self, proposals: str = "auto", settings: PlannerSettings | None = None, mount: str = "palm_normal",
-        with_closure: bool = True, starts: str = "atlas", regrasps: int = 2,
+        with_closure: bool = True, starts: str = "atlas", regrasps: int = 2, turns: bool = True,
     ) -> None:  # fmt: skip
         """Prepare the planner.
 
@@ -51,12 +52,13 @@ class BilevelAgent(Agent):
             with_closure: see `Planner`.
             starts: see `Planner`.
             regrasps: how often to look and plan again in an episode where the object was lost or no grasp found.
+            turns: whether to turn an object that is barely held, once it is lifted (see `planning.carry`).
         """
         self.settings = settings or PlannerSettings()
         self._source = make_source(proposals)
         self._with_closure, self._starts = with_closure, starts
         self._planner = self._make(mount)
-        self._seed = 0
+        self._seed, self._turns = 0, turns
         self.plan: Plan | None = None
         self.grasp_target: GraspTarget | None = None
         self._regrasps, self._left = regrasps, 0
@@ -80,7 +82,7 @@ class BilevelAgent(Agent):
             return
         hull_seconds = time.perf_counter() - began
         self.plan = self._planner.plan(target, self._seed, start)
-        self._execution = self._carried_out(self.plan)
+        self._execution = self._carried_out(self.plan, target)
         # Only where the cameras look again: what they saw at first is no longer where the object is.
         self._left = self._regrasps if info.get("observe") in ("clear", "step") else 0
         self.report = Report(
@@ -142,13 +144,12 @@ class BilevelAgent(Agent):
             self._grasp_again(observation)
         return self._execution.action(observation["joint_positions"])
 
-    def _carried_out(self, plan: Plan) -> GuardedExecution | None:
-        if plan.grasp is None or plan.script is None:
+    def _carried_out(self, plan: Plan, target: GraspTarget | None) -> GuardedExecution | None:
+        if plan.grasp is None or plan.script is None or target is None:
             return None
-        planner = self._planner
-        return GuardedExecution(
-            plan.script, plan.grasp.normals, plan.grasp.forces, planner.tree, planner.mount
-        )
+        planner, grasp = self._planner, plan.grasp
+        turn = plan_turn(grasp, plan.script, target, planner.tree, self.settings) if self._turns else None
+        return GuardedExecution(plan.script, grasp.normals, grasp.forces, planner.tree, planner.mount, turn)
 
     def _let_go(self, observation: Observation) -> None:
         """Go home, where the cameras look again; stay as it is where there is no way."""
@@ -169,7 +170,7 @@ class BilevelAgent(Agent):
             if target is None
             else self._planner.plan(target, self._seed + tries, start_of(observation))
         )
-        carried = self._carried_out(plan)
+        carried = self._carried_out(plan, target)
         self._execution = carried or self._execution
         if (
             self.report.failure and self.report.planning_seconds is not None

@@ -1,0 +1,72 @@
+"""How an object is carried once it is off the table: turned so that contacts bear it rather than their friction.
+
+As it lies, the line between thumb and fingers is level, and friction bears the weight and whatever pushes downwards.
+Turned about a level axis, some of that presses on fingertips instead. Of a few turns the one is taken after which the
+contacts bear the largest push, if that is worth the way.
+"""
+
+from itertools import product
+
+import numpy as np
+
+from agents.execution.script import ActionScript
+from agents.execution.turn import Turn, rotation, turn_arm
+from agents.grasp.grasp import Grasp
+from agents.grasp.target import GraspTarget
+from agents.kinematics.palm_ik import palm_frame
+from agents.kinematics.tree import RobotTree
+from agents.physics.strength import Contacts, capacity_of
+from agents.planning.claims import contacts_of
+from agents.planning.holding import DOWN, firmest, narrowed_friction
+from agents.planning.settings import PlannerSettings
+from dexgrasp_env.arrays import Array
+
+ENOUGH = 4.0
+"""Capacity, in weights, from which on an object is carried as it was lifted."""
+_ANGLES = np.deg2rad([30.0, 45.0, 60.0])
+_AXES = np.deg2rad(np.arange(0.0, 360.0, 30.0))
+_GAIN = 0.1  # weights that a turn must win
+_COST = 0.06  # weights a radian: of two turns that win as much the shorter
+
+
+def plan_turn(
+    grasp: Grasp, script: ActionScript, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
+) -> Turn | None:
+    """Return the turn after the lift that wins most, None where none wins enough or can be made.
+
+    Args:
+        grasp: with its certificate.
+        script: that lifts it.
+        target: the object where it lies.
+        tree: the robot.
+        settings: friction that is counted on, and torque limits.
+    """
+    if grasp.certificate.capacity >= ENOUGH:
+        return None
+    contacts, distance = contacts_of(grasp.q, target, tree, settings.friction_squeeze)
+    start = script.targets[dict(script.phases)["hold"] - 1]
+    centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
+    for vector in _worth_it(contacts):
+        arm = turn_arm(start, vector, centre, target.hull.vertices - target.centre, tree)
+        if arm is None:
+            continue
+        tips = contacts.points + distance[:, None] * contacts.normals
+        friction = narrowed_friction(tips, contacts.normals, target, settings)
+        squeeze = firmest(contacts, friction, settings, rotation(vector).T @ DOWN)
+        return Turn(arm, squeeze.forces) if squeeze.share >= 1.0 else None
+    return None
+
+
+def _worth_it(contacts: Contacts) -> list[Array]:
+    """Return rotation vectors (3,) rad about level axes, best first, of those that win enough."""
+    least = capacity_of(contacts) + _GAIN
+    vectors = [angle * np.array([np.cos(a), np.sin(a), 0.0]) for angle, a in product(_ANGLES, _AXES)]
+    won = [(capacity_of(_turned(contacts, rotation(v))) - _COST * np.linalg.norm(v), v) for v in vectors]
+    return [v for worth, v in sorted(won, key=lambda pair: -pair[0]) if worth >= least]
+
+
+def _turned(contacts: Contacts, R: Array) -> Contacts:
+    return contacts._replace(
+        points=contacts.points @ R.T, normals=contacts.normals @ R.T, centre=R @ contacts.centre,
+        jacobians=R @ contacts.jacobians,
+    )  # fmt: skip
