@@ -114,11 +114,11 @@ class Blind(BilevelAgent):
 
     blind = 1
 
-    def _carried_out(self, plan):
+    def _carried_out(self, plan, target):
         self.blind -= 1
         if self.blind >= 0:
             plan.grasp, plan.reason = None, "closure_margin"
-        return super()._carried_out(plan)
+        return super()._carried_out(plan, target)
 
 
 @pytest.mark.parametrize(("blind", "reason", "steps"), [(1, None, 100), (9, "no_grasp:closure_margin", 7)])

@@ -101,6 +101,13 @@ def test_capacity_below_one_is_the_share_of_gravity_that_can_be_borne():
     assert capacity_of(c._replace(mass=6.0 * share * 0.999)) > 1.0
 
 
+def test_capacity_that_need_not_be_known_is_only_told_to_be_less():
+    c = contacts()
+    exact = capacity_of(c)
+    assert capacity_of(c, exact - 0.1) == exact
+    assert exact <= capacity_of(c, exact + 0.5) < exact + 0.5
+
+
 def test_directions_are_26_units():
     d = directions()
     assert d.shape == (26, 3)

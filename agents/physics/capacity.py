@@ -20,9 +20,11 @@ _OUT = 1e-7  # of the pressing force: what a force may be outside its cone
 @njit(cache=True, error_model="numpy")
 def capacity_kernel(
     points: Array, normals: Array, centre: Array, weight: float, mu: float, J: Array, limit: Array,
-    directions: Array,
+    directions: Array, stop: float,
 ) -> float:  # fmt: skip
     """Return 1 + the least push in weights over unit `directions` (K, 3), or the share of gravity below 1; no checks.
+
+    Where it is below `stop`, anything from it up to there may be returned.
 
     Args:
         points: (3, 3) m. normals: (3, 3) unit, out of the object. centre: (3,) m, centre of mass.
@@ -30,6 +32,7 @@ def capacity_kernel(
         mu: friction coefficient.
         J: (3, 3, joints) of the contact points. limit: (joints,) Nm.
         directions: of the pushes.
+        stop: what need not be known exactly.
     """
     N, B, f_g = np.empty((9, 3)), np.empty((9, 3)), np.empty(9)
     gravity = np.array([0.0, 0.0, -weight])
@@ -42,6 +45,8 @@ def capacity_kernel(
     for k in range(directions.shape[0]):
         along = -weight * (B @ np.ascontiguousarray(directions[k]))
         least = min(least, _most(normals, mu, J, limit, N, f_g, along))
+        if 1.0 + least < stop:
+            break
     return 1.0 + least
 
 

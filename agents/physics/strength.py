@@ -105,11 +105,15 @@ def _least_ratio(contacts: Contacts, forces: Array, answer: Array) -> float:
     return float(ratio.min())
 
 
-def capacity_of(contacts: Contacts) -> float:
+def capacity_of(contacts: Contacts, stop: float = 0.0) -> float:
     """Return 1 + the least, over 26 directions, of the largest push in weights that some forces can balance.
 
     The forces stay within cones and torque limits; they balance gravity and push together. Where none balance gravity
     alone, it is the largest share of gravity that some do. Joints are of one finger each.
+
+    Args:
+        contacts: three.
+        stop: what is below need not be known exactly: anything from it up to there may be returned.
     """
     contacts = _checked(contacts)
     if len(contacts.points) != 3:
@@ -121,7 +125,7 @@ def capacity_of(contacts: Contacts) -> float:
     return float(
         capacity_kernel(
             contacts.points, contacts.normals, contacts.centre, contacts.weight, contacts.friction, jacobians, limits,
-            directions(),
+            directions(), stop,
         )
     )  # fmt: skip
 

@@ -23,7 +23,7 @@ from dexgrasp_env.arrays import Array
 
 ENOUGH = 4.0
 """Capacity, in weights, from which on an object is carried as it was lifted."""
-_ANGLES = np.deg2rad([30.0, 45.0, 60.0])
+_ANGLES = np.deg2rad([60.0, 45.0, 30.0])
 _AXES = np.deg2rad(np.arange(0.0, 360.0, 30.0))
 _GAIN = 0.1  # weights that a turn must win
 _COST = 0.06  # weights a radian: of two turns that win as much the shorter
@@ -46,23 +46,21 @@ def plan_turn(
     contacts, distance = contacts_of(grasp.q, target, tree, settings.friction_squeeze)
     start = script.targets[dict(script.phases)["hold"] - 1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
-    for vector in _worth_it(contacts):
-        arm = turn_arm(start, vector, centre, target.hull.vertices - target.centre, tree)
-        if arm is None:
+    best, arm, most = DOWN, None, capacity_of(contacts) + _GAIN
+    for angle, azimuth in product(_ANGLES, _AXES):
+        vector = angle * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        worth = capacity_of(_turned(contacts, rotation(vector)), most + _COST * angle) - _COST * angle
+        if worth <= most:
             continue
-        tips = contacts.points + distance[:, None] * contacts.normals
-        friction = narrowed_friction(tips, contacts.normals, target, settings)
-        squeeze = firmest(contacts, friction, settings, rotation(vector).T @ DOWN)
-        return Turn(arm, squeeze.forces) if squeeze.share >= 1.0 else None
-    return None
-
-
-def _worth_it(contacts: Contacts) -> list[Array]:
-    """Return rotation vectors (3,) rad about level axes, best first, of those that win enough."""
-    least = capacity_of(contacts) + _GAIN
-    vectors = [angle * np.array([np.cos(a), np.sin(a), 0.0]) for angle, a in product(_ANGLES, _AXES)]
-    won = [(capacity_of(_turned(contacts, rotation(v))) - _COST * np.linalg.norm(v), v) for v in vectors]
-    return [v for worth, v in sorted(won, key=lambda pair: -pair[0]) if worth >= least]
+        way = turn_arm(start, vector, centre, target.hull.vertices - target.centre, tree)
+        if way is not None:
+            best, arm, most = vector, way, worth
+    if arm is None:
+        return None
+    tips = contacts.points + distance[:, None] * contacts.normals
+    friction = narrowed_friction(tips, contacts.normals, target, settings)
+    squeeze = firmest(contacts, friction, settings, rotation(best).T @ DOWN)
+    return Turn(arm, squeeze.forces) if squeeze.share >= 1.0 else None
 
 
 def _turned(contacts: Contacts, R: Array) -> Contacts:

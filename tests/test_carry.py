@@ -1,0 +1,135 @@
+"""The turn in the air: what it wins, where the object goes, what the fingers then press with."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import trimesh
+
+from agents.execution.guarded import GuardedExecution
+from agents.execution.turn import rotation, turn_arm
+from agents.grasp.target import GraspTarget
+from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from agents.kinematics.palm_ik import palm_frame
+from agents.kinematics.tree import robot_tree
+from agents.physics.strength import capacity_of, hold_residual, torque_fraction
+from agents.planning.carry import ENOUGH, plan_turn
+from agents.planning.claims import contacts_of
+from agents.planning.planner import Planner
+from agents.planning.settings import PlannerSettings
+from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.tasks.control import denormalise
+
+TREE, SETTINGS = robot_tree(), PlannerSettings()
+
+
+def planned(mass):
+    box = trimesh.creation.box((0.05, 0.1, 0.14))
+    box.apply_translation([0.5, 0.0, 0.07])
+    target = GraspTarget.of(box, mass=mass)
+    plan = Planner(SETTINGS).plan(target, 0, np.array(HOME))
+    assert plan.grasp is not None
+    return plan, target
+
+
+@pytest.fixture(scope="module")
+def heavy():
+    plan, target = planned(0.6)
+    return plan, target, plan_turn(plan.grasp, plan.script, target, TREE, SETTINGS)
+
+
+def at_the_end_of(turn, plan):
+    """Return set-points (23,) before the turn, and the arm's (23,) after it."""
+    start = plan.script.targets[dict(plan.script.phases)["hold"] - 1]
+    return start, np.concatenate([turn.arm[-1], start[7:]])
+
+
+def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
+    plan, target, turn = heavy
+    start, end = at_the_end_of(turn, plan)
+    (R0, p0), (R1, p1) = palm_frame(start, TREE), palm_frame(end, TREE)
+    R = R1 @ R0.T
+    angle = np.arccos(0.5 * (np.trace(R) - 1.0))
+    assert np.abs(np.rad2deg(angle) - [30.0, 45.0, 60.0]).min() < 1.0
+    centre = target.centre + p0 - palm_frame(plan.grasp.q, TREE)[1]
+    after = p1 + R @ (centre - p0)
+    np.testing.assert_allclose(after[:2], centre[:2], atol=0.005)
+    corners = target.hull.vertices - target.centre
+    assert (after + corners @ R.T)[:, 2].min() >= (centre + corners)[:, 2].min() - 0.005
+    np.testing.assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
+
+
+def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
+    plan, target, turn = heavy
+    start, end = at_the_end_of(turn, plan)
+    R = palm_frame(end, TREE)[0] @ palm_frame(start, TREE)[0].T
+    before, _ = contacts_of(plan.grasp.q, target, TREE, SETTINGS.friction_hold)
+    turned = before._replace(
+        points=before.points @ R.T, normals=before.normals @ R.T, centre=R @ before.centre,
+        jacobians=R @ before.jacobians,
+    )  # fmt: skip
+    forces = turn.forces @ R.T
+    assert hold_residual(turned, forces) < 0.02
+    assert hold_residual(turned, plan.grasp.forces @ R.T) > 0.2  # those of the lift do not
+    assert torque_fraction(turned, forces) <= SETTINGS.torque_share + 1e-6
+    assert capacity_of(turned) > capacity_of(before) + 0.05
+
+
+def test_what_is_held_firmly_is_carried_as_it_was_lifted():
+    plan, target = planned(0.08)
+    assert plan.grasp.certificate.capacity >= ENOUGH
+    assert plan_turn(plan.grasp, plan.script, target, TREE, SETTINGS) is None
+
+
+def test_an_arm_that_cannot_turn_is_told(heavy):
+    plan, target, turn = heavy
+    start, _ = at_the_end_of(turn, plan)
+    corners = target.hull.vertices - target.centre
+    stretched = start.copy()
+    stretched[:7] = [0.0, 1.2, 0.0, -0.3, 0.0, 1.5, 0.0]  # as far as it goes
+    centre = palm_frame(stretched, TREE)[1] + [0.3, 0.0, 0.0]
+    assert turn_arm(stretched, np.array([0.0, -1.2, 0.0]), centre, corners, TREE) is None
+
+
+def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
+    plan, _, turn = heavy
+    grasp, script = plan.grasp, plan.script
+    first = dict(script.phases)
+
+    def played(turn):
+        execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE, turn=turn)
+        touching, q, out = script.targets[first["squeeze"] - 1][7:], script.start, []
+        for step in range(len(script.targets) + 40):
+            target = denormalise(execution.action(q))
+            # The joints follow at once, but the fingers are where they touch.
+            q = np.concatenate([target[:7], touching if step >= first["close"] else target[7:]])
+            out.append(target)
+        return np.array(out)
+
+    still, turned = played(None), played(turn)
+    end = len(turned) - 1
+    np.testing.assert_allclose(turned[end, :7], turn.arm[-1], atol=1e-4)
+    lifted = np.abs(still[:, :7] - script.targets[first["hold"] - 1, :7]).max(axis=1).argmin()
+    np.testing.assert_array_equal(still[:lifted], turned[:lifted])
+    frames = body_frames(grasp.q, TREE)
+    J = tip_jacobian(TREE, frames, tip_positions(TREE, frames) - 0.0105 * grasp.normals)[:, :, 7:]
+    asked = np.einsum("frj,fr->j", J, turn.forces - grasp.forces)
+    given = 10.0 * (turned[end] - still[end])[7:]
+    fingers = np.abs(asked) > 0.05
+    assert fingers.any()
+    # The hand's own weight, up to 0.06 Nm, comes on top.
+    np.testing.assert_allclose(given[fingers], asked[fingers], atol=0.12)
+
+
+def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
+    plan, target, _ = heavy
+    strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))
+    assert plan_turn(strong, plan.script, target, TREE, SETTINGS) is None
+
+
+def test_rotation_is_that_of_its_vector():
+    vector = np.array([0.3, -0.4, 0.2])
+    R = rotation(vector)
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(R @ vector, vector, atol=1e-12)
+    assert np.arccos(0.5 * (np.trace(R) - 1.0)) == pytest.approx(np.linalg.norm(vector))
