@@ -153,6 +153,7 @@ def test_what_cannot_be_grasped_is_1_with_a_reason(size, capsys, tmp_path):
         (["plan"], "TARGET"),
         (["plan", "seen"], "is a set"),
         (["plan", "pear", "--mesh-scale", "0.001"], "mesh files alone"),
+        (["plan", "varied-3", "--mesh-scale", "0.001"], "mesh files alone"),
         (["plan", "pear", "--agent", "os:system"], "cannot be made"),
         (["plan", "pear", "--agent", "os:"], "no class"),
         (["demo", "--object", "pear", "--mesh-mass", "0.1"], "mesh files alone"),

@@ -65,13 +65,12 @@ def check_mesh_options(args: argparse.Namespace, targets: Sequence[str]) -> None
     Raises:
         InputError: naming the options.
     """
-    from dexgrasp_env.objects.catalogue import CATALOGUE
-    from dexgrasp_env.objects.sets import is_set
+    from dexgrasp_env.objects.load import has_own_size
 
     given = args.mesh_scale != 1.0 or args.mesh_mass is not None
-    if given and all(target in CATALOGUE or is_set(target) for target in targets):
+    if given and all(has_own_size(target) for target in targets):
         raise InputError(
-            f"--mesh-scale and --mesh-mass are of mesh files alone: {targets[0]!r} is of the catalogue or of a set file"
+            f"--mesh-scale and --mesh-mass are of mesh files alone: {targets[0]!r} has a size and a mass of its own"
         )
 
 
