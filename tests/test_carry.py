@@ -121,6 +121,22 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     np.testing.assert_allclose(given[fingers], asked[fingers], atol=0.12)
 
 
+@pytest.mark.parametrize(("free", "turned", "lost"), [(1, 0, True), (1, 1, False), (3, 1, True)])
+def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
+    plan, _, turn = heavy
+    grasp, script = plan.grasp, plan.script
+    execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE, turn=turn if turned else None)
+    touching, q = script.targets[dict(script.phases)["squeeze"] - 1], script.start
+    for step in range(len(script.targets) + 60):
+        q = denormalise(execution.action(q))
+        if step >= dict(script.phases)["close"]:
+            q[7:] = touching[7:]
+        if step > len(script.targets):
+            for columns in (slice(19, 23), slice(7, 11), slice(11, 15))[:free]:
+                q[columns] = execution._pressed[columns]
+    assert execution.lost == lost
+
+
 def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
     plan, target, _ = heavy
     strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))

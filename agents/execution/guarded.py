@@ -179,7 +179,9 @@ class GuardedExecution:
         wanted = self._wanted_turned(q, self._turned) if self._turned else self._wanted(q)
         lag = HAND_STIFFNESS * (self._pressed - q)
         pressing = [(lag[c] @ wanted[c], wanted[c] @ wanted[c]) for c in _COLUMNS]
-        return any(given < _FREE_SHARE * asked for given, asked in pressing)
+        free = [given < _FREE_SHARE * asked for given, asked in pressing]
+        # Turned, an object that has shifted in the hand leans elsewhere: two fingertips may do.
+        return all(free) if self._turned else any(free)
 
     def _spans_at(self, q: Array) -> Array:
         """Distances (2,) m of index and middle tip from the thumb's."""
