@@ -124,27 +124,52 @@ def object_clearance(
 
     `direction` (3,) is written with its gradient by that sphere's centre.
     """
-    centres, gradient, best, which = cover.centres, np.empty(3), activation, -1
+    centres, gradient, first, best, which = cover.centres, np.empty(3), np.empty(3), activation, -1
     last = cover.bounds[b]
-    middle = convex_distance(last, obstacle, gradient, activation + tree.bound_radius[b])
+    middle = convex_distance(last, obstacle, first, activation + tree.bound_radius[b])
     at_last = middle
-    if middle - tree.bound_radius[b] > activation:
+    if middle - tree.bound_radius[b] >= activation:
         return best, which
     _know(tree, frames, cover, b)
-    for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
-        if tips_touch and tree.sphere_is_tip[s]:
+    convex, nearest = obstacle.starts.shape[0] == 2, -1
+    if convex:
+        nearest = _lowest(tree, cover, b, first, tips_touch)
+    for k in range(tree.sphere_first[b] - 1, tree.sphere_first[b + 1]):
+        s = nearest if k < tree.sphere_first[b] else k  # it comes first: the others then need no query
+        if s < 0 or k == nearest or (tips_touch and tree.sphere_is_tip[s]):
             continue
-        # A distance changes by no more than the way between two points: most spheres need no query.
-        need = best + tree.sphere_radius[s]
-        if middle - need > 0.0 and _squared(centres[s], cover.bounds[b]) < (middle - need) ** 2:
+        centre, need = centres[s], best + tree.sphere_radius[s]
+        if convex:
+            # The distance to one convex body is a convex function: it lies above each of its tangents.
+            if middle + _along(first, cover.bounds[b], centre) > need + ROUNDING:
+                continue
+            if which >= 0:
+                at_best = best + tree.sphere_radius[which]
+                if at_best + _along(direction, centres[which], centre) > need + ROUNDING:
+                    continue
+        # A distance changes by no more than the way between two points.
+        elif middle - need > 0.0 and _squared(centre, cover.bounds[b]) < (middle - need) ** 2:
             continue
-        if at_last - need > 0.0 and _squared(centres[s], last) < (at_last - need) ** 2:
+        if at_last - need > 0.0 and _squared(centre, last) < (at_last - need) ** 2:
             continue
-        at_last, last = convex_distance(centres[s], obstacle, gradient, need), centres[s]
+        at_last, last = convex_distance(centre, obstacle, gradient, need), centre
         if at_last < need:
             best, which = at_last - tree.sphere_radius[s], s
             direction[:] = gradient
     return best, which
+
+
+@njit(cache=True, error_model="numpy")
+def _lowest(tree: RobotTree, cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
+    """Return the sphere of body `b` that reaches farthest against a direction, -1 where none counts."""
+    least, which = np.inf, -1
+    for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
+        if tips_touch and tree.sphere_is_tip[s]:
+            continue
+        low = _along(direction, cover.bounds[b], cover.centres[s]) - tree.sphere_radius[s]
+        if low < least:
+            least, which = low, s
+    return which
 
 
 @njit(cache=True, error_model="numpy")
@@ -255,6 +280,12 @@ def _self_rows(tree: RobotTree, frames: Frames, cover: Cover, activation: float,
             add_row(rows.gradients[n], b, centres[second], direction, -1.0, tree, frames)
             n += 1
     return n
+
+
+@njit(cache=True, error_model="numpy")
+def _along(direction: Array, a: Array, b: Array) -> float:
+    """How far b is from a along a direction."""
+    return direction[0] * (b[0] - a[0]) + direction[1] * (b[1] - a[1]) + direction[2] * (b[2] - a[2])
 
 
 @njit(cache=True, error_model="numpy")
