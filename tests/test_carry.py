@@ -97,7 +97,7 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     first = dict(script.phases)
 
     def played(turn):
-        execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE, turn=turn)
+        execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE, turn=lambda: turn)
         touching, q, out = script.targets[first["squeeze"] - 1][7:], script.start, []
         for step in range(len(script.targets) + 40):
             target = denormalise(execution.action(q))
@@ -125,7 +125,9 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
 def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
-    execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE, turn=turn if turned else None)
+    execution = GuardedExecution(
+        script, grasp.normals, grasp.forces, TREE, turn=lambda: turn if turned else None
+    )
     touching, q = script.targets[dict(script.phases)["squeeze"] - 1], script.start
     for step in range(len(script.targets) + 60):
         q = denormalise(execution.action(q))

@@ -8,6 +8,8 @@ the object in the air, in which they go over to forces that hold it as it then i
 every observation mode has.
 """
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -43,7 +45,7 @@ class GuardedExecution:
 
     def __init__(
         self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree, mount: str = "palm_normal",
-        turn: Turn | None = None,
+        turn: Callable[[], Turn | None] = lambda: None,
     ) -> None:  # fmt: skip
         """Prepare.
 
@@ -53,9 +55,11 @@ class GuardedExecution:
             forces: (3, 3) N on the object, to press with.
             tree: the robot.
             mount: of the hand, the tree's.
-            turn: in the air, after the lift; None to hold the object as it was lifted.
+            turn: returns how to turn the object in the air, None to hold it as it was lifted. It is asked once, when
+                the hand has the object: nobody waits for it.
         """
-        self._turn, self._turned = turn, 0.0
+        self._plan_turn, self._turned = turn, 0.0
+        self._turn: Turn | None = None
         self._script, self._tree, self._forces, self._mount = script, tree, forces, mount
         first = dict(script.phases)
         self._approach_end, self._lift_start, self._hold_start = first["close"], first["lift"], first["hold"]
@@ -141,7 +145,7 @@ class GuardedExecution:
         self._targets = np.clip(self._targets, self._tree.lower, self._tree.upper)
         if self._count >= _SQUEEZE_STEPS:
             self._pressed, self._spans = self._targets, self._spans_at(q)
-            self._phase, self._step = "carry", self._lift_start
+            self._phase, self._step, self._turn = "carry", self._lift_start, self._plan_turn()
         return self._targets
 
     @property

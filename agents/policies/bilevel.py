@@ -11,6 +11,7 @@ from agents.base import Agent, Observation, Report
 from agents.execution.guarded import GuardedExecution
 from agents.execution.motion import NoPath
 from agents.execution.retreat import Retreat
+from agents.execution.turn import Turn
 from agents.grasp.target import GraspTarget
 from agents.planning.carry import plan_turn
 from agents.planning.many import GraspSet, Progress, check_count, plan_many
@@ -145,11 +146,14 @@ class BilevelAgent(Agent):
         return self._execution.action(observation["joint_positions"])
 
     def _carried_out(self, plan: Plan, target: GraspTarget | None) -> GuardedExecution | None:
-        if plan.grasp is None or plan.script is None or target is None:
+        grasp, script, planner = plan.grasp, plan.script, self._planner
+        if grasp is None or script is None or target is None:
             return None
-        planner, grasp = self._planner, plan.grasp
-        turn = plan_turn(grasp, plan.script, target, planner.tree, self.settings) if self._turns else None
-        return GuardedExecution(plan.script, grasp.normals, grasp.forces, planner.tree, planner.mount, turn)
+
+        def turn() -> Turn | None:
+            return plan_turn(grasp, script, target, planner.tree, self.settings) if self._turns else None
+
+        return GuardedExecution(script, grasp.normals, grasp.forces, planner.tree, planner.mount, turn)
 
     def _let_go(self, observation: Observation) -> None:
         """Go home, where the cameras look again; stay as it is where there is no way."""
