@@ -152,7 +152,7 @@ def test_members_stand_upright_as_the_set_says(folder):
 def test_mesh_options_do_not_apply_to_a_set(folder, capsys):
     path = written(folder, BRICK)
     assert main(["plan", path, "--mesh-scale", "0.001"]) == 2
-    assert "of a set file" in capsys.readouterr().err
+    assert "mesh files alone" in capsys.readouterr().err
 
 
 @pytest.fixture
