@@ -156,11 +156,10 @@ class GuardedExecution:
     def _carry(self, q: Array) -> Array:
         """Lift and hold: the arm by the script, the fingers pressing as they do; then the turn."""
         self._lost_steps = self._lost_steps + 1 if self._nothing_to_press(q) else 0
-        step = self._step - self._hold_start
-        self._step += 1
-        if self._turn is not None and step >= 0:
-            return self._turning(q, self._turn, step)
-        arm = self._script.targets[min(self._step - 1, len(self._script.targets) - 1)][:7]
+        step, self._step = self._step, self._step + 1
+        if self._turn is not None and step >= self._hold_start:
+            return self._turning(q, self._turn, step - self._hold_start)
+        arm = self._script.targets[min(step, len(self._script.targets) - 1)][:7]
         return np.concatenate([arm, self._pressed[7:]])
 
     def _turning(self, q: Array, turn: Turn, step: int) -> Array:

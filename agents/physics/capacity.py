@@ -24,7 +24,8 @@ def capacity_kernel(
 ) -> float:  # fmt: skip
     """Return 1 + the least push in weights over unit `directions` (K, 3), or the share of gravity below 1; no checks.
 
-    Where it is below `stop`, anything from it up to there may be returned.
+    Where it is below `stop`, anything from it up to there may be returned, and the push that says so is put first in
+    `directions`: what is too hard for one grasp mostly is for the next like it.
 
     Args:
         points: (3, 3) m. normals: (3, 3) unit, out of the object. centre: (3,) m, centre of mass.
@@ -46,6 +47,8 @@ def capacity_kernel(
         along = -weight * (B @ np.ascontiguousarray(directions[k]))
         least = min(least, _most(normals, mu, J, limit, N, f_g, along))
         if 1.0 + least < stop:
+            for c in range(3):
+                directions[0, c], directions[k, c] = directions[k, c], directions[0, c]
             break
     return 1.0 + least
 

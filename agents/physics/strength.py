@@ -105,7 +105,7 @@ def _least_ratio(contacts: Contacts, forces: Array, answer: Array) -> float:
     return float(ratio.min())
 
 
-def capacity_of(contacts: Contacts, stop: float = 0.0) -> float:
+def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = None) -> float:
     """Return 1 + the least, over 26 directions, of the largest push in weights that some forces can balance.
 
     The forces stay within cones and torque limits; they balance gravity and push together. Where none balance gravity
@@ -114,6 +114,8 @@ def capacity_of(contacts: Contacts, stop: float = 0.0) -> float:
     Args:
         contacts: three.
         stop: what is below need not be known exactly: anything from it up to there may be returned.
+        pushes: (K, 3) unit directions, `directions()` by default; the one that ended at `stop` is put first, so that
+            grasps alike are refused at once.
     """
     contacts = _checked(contacts)
     if len(contacts.points) != 3:
@@ -125,7 +127,7 @@ def capacity_of(contacts: Contacts, stop: float = 0.0) -> float:
     return float(
         capacity_kernel(
             contacts.points, contacts.normals, contacts.centre, contacts.weight, contacts.friction, jacobians, limits,
-            directions(), stop,
+            directions() if pushes is None else pushes, stop,
         )
     )  # fmt: skip
 

@@ -15,10 +15,9 @@ from agents.grasp.grasp import Grasp
 from agents.grasp.target import GraspTarget
 from agents.kinematics.palm_ik import palm_frame
 from agents.kinematics.tree import RobotTree
-from agents.physics.capacity import capacity_kernel
 from agents.physics.strength import Contacts, capacity_of, directions
 from agents.planning.claims import contacts_of
-from agents.planning.holding import DOWN, firmest, narrowed_friction
+from agents.planning.holding import DOWN, robust_squeeze
 from agents.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 
@@ -47,41 +46,21 @@ def plan_turn(
     contacts, distance = contacts_of(grasp.q, target, tree, settings.friction_squeeze)
     start = script.targets[dict(script.phases)["hold"] - 1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
-    best, arm, most = DOWN, None, capacity_of(contacts) + _GAIN
-    pushes = list(directions()[:, None])
+    corners, pushes = target.hull.vertices - target.centre, directions()
+    arm, down, most = None, DOWN, capacity_of(contacts) + _GAIN
     for angle, azimuth in product(_ANGLES, _AXES):
         vector = angle * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        worth = _capacity(_turned(contacts, rotation(vector)), pushes, most + _COST * angle) - _COST * angle
+        R = rotation(vector)
+        worth = capacity_of(_turned(contacts, R), most + _COST * angle, pushes) - _COST * angle
         if worth <= most:
             continue
-        way = turn_arm(start, vector, centre, target.hull.vertices - target.centre, tree)
+        way = turn_arm(start, vector, centre, corners, tree)
         if way is not None:
-            best, arm, most = vector, way, worth
+            arm, most, down = way, worth, R.T @ DOWN
     if arm is None:
         return None
-    tips = contacts.points + distance[:, None] * contacts.normals
-    friction = narrowed_friction(tips, contacts.normals, target, settings)
-    squeeze = firmest(contacts, friction, settings, rotation(best).T @ DOWN)
+    squeeze = robust_squeeze(contacts, distance, target, settings, down)
     return Turn(arm, squeeze.forces) if squeeze.share >= 1.0 else None
-
-
-def _capacity(contacts: Contacts, pushes: list[Array], stop: float) -> float:
-    """Return what `capacity_of` does, for pushes (1, 3) in any order: the first below `stop` is put in front.
-
-    What is too hard after one turn mostly is after the next: one push says so, where 26 were asked.
-    """
-    least, limits = np.inf, np.asarray(contacts.torque_limits, dtype=float)
-    points, normals, jacobians = (
-        np.ascontiguousarray(a) for a in (contacts.points, contacts.normals, contacts.jacobians)
-    )
-    for k, push in enumerate(pushes):
-        least = min(least, capacity_kernel(
-            points, normals, contacts.centre, contacts.weight, contacts.friction, jacobians, limits, push, stop
-        ))  # fmt: skip
-        if least < stop:
-            pushes.insert(0, pushes.pop(k))
-            break
-    return float(least)
 
 
 def _turned(contacts: Contacts, R: Array) -> Contacts:

@@ -73,25 +73,33 @@ def firmest_hold(q: Array, target: GraspTarget, tree: RobotTree, settings: Plann
         settings: friction, error in place, least press and torque limits.
     """
     contacts, distance = contacts_of(q, target, tree, settings.friction_hold)
-    tips = contacts.points + distance[:, None] * contacts.normals
-    firm = firmest(contacts, narrowed_friction(tips, contacts.normals, target, settings), settings)
+    firm = robust_squeeze(contacts, distance, target, settings)
     if firm.share >= 1.0:
         return Hold(contacts, firm.forces, firm.share, firm.load)
-    most = firmest(contacts, np.full(3, settings.friction_hold), settings)
+    most = _squeeze(contacts, np.full(3, settings.friction_hold), settings, DOWN)
     if most.share == 0.0:
         return Hold(contacts, -settings.least_press * contacts.normals, 0.0, 0.0)
     return Hold(contacts, most.forces, most.share, min(firm.load, most.load))
 
 
-def firmest(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array = DOWN) -> Squeeze:
-    """Return the forces within the torque limits that bear the largest push.
+def robust_squeeze(
+    contacts: Contacts, distance: Array, target: GraspTarget, settings: PlannerSettings, down: Array = DOWN
+) -> Squeeze:
+    """Return the forces within narrowed cones and torque limits that bear the largest push.
 
     Args:
         contacts: of the grasp.
-        friction: (3,) coefficient of each.
-        settings: least press and torque limits.
+        distance: (3,) m, of the tips' centres from the surface.
+        target: the object.
+        settings: friction, error in place, least press and torque limits.
         down: (3,) the way gravity points.
     """
+    tips = contacts.points + distance[:, None] * contacts.normals
+    friction = narrowed_friction(tips, contacts.normals, target, settings)
+    return _squeeze(contacts, friction, settings, down)
+
+
+def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
     return firmest_squeeze(
         contacts.points, contacts.normals, friction, contacts.mass, contacts.centre, contacts.jacobians,
         settings.torque_share * HAND_TORQUE, press=settings.least_press, gravity=GRAVITY * down, most=ENOUGH,
