@@ -63,7 +63,7 @@ def plan_contents():
         identity, pose = name, None
         if name in CATALOGUE:
             identity = ObjectIdentity.of(load_object(name), name)
-            pose = ObjectPose(load_object(name).mesh, PLACED[name])
+            pose = ObjectPose(load_object(name).solid, PLACED[name])
         found[name] = grasp_json(
             identity,
             plan.grasp,

@@ -109,6 +109,16 @@ def test_help_brings_nothing_heavy():
     assert done.stdout.splitlines()[-1] == "[]"
 
 
+def test_planning_for_an_object_of_the_catalogue_brings_neither_torch_nor_trimesh():
+    code = (
+        "import sys; from agents.cli.main import main; main(['plan', 'soda']); "
+        "print([name for name in ('torch', 'trimesh', 'matplotlib', 'OpenGL') if name in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    assert "grasp found" in done.stdout
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
 def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
     for value in ("foo", "osmesa", "disabled"):
         done = run("list", "agents", env={**os.environ, "MUJOCO_GL": value})

@@ -17,9 +17,10 @@ from dexgrasp_env.objects import (
 )
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
-from dexgrasp_env.objects.model import ObjectModel, reduced_hull
+from dexgrasp_env.objects.model import ObjectModel, centred_model, reduced_hull
 from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, hull_part
 from dexgrasp_env.objects.shapes import prism, to_manifold
+from dexgrasp_env.objects.stored import stored_object
 
 SIZES = {  # millimetres, grams
     "cracker_box": (60, 160, 210, 411),
@@ -214,9 +215,25 @@ def test_bad_shapes_are_refused():
         ContactPart("torus")
     with pytest.raises(InputError, match="not convex"):
         prism([(0, 0), (1, 0), (0.1, 0.1), (0, 1)], 0.1)
-    mesh = load_object("pear").mesh
+    pear = load_object("pear")
     with pytest.raises(InputError, match="contact parts"):
-        ObjectModel("x", mesh, (), 0.1, np.eye(3))
+        ObjectModel("x", pear.solid, (), 0.1, np.eye(3))
+    open_mesh = pear.mesh.copy()
+    open_mesh.update_faces(np.arange(1, len(open_mesh.faces)))
+    with pytest.raises(InputError, match="not watertight"):
+        centred_model("x", open_mesh, pear.parts, 0.1)
+
+
+@pytest.mark.parametrize("name", ["soda", "massage_ball", "lego", "sandwich_side"])
+def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
+    made = CATALOGUE[name].build()
+    for read in (stored_object(CATALOGUE[name]), stored_object(CATALOGUE[name])):
+        assert (read.content_hash, read.notes, read.rgba) == (made.content_hash, made.notes, made.rgba)
+        np.testing.assert_array_equal(read.inertia, made.inertia)
+        np.testing.assert_array_equal(read.solid.corners, made.solid.corners)
+        np.testing.assert_array_equal(read.mesh.triangles, made.mesh.triangles)
+        assert read.mesh.is_watertight
+        assert [part.kind for part in read.parts] == [part.kind for part in made.parts]
 
 
 @pytest.mark.parametrize("kind", KINDS)

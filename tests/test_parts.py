@@ -6,7 +6,7 @@ import trimesh
 from planned import hammer
 
 from agents.unseen.hull import target_of_cloud
-from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.hull import cloud_corners, cloud_hull
 from dexgrasp_env.perception.parts import MOST_PARTS, parts_within
 from dexgrasp_env.perception.plane import Plane
 
@@ -27,7 +27,7 @@ def cloud(*meshes, count=1000, noise=0.0005, seed=0):
 
 
 def parts_of(points):
-    return parts_within(cloud_hull(points, TABLE), points, TABLE)
+    return parts_within(cloud_corners(points, TABLE), points, TABLE)
 
 
 def test_a_hammer_comes_apart_into_what_it_is():
@@ -36,8 +36,7 @@ def test_a_hammer_comes_apart_into_what_it_is():
     parts = parts_of(points)
     true = trimesh.boolean.union(solid)
     assert 2 <= len(parts) <= MOST_PARTS
-    assert all(part.is_watertight for part in parts)
-    held = sum(part.volume for part in parts)
+    held = sum(trimesh.convex.convex_hull(part).volume for part in parts)
     assert held < 1.25 * true.volume < 0.75 * cloud_hull(points, TABLE).volume
     target = target_of_cloud(points, normals, TABLE)
     assert np.linalg.norm(target.centre - true.center_mass) < 0.006
@@ -62,8 +61,8 @@ def test_what_is_convex_or_hollow_stays_whole(solid):
     solid = solid.copy()
     solid.apply_translation([0.5, 0.0, -solid.bounds[0, 2]])
     points, normals = cloud(solid, noise=0.001)
-    hull = cloud_hull(points, TABLE)
-    assert parts_within(hull, points, TABLE) == [hull]
+    assert len(parts_of(points)) == 1
+    np.testing.assert_array_equal(parts_of(points)[0], cloud_hull(points, TABLE).vertices)
     target = target_of_cloud(points, normals, TABLE)
     assert target.parts == (target.hull,)
 
@@ -71,7 +70,7 @@ def test_what_is_convex_or_hollow_stays_whole(solid):
 def test_the_same_cloud_gives_the_same_parts():
     points, _ = cloud(*hammer())
     for one, other in zip(parts_of(points), parts_of(points.copy()), strict=True):
-        np.testing.assert_array_equal(one.vertices, other.vertices)
+        np.testing.assert_array_equal(one, other)
 
 
 def test_a_side_that_was_guessed_is_one_hull():
@@ -83,7 +82,8 @@ def test_a_side_that_was_guessed_is_one_hull():
 
 
 def test_points_without_volume_have_no_parts_but_their_hull():
-    hull = trimesh.creation.box((0.1, 0.1, 0.1))
+    hull = trimesh.creation.box((0.1, 0.1, 0.1)).vertices
     flat = np.column_stack([np.random.default_rng(0).uniform(0, 0.1, (50, 2)), np.full(50, 0.05)])
-    assert parts_within(hull, flat, None) == [hull]
-    assert parts_within(hull, flat[:3], None) == [hull]
+    for points in (flat, flat[:3]):
+        (part,) = parts_within(hull, points, None)
+        assert part is hull

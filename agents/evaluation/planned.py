@@ -47,7 +47,7 @@ def content_of(
     model = env.unwrapped.simulation.object  # type: ignore[attr-defined]
     return grasp_json(
         object_identity(env), plan.grasp, agent.grasp_target, getattr(agent, "settings", None) or PlannerSettings(),
-        script=plan.script, pose=ObjectPose(model.mesh, T_world_object), agent=_name_of(agent), seed=seed,
+        script=plan.script, pose=ObjectPose(model.solid, T_world_object), agent=_name_of(agent), seed=seed,
         planning_seconds=seconds,
     )  # fmt: skip
 

@@ -99,6 +99,11 @@ class ConvexDistance:
         )  # fmt: skip
 
     @cached_property
+    def parts(self) -> list[NDArray[Any]]:
+        """Triangles (F, 3, 3) of each part."""
+        return np.split(self.triangles, np.cumsum(self.sizes)[:-1]) if self.sizes else [self.triangles]
+
+    @cached_property
     def obstacle(self) -> Obstacle:
         """The polyhedra as compiled code takes them."""
         return _obstacle(self.triangles, self.planes, self.sizes)

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
-from scipy.spatial import cKDTree
 
 from dexgrasp_env.errors import InputError
 
@@ -34,23 +33,29 @@ class SurfaceSamples(NamedTuple):
 
 
 def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | int) -> SurfaceSamples:
-    """Return exactly n blue-noise points of a mesh, the same for the same seed.
+    """Return exactly n blue-noise points of a mesh [m]; see `triangle_samples`."""
+    corners = np.asarray(mesh.vertices, dtype=np.float64)
+    return triangle_samples(corners[np.asarray(mesh.faces)], n, rng)
+
+
+def triangle_samples(triangles: NDArray[Any], n: int, rng: np.random.Generator | int) -> SurfaceSamples:
+    """Return exactly n blue-noise points of triangles, the same for the same seed.
 
     Of `OVERSAMPLING` n uniform points the most crowded is removed until n are left (Yuksel, Sample
     elimination for generating Poisson disk sample sets, 2015). Points on opposite sides of a thin wall do
     not crowd each other.
 
     Args:
-        mesh: triangles [m].
+        triangles: (F, 3, 3) [m].
         n: number of points, at least 1.
         rng: generator or seed.
 
     Raises:
-        InputError: `n` below 1 or a mesh without area.
+        InputError: `n` below 1 or triangles without area.
     """
     if n < 1:
         raise InputError(f"n is {n}: valid are integers of at least 1")
-    triangles, normals, areas = _face_data(mesh)
+    normals, areas = _face_data(triangles)
     uniform = np.random.default_rng(rng).random((OVERSAMPLING * n, 3))
     points, faces = _place(triangles, areas, uniform)
     # The radius of n discs packed as densely as can be (Yuksel, Eq. 1 for surfaces).
@@ -59,14 +64,13 @@ def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | in
     return SurfaceSamples(points[kept], normals[faces[kept]], faces[kept])
 
 
-def _face_data(mesh: trimesh.Trimesh) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
-    """Return triangles (F, 3, 3), unit normals (F, 3) and areas (F,)."""
-    triangles = np.asarray(mesh.vertices, dtype=np.float64)[np.asarray(mesh.faces)]
+def _face_data(triangles: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+    """Return unit normals (F, 3) and areas (F,) of triangles (F, 3, 3)."""
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     doubled = np.sqrt((sides * sides).sum(-1))
     if not (len(doubled) and np.isfinite(doubled).all() and doubled.sum() > 0):
         raise InputError("the mesh is empty or not finite: valid are finite triangles that have area")
-    return triangles, sides / np.where(doubled > 0, doubled, 1.0)[:, None], doubled / 2
+    return sides / np.where(doubled > 0, doubled, 1.0)[:, None], doubled / 2
 
 
 def _place(
@@ -84,6 +88,8 @@ def _place(
 
 def _thin(points: NDArray[Any], normals: NDArray[Any], n: int, reach: float) -> NDArray[Any]:
     """Return the sorted indices of n points left when the most crowded of the others have been removed."""
+    from scipy.spatial import cKDTree
+
     pairs = cKDTree(points).query_pairs(reach, output_type="ndarray")
     pairs = pairs[(normals[pairs[:, 0]] * normals[pairs[:, 1]]).sum(-1) > -0.5]
     gaps = points[pairs[:, 0]] - points[pairs[:, 1]]

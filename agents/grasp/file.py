@@ -11,12 +11,13 @@ from agents.grasp.grasp import Grasp
 from agents.grasp.identity import ObjectIdentity
 from agents.grasp.path import bend, stray
 from agents.grasp.record import CONVENTIONS, SCHEMA, GraspRecord, parse, parse_1, shifted
-from agents.grasp.target import GraspTarget, assumed_mass, volume_centre
+from agents.grasp.target import GraspTarget, assumed_mass, hull_volume, volume_centre
 from agents.grasp.thresholds import thresholds_for
 from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
+from dexgrasp_env.objects.solid import Solid
 from dexgrasp_env.robot.cell import active_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -71,30 +72,28 @@ def grasp_json(
 
 def _shape(target: GraspTarget, base: Array) -> dict[str, Any]:
     """The corners of all parts, and where there are several, how many are each one's."""
-    corners = {"hull_vertices": (np.concatenate([part.vertices for part in target.parts]) - base).tolist()}
-    sizes = [len(part.vertices) for part in target.parts]
+    corners = {"hull_vertices": (np.concatenate(target.corners) - base).tolist()}
+    sizes = [len(part) for part in target.corners]
     return corners if len(sizes) == 1 else {**corners, "part_sizes": sizes}
 
 
 class ObjectPose:
     """Where the true object is: the planner has not seen it, but the file lets everybody check what it took it for."""
 
-    def __init__(self, mesh: Any, T_world_object: Array) -> None:
-        """Take the object's surface (a trimesh, object frame, m) and its pose (4, 4)."""
-        self._mesh, self.T_world_object = mesh, np.asarray(T_world_object, dtype=float)
+    def __init__(self, surface: Solid, T_world_object: Array) -> None:
+        """Take the object's surface and its pose (4, 4)."""
+        self._surface, self.T_world_object = surface, np.asarray(T_world_object, dtype=float)
 
     def hull_offset(self, target: GraspTarget) -> Array:
         """Return the volume centroid of the planned hull less that of the true object's hull, (3,) m."""
-        true = self._mesh.convex_hull.center_mass
-        return np.asarray(target.hull.center_mass) - (
-            self.T_world_object[:3, :3] @ true + self.T_world_object[:3, 3]
-        )
+        R, p = self.T_world_object[:3, :3], self.T_world_object[:3, 3]
+        return hull_volume(target.distance)[1] - (R @ self._surface.hull_centre + p)
 
 
 def _known(target: GraspTarget, base: Array) -> dict[str, Any]:
     """What the planner was told of the object, rather than assumed from its shape."""
-    told = abs(target.mass - assumed_mass(target.hull)) > 1e-9
-    moved = np.abs(target.centre - volume_centre(target.parts)).max() > 1e-9
+    told = abs(target.mass - assumed_mass(hull_volume(target.distance)[0])) > 1e-9
+    moved = np.abs(target.centre - volume_centre(target.distance)).max() > 1e-9
     return {
         "known_mass": target.mass if told else None,
         "known_centre": (target.centre - base).tolist() if moved else None,

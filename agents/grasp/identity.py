@@ -62,5 +62,5 @@ class ObjectIdentity:
 
 def surface_hash(model: ObjectModel) -> str:
     """Return a hash of an object's surface: vertices to a micron, and faces."""
-    vertices = np.rint(np.asarray(model.mesh.vertices) * 1e6).astype(np.int64)
-    return content_hash(vertices, np.asarray(model.mesh.faces, dtype=np.int64))
+    vertices = np.rint(model.solid.vertices * 1e6).astype(np.int64)
+    return content_hash(vertices, model.solid.faces)

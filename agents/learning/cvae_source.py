@@ -88,7 +88,7 @@ def hull_cloud(target: GraspTarget, count: int, rng: Generator) -> tuple[Array, 
 
     Plain sampling will do where a maximum over points is all that is taken, and costs a tenth of blue noise.
     """
-    triangles = target.distance.triangles if len(target.parts) == 1 else np.asarray(target.hull.triangles)
+    triangles = target.distance.triangles if target.is_convex else np.asarray(target.hull.triangles)
     sides = triangles[:, 1:] - triangles[:, :1]
     normal = np.cross(sides[:, 0], sides[:, 1])
     doubled = np.linalg.norm(normal, axis=1)

@@ -46,7 +46,7 @@ def plan_turn(
     contacts, distance = contacts_of(grasp.q, target, tree, settings.friction_squeeze)
     start = script.targets[dict(script.phases)["hold"] - 1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
-    corners, pushes = target.hull.vertices - target.centre, directions()
+    corners, pushes = np.concatenate(target.corners) - target.centre, directions()
     arm, down, most = None, DOWN, capacity_of(contacts) + _GAIN
     for angle, azimuth in product(_ANGLES, _AXES):
         vector = angle * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])

@@ -1,7 +1,7 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
 from collections.abc import Callable, Iterator
-from itertools import islice
+from itertools import islice, product
 from typing import ClassVar, NamedTuple
 
 import numpy as np
@@ -200,9 +200,5 @@ def warm_up(mount: str = "palm_normal", source: ProposalSource | None = None) ->
     if key in _WARM:
         return
     _WARM.add(key)
-    import trimesh
-
-    box = trimesh.creation.box(
-        (0.05, 0.07, 0.06), transform=trimesh.transformations.translation_matrix((0.5, 0.0, 0.03))
-    )
-    Planner(source=source, mount=mount).plan(GraspTarget.of(box), 0, np.array(HOME))
+    corners = np.array(list(product((0.475, 0.525), (-0.035, 0.035), (0.0, 0.06))))
+    Planner(source=source, mount=mount).plan(GraspTarget.of_corners([corners]), 0, np.array(HOME))

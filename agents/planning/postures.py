@@ -123,7 +123,7 @@ def oriented_postures(
 ) -> list[Posture]:
     """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
     targets = proposals.contacts[proposal] + settings.tip_height * proposals.normals[proposal]
-    top = target.hull.vertices[:, 2].max()
+    top = target.distance.triangles[:, :, 2].max()
     postures = []
     for k in range(settings.initial_orientations):
         yaw = 2.0 * np.pi * k / settings.initial_orientations

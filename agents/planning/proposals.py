@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.random import Generator
 
-from agents.geometry.samples import surface_samples
+from agents.geometry.samples import triangle_samples
 from agents.grasp.target import GraspTarget
 from agents.physics.closure import closure_sweep
 from agents.physics.margin import margins
@@ -116,7 +116,7 @@ class ConvexOnly(ProposalSource):
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return what the source proposes for an object of one part."""
-        if len(target.parts) > 1:
+        if not target.is_convex:
             return Proposals.none(_NOT_CONVEX)
         return self._source.propose(target, settings, rng)
 
@@ -127,7 +127,7 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges. Where another
     part is nearer to the fingertip than the point is, it cannot touch there.
     """
-    samples = surface_samples(target.surface, settings.surface_points, rng)
+    samples = triangle_samples(target.distance.triangles, settings.surface_points, rng)
     centres = samples.points + settings.tip_height * samples.normals
     above = (samples.points[:, 2] > settings.table_clearance) & (
         centres[:, 2] > settings.tip_radius + settings.clearance

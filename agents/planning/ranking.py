@@ -35,8 +35,8 @@ def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) ->
     Gravity turns contacts far from the centre of mass. A contact off the object's middle height, or whose normal points
     up, squeezes the object out of the hand if the true surface curves away.
     """
-    size = float(np.linalg.norm(np.ptp(target.hull.vertices, axis=0)))
-    height = float(target.hull.vertices[:, 2].max())
+    extremes = target.distance.triangles.reshape(-1, 3)
+    size, height = float(np.linalg.norm(np.ptp(extremes, axis=0))), float(extremes[:, 2].max())
     offset = np.linalg.norm(contacts.mean(1) - target.centre, axis=1) / size
     uneven = np.abs(contacts[:, :, 2] - target.centre[2]).max(1) / height
     return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)

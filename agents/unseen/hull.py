@@ -1,6 +1,6 @@
 """The hull of a cloud, the side that no camera saw completed, with how far it may be off."""
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,12 +10,9 @@ from agents.unseen.network import CompletionNetwork, shipped_network
 from agents.unseen.view import ONE_SIDED, UNIT, WRITTEN, View, one_sidedness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.hull import cloud_hull
+from dexgrasp_env.perception.hull import cloud_corners
 from dexgrasp_env.perception.parts import parts_within
 from dexgrasp_env.perception.plane import Plane
-
-if TYPE_CHECKING:
-    import trimesh
 
 _LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
 
@@ -31,22 +28,22 @@ def target_of_cloud(
         plane: the table, on which it stands.
         mass: kg; assumed if None.
     """
-    hull, spread = completed_hull(points, normals, plane)
+    hull, spread = completed_corners(points, normals, plane)
     if hull is None:
         return None
     parts = [hull] if spread is not None else parts_within(hull, points, plane)
     try:
-        return GraspTarget.of_parts(parts, mass=mass, spread=spread)
+        return GraspTarget.of_corners(parts, mass=mass, spread=spread)
     except InputError:
         return None
 
 
-def completed_hull(
+def completed_corners(
     points: NDArray[Any], normals: NDArray[Any], plane: Plane | None, network: CompletionNetwork | None = None
-) -> tuple["trimesh.Trimesh | None", Spread | None]:
-    """Return the convex hull of the object that a cloud shows, and the spread of a hull that was completed.
+) -> tuple[Array | None, Spread | None]:
+    """Return the corners (N, 3) m of the hull of what a cloud shows, and the spread of one that was completed.
 
-    A cloud whose normals do not all point one way shows the object all round: its hull is `cloud_hull`.
+    A cloud whose normals do not all point one way shows the object all round: they are `cloud_corners`.
 
     Args:
         points: (N, 3) m, world frame.
@@ -56,13 +53,13 @@ def completed_hull(
     """
     points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
     if plane is None or len(points) < 4 or one_sidedness(normals) < ONE_SIDED:
-        return cloud_hull(points, plane), None
+        return cloud_corners(points, plane), None
     view = View.of(points, normals, plane)
     support, spread = (network or shipped_network()).complete(view)
     corners = _corners(support)
     if corners is None:
-        return cloud_hull(points, plane), None
-    return cloud_hull(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
+        return cloud_corners(points, plane), None
+    return cloud_corners(corners * UNIT @ view.R + view.origin), Spread(WRITTEN @ view.R, spread)
 
 
 def _corners(support: Array) -> Array | None:

@@ -18,6 +18,8 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.objects import bottles, loft, shapes
 from dexgrasp_env.objects.model import ObjectModel, centred_model
+from dexgrasp_env.objects.parts import ContactPart
+from dexgrasp_env.objects.solid import Solid
 
 _SQUARE_ROOT_HALF = float(np.sqrt(0.5))
 
@@ -47,16 +49,21 @@ class ObjectSpec:
     fixed_pose: tuple[float, float, float, float] | None = None
 
     def build(self) -> ObjectModel:
-        """Return the object."""
+        """Make the object; `stored_object` reads what was made before."""
         shape = self.builder(**self.params)
+        made = centred_model(self.name, shape.mesh, shape.parts, self.mass)
+        return self.model(made.solid, made.parts, made.inertia)
+
+    def model(self, solid: Solid, parts: tuple[ContactPart, ...], inertia: Array) -> ObjectModel:
+        """Return the object with a shape that was made; the arguments are attributes of `ObjectModel`."""
         notes = (
             ("size and mass approximate the everyday object: the paper published none",)
             if self.approximate
             else ()
         )
         fixed_pose = None if self.fixed_pose is None else np.array(self.fixed_pose)
-        return centred_model(
-            self.name, shape.mesh, shape.parts, self.mass, fixed_pose=fixed_pose, rgba=self.rgba, notes=notes
+        return ObjectModel(
+            self.name, solid, parts, self.mass, inertia, fixed_pose=fixed_pose, rgba=self.rgba, notes=notes
         )
 
 

@@ -16,6 +16,7 @@ from dexgrasp_env.files import expand, printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import MASS_LIMITS, SetMember, is_set, set_member, set_targets
+from dexgrasp_env.objects.stored import stored_object
 from dexgrasp_env.objects.varied import varied_object, varied_targets
 
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
@@ -146,7 +147,7 @@ def unknown_object(name: str) -> InputError:
 
 @lru_cache(maxsize=64)
 def _catalogue_object(name: str) -> ObjectModel:
-    return CATALOGUE[name].build()
+    return stored_object(CATALOGUE[name])
 
 
 @lru_cache(maxsize=64)

@@ -72,8 +72,8 @@ def _add_visual(spec: mujoco.MjSpec, body: mujoco.MjsBody, model: ObjectModel, p
 
     name = f"{prefix}_visual"
     mesh = spec.add_mesh(name=name)
-    mesh.uservert = np.asarray(model.mesh.vertices, dtype=np.float32).ravel()
-    mesh.userface = np.asarray(model.mesh.faces, dtype=np.int32).ravel()
+    mesh.uservert = np.asarray(model.solid.vertices, dtype=np.float32).ravel()
+    mesh.userface = np.asarray(model.solid.faces, dtype=np.int32).ravel()
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
     spec.add_material(name=name, rgba=model.rgba, specular=0.3, shininess=0.4)
     body.add_geom(

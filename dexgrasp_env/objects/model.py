@@ -13,6 +13,7 @@ from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.parts import ContactPart
+from dexgrasp_env.objects.solid import Solid
 
 if TYPE_CHECKING:
     import trimesh
@@ -26,7 +27,7 @@ class ObjectModel:
 
     Attributes:
         name: catalogue name, or the stem of a mesh file.
-        mesh: watertight surface in metres, object frame.
+        solid: its watertight surface, object frame; `mesh` gives it as a trimesh.
         parts: convex pieces that the simulator collides.
         mass: kilograms.
         inertia: (3, 3) kg m^2 about the centre of mass, axes of the object frame. The mass is spread evenly
@@ -40,7 +41,7 @@ class ObjectModel:
     """
 
     name: str
-    mesh: trimesh.Trimesh
+    solid: Solid
     parts: tuple[ContactPart, ...]
     mass: float
     inertia: Array
@@ -57,17 +58,18 @@ class ObjectModel:
             raise InputError(f"mass of {self.name} is {self.mass}: it must be a positive number of kilograms")
         if not self.parts:
             raise InputError(f"object {self.name} has no contact parts: give at least one convex part")
-        if not self.mesh.is_watertight:
-            raise InputError(
-                f"mesh of {self.name} is not watertight: load it with load_object, which repairs it"
-            )
+
+    @property
+    def mesh(self) -> trimesh.Trimesh:
+        """Watertight surface in metres, object frame."""
+        return self.solid.mesh
 
     @cached_property
     def content_hash(self) -> str:
         """Hash of surface, contact parts, mass and friction (not of name, pose or colour)."""
         return content_hash(
-            _microns(self.mesh.vertices),
-            np.asarray(self.mesh.faces, dtype=np.int64),
+            _microns(self.solid.vertices),
+            self.solid.faces,
             self.contact_hash,
             self.friction,
         )
@@ -85,12 +87,12 @@ class ObjectModel:
     @cached_property
     def extents(self) -> Array:
         """(3,) metres, sides of the box around the mesh along the object's axes."""
-        return np.asarray(self.mesh.extents)
+        return np.ptp(self.solid.vertices, axis=0)
 
     @cached_property
     def hull(self) -> trimesh.Trimesh:
         """Convex hull of the mesh with at most about 200 vertices, from inside."""
-        return reduced_hull(np.asarray(self.mesh.vertices), _HULL_VERTICES)
+        return reduced_hull(self.solid.vertices, _HULL_VERTICES)
 
     def scaled(self, factor: float) -> ObjectModel:
         """Return a copy `factor` times as large in every direction, of the same density."""
@@ -98,11 +100,9 @@ class ObjectModel:
             raise InputError(f"scale is {factor}: it must be a positive number")
         if factor == 1.0:
             return self
-        mesh = self.mesh.copy()
-        mesh.apply_scale(factor)
         return replace(
             self,
-            mesh=mesh,
+            solid=self.solid.scaled(factor),
             parts=tuple(part.scaled(factor) for part in self.parts),
             mass=self.mass * factor**3,
             inertia=self.inertia * factor**5,
@@ -134,14 +134,20 @@ def centred_model(
         fixed_pose: (4,) wxyz of the pose it is presented in, or None.
         rgba: colour.
         notes: what was done to it.
+
+    Raises:
+        InputError: for a mesh that is not watertight.
     """
+    if not mesh.is_watertight:
+        raise InputError(f"mesh of {name} is not watertight: load it with load_object, which repairs it")
     centre = np.array(mesh.center_mass)
     centred = mesh.copy()
     centred.apply_translation(-centre)
     inertia = np.array(centred.moment_inertia) * (mass / centred.volume)
     inertia = 0.5 * (inertia + inertia.T)
     moved = tuple(part.translated(-centre) for part in parts)
-    return ObjectModel(name, centred, moved, mass, inertia, fixed_pose=fixed_pose, rgba=rgba, notes=notes)
+    solid = Solid.of(centred)
+    return ObjectModel(name, solid, moved, mass, inertia, fixed_pose=fixed_pose, rgba=rgba, notes=notes)
 
 
 def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:

@@ -10,6 +10,7 @@ from dexgrasp_env.perception.plane import Plane
 
 if TYPE_CHECKING:
     import trimesh
+    from scipy.spatial import ConvexHull
 
 REACH = 0.020
 """m above the table within which points are dropped onto it."""
@@ -23,7 +24,26 @@ _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the las
 def cloud_hull(
     points: NDArray[Any], plane: Plane | None = None, *, reach: float = REACH, noise: float | None = None
 ) -> "trimesh.Trimesh | None":
-    """Return the convex hull of the points as a mesh in the world frame.
+    """Return the convex hull of the points as a watertight mesh in the world frame; see `cloud_corners`."""
+    import trimesh
+
+    found = _hull(points, plane, reach, noise)
+    if found is None:
+        return None
+    points, hull = found
+    corner = np.zeros(len(points), dtype=int)
+    corner[hull.vertices] = np.arange(len(hull.vertices))
+    faces, triangles = corner[hull.simplices], points[hull.simplices]
+    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inward = (sides * hull.equations[:, :3]).sum(-1) < 0.0
+    faces[inward] = faces[inward][:, ::-1]  # Qhull does not order corners
+    return trimesh.Trimesh(points[hull.vertices], faces, process=False)
+
+
+def cloud_corners(
+    points: NDArray[Any], plane: Plane | None = None, *, reach: float = REACH, noise: float | None = None
+) -> Array | None:
+    """Return the corners of the convex hull of the points in the world frame.
 
     No camera sees the underside, and points near the table are removed with it. The object stands on the
     table, so points within `reach` of the plane are dropped straight onto it before the hull is taken, and
@@ -37,8 +57,18 @@ def cloud_hull(
         noise: RMS noise of the sensor that the hull is trimmed for, metres; None takes the plane's.
 
     Returns:
-        A watertight mesh, or None if the points span no volume.
+        (N, 3) m, or None if the points span no volume.
     """
+    found = _hull(points, plane, reach, noise)
+    return None if found is None else found[0][found[1].vertices]
+
+
+def _hull(
+    points: NDArray[Any], plane: Plane | None, reach: float, noise: float | None
+) -> "tuple[Array, ConvexHull] | None":
+    """Return the points that the hull is taken of, and their hull."""
+    from scipy.spatial import ConvexHull, QhullError
+
     points = np.asarray(points, dtype=float)
     if len(points) < 4:
         return None
@@ -48,7 +78,10 @@ def cloud_hull(
         heights = plane.heights(points)
         dropped = points - heights[:, None] * plane.normal
         points = np.concatenate([points, dropped[heights < reach], np.median(dropped, axis=0, keepdims=True)])
-    return _hull(points)
+    try:
+        return points, ConvexHull(points)
+    except QhullError:  # all points in a plane or on a line
+        return None
 
 
 def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
@@ -86,20 +119,3 @@ def _directions(count: int) -> Array:
     """Even directions (n, 3) over the upper half sphere and a little below its equator."""
     directions = fibonacci_directions(count)
     return directions[directions[:, 2] > -0.1]
-
-
-def _hull(points: Array) -> "trimesh.Trimesh | None":
-    import trimesh
-    from scipy.spatial import ConvexHull, QhullError
-
-    try:
-        hull = ConvexHull(points)
-    except QhullError:  # all points in a plane or on a line
-        return None
-    corner = np.zeros(len(points), dtype=int)
-    corner[hull.vertices] = np.arange(len(hull.vertices))
-    faces, triangles = corner[hull.simplices], points[hull.simplices]
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    inward = (sides * hull.equations[:, :3]).sum(-1) < 0.0
-    faces[inward] = faces[inward][:, ::-1]  # Qhull does not order corners
-    return trimesh.Trimesh(points[hull.vertices], faces, process=False)

@@ -1,16 +1,13 @@
 """Convex parts of a cloud: where its convex hull holds much air, it is cut by planes until the parts hold little."""
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.hull import REACH, cloud_hull
+from dexgrasp_env.perception.hull import REACH, cloud_corners
 from dexgrasp_env.perception.plane import Plane
-
-if TYPE_CHECKING:
-    import trimesh
 
 MOST_PARTS = 6
 _DEEP = 0.008  # m inside the hull, from where a point counts as deep
@@ -25,10 +22,8 @@ _NOTCHES = 3  # deepest points of a piece that cuts are tried through
 _APART = 0.03  # m between two of them
 
 
-def parts_within(
-    hull: "trimesh.Trimesh", points: NDArray[Any], plane: Plane | None
-) -> "list[trimesh.Trimesh]":
-    """Return convex meshes in the world frame whose union is the object of a cloud, or its hull alone.
+def parts_within(hull: Array, points: NDArray[Any], plane: Plane | None) -> list[Array]:
+    """Return the corners of convex parts whose union is the object of a cloud, or of its hull alone.
 
     The deepest notch is cut first (Lien and Amato, Approximate convex decomposition of polyhedra, 2007): through one of
     the points that lie farthest inside the hull, by the plane that takes away most of the volume. The hull
@@ -36,20 +31,22 @@ def parts_within(
     hollow one.
 
     Args:
-        hull: of the points, as `cloud_hull` makes it.
+        hull: (N, 3) m, its corners as `cloud_corners` finds them.
         points: (M, 3) m, seen all round.
         plane: the table, down to which parts near it are completed; None completes nothing.
 
     Returns:
-        Watertight meshes, at most `MOST_PARTS`.
+        (K, 3) m of each part, at most `MOST_PARTS`.
     """
     points = np.asarray(points, dtype=float)
     pieces = _cut_up(points, plane)
     if len(pieces) < 2:
         return [hull]
-    found = [cloud_hull(points[piece.holds(points)], plane) for piece in pieces]
+    found = [cloud_corners(points[piece.holds(points)], plane) for piece in pieces]
     parts = [part for part in found if part is not None]
-    little = sum(part.volume for part in parts) > _LEFT * hull.volume
+    from scipy.spatial import ConvexHull
+
+    little = sum(ConvexHull(part).volume for part in parts) > _LEFT * ConvexHull(hull).volume
     return [hull] if len(parts) < len(found) or little else parts
 
 

@@ -95,7 +95,7 @@ class Placement:
 def fixed_rest(model: ObjectModel) -> tuple[NDArray[np.float64], float]:
     """Return quaternion and centre height of the pose that the catalogue presents an object in."""
     quat = np.asarray(model.fixed_pose, dtype=float)
-    return quat, float(-rotate(quat, np.asarray(model.mesh.vertices))[:, 2].min())
+    return quat, float(-rotate(quat, model.solid.vertices)[:, 2].min())
 
 
 @lru_cache(maxsize=64)

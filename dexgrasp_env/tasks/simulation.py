@@ -50,9 +50,7 @@ class Simulation:
         self.data = mujoco.MjData(self.model)
         self.variation = Variation()
         self.columns = reading_columns(self.base)
-        self.hull = np.ascontiguousarray(
-            model.mesh.convex_hull.vertices, dtype=float
-        )  # (V, 3) m, object frame
+        self.hull = model.solid.corners  # (V, 3) m, object frame
         self.body = int(self.base.body("object").id)
         # Views into `data`, which stays where it is.
         data = self.data

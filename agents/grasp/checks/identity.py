@@ -27,7 +27,7 @@ def identity_checks(record: GraspRecord, scene: Scene) -> list[Check]:
 def mass_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Mass and centre of mass are the known ones, or follow from hull and parts."""
     known, centre = record.object.known_mass, record.object.known_centre
-    mass = assumed_mass(scene.hull) if known is None else known
+    mass = assumed_mass(scene.hull.volume) if known is None else known
     middle = _middle(scene) if centre is None else np.array(centre)
     return [
         same("mass", abs(record.mass - mass), MASS, "kg"),
