@@ -42,14 +42,14 @@ def assert_same(arrays: files.Arrays) -> None:
 
 
 def test_what_was_made_is_read_back(cache):
-    assert_same(cached_arrays("a/b.npz", LAYOUT, made))
-    assert_same(cached_arrays("a/b.npz", LAYOUT, refuse))
-    assert [path.name for path in (cache / "a").iterdir()] == ["b.npz"]
+    assert_same(cached_arrays("a/b.npy", LAYOUT, made))
+    assert_same(cached_arrays("a/b.npy", LAYOUT, refuse))
+    assert [path.name for path in (cache / "a").iterdir()] == ["b.npy"]
 
 
 def test_every_damage_is_noticed_and_replaced(cache):
-    cached_arrays("b.npz", LAYOUT, made)
-    whole = (cache / "b.npz").read_bytes()
+    cached_arrays("b.npy", LAYOUT, made)
+    whole = (cache / "b.npy").read_bytes()
     rng = np.random.default_rng(0)
     damages = [b"", whole[:-1], whole[: len(whole) // 2], whole + b"x", b"\0" * len(whole)]
     for place in rng.integers(0, len(whole), 40):
@@ -57,9 +57,9 @@ def test_every_damage_is_noticed_and_replaced(cache):
         flipped[place] ^= 1 << int(rng.integers(8))
         damages.append(bytes(flipped))
     for damage in damages:
-        (cache / "b.npz").write_bytes(damage)
-        assert_same(cached_arrays("b.npz", LAYOUT, made))
-        assert (cache / "b.npz").read_bytes() == whole
+        (cache / "b.npy").write_bytes(damage)
+        assert_same(cached_arrays("b.npy", LAYOUT, made))
+        assert (cache / "b.npy").read_bytes() == whole
 
 
 @pytest.mark.parametrize(
@@ -72,14 +72,14 @@ def test_every_damage_is_noticed_and_replaced(cache):
     ],
 )
 def test_whole_files_of_wrong_content_are_replaced(cache, wrong):
-    cached_arrays("b.npz", {name: array.shape for name, array in wrong.items()}, lambda: wrong)
-    assert_same(cached_arrays("b.npz", LAYOUT, made))
-    assert_same(cached_arrays("b.npz", LAYOUT, refuse))
+    cached_arrays("b.npy", {name: array.shape for name, array in wrong.items()}, lambda: wrong)
+    assert_same(cached_arrays("b.npy", LAYOUT, made))
+    assert_same(cached_arrays("b.npy", LAYOUT, refuse))
 
 
 def test_objects_are_never_pickled(cache):
     with pytest.raises(ValueError, match="allow_pickle"):
-        cached_arrays("b.npz", {"a": (None,)}, lambda: {"a": np.array([{}], dtype=object)})
+        cached_arrays("b.npy", {"a": (None,)}, lambda: {"a": np.array([{}], dtype=object)})
     assert not list(cache.rglob("*"))
 
 
@@ -89,7 +89,7 @@ def test_a_cache_that_cannot_be_written_is_done_without(cache, obstacle, monkeyp
         cache.write_text("")
     else:
         monkeypatch.setattr(files, "write_atomically", _full)
-    for name in ("a.npz", "b.npz"):
+    for name in ("a.npy", "b.npy"):
         assert_same(cached_arrays(name, LAYOUT, made))
     said = capsys.readouterr()
     assert said.out == ""
@@ -128,7 +128,7 @@ def test_processes_that_race_for_a_first_file_all_get_it(cache):
     code = (
         "import numpy as np; from dexgrasp_env.files import cached_arrays\n"
         "for k in range(200):\n"
-        "    a = cached_arrays(f'{k}.npz', {'a': (None,)}, lambda: {'a': np.full(1000, k)})['a']\n"
+        "    a = cached_arrays(f'{k}.npy', {'a': (None,)}, lambda: {'a': np.full(1000, k)})['a']\n"
         "    assert len(a) == 1000 and (a == k).all()\n"
     )
     racers = [subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.PIPE) for _ in range(2)]

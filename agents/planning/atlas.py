@@ -48,8 +48,10 @@ def hand_atlas(seed: int = 0) -> HandAtlas:
     tree = robot_tree()
     key = content_hash(_VERSION, _SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
     layout = {"joints": (None, 16)} | dict.fromkeys(("tips", "axes", "pads"), (None, 3, 3))
-    found = cached_arrays(f"hand_atlas_{key}.npz", layout, lambda: _made(tree, seed))
-    return HandAtlas(**found, search=KDTree(triangle_sides(found["tips"])))
+    found = cached_arrays(f"hand_atlas_{key}.npy", layout, lambda: _made(tree, seed))
+    # A tree that is not balanced takes half the time, its queries no longer.
+    search = KDTree(triangle_sides(found["tips"]), leafsize=16, balanced_tree=False, compact_nodes=False)
+    return HandAtlas(**found, search=search)
 
 
 def _made(tree: RobotTree, seed: int) -> dict[str, Array]:

@@ -154,7 +154,7 @@ def extents() -> dict[str, Array]:
     sources = [Path(str(module.__file__)).read_bytes() for module in (bottles, shapes, loft)]
     key = content_hash(*sources, [(spec.name, spec.builder.__name__, dict(spec.params)) for spec in _SPECS])
     kept = cached_arrays(
-        f"extents_{key}.npz",
+        f"extents_{key}.npy",
         dict.fromkeys(CATALOGUE, (3,)),
         lambda: {name: spec.build().extents for name, spec in CATALOGUE.items()},
     )

@@ -53,7 +53,7 @@ def convex_parts(mesh: trimesh.Trimesh) -> tuple[tuple[ContactPart, ...], tuple[
         return whole, ()
     faces = np.asarray(mesh.faces, dtype=np.int64)
     key = content_hash(np.asarray(mesh.vertices, dtype=float), faces, _VERSION)
-    found = cached_arrays(f"parts/{key}.npz", _LAYOUT, lambda: _packed(decompose(mesh)))
+    found = cached_arrays(f"parts/{key}.npy", _LAYOUT, lambda: _packed(decompose(mesh)))
     if not len(found["counts"]):
         return whole, ("could not be split into convex parts: in contact its convex hull stands in",)
     pieces = np.split(found["points"], np.cumsum(found["counts"])[:-1])

@@ -54,7 +54,7 @@ def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     poses = read_poses(shipped, model.contact_hash) if shipped else None
     if poses:
         return poses
-    name = f"rest_poses/{model.contact_hash}-{_SCHEMA}.npz"
+    name = f"rest_poses/{model.contact_hash}-{_SCHEMA}.npy"
     return _poses(cached_arrays(name, _LAYOUT, lambda: _arrays(find_rest_poses(model))))
 
 

@@ -25,7 +25,7 @@ def stored_object(spec: ObjectSpec) -> ObjectModel:
     """Return an object of the catalogue as `spec.build` makes it, made once."""
     sources = [Path(str(module.__file__)).read_bytes() for module in (bottles, loft, model, parts, shapes)]
     key = content_hash(*sources, spec.builder.__name__, dict(spec.params), spec.mass)
-    arrays = cached_arrays(f"objects/{spec.name}_{key}.npz", _LAYOUT, lambda: _arrays(spec.build()))
+    arrays = cached_arrays(f"objects/{spec.name}_{key}.npy", _LAYOUT, lambda: _arrays(spec.build()))
     solid = Solid(*(arrays[name] for name in ("vertices", "faces", "corners", "hull_centre")))
     return spec.model(solid, _parts(arrays), arrays["inertia"])
 

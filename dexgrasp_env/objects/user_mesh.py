@@ -177,7 +177,7 @@ def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[s
         return arrays | {"notes": np.array(notes, dtype=str)}
 
     layout = {"vertices": (None, 3), "faces": (None, 3), "notes": (None,)}
-    found = cached_arrays(f"meshes/{key}.npz", layout, make)
+    found = cached_arrays(f"meshes/{key}.npy", layout, make)
     mesh = trimesh.Trimesh(found["vertices"], found["faces"], process=False)
     return mesh, tuple(found["notes"].tolist())
 
