@@ -1,6 +1,8 @@
 """`dexgrasp plan`: one grasp (or several) with its certificate, or the reason why there is none."""
 
 import argparse
+import os
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -62,6 +64,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         make_folder(args.out)
     say_when_compiling()
+    _import_mujoco()
     if args.count is not None:
         return _run_many(args)
     from agents.evaluation.attempt import plan_target  # mistakes are told before this, which takes a second
@@ -76,6 +79,15 @@ def run(args: argparse.Namespace) -> int:
     else:
         print(describe(result))
     return 0 if result["success"] else 1
+
+
+def _import_mujoco() -> None:
+    """Import MuJoCo without the window library that it would bring; what draws chooses its own, see `rendering`."""
+    if "mujoco" not in sys.modules:  # MUJOCO_GL was put aside
+        os.environ["MUJOCO_GL"] = "disable"
+        import mujoco  # noqa: F401
+
+        del os.environ["MUJOCO_GL"]
 
 
 def _run_many(args: argparse.Namespace) -> int:
