@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from agents.physics.squeeze import firmest_squeeze, squeeze_kernel
+from agents.physics.squeeze import RESERVED, firmest_squeeze, squeeze_kernel
 from agents.physics.strength import Contacts, load_of
 from agents.physics.wrench import grasp_map
 from dexgrasp_env.errors import InputError
@@ -53,53 +53,56 @@ def touching_planes(normals, count):
     return planes / np.sqrt(1 + MU * MU)
 
 
-def claimed(forces, points, normals, J, centre):
+def claimed(forces, points, normals, J, centre, mass=MASS):
     """What the certificate says of the forces."""
-    return load_of(Contacts(points, normals, J, np.full(J.shape[2], 0.7), MU, centre, MASS), forces)
+    return load_of(Contacts(points, normals, J, np.full(J.shape[2], 0.7), MU, centre, mass), forces)
 
 
-def highs(points, normals, J, centre, limit, count=150):
+def highs(points, normals, J, centre, limit, mass=MASS, count=150):
     """The largest D by a linear programme in all nine forces, with the cones as `count` planes each."""
     from scipy.optimize import linprog
 
-    G = grasp_map(points, centre, 0.03)
+    G, weight = grasp_map(points, centre, 0.03), 9.81 * mass
     B = np.linalg.pinv(G)[:, :3].reshape(3, 3, 3)
     rows, bound = [], []
     for i, planes in enumerate(touching_planes(normals, count)):
         for a in planes:
             row = np.zeros(10)
-            row[3 * i : 3 * i + 3], row[9] = -a, WEIGHT * np.linalg.norm(B[i].T @ a)
+            row[3 * i : 3 * i + 3], row[9] = -a, weight * np.linalg.norm(B[i].T @ a)
             rows.append(row)
             bound.append(0.0)
         for j in range(J.shape[2]):
+            answer = weight * np.linalg.norm(B[i].T @ J[i, :, j])
             for sign in (1.0, -1.0):
-                row = np.zeros(10)
-                row[3 * i : 3 * i + 3] = sign * J[i, :, j]
-                rows.append(row)
-                bound.append(limit)
+                for share, free in ((0.0, 0.0), (1.0, RESERVED)):  # as it holds; as it answers a larger push
+                    row = np.zeros(10)
+                    row[3 * i : 3 * i + 3], row[9] = sign * J[i, :, j], share * answer
+                    rows.append(row)
+                    bound.append(limit + free * answer)
     equal = np.c_[G, np.zeros(6)]
     answer = linprog(
-        np.r_[np.zeros(9), -1.0], np.array(rows), bound, equal, -np.r_[DOWN, 0, 0, 0],
+        np.r_[np.zeros(9), -1.0], np.array(rows), bound, equal, np.r_[0, 0, weight, 0, 0, 0],
         bounds=[(None, None)] * 9 + [(None, 10.0)],
     )  # fmt: skip
     return answer.x[9] if answer.status == 0 else None
 
 
-def test_the_firmest_squeeze_is_the_linear_programmes():
+@pytest.mark.parametrize(("mass", "count"), [(MASS, 10), (0.1 * MASS, 6)])
+def test_the_firmest_squeeze_is_the_linear_programmes(mass, count):
     rng, compared = np.random.default_rng(0), 0
-    for _ in range(14):
+    for _ in range(count):
         points, normals, J, centre = random_grasp(rng)
-        best = highs(points, normals, J, centre, 0.7)
-        mine = firmest_squeeze(points, normals, MU, MASS, centre, J, 0.7)
+        best = highs(points, normals, J, centre, 0.7, mass)
+        mine = firmest_squeeze(points, normals, MU, mass, centre, J, 0.7)
         if best is None or best < 0.0:
             assert mine.push == 0.0
             assert mine.share < 1.0
             continue
         compared += 1
         assert mine.share == 1.0
-        assert mine.load == pytest.approx(claimed(mine.forces, points, normals, J, centre), abs=1e-4)
+        assert mine.load == pytest.approx(claimed(mine.forces, points, normals, J, centre, mass), abs=1e-4)
         assert mine.push == pytest.approx(best, rel=2e-3, abs=2e-3)
-    assert compared > 5
+    assert compared > 3
 
 
 def test_forces_balance_within_cones_and_torques():
@@ -126,6 +129,24 @@ def test_every_push_up_to_the_claim_is_borne_and_the_worst_beyond_it_is_not():
     for share, borne in ((0.999, True), (1.02, False)):
         forces = squeeze.forces.ravel() - share * squeeze.push * WEIGHT * push @ answer.T
         assert (outside(forces.reshape(-1, 3, 3), normals).max() < 1e-9) == borne
+
+
+def test_joints_keep_the_torque_to_answer_a_large_push():
+    rng, light = np.random.default_rng(3), 0.1 * MASS
+    points, normals, J, centre = random_grasp(rng)
+    squeeze = firmest_squeeze(points, normals, MU, light, centre, J, 0.7, most=100.0)
+    assert squeeze.push > RESERVED + 1.0
+    answer = np.linalg.pinv(grasp_map(points, centre, 0.03))[:, :3]
+    push = rng.normal(size=(20_000, 3))
+    push *= 9.81 * light / np.linalg.norm(push, axis=1, keepdims=True)
+
+    def worst(share):
+        """Largest joint torque over its limit as pushes of `share` weights beyond `RESERVED` are answered."""
+        forces = squeeze.forces.ravel() - share * push @ answer.T
+        return np.abs(np.einsum("frj,nfr->nj", J, forces.reshape(-1, 3, 3))).max() / 0.7
+
+    assert worst(0.0) < 0.95
+    assert worst(squeeze.push - RESERVED) == pytest.approx(1.0, abs=2e-3)
 
 
 def test_weaker_joints_bear_less_and_in_the_end_only_a_share():

@@ -9,7 +9,9 @@ the cone, with inward normal a,
     a . f_i >= D x weight x |B_i^T a|.
 
 The firmest squeeze is the largest D over x with s = 1, within joint torque limits, or, where that would be negative,
-the largest s with D = 0. Planes are added where the answer breaks them until it does not.
+the largest s with D = 0. Of a push beyond `RESERVED` weights the joints must be able to answer the excess: those that
+squeeze with all they have give way under it long before the cones do. Planes are added where the answer breaks them
+until it does not.
 """
 
 from typing import NamedTuple
@@ -28,6 +30,8 @@ FACES = 12
 """Planes of each cone that a programme starts with."""
 ROUNDS = 8
 """Rounds of cutting planes at most; two or three are enough as a rule."""
+RESERVED = 1.0
+"""Weights: what a push has beyond this, the joints keep the torque to answer. What is heavy is squeezed with all."""
 _CUTS = 3 * ROUNDS
 _COARSE = 8  # planes of each cone in an estimate
 _TOLERANCE = 1e-4  # of D: what cutting planes may leave
@@ -134,22 +138,34 @@ def _cone_row(i: int, a: Array, answer: float, N: Array, f_g: Array, row: Array)
 
 
 @njit(cache=True, error_model="numpy")
-def _torque_rows(J: Array, limit: Array, N: Array, f_g: Array, A: Array, b: Array) -> int:
-    """Write rows +-J^T f / limit >= -1; return how many."""
-    r = 0
+def _torque_rows(
+    J: Array, limit: Array, N: Array, B: Array, f_g: Array, kinds: int, A: Array, b: Array
+) -> int:
+    """Write rows +-J^T f / limit >= -1; return how many.
+
+    With two `kinds`, also rows less (D - RESERVED) |J^T B| / limit, what the joint answers to a push beyond `RESERVED`.
+    """
+    r, g = 0, np.empty(3)
     for i in range(3):
         for j in range(J.shape[2]):
-            g0, g1, g2 = J[i, 0, j], J[i, 1, j], J[i, 2, j]
-            if g0 == 0.0 and g1 == 0.0 and g2 == 0.0:
+            g[:] = J[i, :, j] / limit[j]
+            if g[0] == 0.0 and g[1] == 0.0 and g[2] == 0.0:
                 continue
-            for sign in (1.0, -1.0):
-                scale = -sign / limit[j]
-                for q in range(3):
-                    A[r, q] = scale * (g0 * N[3 * i, q] + g1 * N[3 * i + 1, q] + g2 * N[3 * i + 2, q])
-                A[r, _PUSH] = 0.0
-                A[r, _SHARE] = scale * (g0 * f_g[3 * i] + g1 * f_g[3 * i + 1] + g2 * f_g[3 * i + 2])
-                b[r] = -1.0
-                r += 1
+            answer = 0.0
+            for q in range(3):
+                h = g[0] * B[3 * i, q] + g[1] * B[3 * i + 1, q] + g[2] * B[3 * i + 2, q]
+                answer += h * h
+            answer = np.sqrt(answer)
+            for sign in (-1.0, 1.0):
+                for kind in range(kinds):
+                    for q in range(3):
+                        A[r, q] = sign * (
+                            g[0] * N[3 * i, q] + g[1] * N[3 * i + 1, q] + g[2] * N[3 * i + 2, q]
+                        )
+                    A[r, _PUSH] = -kind * answer
+                    A[r, _SHARE] = sign * (g[0] * f_g[3 * i] + g[1] * f_g[3 * i + 1] + g[2] * f_g[3 * i + 2])
+                    b[r] = -1.0 - kind * RESERVED * answer
+                    r += 1
     return r
 
 
@@ -228,7 +244,7 @@ def squeeze_kernel(
         return 0.0, 0.0
     weight = np.sqrt((gravity * gravity).sum())
     B *= weight
-    size = 3 * FACES + 3 + 6 * J.shape[2] + _CUTS
+    size = 3 * FACES + 3 + 12 * J.shape[2] + _CUTS
     A, b = np.zeros((size, 5)), np.zeros(size)
     T, a = np.empty((3, 2, 3)), np.empty(3)
     rows = 0
@@ -242,7 +258,7 @@ def squeeze_kernel(
         _cone_row(i, -normals[i], 0.0, N, f_g, A[rows])
         b[rows] = press
         rows += 1
-    rows += _torque_rows(J, limit, N, f_g, A[rows:], b[rows:])
+    rows += _torque_rows(J, limit, N, B, f_g, 2, A[rows:], b[rows:])
     y, column, fixed, top = np.zeros(5), _PUSH, 1.0, most
     value = 0.0
     for turn in range(rounds + 1):
@@ -268,7 +284,7 @@ def squeeze_kernel(
                 rows += 1
         if done:
             break
-    return max(value, 0.0), y[_SHARE]
+    return max(min(value, y[_PUSH]), 0.0), y[_SHARE]
 
 
 class Room(NamedTuple):
@@ -312,7 +328,7 @@ def squeeze_estimate(
             _cone_row(i, a, answer, N, f_g, A[rows])
             b[rows] = 0.0
             rows += 1
-    rows += _torque_rows(J, limit, N, f_g, A[rows:], b[rows:])
+    rows += _torque_rows(J, limit, N, B, f_g, 1, A[rows:], b[rows:])
     z = np.empty(4)
     for r in range(rows):
         for q in range(4):
