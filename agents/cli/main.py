@@ -1,5 +1,6 @@
 """The console script: signals are caught before anything heavy is imported."""
 
+import gc
 import sys
 
 from agents import interrupt
@@ -21,6 +22,7 @@ def main(argv: "list[str] | None" = None) -> int:
             code = _run(sys.argv[1:])
         finally:
             interrupt.stop()
+            gc.freeze()  # the process ends: a last search for cycles would take a tenth of a short command
     except KeyboardInterrupt:  # raised in between
         code = INTERRUPTED
     return INTERRUPTED if interrupt.requested() else code

@@ -53,10 +53,10 @@ def _hand_triangles(grasp: Grasp) -> Array:
     """The hand's collision shapes as it grasps, (N, 3, 3) m in the world frame."""
     import mujoco
 
-    from dexgrasp_env.robot.model import robot_spec
+    from dexgrasp_env.robot.model import compiled_robot
     from dexgrasp_env.scene.shapes import geom_mesh
 
-    model = robot_spec(grasp.mount).compile()
+    model = compiled_robot(grasp.mount)
     data = mujoco.MjData(model)
     data.qpos[:23] = grasp.q
     mujoco.mj_kinematics(model, data)

@@ -6,12 +6,12 @@ import mujoco
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.model import compiled_robot
 
 
 @lru_cache(maxsize=4)
 def _robot(mount: str) -> tuple[mujoco.MjModel, mujoco.MjData]:
-    model = robot_spec(mount).compile()
+    model = compiled_robot(mount)
     return model, mujoco.MjData(model)
 
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from agents.kinematics.cover import body_spheres, box_edges
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.robot.names import ARM_BODIES, BODIES, GRASP_FINGERS, HAND_BODIES, JOINTS
 
 Index = NDArray[np.int64]
@@ -54,7 +54,7 @@ def robot_tree(mount: str = "palm_normal") -> RobotTree:
     Raises:
         InputError: if the mount is not known.
     """
-    model = robot_spec(mount).compile()
+    model = compiled_robot(mount)
     bodies = [model.body(name).id for name in BODIES]
     index = {body: i for i, body in enumerate(bodies)}
     parent = np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies])

@@ -186,9 +186,9 @@ def _robot_at(q: Array, mount: str) -> tuple[Any, Any]:
     import mujoco
 
     from dexgrasp_env.perception.robot import RobotShape
-    from dexgrasp_env.robot.model import robot_spec
+    from dexgrasp_env.robot.model import compiled_robot
 
-    model = robot_spec(mount).compile()
+    model = compiled_robot(mount)
     data = mujoco.MjData(model)
     data.qpos[:23] = q
     mujoco.mj_kinematics(model, data)

@@ -79,7 +79,7 @@ def robot_model(mount: str) -> tuple[Any, Any]:
     """Return the robot alone: model and data."""
     import mujoco
 
-    from dexgrasp_env.robot.model import robot_spec
+    from dexgrasp_env.robot.model import compiled_robot
 
-    model = robot_spec(mount).compile()
+    model = compiled_robot(mount)
     return model, mujoco.MjData(model)

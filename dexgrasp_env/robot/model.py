@@ -1,6 +1,7 @@
 """The robot as a MuJoCo specification: the arm with the hand on its flange."""
 
 import itertools
+from functools import lru_cache
 
 import mujoco
 
@@ -35,6 +36,16 @@ def robot_spec(mount: str = "palm_normal") -> mujoco.MjSpec:
     arm.body(ARM_BODIES[0]).pos = active_cell().base
     _set_limits(arm, active_cell())
     return arm
+
+
+@lru_cache(maxsize=4)
+def compiled_robot(mount: str = "palm_normal") -> mujoco.MjModel:
+    """Return the robot alone, compiled; the same model at every call, not to be written to.
+
+    Raises:
+        InputError: if the mount is not known.
+    """
+    return robot_spec(mount).compile()
 
 
 def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, mount: Mount) -> None:
