@@ -1,6 +1,7 @@
 """The console script: signals are caught before anything heavy is imported."""
 
 import gc
+import os
 import sys
 
 from agents import interrupt
@@ -19,6 +20,7 @@ def main(argv: "list[str] | None" = None) -> int:
     try:
         try:
             interrupt.catch()
+            _keep_blas_to_one_thread()
             code = _run(sys.argv[1:])
         finally:
             interrupt.stop()
@@ -26,6 +28,15 @@ def main(argv: "list[str] | None" = None) -> int:
     except KeyboardInterrupt:  # raised in between
         code = INTERRUPTED
     return INTERRUPTED if interrupt.requested() else code
+
+
+def _keep_blas_to_one_thread() -> None:
+    """Have numpy and scipy multiply in the calling thread, unless the user has set how many there are to be.
+
+    Matrices here are small: further threads would wait busily, which costs `plan` 40 % more of CPU time on two cores.
+    """
+    if "OMP_NUM_THREADS" not in os.environ:
+        os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 
 def _run(arguments: list[str]) -> int:
