@@ -51,15 +51,15 @@ def _sets() -> dict[str, Any]:
 
 def list_objects() -> list[dict[str, Any]]:
     """Return the catalogue: name, sets, shape, size mm, mass g, and whether size and mass are approximate."""
-    from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, extents
+    from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
+    from dexgrasp_env.objects.load import load_object
 
-    sizes = extents()
     return [
         {
             "name": name,
             "sets": [s for s, members in OBJECT_SETS.items() if name in members],
             "shape": spec.shape,
-            "size_mm": [round(1000 * float(side)) for side in sizes[name]],
+            "size_mm": [round(1000 * float(side)) for side in load_object(name).extents],
             "mass_g": round(1000 * spec.mass),
             "approximate": spec.approximate,
         }

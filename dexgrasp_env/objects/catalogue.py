@@ -9,14 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.files import cached_arrays, content_hash
-from dexgrasp_env.objects import bottles, loft, shapes
+from dexgrasp_env.objects import bottles, shapes
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import ContactPart
 from dexgrasp_env.objects.solid import Solid
@@ -147,15 +145,3 @@ OBJECT_SETS: dict[str, tuple[str, ...]] = {
     "all20": (*_SEEN, *_FAMILIAR, *_NOVEL),
 }
 """The sets: training, and those of Tables 1-3 in the tables' order."""
-
-
-def extents() -> dict[str, Array]:
-    """Return the sides (3,) m of the box around each object; kept in the cache, as building all takes a second."""
-    sources = [Path(str(module.__file__)).read_bytes() for module in (bottles, shapes, loft)]
-    key = content_hash(*sources, [(spec.name, spec.builder.__name__, dict(spec.params)) for spec in _SPECS])
-    kept = cached_arrays(
-        f"extents_{key}.npy",
-        dict.fromkeys(CATALOGUE, (3,)),
-        lambda: {name: spec.build().extents for name, spec in CATALOGUE.items()},
-    )
-    return {name: kept[name] for name in CATALOGUE}

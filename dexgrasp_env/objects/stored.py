@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -23,11 +24,17 @@ _LAYOUT = {
 
 def stored_object(spec: ObjectSpec) -> ObjectModel:
     """Return an object of the catalogue as `spec.build` makes it, made once."""
-    sources = [Path(str(module.__file__)).read_bytes() for module in (bottles, loft, model, parts, shapes)]
-    key = content_hash(*sources, spec.builder.__name__, dict(spec.params), spec.mass)
+    key = content_hash(_sources(), spec.builder.__name__, dict(spec.params), spec.mass)
     arrays = cached_arrays(f"objects/{spec.name}_{key}.npy", _LAYOUT, lambda: _arrays(spec.build()))
     solid = Solid(*(arrays[name] for name in ("vertices", "faces", "corners", "hull_centre")))
     return spec.model(solid, _parts(arrays), arrays["inertia"])
+
+
+@cache
+def _sources() -> str:
+    """Return a hash of the code that makes objects."""
+    modules = bottles, loft, model, parts, shapes
+    return content_hash(*(Path(str(module.__file__)).read_bytes() for module in modules))
 
 
 def _arrays(built: ObjectModel) -> Arrays:
