@@ -12,12 +12,16 @@ import pytest
 
 from agents.cli.dataset import describe
 from agents.cli.main import main
+from agents.kinematics.tree import robot_tree
 from agents.learning.dataset import read_dataset
 from agents.learning.generate import Job, generate, make
 from agents.learning.info import check_sample, summary
 from agents.learning.rest_scene import placed, rest_scene, turn
+from agents.learning.sampler import bearable
 from agents.learning.settings import DatasetSettings
 from agents.learning.shards import FIELDS, complete, read_arrays, read_manifest, write_arrays
+from agents.planning.placement import ASSIGNMENTS, place_on_atlas
+from agents.planning.postures import loads_on
 from agents.planning.proposals import closure_sweep
 from dexgrasp_env.errors import InputError
 
@@ -68,6 +72,19 @@ def test_all_triples_are_decided():
     )
     assert len(scene.triples) == len(closure_sweep(points, scene.normals, 0.4, 0.03))
     assert points[:, 2].min() > 0.015
+
+
+def test_no_hand_bears_the_object_at_triples_that_are_left_out():
+    scene = rest_scene("mustard_bottle", 0, DatasetSettings.of(["mustard_bottle"]))
+    triples, planner = scene.triples[:: len(scene.triples) // 300], SETTINGS.planner
+    kept = {tuple(t) for t in bearable(scene, triples, SETTINGS.least_load)}
+    obstacle = scene.grasp_target.distance.obstacle
+    at = place_on_atlas(scene.points[triples], scene.normals[triples], obstacle, planner, ASSIGNMENTS)
+    loads = loads_on(at, scene.grasp_target, robot_tree(), planner)
+    firm = {tuple(triples[k // 6]) for k in at.triple[loads >= SETTINGS.least_load]}
+    assert firm
+    assert firm <= kept
+    assert len(kept) < 0.5 * len(triples)
 
 
 def test_placing_moves_the_distance_with_the_object():

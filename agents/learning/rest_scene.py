@@ -14,6 +14,7 @@ from agents.geometry.samples import surface_samples
 from agents.grasp.target import GraspTarget
 from agents.learning.settings import DatasetSettings
 from agents.physics.closure import closure_sweep
+from agents.planning.holding import narrowed_friction
 from agents.planning.proposals import LEAST_DISTANCE, graspable_points
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import content_hash
@@ -39,6 +40,7 @@ class RestScene:
         probability: of the pose when dropped.
         points: (N, 3) candidate contacts and
         normals: (N, 3) out of the object.
+        friction: (N,) that an error in place leaves there; see `narrowed_friction`.
         triples: (M, 3) indices, all that can be in equilibrium.
         decided: triples that were decided.
         cloud: (2048, 6) points and normals of the hull, underside included.
@@ -52,6 +54,7 @@ class RestScene:
     probability: float
     points: Array
     normals: Array
+    friction: Array
     triples: NDArray[np.int32]
     decided: int
     cloud: Array
@@ -79,8 +82,9 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     grasp_target = GraspTarget.of(mesh, mass=model.mass, centre=T[:3, 3].copy())
     rng = rng_of(settings, name, pose)
     points, normals = graspable_points(grasp_target, settings.planner, rng)
-    n = len(points)
-    some = n >= 3
+    tips = points + settings.planner.tip_height * normals
+    friction = narrowed_friction(tips, normals, grasp_target, settings.planner)
+    some = len(points) >= 3
     triples = (
         closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE)
         if some
@@ -99,6 +103,7 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
         rest.probability,
         points,
         normals,
+        friction,
         triples,
         decided,
         cloud,

@@ -1,8 +1,9 @@
 """Step 5 of section 1.3: finger assignments and kinematics of a varied sample of feasible triples.
 
 Triples are drawn with a probability inverse to how often their points are used in grasps found so far, so that
-grasps cover the object. Each drawn triple is tried with all six assignments; each assignment that the hand's atlas can
-place gets a random placement of the object before the robot, arm and hand, and the bilevel optimisation.
+grasps cover the object. Those at which no fingers could bear it are left out. Each other is tried with all six
+assignments; each assignment that the hand's atlas can place, and whose squeeze is estimated to bear the object there,
+gets a random placement of the object before the robot, arm and hand, and the bilevel optimisation.
 """
 
 from collections import Counter
@@ -10,6 +11,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from agents.grasp.target import GraspTarget
@@ -17,21 +19,24 @@ from agents.kinematics.palm_ik import palm_frame, reach_palm
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from agents.learning.settings import DatasetSettings
-from agents.physics.strength import load_of, torque_fraction
+from agents.physics.squeeze import empty_room, squeeze_estimate
+from agents.physics.strength import GRAVITY, load_of, torque_fraction
 from agents.planning.atlas import hand_atlas
 from agents.planning.constraints import FIXED_ROWS
 from agents.planning.holding import NONE, firmest_hold, level_of
 from agents.planning.placement import ASSIGNMENTS, place_on_atlas
+from agents.planning.postures import loads_on
 from agents.planning.settings import PlannerSettings
 from agents.planning.sqp import Solution, solve
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.limits import HOME
 
-BATCH = 48  # triples drawn at once
+BATCH = 128  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
 REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
 FAR = 0.02  # m: clearances beyond are not measured
+MOST_FORCE = 15.0  # N along each axis: a finger's 0.7 Nm over the shortest lever that any posture has
 COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_arm", "feasible", "holding")
 
 
@@ -65,7 +70,10 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
     while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < budget:
         drawn = _draw(own, left, use, rng)
         left[drawn] = False
-        _try(scene, own[drawn], use, found, quota, tree, settings.planner, rng)
+        found.counts["triples_tried"] += len(drawn)
+        likely = bearable(scene, own[drawn], settings.least_load)
+        if len(likely):
+            _try(scene, likely, use, found, quota, tree, settings, rng)
     return found
 
 
@@ -75,19 +83,44 @@ def _draw(
     """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
     ids = np.flatnonzero(left)
     keys = rng.exponential(size=len(ids)) * (1.0 + use[own[ids]].sum(1)) ** 2
-    return ids[np.argsort(keys, kind="stable")[:BATCH]]
+    least = np.argpartition(keys, BATCH)[:BATCH] if len(keys) > BATCH else np.arange(len(keys))
+    return ids[least[np.argsort(keys[least])]]
+
+
+def bearable(scene: RestScene, triples: NDArray[np.int32], least: float) -> NDArray[np.int32]:
+    """Return the triples at which forces of `MOST_FORCE` bear `least` weights, whatever hand exerts them."""
+    target = scene.grasp_target
+    gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
+    loads = _free_loads(scene.points, scene.normals, scene.friction, triples, target.centre, gravity, least)
+    return triples[loads >= least]
+
+
+@njit(cache=True, error_model="numpy")
+def _free_loads(
+    points: Array, normals: Array, friction: Array, triples: NDArray[np.int32], centre: Array, gravity: Array,
+    most: float,
+) -> Array:  # fmt: skip
+    """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""
+    J, limit, room, out = np.zeros((3, 3, 9)), np.full(9, MOST_FORCE), empty_room(9), np.empty(len(triples))
+    for k in range(9):
+        J[k // 3, k % 3, k] = 1.0
+    for m in range(len(triples)):
+        t = triples[m]
+        out[m] = squeeze_estimate(points[t], normals[t], centre, gravity, friction[t], J, limit, most, room)
+    return out
 
 
 def _try(
     scene: RestScene, triples: NDArray[np.int32], use: Array, found: Found, quota: int, tree: RobotTree,
-    settings: PlannerSettings, rng: np.random.Generator,
+    settings: DatasetSettings, rng: np.random.Generator,
 ) -> None:  # fmt: skip
-    """Try all six assignments of some triples, and add what is feasible."""
-    joints, obstacle = hand_atlas().joints, scene.grasp_target.distance.obstacle
-    at = place_on_atlas(scene.points[triples], scene.normals[triples], obstacle, settings, ASSIGNMENTS)
+    """Try all six assignments of some triples where the hand is likely to bear the object; add what is feasible."""
+    joints, obstacle, planner = hand_atlas().joints, scene.grasp_target.distance.obstacle, settings.planner
+    at = place_on_atlas(scene.points[triples], scene.normals[triples], obstacle, planner, ASSIGNMENTS).best()
     ordered = triples[:, ASSIGNMENTS].reshape(-1, 3)
-    found.counts.update(triples_tried=len(triples), assignments_tried=len(ordered))
-    for k in at.best():
+    found.counts["assignments_tried"] += len(ordered)
+    loads = loads_on(at, scene.grasp_target, tree, planner, scene.friction[ordered])
+    for k in np.flatnonzero(loads >= settings.least_load):
         if len(found) >= quota:
             return
         found.counts["placed_by_atlas"] += 1
@@ -98,13 +131,13 @@ def _try(
             continue
         found.counts["reached_by_arm"] += 1
         grasp_target = placed(scene.grasp_target, placement)
-        solution = solve(q, tree, grasp_target, settings)
+        solution = solve(q, tree, grasp_target, planner)
         if not solution.feasible:
             found.blocked[str(solution.blocking).split(":")[0]] += 1
             continue
         use[ordered[at.triple[k]]] += 1
         found.counts["feasible"] += 1
-        _add(solution, placement, ordered[at.triple[k]], grasp_target, tree, settings, found)
+        _add(solution, placement, ordered[at.triple[k]], grasp_target, tree, planner, found)
 
 
 def _reach(q: Array, R: Array, p: Array, tree: RobotTree, rng: np.random.Generator) -> Array | None:

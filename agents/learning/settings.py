@@ -32,6 +32,7 @@ class DatasetSettings:
         seed: of everything.
         chunk: grasps a shard.
         tries: hand postures tried for a grasp asked for, before a shard gives up.
+        least_load: of the weight, what a posture is estimated to bear before it is tried; few below come to bear it.
         mesh_scale: factor to metres, of meshes alone.
         mesh_mass: kg, of meshes alone.
         planner: thresholds of the kinematic check.
@@ -42,6 +43,7 @@ class DatasetSettings:
     seed: int = 0
     chunk: int = 200
     tries: int = 12
+    least_load: float = 0.8
     mesh_scale: float = 1.0
     mesh_mass: float | None = None
     planner: PlannerSettings = field(default_factory=dataset_planner)

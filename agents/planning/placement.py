@@ -47,11 +47,14 @@ class Placements(NamedTuple):
     rotations: Array  # (M, 3, 3) of the palm frame
     positions: Array  # (M, 3) m
 
-    def best(self) -> NDArray[np.int64]:
-        """Return the index of the placement with the highest score of each triple that has any."""
+    def best(self) -> "Placements":
+        """Return the placement with the highest score of each triple that has any."""
         order = np.lexsort((-self.scores, self.triple))
-        first = np.diff(self.triple[order], prepend=-1) > 0
-        return order[first]
+        first = order[np.diff(self.triple[order], prepend=-1) > 0]
+        return Placements(
+            self.goals, self.triple[first], self.scores[first], self.which[first], self.rotations[first],
+            self.positions[first],
+        )  # fmt: skip
 
 
 @njit(cache=True, error_model="numpy")

@@ -26,7 +26,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HAND_TORQUE, HOME
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
-_POSE = 0.2  # load that a unit of a placement's score is worth
+POSE = 0.2  # load that a unit of a placement's score is worth
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def atlas_postures(
     placed = place_on_atlas(
         proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders, settings.neighbours
     )
-    merit = _loads(placed, target, tree, settings) + _POSE * placed.scores
+    merit = loads_on(placed, target, tree, settings) + POSE * placed.scores
     tried: set[int] = set()
     found = 0
     for k in np.argsort(-merit, kind="stable"):
@@ -63,11 +63,26 @@ def atlas_postures(
             yield Posture(q, int(placed.triple[k]) // len(orders), float(merit[k]))
 
 
-def _loads(placed: Placements, target: GraspTarget, tree: RobotTree, settings: PlannerSettings) -> Array:
-    """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly."""
+def loads_on(
+    placed: Placements,
+    target: GraspTarget,
+    tree: RobotTree,
+    settings: PlannerSettings,
+    friction: Array | None = None,
+) -> Array:
+    """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly.
+
+    Args:
+        placed: postures of the atlas on goals.
+        target: the object.
+        tree: the robot.
+        settings: friction, error in place and torque limits.
+        friction: (K, 3) at the goals, where it is known: what `narrowed_friction` says by default.
+    """
     goals = placed.goals
-    tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
-    friction = narrowed_friction(tips, normals, target, settings).reshape(-1, 3)
+    if friction is None:
+        tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
+        friction = narrowed_friction(tips, normals, target, settings).reshape(-1, 3)
     limit, gravity = settings.torque_share * HAND_TORQUE, np.array([0.0, 0.0, -GRAVITY * target.mass])
     return _estimates(
         placed, hand_atlas().joints, tree, settings.tip_height, target.centre, gravity, friction, limit
