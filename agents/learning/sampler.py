@@ -19,6 +19,7 @@ from agents.kinematics.palm_ik import palm_frame, reach_palm
 from agents.kinematics.tree import RobotTree, robot_tree
 from agents.learning.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from agents.learning.settings import DatasetSettings
+from agents.physics.margin import rough_margins
 from agents.physics.squeeze import empty_room, squeeze_estimate
 from agents.physics.strength import GRAVITY, load_of, torque_fraction
 from agents.planning.atlas import hand_atlas
@@ -37,6 +38,7 @@ PLACEMENTS = 3  # placements tried until the arm reaches
 REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
 FAR = 0.02  # m: clearances beyond are not measured
 MOST_FORCE = 15.0  # N along each axis: a finger's 0.7 Nm over the shortest lever that any posture has
+_ROUGH = 1e-2  # of the margin
 COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_arm", "feasible", "holding")
 
 
@@ -65,15 +67,18 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
     own = scene.triples[rng_of(settings, scene.name, pose, 0).permutation(len(scene.triples))][
         chunk :: settings.chunks
     ]
+    own = np.asfortranarray(own)  # a corner's column is gathered from at every draw
     left, use, quota = np.ones(len(own), bool), np.zeros(len(scene.points)), settings.quota(chunk)
     tree, budget = robot_tree(), settings.tries * quota
     while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < budget:
         drawn = _draw(own, left, use, rng)
         left[drawn] = False
         found.counts["triples_tried"] += len(drawn)
-        likely = bearable(scene, own[drawn], settings.least_load)
+        likely = bearable(scene, own[drawn], settings)
         if len(likely):
             _try(scene, likely, use, found, quota, tree, settings, rng)
+    if len(found):  # all at once: one costs as much as a hundred
+        found.fields["palm_quat_wxyz"] = list(matrix_to_quat(np.array(found.fields.pop("palm_rotation"))))
     return found
 
 
@@ -82,17 +87,20 @@ def _draw(
 ) -> NDArray[np.int64]:
     """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
     ids = np.flatnonzero(left)
-    keys = rng.exponential(size=len(ids)) * (1.0 + use[own[ids]].sum(1)) ** 2
+    uses = sum(use[own[:, corner][ids]] for corner in range(3))
+    keys = rng.exponential(size=len(ids)) * (1.0 + uses) ** 2
     least = np.argpartition(keys, BATCH)[:BATCH] if len(keys) > BATCH else np.arange(len(keys))
     return ids[least[np.argsort(keys[least])]]
 
 
-def bearable(scene: RestScene, triples: NDArray[np.int32], least: float) -> NDArray[np.int32]:
-    """Return the triples at which forces of `MOST_FORCE` bear `least` weights, whatever hand exerts them."""
-    target = scene.grasp_target
+def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSettings) -> NDArray[np.int32]:
+    """Return the triples that have the margin asked for, and at which some forces of `MOST_FORCE` bear the object."""
+    target, least, planner = scene.grasp_target, settings.least_load, settings.planner
     gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
     loads = _free_loads(scene.points, scene.normals, scene.friction, triples, target.centre, gravity, least)
-    return triples[loads >= least]
+    firm = triples[loads >= least]
+    margins = rough_margins(scene.points[firm], scene.normals[firm], planner.friction, _ROUGH)
+    return firm[margins >= planner.closure_margin]
 
 
 @njit(cache=True, error_model="numpy")
@@ -168,7 +176,7 @@ def _add(
     found.add(
         q=solution.q, placement=placement, triple=triple,
         contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces @ back.T,
-        palm_position=back @ (palm_p - shift), palm_quat_wxyz=matrix_to_quat(back @ palm_R),
+        palm_position=back @ (palm_p - shift), palm_rotation=back @ palm_R,
         margin=at.margin, distances=at.distances - settings.tip_radius,
         clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
         joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
