@@ -268,3 +268,36 @@ def test_colours_are_for_terminals_alone(terminal, no_colour, text, monkeypatch)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("NO_COLOR", no_colour)
     assert mark(False) == text
+
+
+def test_libraries_with_their_own_check_at_exit_print_nothing(tmp_path):
+    """What cycles hold of theirs is collected before the process ends; else nanobind prints a page about it."""
+    script = tmp_path / "ends.py"
+    script.write_text(
+        textwrap.dedent(
+            """
+            import sys
+            import agents.cli.commands as commands
+            from agents.cli.main import main
+
+            def run_command(arguments):
+                import manifold3d
+                cycle = [manifold3d.Manifold()]
+                cycle.append(cycle)
+                return 0
+
+            commands.run_command = run_command
+            sys.exit(main())
+            """
+        )
+    )
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_doctor_says_when_the_wished_backend_draws_nothing(monkeypatch):
+    monkeypatch.setattr(checks, "_renders", lambda backend: "" if backend == "egl" else "does not work")
+    monkeypatch.delenv("MUJOCO_GL", raising=False)
+    for wish, level in (("foo", "error"), ("osmesa", "error"), ("EGL", "info"), ("", "info")):
+        monkeypatch.setenv("DEXGRASP_GL", wish)  # as the command line has put MUJOCO_GL aside
+        assert checks.check_rendering()[-1].level == level, wish

@@ -152,6 +152,8 @@ def test_what_cannot_be_grasped_is_1_with_a_reason(size, capsys, tmp_path):
         (["plan", "pear", "--mesh-scale", "nan"], "positive"),
         (["plan"], "TARGET"),
         (["plan", "seen"], "is a set"),
+        (["plan", "pear", "--mass", "0.3"], "are of --cloud"),
+        (["plan", "pear", "--object-near", "0.5", "0", "0"], "are of --cloud"),
         (["plan", "pear", "--mesh-scale", "0.001"], "mesh files alone"),
         (["plan", "varied-3", "--mesh-scale", "0.001"], "mesh files alone"),
         (["plan", "pear", "--agent", "os:system"], "cannot be made"),

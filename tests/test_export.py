@@ -206,6 +206,8 @@ def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
 
 
 def test_a_scene_that_is_none_is_one_line(trajectory, folder):
+    with pytest.raises(InputError, match="export --format mjcf"):
+        replay(read_trajectory(folder), folder / "scene.xml")
     (folder / "scene.xml").write_text("<mujoco/>")
     with pytest.raises(InputError):
         replay(read_trajectory(folder), folder / "scene.xml")

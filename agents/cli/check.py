@@ -74,5 +74,5 @@ def _replays(args: argparse.Namespace, recording: "object") -> list[bool]:
     folder = args.trajectory if args.trajectory.is_dir() else args.trajectory.parent
     return [
         replay(recording, folder / "scene.xml", np.random.default_rng([args.seed, k])).success  # type: ignore[arg-type]
-        for k in tqdm(range(args.replay), unit="replay", leave=False)
+        for k in tqdm(range(args.replay), unit="replay", leave=False, delay=0.5)
     ]

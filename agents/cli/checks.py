@@ -55,15 +55,18 @@ def check_rendering() -> list[Finding]:
     """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
     works = {backend: _renders(backend) for backend in _BACKENDS}
     findings = [Finding("info", f"{backend}: {why or 'works'}") for backend, why in works.items()]
+    wish = (
+        os.environ.get("DEXGRASP_GL") or os.environ.get("MUJOCO_GL") or ""
+    )  # the command line puts it aside
     if all(works.values()):
         remedy = (
             "for pictures and videos install libosmesa6, or libegl1 with libgl1; everything else runs without"
         )
         findings.append(Finding("warning", "no off-screen rendering", remedy))
-    elif os.environ.get("MUJOCO_GL") and works.get(os.environ["MUJOCO_GL"]):
+    elif wish and works.get(wish.lower().strip(), "unknown"):
         working = next(backend for backend, why in works.items() if not why)
         findings.append(
-            Finding("error", f"MUJOCO_GL={os.environ['MUJOCO_GL']} does not work", f"set it to {working}")
+            Finding("error", f"MUJOCO_GL={wish} draws nothing", f"unset it, or set it to {working}")
         )
     return findings
 

@@ -33,8 +33,15 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     commands = parser.add_subparsers(
         title="commands", metavar="COMMAND", dest="dataset_command", required=True
     )
-    _add_generate(commands.add_parser("generate", help="make a dataset; resumable", epilog=_EPILOG))
-    info = commands.add_parser("info", help="counts, histograms, a picture")
+    generate = commands.add_parser(
+        "generate", help="make a dataset; resumable", epilog=_EPILOG,
+        description="Make a dataset, rest pose by rest pose; what is there already is kept.",
+    )  # fmt: skip
+    _add_generate(generate)
+    info = commands.add_parser(
+        "info", help="counts, histograms, a picture",
+        description="Say what a dataset holds, draw it, check some of it.",
+    )  # fmt: skip
     info.add_argument("folder", type=Path, metavar="DIR", help="of the dataset")
     info.add_argument(
         "--picture", type=Path, metavar="PNG", help="where the picture goes (default DIR/dataset.png)"

@@ -39,11 +39,21 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         description="Demonstrations to learn from.",
     )  # fmt: skip
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="demos_command", required=True)
-    _add_generate(commands.add_parser("generate", help="make demonstrations; resumable", epilog=_EPILOG))
-    info = commands.add_parser("info", help="how many, of what, and why others failed")
+    generate = commands.add_parser(
+        "generate", help="make demonstrations; resumable", epilog=_EPILOG,
+        description="Have an agent act, and keep what succeeds.",
+    )  # fmt: skip
+    _add_generate(generate)
+    info = commands.add_parser(
+        "info", help="how many, of what, and why others failed",
+        description="Say how many demonstrations there are, of what, and why others failed.",
+    )  # fmt: skip
     info.add_argument("folder", type=Path, metavar="DIR", help="of the demonstrations")
     add_json(info)
-    replay = commands.add_parser("replay", help="play recorded actions again: do they still succeed?")
+    replay = commands.add_parser(
+        "replay", help="play recorded actions again: do they still succeed?",
+        description="Play recorded actions again, from the same scenes: exit code 0 only if all still succeed.",
+    )  # fmt: skip
     replay.add_argument("folder", type=Path, metavar="DIR", help="of the demonstrations")
     replay.add_argument("--episodes", type=positive_int, metavar="N", help="how many (default all)")
     add_cell(replay)

@@ -11,9 +11,11 @@ _EPILOG = """examples:
   dexgrasp export grasps/pear/grasp.json --format mjcf --out robot/pear && dexgrasp check robot/pear --replay 20
 
 csv: arm.csv (1 kHz), hand.csv (333 Hz), s and rad, and segments.json; json: all of it in trajectory.json; ros2:
-arm.yaml and hand.yaml (trajectory_msgs/JointTrajectory), grasp.yaml (moveit_msgs/Grasp); mjcf: scene.xml with its
-meshes, which loads by itself anywhere, and the csv beside it. The arm stays within the maker's limits of position,
-velocity, acceleration and jerk. The trajectory is open loop, and has never run on hardware: check it, try it slowly."""
+arm.yaml and hand.yaml (trajectory_msgs/JointTrajectory: every tenth row of the arm's csv, every fifth of the hand's),
+grasp.yaml (moveit_msgs/Grasp), and the csv beside them; mjcf: scene.xml with its meshes, which loads by itself
+anywhere, and the csv beside it. `dexgrasp check` reads csv and json. The arm stays within the maker's limits of
+position, velocity, acceleration and jerk. The trajectory is open loop, and has never run on hardware: check it, try it
+slowly."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:

@@ -24,7 +24,7 @@ def main(argv: "list[str] | None" = None) -> int:
             code = _run(sys.argv[1:])
         finally:
             interrupt.stop()
-            gc.freeze()  # the process ends: a last search for cycles would take a tenth of a short command
+            _leave_cycles()
     except KeyboardInterrupt:  # raised in between
         code = INTERRUPTED
     return INTERRUPTED if interrupt.requested() else code
@@ -37,6 +37,15 @@ def _keep_blas_to_one_thread() -> None:
     """
     if "OMP_NUM_THREADS" not in os.environ:
         os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+
+def _leave_cycles() -> None:
+    """Have the process end without a last search for cycles, which would take a tenth of a short command.
+
+    Bindings made with nanobind look at exit whether all of theirs is gone, and print pages about what such cycles hold.
+    """
+    if not any(name in sys.modules for name in ("ompl", "manifold3d", "ruckig", "fast_simplification")):
+        gc.freeze()
 
 
 def _run(arguments: list[str]) -> int:

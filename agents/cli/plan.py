@@ -58,6 +58,10 @@ def run(args: argparse.Namespace) -> int:
         raise InputError(
             "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
         )
+    if args.mass is not None or args.object_near is not None:
+        raise InputError(
+            "--mass and --object-near are of --cloud: of a TARGET the planner is told nothing (--mesh-mass is a mesh's)"
+        )
     check_target(args.target, args)
     if args.count is not None:
         check(args)
@@ -165,7 +169,10 @@ def describe(result: dict[str, Any]) -> str:
         why = explain(result["reason"], result["blocked"], result["violations"])
         return f"{head}{coloured('no grasp', 'bad')} after {seconds} [{result['reason']}]\n  {why}"
     certificate = result["certificate"]
-    lines = [f"{head}{coloured('grasp found', 'good')} in {seconds}"]
+    found = coloured("grasp found", "good")
+    if not certificate["holds"]:
+        found = coloured("grasp found that does not bear the assumed weight", "look")
+    lines = [f"{head}{found} in {seconds}"]
     rows = {
         "fingertip distances, cm (allowed -0.68 .. -0.32)": " ".join(
             f"{d:.2f}" for d in certificate["distances_cm"]
@@ -177,7 +184,7 @@ def describe(result: dict[str, Any]) -> str:
         "distance to a joint limit, rad": f"{certificate['joint_limit_margin_rad']:.3f}",
         "joint torque over its limit": f"{certificate['max_joint_torque_fraction']:.2f}",
         "load (1: bears its weight, 2: and a push as large)": f"{certificate['load']:.2f}",
-        "capacity (the load that other forces could reach)": f"{certificate['capacity']:.2f}",
+        "capacity (the same of any forces within the torques)": f"{certificate['capacity']:.2f}",
         "holds": f"{certificate['holds']} (assumed to weigh {1000 * certificate['mass']:.0f} g)",
     }
     width = max(map(len, rows))

@@ -33,7 +33,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "train", help="train networks; resumable", epilog=_EPILOG, description="Train networks."
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="train_command", required=True)
-    cvae = commands.add_parser("cvae", help="the autoencoder that proposes fingertips", epilog=_EPILOG)
+    cvae = commands.add_parser(
+        "cvae", help="the autoencoder that proposes fingertips", epilog=_EPILOG,
+        description="Train the autoencoder that proposes fingertips.",
+    )  # fmt: skip
     cvae.add_argument(
         "--data", type=Path, required=True, metavar="DIR", help="of `dexgrasp dataset generate`"
     )

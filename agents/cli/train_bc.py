@@ -21,7 +21,10 @@ was interrupted goes on when the same command is given again, on a CPU to the sa
 
 def add_bc_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add `train bc`."""
-    parser = commands.add_parser("bc", help="a policy cloned from demonstrations", epilog=_EPILOG)
+    parser = commands.add_parser(
+        "bc", help="a policy cloned from demonstrations", epilog=_EPILOG,
+        description="Clone a policy from demonstrations.",
+    )  # fmt: skip
     parser.add_argument(
         "--data", type=Path, nargs="+", required=True, metavar="DIR", help="of `dexgrasp demos generate`"
     )

@@ -21,7 +21,10 @@ CPU to the same bits."""
 
 def add_grip_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add `train grip`."""
-    parser = commands.add_parser("grip", help="a cloned policy's grip, by reinforcement", epilog=_EPILOG)
+    parser = commands.add_parser(
+        "grip", help="a cloned policy's grip, by reinforcement", epilog=_EPILOG,
+        description="Correct the grip of a cloned policy by reinforcement.",
+    )  # fmt: skip
     parser.add_argument("--objects", nargs="+", required=True, metavar="OBJECT", help="to learn on")
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the policy")
     parser.add_argument(

@@ -24,7 +24,10 @@ _SPREAD = number(float, lambda value: -5.0 <= value <= 2.0, "a number from -5 to
 def add_rl_parsers(commands: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
     """Add `train ppo` and `train sac`."""
     for name in ("ppo", "sac"):
-        parser = commands.add_parser(name, help=f"a policy by reinforcement ({name.upper()})", epilog=_EPILOG)
+        parser = commands.add_parser(
+            name, help=f"a policy by reinforcement ({name.upper()})", epilog=_EPILOG,
+            description=f"Train a policy with {name.upper()}.",
+        )  # fmt: skip
         parser.add_argument("--objects", nargs="+", required=True, metavar="OBJECT", help="to learn on")
         parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="folder of the policy")
         parser.add_argument(

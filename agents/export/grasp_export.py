@@ -30,8 +30,8 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     Args:
         record: of a grasp file of schema 2.
         folder: made if it is not there.
-        kind: one of `FORMATS`; `mjcf` writes the scene and the trajectory beside it, so that it can be replayed. Where
-            only a cloud was seen, the scene's object is what was planned on.
+        kind: one of `FORMATS`; `mjcf` and `ros2` have the csv beside them, so that it can be checked and, with a scene,
+            replayed. Where only a cloud was seen, the scene's object is what was planned on.
         stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets; None for the cell's.
 
     Returns:
@@ -50,10 +50,9 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     folder.mkdir(parents=True, exist_ok=True)
     if kind == "json":
         return write_json(folder, trajectory, facts)
-    if kind == "ros2":
-        return write_ros2(folder, trajectory, facts)
-    written = write_csv(folder, trajectory, facts)
-    return written if kind == "csv" else [*_scene(record, folder), *written]
+    scene = _scene(record, folder) if kind == "mjcf" else []
+    messages = write_ros2(folder, trajectory, facts) if kind == "ros2" else []
+    return [*scene, *messages, *write_csv(folder, trajectory, facts)]
 
 
 def trajectory_of(record: GraspRecord) -> Trajectory:

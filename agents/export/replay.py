@@ -67,6 +67,8 @@ def load_scene(scene: Path) -> tuple[Any, Any]:
     """
     import mujoco
 
+    if not scene.is_file():
+        raise InputError(f"{scene} is not there: a replay needs the scene of `dexgrasp export --format mjcf`")
     try:
         model = mujoco.MjModel.from_xml_path(str(scene))
         model.joint("object")

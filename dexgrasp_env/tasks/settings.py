@@ -1,6 +1,6 @@
 """Settings of the environment, checked once at construction."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -69,7 +69,16 @@ class LiftSettings:
             "calibration": Calibration.of(given["calibration"]),
             "views": _check_views(given["views"]),
         }
-        targets = resolve_targets([objects] if isinstance(objects, str) else list(objects))
+        names = (
+            [objects]
+            if isinstance(objects, str)
+            else list(objects)
+            if isinstance(objects, Iterable)
+            else [None]
+        )
+        if not all(isinstance(name, str) for name in names):
+            raise InputError(f"objects = {objects!r}: valid is a name or a list of names")
+        targets = resolve_targets(names)
         return cls(objects=tuple(targets), **(given | parts))
 
     def friction_of(self, model: ObjectModel) -> float:

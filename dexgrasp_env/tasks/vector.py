@@ -63,7 +63,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
             raise InputError(
                 "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
             )
-        self._mode, self._limit = _autoreset(autoreset_mode), max_episode_steps
+        limit = None if max_episode_steps is None else _check_count("max_episode_steps", max_episode_steps)
+        self._mode, self._limit = _autoreset(autoreset_mode), limit
         self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
         self.settings, self._views = make_settings(**given)
         self.settings.disturbance.warn_of_limit(max_episode_steps)
