@@ -11,6 +11,7 @@ from agents.cli.main import main
 from agents.evaluation.report.build import write_report
 from agents.evaluation.report.document import TableBlock, as_html, as_markdown
 from agents.evaluation.report.origin import commands
+from agents.evaluation.report.text import seconds_words
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 VOID = {"meta", "img", "br"}
@@ -149,3 +150,11 @@ def test_report_command(folder, capsys):
     found = json.loads(capsys.readouterr().out)
     assert found["html"].endswith("report.html")
     assert (folder / "report.html").is_file()
+
+
+@pytest.mark.parametrize(
+    ("seconds", "words"),
+    [(0.0312, "0.031"), (0.0501, "0.050"), (14.4, "14.40"), (0.0, "0.00"), (3e-6, "0.00")],
+)
+def test_hundredths_of_a_second_are_told_apart(seconds, words):
+    assert seconds_words(seconds) == words

@@ -13,7 +13,6 @@ from dexgrasp_env.arrays import Array
 
 _TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
 _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narrowest
-_TRIED = 3
 _IK_ERROR = 0.003  # m
 
 

@@ -118,14 +118,6 @@ class ConvexDistance:
         gradients = np.empty_like(queries)
         return convex_distances(queries, self.obstacle, gradients), gradients
 
-    def closest(self, points: ArrayLike) -> NDArray[Any]:
-        """Return the closest points (N, 3) [m] of the surface to points (N, 3)."""
-        queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
-        closest, gradient = np.empty_like(queries), np.empty(3)
-        for query, point in zip(queries, closest, strict=True):
-            closest_feature(query, self.obstacle, gradient, point)
-        return closest
-
 
 def _obstacle(triangles: NDArray[Any], planes: NDArray[Any], sizes: tuple[int, ...] = ()) -> Obstacle:
     starts = np.cumsum([0, *(sizes or (len(planes),))], dtype=np.int64)

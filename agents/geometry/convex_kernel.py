@@ -74,28 +74,28 @@ def _walk(
     return best, cx, cy, cz, code, face
 
 
-@njit(cache=True, error_model="numpy")
+@njit(cache=True, error_model="numpy", inline="always")
 def closest_feature(
-    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], point_out: NDArray[Any]
+    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
 ) -> tuple[float, int, int]:
     """Return the signed distance, the closest feature's code and a face that holds it.
 
     Args:
         p: (3,) point [m].
-        obstacle: the polyhedra, with at least one face.
-        gradient_out: (3,) receives the unit gradient: the face's normal inside, (p - closest) / distance
-            outside.
-        point_out: (3,) receives the closest point of the surface [m].
+        obstacle: the polyhedra.
+        gradient_out: (3,) receives the unit gradient: the face's normal inside, (p - closest) / distance outside.
+        limit: from here on [m] any lower bound of the distance that is no less will do, without a gradient.
 
     Returns:
         Signed distance [m] (negative inside), feature code (see `triangle.FACE_CODE`), face index.
     """
     px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
-    distance, code, face = math.inf, 0, 0
+    distance, beyond, code, face = math.inf, math.inf, 0, 0
     for part in range(obstacle.starts.shape[0] - 1):
         first, end = obstacle.starts[part], obstacle.starts[part + 1]
         bound, seen = _farthest_plane(px, py, pz, planes, first, end)
-        if bound >= distance:
+        if bound >= min(distance, limit):
+            beyond = min(beyond, bound)
             continue
         if bound > 0.0:
             squared, x, y, z, walked, holder = _walk(px, py, pz, obstacle, first, end, seen)
@@ -104,52 +104,25 @@ def closest_feature(
             if walked != 0 and reached - bound > 1e-12 * reached + 1e-15:
                 if reached < distance:
                     distance, code, face = reached, walked, holder
-                    point_out[0], point_out[1], point_out[2] = x, y, z
                     gradient_out[0] = (px - x) / reached
                     gradient_out[1] = (py - y) / reached
                     gradient_out[2] = (pz - z) / reached
                 continue
-        gx, gy, gz = planes[seen, 0], planes[seen, 1], planes[seen, 2]
         distance, code, face = bound, 0, seen
-        gradient_out[0], gradient_out[1], gradient_out[2] = gx, gy, gz
-        point_out[0], point_out[1], point_out[2] = px - bound * gx, py - bound * gy, pz - bound * gz
-    return distance, code, face
+        gradient_out[0], gradient_out[1], gradient_out[2] = planes[seen, 0], planes[seen, 1], planes[seen, 2]
+    return min(distance, beyond), code, face
 
 
 @njit(cache=True, error_model="numpy")
 def convex_distance(
     p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
 ) -> float:
-    """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,).
-
-    From `limit` on any lower bound of the distance that is no less will do, without a gradient.
+    """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,); see `closest_feature`.
 
     Outside one polyhedron the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it
-    is the normal of the nearest face. See `closest_feature` for the arguments.
+    is the normal of the nearest face.
     """
-    px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
-    distance, beyond = math.inf, math.inf
-    for part in range(obstacle.starts.shape[0] - 1):
-        first, end = obstacle.starts[part], obstacle.starts[part + 1]
-        bound, face = _farthest_plane(px, py, pz, planes, first, end)
-        if bound >= min(distance, limit):
-            beyond = min(beyond, bound)
-            continue
-        if bound > 0.0:
-            squared, x, y, z, code, _ = _walk(px, py, pz, obstacle, first, end, face)
-            reached = math.sqrt(squared)
-            if code != 0 and reached - bound > 1e-12 * reached + 1e-15:
-                if reached < distance:
-                    distance = reached
-                    gradient_out[0], gradient_out[1], gradient_out[2] = (
-                        (px - x) / reached,
-                        (py - y) / reached,
-                        (pz - z) / reached,
-                    )
-                continue
-        distance = bound
-        gradient_out[0], gradient_out[1], gradient_out[2] = planes[face, 0], planes[face, 1], planes[face, 2]
-    return min(distance, beyond)
+    return closest_feature(p, obstacle, gradient_out, limit)[0]
 
 
 @njit(cache=True, error_model="numpy")
@@ -161,8 +134,7 @@ def convex_distance_hessian(
     With n the gradient, d the distance and t the direction of the closest edge, the Hessian is 0 over faces
     and inside, (I - n n' - t t') / d over edges and (I - n n') / d over vertices.
     """
-    point = np.empty(3)
-    distance, code, face = closest_feature(p, obstacle, gradient_out, point)
+    distance, code, face = closest_feature(p, obstacle, gradient_out)
     hessian_out[:] = 0.0
     feature = feature_of(code)
     if feature == FACE:

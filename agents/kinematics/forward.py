@@ -79,6 +79,17 @@ def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
 
 
 @njit(cache=True, error_model="numpy")
+def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[float, float, float]:
+    """Return how a point (3,) moves with the joint of body `b`, m/rad: the joint's axis x the way to the point."""
+    R, p, axis = frames.R, frames.p, tree.axis
+    ax = R[b, 0, 0] * axis[b, 0] + R[b, 0, 1] * axis[b, 1] + R[b, 0, 2] * axis[b, 2]
+    ay = R[b, 1, 0] * axis[b, 0] + R[b, 1, 1] * axis[b, 1] + R[b, 1, 2] * axis[b, 2]
+    az = R[b, 2, 0] * axis[b, 0] + R[b, 2, 1] * axis[b, 1] + R[b, 2, 2] * axis[b, 2]
+    dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
+    return ay * dz - az * dy, az * dx - ax * dz, ax * dy - ay * dx
+
+
+@njit(cache=True, error_model="numpy")
 def add_row(
     row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
@@ -86,19 +97,12 @@ def add_row(
 
     The point and the direction (3,) are in the world frame.
     """
-    R, p, b = frames.R, frames.p, body
+    b = body
     while b >= 0:
         j = tree.joint[b]
         if j >= 0:
-            ax = R[b, 0, 0] * tree.axis[b, 0] + R[b, 0, 1] * tree.axis[b, 1] + R[b, 0, 2] * tree.axis[b, 2]
-            ay = R[b, 1, 0] * tree.axis[b, 0] + R[b, 1, 1] * tree.axis[b, 1] + R[b, 1, 2] * tree.axis[b, 2]
-            az = R[b, 2, 0] * tree.axis[b, 0] + R[b, 2, 1] * tree.axis[b, 1] + R[b, 2, 2] * tree.axis[b, 2]
-            dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
-            row[j] += sign * (
-                direction[0] * (ay * dz - az * dy)
-                + direction[1] * (az * dx - ax * dz)
-                + direction[2] * (ax * dy - ay * dx)
-            )
+            x, y, z = _motion(b, point, tree, frames)
+            row[j] += sign * (direction[0] * x + direction[1] * y + direction[2] * z)
         b = tree.parent[b]
 
 
@@ -139,17 +143,14 @@ def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
 @njit(cache=True, error_model="numpy")
 def _add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
     """Add the linear Jacobian of a point (3,) of a body to `J` (3, 23), of the joints below body `top`."""
-    R, p, b = frames.R, frames.p, body
+    b = body
     while b > top:
         j = tree.joint[b]
         if j >= 0:
-            ax = R[b, 0, 0] * tree.axis[b, 0] + R[b, 0, 1] * tree.axis[b, 1] + R[b, 0, 2] * tree.axis[b, 2]
-            ay = R[b, 1, 0] * tree.axis[b, 0] + R[b, 1, 1] * tree.axis[b, 1] + R[b, 1, 2] * tree.axis[b, 2]
-            az = R[b, 2, 0] * tree.axis[b, 0] + R[b, 2, 1] * tree.axis[b, 1] + R[b, 2, 2] * tree.axis[b, 2]
-            dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
-            J[0, j] += ay * dz - az * dy
-            J[1, j] += az * dx - ax * dz
-            J[2, j] += ax * dy - ay * dx
+            x, y, z = _motion(b, point, tree, frames)
+            J[0, j] += x
+            J[1, j] += y
+            J[2, j] += z
         b = tree.parent[b]
 
 

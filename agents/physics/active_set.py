@@ -80,6 +80,45 @@ def _drop(J: Array, R: Array, active: NDArray[np.int64], u: Array, q: int, at: i
         _rotate_columns(J, j, j + 1, c, s)
 
 
+@njit(cache=True, inline="always")
+def _turned(J: Array, a: Array, d: Array) -> float:
+    """Write d = J^T a; return its squared length."""
+    size = 0.0
+    for i in range(d.shape[0]):
+        s = 0.0
+        for k in range(d.shape[0]):
+            s += J[k, i] * a[k]
+        d[i] = s
+        size += s * s
+    return size
+
+
+@njit(cache=True, inline="always")
+def _move(J: Array, d: Array, q: int, step: float, x: Array) -> None:
+    """Add `step` times the columns of J from q on, weighed by d, to x."""
+    for k in range(x.shape[0]):
+        s = 0.0
+        for i in range(q, x.shape[0]):
+            s += J[k, i] * d[i]
+        x[k] += step * s
+
+
+@njit(cache=True, inline="always")
+def _most_violated(A: Array, b: Array, x: Array, is_active: NDArray[np.bool_]) -> tuple[int, float]:
+    """Return the constraint that is violated most and by how much (negative); -1 where none is."""
+    worst, p = 0.0, -1
+    for k in range(A.shape[0]):
+        if is_active[k]:
+            continue
+        s, scale = -b[k], abs(b[k])
+        for i in range(A.shape[1]):
+            s += A[k, i] * x[i]
+            scale += abs(A[k, i] * x[i])
+        if s < -1e-13 * scale - 1e-15 and s < worst:
+            worst, p = s, k
+    return p, worst
+
+
 @njit(cache=True)
 def solve_qp(H: Array, g: Array, A: Array, b: Array, x: Array, multipliers: Array) -> int:
     """Minimise 0.5 x^T H x + g^T x subject to A x >= b; H positive definite.
@@ -99,42 +138,19 @@ def solve_qp(H: Array, g: Array, A: Array, b: Array, x: Array, multipliers: Arra
     d, r, u = np.empty(n), np.empty(n), np.zeros(n + 1)
     active = np.empty(n, np.int64)
     is_active = np.zeros(m, np.bool_)
-    for i in range(n):
-        s = 0.0
-        for k in range(n):
-            s += J[k, i] * g[k]
-        d[i] = s
-    for k in range(n):
-        s = 0.0
-        for i in range(n):
-            s -= J[k, i] * d[i]
-        x[k] = s
+    x[:] = 0.0
+    _turned(J, g, d)
+    _move(J, d, 0, -1.0, x)
     q = 0
     for _ in range(20 * (n + m)):
-        worst, p = 0.0, -1
-        for k in range(m):
-            if is_active[k]:
-                continue
-            s, scale = -b[k], abs(b[k])
-            for i in range(n):
-                s += A[k, i] * x[i]
-                scale += abs(A[k, i] * x[i])
-            if s < -1e-13 * scale - 1e-15 and s < worst:
-                worst, p = s, k
+        p, slack = _most_violated(A, b, x, is_active)
         if p < 0:
             for j in range(q):
                 multipliers[active[j]] = u[j]
             return SOLVED
         u[q] = 0.0
-        slack = worst
         while True:
-            size = 0.0
-            for i in range(n):
-                s = 0.0
-                for k in range(n):
-                    s += J[k, i] * A[p, k]
-                d[i] = s
-                size += s * s
+            size = _turned(J, A[p], d)
             free = 0.0
             for i in range(q, n):
                 free += d[i] * d[i]
@@ -157,11 +173,7 @@ def solve_qp(H: Array, g: Array, A: Array, b: Array, x: Array, multipliers: Arra
                 u[j] -= step * r[j]
             u[q] += step
             if full < np.inf:
-                for k in range(n):
-                    s = 0.0
-                    for i in range(q, n):
-                        s += J[k, i] * d[i]
-                    x[k] += step * s
+                _move(J, d, q, step, x)
                 slack += step * free
             if full <= t:
                 _add(J, R, d, q)

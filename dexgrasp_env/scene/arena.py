@@ -15,7 +15,6 @@ from dexgrasp_env.scene.constants import (
 _BOX = mujoco.mjtGeom.mjGEOM_BOX
 _CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
 VISUAL_GROUP = 2
-COLLISION_GROUP = 3
 
 
 def set_physics(spec: mujoco.MjSpec) -> None:

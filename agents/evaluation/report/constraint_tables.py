@@ -1,12 +1,15 @@
 """Tables 4-6: constraints that grasps satisfy, and what planning takes, the paper's figures beside ours."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from agents.evaluation.report import paper
 from agents.evaluation.report.tables import T, Table
+from agents.evaluation.report.text import seconds_words
 
 _PLANNER = "bilevel"  # Table 6 is of the paper's planner alone
+Words = Callable[[float], str]
+_TWO_DECIMALS: Words = "{:.2f}".format
 _GROUPS = ("seen", "familiar", "novel", "overall")
 
 
@@ -50,7 +53,14 @@ def _ratios(groups: Mapping[str, Any], table: Table[T]) -> T:
 
 def _times(name: str, total: Mapping[str, float], stages: Mapping[str, Any], table: Table[T]) -> T:
     printed_of = paper.SECONDS if name == _PLANNER else {}
-    rows = [["total, overall", _quartiles(total), "", _spread(printed_of.get("overall", {}).get("total"))]]
+    rows = [
+        [
+            "total, overall",
+            _quartiles(total, seconds_words),
+            "",
+            _spread(printed_of.get("overall", {}).get("total")),
+        ]
+    ]
     for group in (g for g in _GROUPS if g in stages):
         seconds, repeats = stages[group].get("stage_seconds", {}), stages[group].get("stage_repeats", {})
         for stage in seconds:
@@ -58,7 +68,7 @@ def _times(name: str, total: Mapping[str, float], stages: Mapping[str, Any], tab
             rows.append(
                 [
                     f"{stage}, {group}",
-                    _quartiles(seconds[stage]),
+                    _quartiles(seconds[stage], seconds_words),
                     _quartiles(repeats.get(stage)),
                     _spread(printed),
                 ]
@@ -66,12 +76,12 @@ def _times(name: str, total: Mapping[str, float], stages: Mapping[str, Any], tab
     return table(["stage, set", "seconds", "repeats", "paper, seconds"], rows)
 
 
-def _quartiles(values: Mapping[str, float] | None) -> str:
-    return _spread((values["median"], values["p25"], values["p75"])) if values else "-"
+def _quartiles(values: Mapping[str, float] | None, words: Words = _TWO_DECIMALS) -> str:
+    return _spread((values["median"], values["p25"], values["p75"]), words) if values else "-"
 
 
-def _spread(values: Sequence[float] | None) -> str:
-    return f"{values[0]:.2f} ({values[1]:.2f}, {values[2]:.2f})" if values else ""
+def _spread(values: Sequence[float] | None, words: Words = _TWO_DECIMALS) -> str:
+    return "{} ({}, {})".format(*map(words, values)) if values else ""
 
 
 def _numbers(values: Sequence[float] | None) -> str:

@@ -5,7 +5,7 @@ from typing import Any, TypeVar
 
 from agents.evaluation.reasons import sentence
 from agents.evaluation.report import paper
-from agents.evaluation.report.text import left_table, text_table
+from agents.evaluation.report.text import left_table, seconds_words, text_table
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 Summary = Mapping[str, Any]
@@ -95,7 +95,7 @@ def _share(agent: Mapping[str, Any]) -> str:
 
 
 def _median(times: Mapping[str, float]) -> str:
-    return f"{times['median']:.2f}" if times else "-"
+    return seconds_words(times["median"]) if times else "-"
 
 
 def _paired_line(pair: Mapping[str, Any]) -> str:

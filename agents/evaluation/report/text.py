@@ -34,5 +34,10 @@ def markdown_table(header: Sequence[str], rows: Cells) -> str:
     return "\n".join("| " + " | ".join(cells) + " |" for cells in [header, ruler, *rows])
 
 
+def seconds_words(value: float) -> str:
+    """Return seconds with two decimals, below a tenth with two digits: planning takes hundredths."""
+    return f"{value:.2f}" if value >= 0.1 or value < 5e-4 else f"{value:#.2g}"
+
+
 def _widths(header: Sequence[str], rows: Cells) -> list[int]:
     return [max(len(row[i]) for row in [header, *rows]) for i in range(len(header))]
