@@ -87,6 +87,16 @@ def test_verify_says_no_and_which_check(planned, capsys, tmp_path):
     assert "NOT verified" in out
     assert main(["verify", str(path), "--json"]) == ANSWER_IS_NO
     assert printed_json(capsys)["holds"] is False
+    both = [str(planned[0] / "grasp.json"), str(path)]
+    assert main(["verify", *both]) == ANSWER_IS_NO
+    first, second, last = capsys.readouterr().out.splitlines()
+    assert (first[:4], second[:4], last) == ("ok  ", "FAIL", "1 of 2 grasps hold every constraint")
+    assert main(["verify", *both, "--json"]) == ANSWER_IS_NO
+    result = printed_json(capsys)
+    assert result["holds"] is False
+    assert [(grasp["file"], grasp["holds"]) for grasp in result["grasps"]] == list(
+        zip(both, [True, False], strict=True)
+    )
 
 
 def mesh_file(folder, mesh, name="part.stl"):
