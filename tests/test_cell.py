@@ -68,7 +68,7 @@ def test_this_process_is_in_the_simulated_cell():
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"name": "simulated", "hand": {"torque": 0.5}}, "the default cell's"),
+        ({"name": "simulated", "hand": {"torque": 0.5}}, "a `name` of its own"),
         ({"arms": {}}, "unknown key 'arms'"),
         ({"arm": {"torq": 1}}, "unknown setting of arm 'torq'"),
         ({"arm": {"velocity": [1.0] * 6}}, "valid are 7 finite numbers"),

@@ -1,6 +1,7 @@
 """Demonstrations: conversion between modes, noise that is known, data sets that others read, resuming."""
 
 import json
+from pathlib import Path
 
 import gymnasium as gym
 import numpy as np
@@ -11,7 +12,7 @@ from agents.demos import generate as generation
 from agents.demos.convert import to_action
 from agents.demos.generate import generate
 from agents.demos.info import replay_all, summary
-from agents.demos.minari_format import read_episodes
+from agents.demos.minari_format import read_episodes, write_minari
 from agents.demos.rollout import intended
 from agents.demos.settings import DemoSettings
 from agents.kinematics.palm_ik import palm_frame
@@ -79,6 +80,14 @@ def test_the_data_set_is_minaris_and_replays(folder):
     assert replayed["successes"] == figures["episodes"]
     env = data.recover_environment()
     assert env.unwrapped.settings.control_mode == "joint_delta"
+
+
+def test_a_relative_folder_does(settings, folder, tmp_path, monkeypatch):
+    episodes = list(read_episodes(folder))
+    monkeypatch.chdir(tmp_path)
+    Path("runs/demos").mkdir(parents=True)
+    write_minari(Path("runs/demos"), settings, episodes)
+    assert [e.about for e in read_episodes(Path("runs/demos"))] == [e.about for e in episodes]
 
 
 def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):

@@ -50,5 +50,6 @@ def run(args: argparse.Namespace) -> int:
     else:
         shown = [file for file in files if file.suffix != ".obj"]
         print("\n".join(f"wrote {file}" for file in shown))
-        print(f"check it before anything moves: dexgrasp check {args.out}")
+        cell = f" --cell {args.cell}" if args.cell else ""
+        print(f"check it before anything moves: dexgrasp check {args.out}{cell}")
     return 0

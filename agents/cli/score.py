@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.cli.options import add_json, add_seed, positive_float, positive_int
+from agents.cli.options import add_cell, add_json, add_seed, positive_float, positive_int
 
 _EPILOG = """examples:
   dexgrasp plan sugar_box --out grasps && dexgrasp score grasps/grasp.json --protocol dgb_fc dgb_tabletop
@@ -50,6 +50,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write scores.json there, as --json prints it"
     )
+    add_cell(parser)
     add_json(parser)
 
 

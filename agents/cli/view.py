@@ -38,10 +38,12 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Plan or read, then serve or write."""
-    from agents.cli.output import note, print_json
+    from agents.cli.output import make_folder, note, print_json
     from agents.viewer.page import page, serve
     from dexgrasp_env.files import write_atomically
 
+    if args.html is not None:
+        make_folder(args.html.parent)
     films = _films(args)
     if not films:
         return 1

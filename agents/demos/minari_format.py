@@ -32,7 +32,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     from minari.data_collector.episode_buffer import EpisodeBuffer
     from minari.dataset.minari_storage import MinariStorage
 
-    making = folder / f"{DATA}.part"
+    making = folder.resolve() / f"{DATA}.part"  # Minari counts its files wrongly under a relative path
     shutil.rmtree(making, ignore_errors=True)
     env = gym.make(ENV_ID, objects=[settings.objects[0]], **settings.env_arguments)
     storage = MinariStorage.new(

@@ -45,7 +45,7 @@ def read_cell(path: Path) -> Cell:
     try:
         cell = _cell(_merged(default, content))
         if cell.name == SIMULATED and cell != simulated_cell():
-            raise InputError(f"name {SIMULATED!r} is the default cell's: choose another")
+            raise InputError(f"a cell needs a `name` of its own: {SIMULATED!r} is the default one's")
         _check_narrower(cell)
         cell.make_cameras()  # checks poses and intrinsics
     except InputError as error:
