@@ -4,6 +4,7 @@ import manifold3d
 import mujoco
 import numpy as np
 import pytest
+import scipy.spatial
 
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.errors import InputError
@@ -263,3 +264,17 @@ def test_a_reduced_hull_is_small_and_nearly_as_large():
     assert len(hull.vertices) <= 100
     assert hull.volume > 0.93 * 4 / 3 * np.pi * 0.05**3
     assert len(hull_part(np.concatenate([ball, 0.5 * ball])).vertices) <= 2000
+
+
+def test_a_reduced_hull_survives_what_qhull_cannot_add(monkeypatch):
+    """As it cannot to a part of a scanned can: adding a point to its flat, round faces ends in a wide merge."""
+
+    class Brittle(scipy.spatial.ConvexHull):
+        def add_points(self, points, restart=False):
+            raise scipy.spatial.QhullError("QH6347 qhull precision error (qh_mergefacet): wide merge")
+
+    ball = 0.05 * fibonacci_directions(300)
+    added = reduced_hull(ball, 60)
+    monkeypatch.setattr(scipy.spatial, "ConvexHull", Brittle)
+    anew = reduced_hull(ball, 60)
+    np.testing.assert_array_equal(anew.vertices, added.vertices)

@@ -157,7 +157,7 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     again and again the point that stands out most.
     """
     import trimesh
-    from scipy.spatial import ConvexHull
+    from scipy.spatial import ConvexHull, QhullError
 
     hull = trimesh.Trimesh(points, process=False).convex_hull
     corners = np.asarray(hull.vertices)
@@ -168,7 +168,10 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     while len(kept) < limit:
         planes = np.unique(inner.equations.round(9), axis=0)
         kept.append((corners @ planes[:, :3].T + planes[:, 3]).max(axis=1).argmax())
-        inner.add_points(corners[kept[-1:]])
+        try:
+            inner.add_points(corners[kept[-1:]])
+        except QhullError:  # of flat faces, built up point by point; not where all are taken at once
+            inner = ConvexHull(corners[kept], incremental=True)
     inner.close()
     return trimesh.Trimesh(corners[kept], process=False).convex_hull
 
