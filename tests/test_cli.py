@@ -45,6 +45,10 @@ def run(*arguments, module="agents.cli.main", **kwargs):
         (["report", "nowhere"], "no evaluation"),
         (["benchmark", "nonsense"], "stepping"),
         (["doctor", "nowhere.stl"], "does not exist"),
+        (
+            ["dataset", "generate", "--objects", "soda", "--out", "x", "--mount", "y"],
+            "dexgrasp dataset --help",
+        ),
     ],
 )
 def test_bad_input_is_one_line_and_2(arguments, words, capsys, tmp_path, monkeypatch):

@@ -54,7 +54,9 @@ def _judged(package: str, found: str) -> Finding:
 def check_rendering() -> list[Finding]:
     """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
     works = {backend: _renders(backend) for backend in _BACKENDS}
-    findings = [Finding("info", f"{backend}: {why or 'works'}") for backend, why in works.items()]
+    findings = [Finding("info", f"{backend}: works") for backend, why in works.items() if not why]
+    unneeded = "cannot be used here, and need not" if findings else ""
+    findings += [Finding("info", f"{backend}: {unneeded or why}") for backend, why in works.items() if why]
     wish = (
         os.environ.get("DEXGRASP_GL") or os.environ.get("MUJOCO_GL") or ""
     )  # the command line puts it aside

@@ -65,7 +65,7 @@ def run_command(arguments: Sequence[str]) -> int:
             stream.reconfigure(errors="backslashreplace")
     try:
         _choose_cell(arguments)
-        args = make_parser(_named_command(arguments)).parse_args(arguments)
+        args = _parsed(arguments)
     except SystemExit as end:  # argparse: --help is 0, a mistake is 2
         return int(end.code or 0)
     except InputError as error:
@@ -97,6 +97,16 @@ def make_parser(only: str | None = None) -> Parser:
         importlib.import_module(COMMANDS[name]).add_parser(commands)
     parser.set_defaults(parser=parser)
     return parser
+
+
+def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
+    """As argparse does it, but what is unknown is said of the command, whose help has what is known."""
+    named = _named_command(arguments)
+    args, unknown = make_parser(named).parse_known_args(arguments)
+    if unknown:
+        prog = f"dexgrasp {named}" if named else "dexgrasp"
+        Parser(prog=prog).error(f"unrecognized arguments: {' '.join(unknown)}")
+    return args
 
 
 def _named_command(arguments: Sequence[str]) -> str | None:

@@ -72,7 +72,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         type=positive_int,
         default=1,
         metavar="W",
-        help="processes; the outcome does not depend on it",
+        help="processes (default 1); the outcome does not depend on it",
     )
     add_backend(parser)
     parser.add_argument(
@@ -121,6 +121,7 @@ def run(args: argparse.Namespace) -> int:
     from agents.evaluation.settings import EvaluationSettings
     from agents.evaluation.video import Film
     from agents.evaluation.workers import Backend, WorkerDiedError
+    from agents.registry import check_name
 
     check_backend(args)
     settings = EvaluationSettings.of(
@@ -130,6 +131,8 @@ def run(args: argparse.Namespace) -> int:
     check_mesh_options(args, settings.objects)
     if args.power is not None:
         return _print_power(args, settings)
+    for agent in settings.agents:
+        check_name(agent)
     folder = args.out or settings.default_folder()
     note(f"results go to {folder}")
     try:

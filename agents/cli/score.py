@@ -45,7 +45,8 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     )
     add_seed(parser, "of the draws of pose noise")
     parser.add_argument(
-        "--workers", type=positive_int, default=1, metavar="W", help="processes; the outcome does not depend on it"
+        "--workers", type=positive_int, default=1, metavar="W",
+        help="processes (default 1); the outcome does not depend on it",
     )  # fmt: skip
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="write scores.json there, as --json prints it"
