@@ -73,7 +73,7 @@ def progress_bar(unit: str, of: str, **options: Any) -> Iterator[Callable[..., N
     """Show a bar; what it gives is called with how many are done, of how many, and figures to show beside them."""
     from tqdm import tqdm
 
-    with tqdm(unit=unit, desc=of, delay=0.5, **options) as bar:  # what is refused at once needs none
+    with tqdm(unit=unit, desc=of, **({"delay": 0.5} | options)) as bar:  # what is refused at once needs none
 
         def show(done: int, total: int, **figures: str) -> None:
             bar.total = total

@@ -9,6 +9,7 @@ from agents.cli.options import add_cell, add_json
 from agents.cli.output import mark, print_json
 
 if TYPE_CHECKING:
+    from agents.grasp.checks.check import Check
     from agents.grasp.record import GraspRecord
 
 _EPILOG = """examples:
@@ -41,9 +42,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Verify and print every check; of several files what came of each."""
     from agents.grasp.file import read_grasp
+    from agents.grasp.verify import unchecked, verify
 
     records = [read_grasp(path) for path in args.grasps]
-    found = [_verified(record) for record in records]
+    found = [_finding(record, verify(record), unchecked(record)) for record in records]
     good = all(one["holds"] for one in found)
     if args.json:
         each = [{"file": str(path)} | one for path, one in zip(args.grasps, found, strict=True)]
@@ -57,11 +59,8 @@ def run(args: argparse.Namespace) -> int:
     return 0 if good else 1
 
 
-def _verified(record: "GraspRecord") -> dict[str, Any]:
+def _finding(record: "GraspRecord", checks: "list[Check]", lacking: list[str]) -> dict[str, Any]:
     """What `--json` prints of a grasp."""
-    from agents.grasp.verify import unchecked, verify
-
-    checks, lacking = verify(record), unchecked(record)
     return {
         "object": record.object.name, "holds": all(check.holds for check in checks) and not lacking,
         "not_checked": lacking, "checks": [asdict(check) for check in checks],
