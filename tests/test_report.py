@@ -10,7 +10,7 @@ import pytest
 from agents.cli.main import main
 from agents.evaluation.report.build import write_report
 from agents.evaluation.report.document import TableBlock, as_html, as_markdown
-from agents.evaluation.report.origin import commands
+from agents.evaluation.report.origin import commands, describe_run
 from agents.evaluation.report.text import seconds_words
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
@@ -116,6 +116,11 @@ def test_commands_are_those_that_made_it(folder):
     line = commands(folder)[0]
     assert "--agents bilevel hardcoded --objects seen --trials 3 --seed 0 --protocol lift heavy" in line
     assert "--friction 0.5" in line
+    assert "--cell" not in line
+    run = json.loads((folder / "run.json").read_text())
+    (folder / "run.json").write_text(json.dumps(run | {"cell": "our lab-8b8c9eba"}))
+    assert "--cell CELL.yaml" in commands(folder)[0]
+    assert "in our lab-8b8c9eba" in describe_run(folder)
 
 
 @pytest.mark.parametrize(

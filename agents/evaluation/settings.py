@@ -61,8 +61,11 @@ class EvaluationSettings:
             raise InputError(
                 f"trials = {settings.trials}, seed = {settings.seed}: valid are trials >= 1 and seed >= 0"
             )
-        for name in settings.protocols:
-            parts(name)
+        own = [name for name in settings.parts if "friction" in get_protocol(name).scene]
+        if own and settings.friction is not None:
+            raise InputError(
+                f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
+            )
         return dataclasses.replace(settings, protocols=tuple(dict.fromkeys(settings.protocols)))
 
     @classmethod

@@ -8,6 +8,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import parse_json
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.sets import is_set, set_targets
+from dexgrasp_env.robot.cell import SIMULATED
 
 _MOST_REPLAYS = 12
 
@@ -18,7 +19,8 @@ def describe_run(folder: Path) -> str:
     if run is None:
         return f"{folder.name}: settings unknown"
     versions = ", ".join(f"{name} {version}" for name, version in run.get("versions", {}).items())
-    return f"{folder.name}: {_protocols(run)}, seed {run['seed']}, {run['trials']} trials a cell; {versions}"
+    cell = f", in {run['cell']}" if _own_cell(run) else ""
+    return f"{folder.name}: {_protocols(run)}, seed {run['seed']}, {run['trials']} trials a cell{cell}; {versions}"
 
 
 def commands(folder: Path) -> list[str]:
@@ -38,6 +40,7 @@ def commands(folder: Path) -> list[str]:
     for key in ("mount", "friction", "mesh_mass"):
         words += [f"--{key.replace('_', '-')} {run[key]}"] if run.get(key) is not None else []
     words += [f"--mesh-scale {run['mesh_scale']}"] if run.get("mesh_scale", 1.0) != 1.0 else []
+    words += ["--cell CELL.yaml"] if _own_cell(run) else []
     return [" ".join([*map(str, words), "--out", str(folder)]), f"dexgrasp report {folder}"]
 
 
@@ -56,6 +59,11 @@ def _run(folder: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return content if isinstance(content, dict) and _is_of_an_evaluation(content) else None
+
+
+def _own_cell(run: Mapping[str, Any]) -> bool:
+    """Whether an evaluation was made in a cell of a user's."""
+    return not str(run.get("cell", SIMULATED)).startswith(SIMULATED)
 
 
 def _is_of_an_evaluation(run: Mapping[str, Any]) -> bool:
