@@ -59,6 +59,7 @@ def run(*arguments, module="agents.cli.main", **kwargs):
         (["report", "nowhere"], "no evaluation"),
         (["benchmark", "nonsense"], "stepping"),
         (["doctor", "nowhere.stl"], "does not exist"),
+        (["check", "nowhere", "--simulator", "bullet"], "add --replay N"),
         (
             ["dataset", "generate", "--objects", "soda", "--out", "x", "--mount", "y"],
             "dexgrasp dataset --help",

@@ -4,6 +4,7 @@ import argparse
 from pathlib import Path
 
 from agents.cli.options import add_cell, add_json, add_seed, natural_int
+from dexgrasp_env.errors import InputError
 
 _EPILOG = """examples:
   dexgrasp check robot/pear                           limits, timing, collisions
@@ -41,6 +42,8 @@ def run(args: argparse.Namespace) -> int:
     from agents.export.check import check_trajectory
     from agents.export.read import read_trajectory
 
+    if args.simulator != "mujoco" and not args.replay:
+        raise InputError("--simulator is of replays: add --replay N")
     recording = read_trajectory(args.trajectory)
     findings = check_trajectory(recording, str(recording.facts.get("mount", "palm_normal")))
     good = all(finding.holds for finding in findings)
