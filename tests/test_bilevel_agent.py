@@ -298,7 +298,7 @@ def test_a_finger_that_meets_nothing_stops_soon_after_the_surface(attempt):
 
 
 def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
-    """A servo at rest bears the planned force at its contact, and its own weight."""
+    """A servo at rest bears the planned force at its contact; what the links weigh is compensated beside it."""
     import mujoco
 
     from dexgrasp_env.robot.model import robot_spec
@@ -312,7 +312,8 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
     data, J = mujoco.MjData(model), np.zeros((3, model.nv))
     data.qpos[:23] = stand
     mujoco.mj_forward(model, data)
-    torque = data.qfrc_bias[:23].copy()
+    torque = (data.qfrc_bias - data.qfrc_gravcomp)[:23]
+    assert np.abs(data.qfrc_bias[7:23]).max() > 0.02  # or compensation would not matter
     for finger, normal, force in zip(("thumb", "index", "middle"), grasp.normals, grasp.forces, strict=True):
         site = model.site(f"{finger}_tip").id
         mujoco.mj_jac(model, data, J, None, data.site_xpos[site] - 0.0105 * normal, model.site_bodyid[site])

@@ -117,8 +117,7 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     given = 10.0 * (turned[end] - still[end])[7:]
     fingers = np.abs(asked) > 0.05
     assert fingers.any()
-    # The hand's own weight, up to 0.06 Nm, comes on top.
-    np.testing.assert_allclose(given[fingers], asked[fingers], atol=0.12)
+    np.testing.assert_allclose(given[fingers], asked[fingers], atol=0.02)
 
 
 @pytest.mark.parametrize(("free", "turned", "lost"), [(1, 0, True), (1, 1, False), (3, 1, True)])

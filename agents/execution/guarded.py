@@ -3,7 +3,7 @@
 What perception sees is a few millimetres off, and position servos turn millimetres into newtons. So each finger closes
 until it lags behind its set-point, and the squeeze follows the joints: set-point = measured position + torque / kp
 presses with that torque wherever the surface is, and while the object gives way to it. The torque is J^T f at the
-contact points, and what the finger's own weight takes. From the lift on the set-points stand still, but for a turn of
+contact points; the robot bears its own weight by itself. From the lift on the set-points stand still, but for a turn of
 the object in the air, in which they go over to forces that hold it as it then is. Only joint positions are used, which
 every observation mode has.
 """
@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from agents.execution.script import ActionScript
 from agents.execution.turn import Turn
 from agents.kinematics.forward import body_frames, fingertips, tip_jacobian
-from agents.kinematics.gravity import hand_gravity
 from agents.kinematics.palm_ik import palm_frame
 from agents.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
@@ -44,7 +43,7 @@ class GuardedExecution:
     """Carries out one grasp with feedback from the joint positions."""
 
     def __init__(
-        self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree, mount: str = "palm_normal",
+        self, script: ActionScript, normals: Array, forces: Array, tree: RobotTree,
         turn: Callable[[], Turn | None] = lambda: None,
     ) -> None:  # fmt: skip
         """Prepare.
@@ -54,13 +53,12 @@ class GuardedExecution:
             normals: (3, 3) out of the object, thumb, index, middle.
             forces: (3, 3) N on the object, to press with.
             tree: the robot.
-            mount: of the hand, the tree's.
             turn: returns how to turn the object in the air, None to hold it as it was lifted. It is asked once, when
                 the hand has the object: nobody waits for it.
         """
         self._plan_turn, self._turned = turn, 0.0
         self._turn: Turn | None = None
-        self._script, self._tree, self._forces, self._mount = script, tree, forces, mount
+        self._script, self._tree, self._forces = script, tree, forces
         first = dict(script.phases)
         self._approach_end, self._lift_start, self._hold_start = first["close"], first["lift"], first["hold"]
         self._base = script.targets[self._approach_end - 1] if self._approach_end else script.targets[0]
@@ -133,7 +131,7 @@ class GuardedExecution:
         frames = body_frames(q, self._tree)
         points = fingertips(q, self._tree) - _TIP_DEPTH * normals
         J = tip_jacobian(self._tree, frames, points)[:, :, 7:]
-        torque = np.einsum("frj,fr->j", J, forces) + hand_gravity(q, self._mount)
+        torque = np.einsum("frj,fr->j", J, forces)
         return np.concatenate([np.zeros(7), np.clip(torque, -HAND_TORQUE, HAND_TORQUE)])
 
     def _squeeze(self, q: Array) -> Array:

@@ -153,7 +153,7 @@ class BilevelAgent(Agent):
         def turn() -> Turn | None:
             return plan_turn(grasp, script, target, planner.tree, self.settings) if self._turns else None
 
-        return GuardedExecution(script, grasp.normals, grasp.forces, planner.tree, planner.mount, turn)
+        return GuardedExecution(script, grasp.normals, grasp.forces, planner.tree, turn)
 
     def _let_go(self, observation: Observation) -> None:
         """Go home, where the cameras look again; stay as it is where there is no way."""
