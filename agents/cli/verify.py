@@ -41,7 +41,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 
 def run(args: argparse.Namespace) -> int:
     """Verify and print every check; of several files what came of each."""
-    import agents.grasp.verify  # noqa: F401 - says which extra is missing before any file is read
     from agents.grasp.file import read_grasp
     from agents.grasp.verify import unchecked, verify
 
