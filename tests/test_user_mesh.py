@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from scipy.spatial import ConvexHull
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import decompose, load_object, object_name, resolve_targets
@@ -241,7 +242,25 @@ def test_a_cup_stays_hollow():
     assert solid.volume < 0.3 * cup.convex_hull.volume
     np.testing.assert_allclose(solid.extents, cup.extents, atol=1e-3)
     inside = np.array([[x, 0, z] for x in (-0.015, 0.0, 0.015) for z in (0.02, 0.05, 0.085)])
-    assert not solid.contains(inside).any()
+    for part in parts:
+        planes = ConvexHull(part.vertices).equations
+        assert ((inside @ planes[:, :3].T + planes[:, 3]).max(axis=1) > 0.0).all()
+
+
+@pytest.mark.parametrize("shape", ["cup", "ring"])
+def test_rounding_does_not_decide_where_a_round_solid_is_cut(shape):
+    if shape == "cup":
+        sections = [(0.0, 0.0), (0.03, 0.0), (0.035, 0.09), (0.033, 0.09), (0.028, 0.003), (0.0, 0.003)]
+        solid = trimesh.creation.revolve(np.array(sections), sections=24)
+    else:
+        solid = trimesh.creation.annulus(0.03, 0.04, 0.02, sections=24)
+    volumes = []
+    for seed in range(3):
+        near = solid.copy()
+        near.vertices *= 1.0 + 1e-15 * np.random.default_rng(seed).standard_normal(near.vertices.shape)
+        parts, _ = convex_parts(near)
+        volumes.append([len(parts), sum(ConvexHull(part.vertices).volume for part in parts)])
+    np.testing.assert_allclose(volumes[1:], volumes[:1] * 2, rtol=1e-4)
 
 
 def test_doctor_says_what_was_done(tmp_path):

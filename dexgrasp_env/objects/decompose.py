@@ -1,6 +1,7 @@
 """Convex parts of a solid: cut by planes, piece by piece, and pieces merged again where that costs least.
 
-Bounded by work (faces, cuts, parts), never by time: the parts are the same on every machine.
+Bounded by work (faces, cuts, parts), never by time, and of two ways that are as good the first is taken, so that no
+rounding decides for solids with a symmetry: the parts are the same on every machine.
 """
 
 from __future__ import annotations
@@ -37,7 +38,9 @@ _FREE = 0.002  # of the volume: what a merge may add even where there are few pa
 _OFFSETS = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)  # of a piece's length: where cuts are tried
 _GAIN = 0.1  # of a piece's excess: below it no cut helps at once, and the piece is halved
 _SECTORS = 12
-_VERSION = 4
+_ALIKE = 1e-6  # relative: measures of two cuts, merges or axes that differ by less differ by rounding alone
+_CRUMB = 1e-9  # of a piece: what a plane through its corners leaves on the wrong side
+_VERSION = 5
 _LAYOUT = {"points": (None, 3), "counts": (None,)}
 
 
@@ -97,7 +100,8 @@ class _Piece:
     def cut(self, normal: Array, offset: float) -> list[_Piece]:
         """Return the connected pieces on both sides of the plane normal . x = offset."""
         sides = self.solid.split_by_plane(normal, float(offset))
-        return [_Piece(piece) for side in sides for piece in side.decompose()]
+        pieces = (_Piece(piece) for side in sides for piece in side.decompose())
+        return [piece for piece in pieces if piece.volume > _CRUMB * self.volume]
 
     @cached_property
     def corners(self) -> Array:
@@ -106,8 +110,9 @@ class _Piece:
 
     @cached_property
     def axes(self) -> Array:
-        """(3, 3) rows: principal directions of the corners, longest first."""
-        return np.linalg.svd(self.corners - self.corners.mean(axis=0), full_matrices=False)[2]
+        """(3, 3) rows: principal axes of the hull's inertia, longest first."""
+        moments, directions = np.linalg.eigh(_surface(self.hull).moment_inertia)
+        return _settled(directions.T, moments)
 
 
 @dataclass(frozen=True)
@@ -130,7 +135,7 @@ def _cut_up(pieces: list[_Piece], volume: float, bar: Any) -> list[_Piece]:
     for _ in range(_CUTS):
         if len(pieces) > _PIECES:
             break
-        worst = max(pieces, key=lambda piece: piece.excess)
+        worst = max(pieces, key=lambda piece: _rounded(piece.excess / volume))
         if sum(piece.excess for piece in pieces) < _EXCESS * volume or worst.excess < 1e-3 * volume:
             break
         pieces.remove(worst)
@@ -143,13 +148,13 @@ def _best_cut(piece: _Piece) -> list[_Piece]:
     """Return the piece cut in the best of 45 ways, the offset refined; halved where no way helps at once."""
     normals = _directions(piece.axes)
     tries = [_try(piece, normal, share) for normal in normals for share in _OFFSETS]
-    best = min(tries, key=lambda cut: cut.volume)
+    best = min(tries, key=lambda cut: _rounded(cut.volume / piece.hull_volume))
     if piece.hull_volume - best.volume < _GAIN * piece.excess:
         halves = [tries[k * len(_OFFSETS) + len(_OFFSETS) // 2] for k in range(3)]
         return min(halves, key=lambda cut: round(cut.volume / piece.hull_volume, 2)).pieces
     for step in (1 / 12, 1 / 24, 1 / 48):
         near = [_try(piece, best.normal, best.share + side * step) for side in (-1, 1)]
-        best = min([best, *near], key=lambda cut: cut.volume)
+        best = min([best, *near], key=lambda cut: _rounded(cut.volume / piece.hull_volume))
     return best.pieces
 
 
@@ -167,10 +172,9 @@ def _directions(axes: Array) -> Array:
 
 def _sectors(whole: _Piece) -> list[_Piece]:
     """Cut into `_SECTORS` sectors about the one of three axes that leaves the least excess."""
-    hull = _surface(whole.hull)
-    _, axes = np.linalg.eigh(hull.moment_inertia)
-    fans = [_fan(whole, axes[:, k], axes[:, (k + 1) % 3], np.array(hull.center_mass)) for k in range(3)]
-    return min(fans, key=lambda pieces: sum(piece.excess for piece in pieces))
+    axes, centre = whole.axes, np.array(_surface(whole.hull).center_mass)
+    fans = [_fan(whole, axes[k], axes[(k + 1) % 3], centre) for k in range(3)]
+    return min(fans, key=lambda pieces: _rounded(sum(piece.excess for piece in pieces) / whole.volume))
 
 
 def _fan(whole: _Piece, axis: Array, side: Array, centre: Array) -> list[_Piece]:
@@ -194,7 +198,7 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
 
     pairs = {(a, b): join(a, b) for a in hulls for b in range(a)}
     while pairs:
-        (a, b), (cost, both) = min(pairs.items(), key=lambda item: item[1][0])
+        (a, b), (cost, both) = min(pairs.items(), key=lambda item: _rounded(item[1][0] / volume))
         if len(hulls) <= MOST_PARTS and cost > _FREE * volume:
             break
         new = max(sizes) + 1
@@ -203,6 +207,27 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
         hulls[new], sizes[new] = both, both.volume()
         pairs |= {(new, other): join(new, other) for other in hulls if other != new}
     return list(hulls.values())
+
+
+def _settled(axes: Array, sizes: Array) -> Array:
+    """Return principal axes (3, 3), rows, of which those of equal size are turned as near to x, y, z as they go.
+
+    Their signs are such that the largest component is positive.
+    """
+    out = np.empty((3, 3))
+    group = np.concatenate([[0], np.cumsum(np.abs(np.diff(sizes)) > _ALIKE * np.abs(sizes).max())])
+    for k in range(3):
+        span = axes[group == group[k]]
+        left = span - span @ out[:k].T @ out[:k]  # without the axes that are settled
+        near = left.T @ left  # columns: x, y, z as far as they lie in what is left
+        out[k] = near[:, np.argmax(np.round(np.diag(near), 6))]
+        out[k] /= np.linalg.norm(out[k])
+        out[k] *= np.sign(out[k, np.argmax(np.round(np.abs(out[k]), 6))])
+    return out
+
+
+def _rounded(share: float) -> int:
+    return round(share / _ALIKE)
 
 
 def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
