@@ -34,13 +34,18 @@ def _loads(*libraries: str) -> bool:
     return True
 
 
-def choose_gl() -> str | None:
-    """Return the backend that MUJOCO_GL names, else the first that this machine has, else None.
+def wished_gl() -> str:
+    """Return the backend that MUJOCO_GL names, in lower case; an empty text where it names none.
 
     The command line puts MUJOCO_GL aside as DEXGRASP_GL, as a bad value would fail `import mujoco`.
     """
     wish = (os.environ.get("DEXGRASP_GL") or os.environ.get("MUJOCO_GL") or "").lower().strip()
-    if wish and wish not in _ANY:
+    return "" if wish in _ANY else wish
+
+
+def choose_gl() -> str | None:
+    """Return the backend that MUJOCO_GL names, else the first that this machine has, else None."""
+    if wish := wished_gl():
         return wish
     # libegl1 alone cannot make a context: it needs libGL as well.
     if _loads("libEGL.so.1", "libGL.so.1"):

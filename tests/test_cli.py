@@ -317,6 +317,6 @@ def test_libraries_with_their_own_check_at_exit_print_nothing(tmp_path):
 def test_doctor_says_when_the_wished_backend_draws_nothing(monkeypatch):
     monkeypatch.setattr(checks, "_renders", lambda backend: "" if backend == "egl" else "does not work")
     monkeypatch.delenv("MUJOCO_GL", raising=False)
-    for wish, level in (("foo", "error"), ("osmesa", "error"), ("EGL", "info"), ("", "info")):
+    for wish, level in (("foo", "error"), ("osmesa", "error"), ("EGL", "info"), ("on", "info"), ("", "info")):
         monkeypatch.setenv("DEXGRASP_GL", wish)  # as the command line has put MUJOCO_GL aside
         assert checks.check_rendering()[-1].level == level, wish

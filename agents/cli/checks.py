@@ -57,20 +57,23 @@ def check_rendering() -> list[Finding]:
     findings = [Finding("info", f"{backend}: works") for backend, why in works.items() if not why]
     unneeded = "cannot be used here, and need not" if findings else ""
     findings += [Finding("info", f"{backend}: {unneeded or why}") for backend, why in works.items() if why]
-    wish = (
-        os.environ.get("DEXGRASP_GL") or os.environ.get("MUJOCO_GL") or ""
-    )  # the command line puts it aside
     if all(works.values()):
         remedy = (
             "for pictures and videos install libosmesa6, or libegl1 with libgl1; everything else runs without"
         )
         findings.append(Finding("warning", "no off-screen rendering", remedy))
-    elif wish and works.get(wish.lower().strip(), "unknown"):
+    elif (wish := _wished_backend()) and works.get(wish, "unknown"):
         working = next(backend for backend, why in works.items() if not why)
         findings.append(
             Finding("error", f"MUJOCO_GL={wish} draws nothing", f"unset it, or set it to {working}")
         )
     return findings
+
+
+def _wished_backend() -> str:
+    from dexgrasp_env.rendering import wished_gl  # imports mujoco, which may be what is missing
+
+    return wished_gl()
 
 
 def _renders(backend: str) -> str:

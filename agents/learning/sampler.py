@@ -23,6 +23,7 @@ from agents.physics.margin import rough_margins
 from agents.physics.squeeze import empty_room, squeeze_estimate
 from agents.physics.strength import GRAVITY, load_of, torque_fraction
 from agents.planning.atlas import hand_atlas
+from agents.planning.claims import FAR
 from agents.planning.constraints import FIXED_ROWS
 from agents.planning.holding import NONE, firmest_hold, level_of
 from agents.planning.placement import ASSIGNMENTS, place_on_atlas
@@ -36,7 +37,6 @@ from dexgrasp_env.robot.limits import HOME
 BATCH = 128  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
 REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
-FAR = 0.02  # m: clearances beyond are not measured
 MOST_FORCE = 15.0  # N along each axis: a finger's 0.7 Nm over the shortest lever that any posture has
 _ROUGH = 1e-2  # of the margin
 COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_arm", "feasible", "holding")

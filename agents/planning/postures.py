@@ -26,7 +26,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HAND_TORQUE, HOME
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
-POSE = 0.2  # load that a unit of a placement's score is worth
+_POSE = 0.2  # load that a unit of a placement's score is worth
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def atlas_postures(
     placed = place_on_atlas(
         proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders, settings.neighbours
     )
-    merit = loads_on(placed, target, tree, settings) + POSE * placed.scores
+    merit = loads_on(placed, target, tree, settings) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
     for k in np.argsort(-merit, kind="stable"):

@@ -69,16 +69,7 @@ class LiftSettings:
             "calibration": Calibration.of(given["calibration"]),
             "views": _check_views(given["views"]),
         }
-        names = (
-            [objects]
-            if isinstance(objects, str)
-            else list(objects)
-            if isinstance(objects, Iterable)
-            else [None]
-        )
-        if not all(isinstance(name, str) for name in names):
-            raise InputError(f"objects = {objects!r}: valid is a name or a list of names")
-        targets = resolve_targets(names)
+        targets = resolve_targets(_check_names(objects))
         return cls(objects=tuple(targets), **(given | parts))
 
     def friction_of(self, model: ObjectModel) -> float:
@@ -101,6 +92,14 @@ _CHOICES = {
     "render_mode": (None, *RENDER_MODES),
     "render_camera": SHOW_CAMERAS,
 }
+
+
+def _check_names(objects: Any) -> list[str]:
+    single = isinstance(objects, str) or not isinstance(objects, Iterable)
+    names = [objects] if single else list(objects)
+    if not all(isinstance(name, str) for name in names):
+        raise InputError(f"objects = {objects!r}: valid is a name or a list of names")
+    return names
 
 
 def _check_number(name: str, value: Any, most: float) -> None:
