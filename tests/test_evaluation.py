@@ -8,8 +8,10 @@ import sys
 import time
 
 import pytest
+import trimesh
 from trial_rows import row
 
+from agents.cli.main import main
 from agents.evaluation.evaluate import evaluate
 from agents.evaluation.protocol import get_protocol
 from agents.evaluation.replay import replay
@@ -17,6 +19,7 @@ from agents.evaluation.settings import EvaluationSettings
 from agents.evaluation.spec import TrialSpec, object_labels, plan_trials
 from agents.evaluation.store import read_rows
 from agents.evaluation.summary import summarise
+from agents.evaluation.trial_runner import TrialRunner
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import rendering_fault
 
@@ -224,3 +227,27 @@ def test_every_mesh_is_looked_at_before_the_first_trial(tmp_path):
     with pytest.raises(InputError, match=r"bad\.obj"):
         evaluate(settings, tmp_path / "out", progress=False)
     assert not (tmp_path / "out" / "trials.jsonl").exists()
+
+
+def test_a_mesh_by_a_link_of_another_name_loses_no_trial(tmp_path, capsys):
+    trimesh.creation.box((0.05, 0.06, 0.08)).export(tmp_path / "plain.stl")
+    link = tmp_path / "link2.stl"
+    link.symlink_to("plain.stl")
+    out = tmp_path / "run"
+    command = ["evaluate", "--agents", "bilevel", "--objects", str(link), "soda", "--trials", "1"]
+    assert main([*command, "--out", str(out)]) == 0
+    rows = {row["object"]: row for row in read_rows(out)}
+    assert set(rows) == {"link2", "soda"}
+    assert json.loads((out / rows["link2"]["grasp"]).read_text())["object"]["source"] == str(link)
+    capsys.readouterr()
+    assert main(["plan", str(link), "--json"]) == 0
+
+
+def test_fewer_trials_than_asked_for_are_no_success(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(TrialRunner, "run", lambda self, spec: next(iter(())))
+    with pytest.raises(RuntimeError, match="StopIteration"):
+        evaluate(SETTINGS, tmp_path / "raised", progress=False)
+    monkeypatch.setattr("agents.evaluation.evaluate.run_cells", lambda *_: iter(()))
+    command = ["evaluate", "--agents", "random", "--objects", "soda", "--trials", "2"]
+    assert main([*command, "--out", str(tmp_path / "lost")]) == 1
+    assert "2 of 2 trials did not finish, the first: lift, random, soda, 0" in capsys.readouterr().err

@@ -120,7 +120,7 @@ def run(args: argparse.Namespace) -> int:
     from agents.evaluation.evaluate import evaluate
     from agents.evaluation.settings import EvaluationSettings
     from agents.evaluation.video import Film
-    from agents.evaluation.workers import Backend, WorkerDiedError
+    from agents.evaluation.workers import Backend, LostTrialsError, WorkerDiedError
     from agents.registry import check_name
 
     check_backend(args)
@@ -151,6 +151,9 @@ def run(args: argparse.Namespace) -> int:
             f"dexgrasp evaluate: {what}; finished trials are kept in {folder}: the same command goes on from there"
         )
         return _print(args, folder, code=3)
+    except LostTrialsError as lost:
+        note(f"dexgrasp evaluate: {lost}; the others are in {folder}")
+        return _print(args, folder, code=1)
     return _print(args, folder, code=0)
 
 

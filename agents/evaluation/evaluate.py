@@ -13,7 +13,7 @@ from agents.evaluation.store import Key, TrialStore, check_folder
 from agents.evaluation.summary import summarise
 from agents.evaluation.trial_runner import TrialRunner
 from agents.evaluation.video import Film, check_rendering
-from agents.evaluation.workers import Backend, run_cells
+from agents.evaluation.workers import Backend, LostTrialsError, run_cells
 from agents.interrupt import held, kept
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -47,6 +47,7 @@ def evaluate(
         InputError: for wrong settings, a mesh that cannot be used, or a folder that holds another evaluation.
         KeyboardInterrupt: as it comes; finished trials and their summary are kept.
         WorkerDiedError: likewise.
+        LostTrialsError: likewise, where fewer trials finished than were asked for.
     """
     if stop_level is not None and len(settings.parts) > 1:
         raise InputError("--stop-early tells agents apart under one protocol: name one")
@@ -158,6 +159,10 @@ def _run(
             _warn_once(row, errors)
             if stopped_after() is not None:
                 return
+    lost = {_key(cell) for cell in cells} - store.finished
+    if lost:
+        first = ", ".join(map(str, min(lost)))
+        raise LostTrialsError(f"{len(lost)} of {done + len(cells)} trials did not finish, the first: {first}")
 
 
 def _success_so_far(rows: Sequence[dict[str, Any]]) -> str:

@@ -55,10 +55,10 @@ def content_of(
 def object_identity(env: gym.Env[Any, Any]) -> "ObjectIdentity":
     """Return what the object of an environment can be found again by."""
     from agents.grasp.identity import ObjectIdentity
-    from dexgrasp_env.objects.load import has_own_size, object_name
+    from dexgrasp_env.objects.load import has_own_size
 
-    model, settings = env.unwrapped.simulation.object, env.unwrapped.settings  # type: ignore[attr-defined]
-    source = next(target for target in settings.objects if object_name(target) == model.name)
+    lift = env.unwrapped
+    model, settings, source = lift.simulation.object, lift.settings, lift.target  # type: ignore[attr-defined]
     return ObjectIdentity.of(model, source, 1.0 if has_own_size(source) else settings.mesh_scale)
 
 

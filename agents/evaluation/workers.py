@@ -45,6 +45,10 @@ class WorkerDiedError(RuntimeError):
     """A worker process was killed or crashed."""
 
 
+class LostTrialsError(RuntimeError):
+    """Fewer trials finished than were asked for, though nothing said so."""
+
+
 def run_cells(
     settings: EvaluationSettings, cells: Sequence[TrialSpec], backend: Backend, bench: TrialRunner
 ) -> Iterator[Finished]:
@@ -67,7 +71,8 @@ def run_cells(
         yield from run_on_cluster(_run_on_node, tasks, address=backend.address, workers=max(1, workers))
         return
     if workers <= 1:
-        yield from map(bench.run, cells)
+        for cell in cells:  # a StopIteration of a trial would end a map() as if all were done
+            yield bench.run(cell)
         return
     context = multiprocessing.get_context("spawn")
     with _environment(thread_limits(workers)):

@@ -220,6 +220,11 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         return self._simulation
 
     @property
+    def target(self) -> str:
+        """The object of the episode, as `objects` names it: a name, or the path as it was given."""
+        return self._episodes.slots[0].target
+
+    @property
     def model(self) -> mujoco.MjModel:
         """MuJoCo's model of the episode, with its variation."""
         return self._simulation.model
