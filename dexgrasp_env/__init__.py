@@ -17,7 +17,7 @@ from gymnasium.envs.registration import register
 from dexgrasp_env.errors import InputError
 
 __all__ = ["InputError"]
-__version__ = "0.2.0"
+__version__ = "0.3.0"
 
 _LIMIT = 300  # control steps at 20 Hz: 15 s
 _PUSHES = 80  # control steps that the pushes take: `tasks.disturbance`, which is not imported here

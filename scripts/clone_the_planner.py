@@ -9,12 +9,12 @@ Everything goes on where it was stopped when the same command is given again.
 import argparse
 from pathlib import Path
 
-from agents.demos.generate import generate
-from agents.demos.settings import DemoSettings
-from agents.evaluation.evaluate import evaluate
-from agents.evaluation.settings import EvaluationSettings
-from agents.imitation.settings import BcSettings
-from agents.imitation.training import train_bc
+from dexgrasp.demos.generate import generate
+from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.imitation.settings import BcSettings
+from dexgrasp.imitation.training import train_bc
 
 
 def main(argv: list[str] | None = None) -> dict[str, float]:
@@ -22,7 +22,7 @@ def main(argv: list[str] | None = None) -> dict[str, float]:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--agent", default="agents.demos.teacher:Teacher", help="who demonstrates")
+    parser.add_argument("--agent", default="dexgrasp.agents.teacher:Teacher", help="who demonstrates")
     parser.add_argument("--objects", nargs="+", default=["varied-0..19"], help="to learn on")
     parser.add_argument("--episodes", type=int, default=20, help="scenes of each object")
     parser.add_argument("--noise", type=float, default=0.03, help="on what is demonstrated")

@@ -17,9 +17,9 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
-from agents.evaluation.replay import replay, video_path
-from agents.evaluation.store import read_rows
-from agents.evaluation.video import Film
+from dexgrasp.evaluation.replay import replay, video_path
+from dexgrasp.evaluation.store import read_rows
+from dexgrasp.evaluation.video import Film
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import object_name
 

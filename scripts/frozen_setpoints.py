@@ -17,10 +17,10 @@ import gymnasium as gym
 import numpy as np
 from tqdm import tqdm
 
-from agents.evaluation.protocol import get_protocol, trial_seeds
-from agents.evaluation.statistics import wilson_interval
-from agents.evaluation.trial import run_trial
-from agents.registry import make_agent
+from dexgrasp.evaluation.protocol import get_protocol, trial_seeds
+from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.trial import run_trial
+from dexgrasp.registry import make_agent
 from dexgrasp_env.objects.load import resolve_targets
 
 

@@ -39,7 +39,7 @@ ALLOWED = (0, 1, 2, 3)
 
 def prepare(folder: Path) -> None:
     """Make the good inputs that cases are damaged from: a grasp, an evaluation, a dataset, a checkpoint."""
-    from agents.cli.main import main
+    from dexgrasp.cli.main import main
 
     runs = ["evaluate", "--agents", "random", "hardcoded", "--objects", "sugar_box", "--trials", "2"]
     steps = {
@@ -175,8 +175,8 @@ def _checkpoint_case(rng: np.random.Generator, good: Path, here: Path) -> Case:
 
 def run_here(argv: list[str], checks: dict[str, Any]) -> tuple[int, str]:
     """Run a case through `main` in this process; return its exit code and the end of what it said."""
-    from agents.cli import checks as doctor
-    from agents.cli.main import main
+    from dexgrasp.cli import checks as doctor
+    from dexgrasp.cli.main import main
 
     doctor.check_versions = doctor.check_rendering = doctor.check_machine = (
         lambda: []
@@ -274,7 +274,7 @@ def serve() -> None:
 
 def run_process(argv: list[str], cwd: Path) -> tuple[int, str]:
     """Run a case as a user does."""
-    command = [sys.executable, "-m", "agents.cli.main", *argv]
+    command = [sys.executable, "-m", "dexgrasp.cli.main", *argv]
     try:
         done = subprocess.run(command, capture_output=True, cwd=cwd, timeout=2 * LONGEST, check=False)
     except ValueError as error:  # a zero byte cannot be an argument

@@ -23,7 +23,7 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).parent))
 from json_log import JsonLog
 
-from agents import plan_cloud
+from dexgrasp import plan_cloud
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import find_object

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from agents.learning.decoder import read_arrays
+from dexgrasp.runs.arrays import read_arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_json

@@ -24,8 +24,8 @@ from typing import Any
 import numpy as np
 from tqdm import tqdm
 
-from agents.evaluation.attempt import Attempt, attempt_target
-from agents.physics.strength import GRAVITY
+from dexgrasp.physics.strength import GRAVITY
+from dexgrasp.planning.attempt import Attempt, attempt_target
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_json
 from dexgrasp_env.objects.load import resolve_targets

@@ -21,8 +21,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
-from agents.grasp.file import read_grasp, record_of, write_grasp
-from agents.grasp.verify import PARTS, verify
+from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
+from dexgrasp.verify.verify import PARTS, verify
 from dexgrasp_env.errors import InputError
 
 FREE = ("schema", "seed", "version", "versions", "created", "seconds", "planning_seconds", "agent")
@@ -151,7 +151,7 @@ def matters(mutation: Mutation) -> bool:
 
 
 def _planned(out: Path) -> list[Path]:
-    from agents.evaluation.attempt import plan_target
+    from dexgrasp.planning.attempt import plan_target
 
     paths = []
     for seed, name in enumerate(OBJECTS):

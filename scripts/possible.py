@@ -29,16 +29,16 @@ import numpy as np
 from numpy.random import Generator
 from tqdm import tqdm
 
-from agents.grasp.target import GraspTarget
-from agents.kinematics.clearance import clearance_rows, empty_rows
-from agents.kinematics.forward import body_frames, fingertips
-from agents.learning.sampler import REACH
-from agents.physics.closure import closure_sweep
-from agents.planning.holding import firmest_hold
-from agents.planning.plan import Clock, Plan
-from agents.planning.planner import Planner, warm_up
-from agents.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, graspable_points
-from agents.planning.settings import PlannerSettings
+from dexgrasp.dataset.sampler import REACH
+from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
+from dexgrasp.kinematics.forward import body_frames, fingertips
+from dexgrasp.physics.closure import closure_sweep
+from dexgrasp.planning.holding import firmest_hold
+from dexgrasp.planning.plan import Clock, Plan
+from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, graspable_points
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.load import load_target, object_name, resolve_targets

@@ -15,10 +15,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from agents.evaluation.report.build import read_agents
-from agents.evaluation.report.origin import commands, describe_run
-from agents.evaluation.report.tables import rate_words
-from agents.evaluation.report.text import markdown_table
+from dexgrasp.evaluation.report.build import read_agents
+from dexgrasp.evaluation.report.origin import commands, describe_run
+from dexgrasp.evaluation.report.tables import rate_words
+from dexgrasp.runs.text import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"

@@ -21,14 +21,14 @@ from tqdm import tqdm
 sys.path.insert(0, str(Path(__file__).parent))
 from json_log import JsonLog
 
-from agents.evaluation.statistics import wilson_interval
-from agents.evaluation.store import read_rows
-from agents.export.bullet import replay_in_bullet
-from agents.export.check import check_trajectory
-from agents.export.grasp_export import export_grasp
-from agents.export.read import read_trajectory
-from agents.export.replay import replay
-from agents.grasp.file import read_grasp
+from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.store import read_rows
+from dexgrasp.export.bullet import replay_in_bullet
+from dexgrasp.export.check import check_trajectory
+from dexgrasp.export.grasp_export import export_grasp
+from dexgrasp.export.read import read_trajectory
+from dexgrasp.export.replay import replay
+from dexgrasp.grasp.file import read_grasp
 from dexgrasp_env.errors import InputError
 
 

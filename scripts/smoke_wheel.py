@@ -38,10 +38,10 @@ def main() -> None:
 
 def check_home() -> str:
     """Both packages come from this environment, at one version."""
-    import agents
+    import dexgrasp
     import dexgrasp_env
 
-    for package in (dexgrasp_env, agents):
+    for package in (dexgrasp_env, dexgrasp):
         assert Path(package.__path__[0]).is_relative_to(sys.prefix), f"{package.__path__} is not the wheel's"
     assert dexgrasp_env.__version__ == version("dexgrasp")
     return dexgrasp_env.__version__
@@ -49,10 +49,10 @@ def check_home() -> str:
 
 def import_all() -> str:
     """Every module imports, but those that need an extra."""
-    import agents
+    import dexgrasp
     import dexgrasp_env
 
-    names = [name for package in (dexgrasp_env, agents) for name in _modules(package)]
+    names = [name for package in (dexgrasp_env, dexgrasp) for name in _modules(package)]
     without = [name for name in names if not _imports(name)]
     return f"{len(names)} modules, {len(without)} of them need an extra: {' '.join(without) or 'none'}"
 

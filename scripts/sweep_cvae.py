@@ -22,18 +22,18 @@ import trimesh
 from scipy.spatial.distance import pdist
 from tqdm import tqdm
 
-from agents.grasp.target import GraspTarget
-from agents.kinematics.tree import robot_tree
-from agents.learning.batches import split, test_batches
-from agents.learning.cvae_source import CvaeProposals
-from agents.learning.dataset import PoseGrasps, read_dataset
-from agents.learning.settings import NetworkSettings
-from agents.learning.training import WEIGHTS, TrainingSettings, evaluate, train
-from agents.learning.weights import read_weights
-from agents.physics.margin import margins
-from agents.planning.postures import atlas_postures
-from agents.planning.settings import PlannerSettings
-from agents.planning.sqp import solve
+from dexgrasp.cvae.batches import split, test_batches
+from dexgrasp.cvae.training import WEIGHTS, TrainingSettings, evaluate, train
+from dexgrasp.cvae.weights import read_weights
+from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.physics.margin import margins
+from dexgrasp.planning.cvae_source import CvaeProposals
+from dexgrasp.planning.decoder import NetworkSettings
+from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sqp import solve
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.files import write_json
 
 SAMPLES = 100  # of the prior, a rest pose

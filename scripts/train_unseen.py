@@ -13,7 +13,7 @@ import torch
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from agents.unseen.network import LOG_SPREAD, SCHEMA
+from dexgrasp.shape.network import LOG_SPREAD, SCHEMA
 
 _BATCH, _RATE, _DECAY, _NOISE = 256, 1.5e-3, 1e-2, 0.03  # noise in standard deviations of the features
 

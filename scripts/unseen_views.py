@@ -14,13 +14,13 @@ import trimesh
 from numpy.random import Generator
 from tqdm import tqdm
 
-from agents.unseen.network import OUTPUT
-from agents.unseen.view import UNIT, WRITTEN, View
+from dexgrasp.shape.network import OUTPUT
+from dexgrasp.shape.view import UNIT, WRITTEN, View
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_target
-from dexgrasp_env.perception.camera import Camera
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.segment import SegmentedCloud, segment
+from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.sensing.cameras import default_cameras
 from dexgrasp_env.sensing.groups import VISUAL_GROUPS

@@ -20,8 +20,8 @@ def contents():
 def check(tmp_path):
     """Write a grasp file, verify it, and return check by name."""
 
-    from agents.grasp.file import read_grasp, write_grasp
-    from agents.grasp.verify import verify
+    from dexgrasp.grasp.file import read_grasp, write_grasp
+    from dexgrasp.verify.verify import verify
 
     def run(content):
         path = tmp_path / "grasp.json"

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from agents.physics.cones import tangent_basis
+from dexgrasp.physics.cones import tangent_basis
 
 
 def project_to_cone(forces, normals, mu):

@@ -2,11 +2,11 @@
 
 import trimesh
 
-from agents.grasp.file import ObjectPose, grasp_json
-from agents.grasp.identity import ObjectIdentity
-from agents.grasp.target import GraspTarget
-from agents.planning.planner import Planner
-from agents.planning.settings import PlannerSettings
+from dexgrasp.grasp.file import ObjectPose, grasp_json
+from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.limits import HOME

@@ -15,8 +15,8 @@ import pytest
 import trimesh
 
 import dexgrasp_env  # noqa: F401
-from agents import Agent, make_agent
-from agents.policies.hardcoded import HardcodedAgent, short_axis
+from dexgrasp import Agent, make_agent
+from dexgrasp.agents.hardcoded import HardcodedAgent, short_axis
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.limits import HOME
@@ -109,7 +109,7 @@ def test_random_is_seeded_and_fills_the_space():
     [
         ("nobody", "valid are random, hardcoded"),
         ("no.such.module:Thing", "no.such.module"),
-        ("agents.base:Nothing", "no class 'Nothing'"),
+        ("dexgrasp.agent:Nothing", "no class 'Nothing'"),
         (":Thing", "cannot be imported"),
         ("fractions:Fraction", r"no method reset\(\)"),
         ("nothing.zip", "does not exist"),
@@ -206,13 +206,13 @@ def test_checkpoints_run_nothing(key, tmp_path):
 
 
 def test_the_package_imports_neither_torch_nor_numba():
-    code = "import agents, sys; agents.make_agent; assert not {'torch', 'numba'} & set(sys.modules)"
+    code = "import dexgrasp, sys; dexgrasp.make_agent; assert not {'torch', 'numba'} & set(sys.modules)"
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_policy_of_nobody_is_one_line(capsys):
     """Found by fuzzing: `~user` of a user that there is none of."""
-    from agents.cli.main import main
+    from dexgrasp.cli.main import main
 
     assert main(["demo", "--agent", "~nosuchuser/policy"]) == 2
     assert "no such user" in capsys.readouterr().err

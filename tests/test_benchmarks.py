@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from agents.benchmarks.registry import BENCHMARKS, run_benchmark
+from dexgrasp.benchmarks.registry import BENCHMARKS, run_benchmark
 from dexgrasp_env.errors import InputError
 
 

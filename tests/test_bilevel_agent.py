@@ -9,14 +9,16 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from agents import make_agent
-from agents.evaluation.attempt import attempt_target, plan_target
-from agents.evaluation.protocol import TrialSeeds
-from agents.evaluation.trial import public_info, run_trial
-from agents.execution.guarded import GuardedExecution
-from agents.kinematics.forward import fingertips
-from agents.kinematics.tree import robot_tree
-from agents.policies.bilevel import BilevelAgent, make_source, target_from_cloud
+from dexgrasp import make_agent
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.evaluation.protocol import TrialSeeds
+from dexgrasp.evaluation.trial import public_info, run_trial
+from dexgrasp.kinematics.forward import fingertips
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.guarded import GuardedExecution
+from dexgrasp.planning.attempt import attempt_target, plan_target
+from dexgrasp.planning.seen import target_from_cloud
+from dexgrasp.planning.sources import make_source
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import LOWER, UPPER
 from dexgrasp_env.tasks.control import denormalise
@@ -344,8 +346,8 @@ def test_works_without_torch_and_the_same_in_another_process(attempt):
                     raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
         sys.meta_path.insert(0, Absent())
-        from agents.evaluation.attempt import attempt_target
-        from agents.policies.bilevel import BilevelAgent
+        from dexgrasp.planning.attempt import attempt_target
+        from dexgrasp.agents.bilevel import BilevelAgent
         made = attempt_target("sugar_box", seed=0)
         assert made.agent.report.failure is None, made.agent.report
         made.agent.act(made.observation)

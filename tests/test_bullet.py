@@ -7,9 +7,9 @@ import mujoco
 import numpy as np
 import pytest
 
-from agents.export.bullet import STEP, World, replay_in_bullet
-from agents.export.read import Recording, Rows
-from agents.export.scene_folder import write_scene
+from dexgrasp.export.bullet import STEP, World, replay_in_bullet
+from dexgrasp.export.read import Recording, Rows
+from dexgrasp.export.scene_folder import write_scene
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.robot.limits import HOME

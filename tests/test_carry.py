@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.execution.guarded import GuardedExecution
-from agents.execution.turn import rotation, turn_arm
-from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import body_frames, tip_jacobian, tip_positions
-from agents.kinematics.palm_ik import palm_frame
-from agents.kinematics.tree import robot_tree
-from agents.physics.strength import capacity_of, hold_residual, torque_fraction
-from agents.planning.carry import ENOUGH, plan_turn
-from agents.planning.claims import contacts_of
-from agents.planning.planner import Planner
-from agents.planning.settings import PlannerSettings
+from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.guarded import GuardedExecution
+from dexgrasp.motion.turn import rotation, turn_arm
+from dexgrasp.physics.strength import capacity_of, hold_residual, torque_fraction
+from dexgrasp.planning.carry import ENOUGH, plan_turn
+from dexgrasp.planning.claims import contacts_of
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.tasks.control import denormalise
 

@@ -12,13 +12,13 @@ import numpy as np
 import pytest
 import yaml
 
-from agents.cli.commands import run_command
-from agents.demos.settings import DemoSettings
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.store import TrialStore, check_folder
-from agents.learning.folder import claim
-from agents.learning.generate import _identity
-from agents.learning.settings import DatasetSettings
+from dexgrasp.cli.commands import run_command
+from dexgrasp.dataset.generate import _identity
+from dexgrasp.dataset.settings import DatasetSettings
+from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.store import TrialStore, check_folder
+from dexgrasp.runs.folder import claim
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import SIMULATED, active_cell, use_cell
@@ -120,10 +120,10 @@ def run(words, environment):
 
 LOOK = """
 import json, gymnasium as gym, numpy as np, dexgrasp_env
-from agents.demos.settings import DemoSettings
-from agents.learning.generate import _identity
-from agents.learning.settings import DatasetSettings
-from agents.evaluation.settings import EvaluationSettings
+from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.dataset.generate import _identity
+from dexgrasp.dataset.settings import DatasetSettings
+from dexgrasp.evaluation.settings import EvaluationSettings
 env = gym.make("DexGrasp/Lift-v1", objects="pear", obs_mode="pointcloud", control_mode="joint_delta")
 observation, info = env.reset(seed=0)
 before = observation["joint_targets"]
@@ -161,7 +161,7 @@ def test_the_environment_is_of_the_cell(lab):
 
 COMMANDS = """
 import json, sys
-from agents.cli.commands import run_command
+from dexgrasp.cli.commands import run_command
 for command, code in json.loads(sys.argv[1]):
     assert run_command([*command, "--cell", sys.argv[2]]) == code, command
 """

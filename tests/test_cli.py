@@ -9,16 +9,16 @@ import textwrap
 
 import pytest
 
-from agents.benchmarks.registry import available
-from agents.cli import checks
-from agents.cli.benchmark import render
-from agents.cli.commands import COMMANDS, make_parser
-from agents.cli.main import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK, main
-from agents.cli.output import json_output, print_json
+from dexgrasp.benchmarks.registry import available
+from dexgrasp.cli import checks
+from dexgrasp.cli.benchmark import render
+from dexgrasp.cli.commands import COMMANDS, make_parser
+from dexgrasp.cli.main import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK, main
+from dexgrasp.cli.output import json_output, print_json
 from dexgrasp_env.errors import InputError
 
 
-def run(*arguments, module="agents.cli.main", **kwargs):
+def run(*arguments, module="dexgrasp.cli.main", **kwargs):
     return subprocess.run(
         [sys.executable, "-m", module, *arguments], capture_output=True, text=True, **kwargs
     )
@@ -121,7 +121,7 @@ def test_every_command_has_help_with_its_options(capsys):
 
 def test_help_brings_nothing_heavy():
     code = (
-        "import sys; from agents.cli.main import main; main(['--help']); "
+        "import sys; from dexgrasp.cli.main import main; main(['--help']); "
         "print([name for name in ('mujoco', 'numba', 'torch', 'trimesh', 'scipy') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -130,7 +130,7 @@ def test_help_brings_nothing_heavy():
 
 def test_planning_for_an_object_of_the_catalogue_brings_nothing_that_it_does_not_need():
     code = (
-        "import sys; from agents.cli.main import main; main(['plan', 'soda']); "
+        "import sys; from dexgrasp.cli.main import main; main(['plan', 'soda']); "
         "print([name for name in ('torch', 'trimesh', 'matplotlib', 'OpenGL', 'glfw') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
@@ -145,7 +145,7 @@ def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
 
 
 def test_a_full_disk_is_the_users_to_mend(monkeypatch, capsys):
-    import agents.cli.list as command
+    import dexgrasp.cli.list as command
 
     def full(args):
         raise OSError(errno.ENOSPC, "No space left on device", "runs/x")
@@ -177,7 +177,7 @@ def test_module_is_the_same_command():
 
 
 def test_world_does_not_import_agents():
-    code = "import sys, dexgrasp_env.__main__; print('agents' in sys.modules)"
+    code = "import sys, dexgrasp_env.__main__; print('dexgrasp' in sys.modules)"
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
     )
@@ -221,7 +221,7 @@ def test_evaluate_prints_json_alone(tmp_path):
 
 
 def test_exceptions_and_interrupts(monkeypatch, capsys):
-    import agents.cli.list as command
+    import dexgrasp.cli.list as command
 
     for error, code in (
         (InputError("a\nb"), BAD_INPUT),
@@ -234,7 +234,7 @@ def test_exceptions_and_interrupts(monkeypatch, capsys):
 
 
 def test_closed_pipe_is_no_error():
-    command = f"{sys.executable} -m agents.cli.main list objects | head -n 1; exit ${{PIPESTATUS[0]}}"
+    command = f"{sys.executable} -m dexgrasp.cli.main list objects | head -n 1; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", command], capture_output=True, text=True)
     assert done.stderr == ""
 
@@ -281,7 +281,7 @@ def test_benchmark_tables():
     [(True, "", "\x1b[31mFAIL\x1b[0m"), (True, "1", "FAIL"), (False, "", "FAIL")],
 )
 def test_colours_are_for_terminals_alone(terminal, no_colour, text, monkeypatch):
-    from agents.cli.output import mark
+    from dexgrasp.cli.output import mark
 
     monkeypatch.setattr(sys.stdout, "isatty", lambda: terminal, raising=False)
     monkeypatch.setenv("TERM", "xterm")
@@ -296,8 +296,8 @@ def test_libraries_with_their_own_check_at_exit_print_nothing(tmp_path):
         textwrap.dedent(
             """
             import sys
-            import agents.cli.commands as commands
-            from agents.cli.main import main
+            import dexgrasp.cli.commands as commands
+            from dexgrasp.cli.main import main
 
             def run_command(arguments):
                 import manifold3d

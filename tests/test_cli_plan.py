@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
-from agents.evaluation import attempt
+from dexgrasp.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
+from dexgrasp.planning import attempt
 from dexgrasp_env.rendering import rendering_fault
 
 CERTIFICATE = {

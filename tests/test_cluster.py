@@ -2,10 +2,10 @@
 
 import pytest
 
-from agents.evaluation.evaluate import evaluate
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.store import read_rows
-from agents.evaluation.workers import Backend, run_cells
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.store import read_rows
+from dexgrasp.evaluation.workers import Backend, run_cells
 from dexgrasp_env.errors import InputError
 
 ray = pytest.importorskip("ray")
@@ -42,7 +42,7 @@ def test_a_lost_node_loses_nothing_and_doubles_nothing(cluster, tmp_path, monkey
                 cluster.remove_node(second, allow_graceful=False)
             yield row
 
-    monkeypatch.setattr("agents.evaluation.evaluate.run_cells", losing)
+    monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_cells", losing)
     spread = evaluate(SETTINGS, tmp_path / "ray", workers=Backend("ray", 2, cluster.address), progress=False)
     monkeypatch.undo()
     alone = evaluate(SETTINGS, tmp_path / "one", progress=False)

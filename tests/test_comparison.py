@@ -4,8 +4,8 @@ import json
 
 import pytest
 
-from agents.cli.main import main
-from agents.evaluation.comparison import compare_rows
+from dexgrasp.cli.main import main
+from dexgrasp.evaluation.comparison import compare_rows
 
 
 def row(agent, target, trial, success, **more):

@@ -5,8 +5,8 @@ import subprocess
 
 import pytest
 
-from agents.cli.commands import COMMANDS
-from agents.cli.completion import completion_script
+from dexgrasp.cli.commands import COMMANDS
+from dexgrasp.cli.completion import completion_script
 
 ASK = """
 source {script}

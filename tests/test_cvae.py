@@ -15,23 +15,8 @@ pytest.importorskip("safetensors")
 
 import trimesh  # noqa: E402
 
-from agents import make_agent  # noqa: E402
-from agents.cli.main import main  # noqa: E402
-from agents.grasp.target import GraspTarget  # noqa: E402
-from agents.learning.batches import split, training_batch  # noqa: E402
-from agents.learning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
-from agents.learning.dataset import read_dataset  # noqa: E402
-from agents.learning.decoder import read_decoder  # noqa: E402
-from agents.learning.folder import occupy  # noqa: E402
-from agents.learning.generate import generate  # noqa: E402
-from agents.learning.network import Cvae, losses, rotation_of  # noqa: E402
-from agents.learning.settings import SCALE, DatasetSettings, NetworkSettings  # noqa: E402
-from agents.learning.training import TrainingSettings, train  # noqa: E402
-from agents.learning.weights import read_weights, write_weights  # noqa: E402
-from agents.planning.planner import Planner  # noqa: E402
-from agents.planning.proposals import ProposalSource  # noqa: E402
-from agents.planning.settings import PlannerSettings  # noqa: E402
-from agents.policies.ablations import (  # noqa: E402
+from dexgrasp import make_agent  # noqa: E402
+from dexgrasp.agents.ablations import (  # noqa: E402
     COLLISION,
     NO_CLOSURE,
     NO_IK,
@@ -39,6 +24,25 @@ from agents.policies.ablations import (  # noqa: E402
     KinematicPlanner,
     RawPlanner,
 )
+from dexgrasp.cli.main import main  # noqa: E402
+from dexgrasp.cvae.batches import split, training_batch  # noqa: E402
+from dexgrasp.cvae.network import Cvae, losses, rotation_of  # noqa: E402
+from dexgrasp.cvae.training import TrainingSettings, train  # noqa: E402
+from dexgrasp.cvae.weights import read_weights, write_weights  # noqa: E402
+from dexgrasp.dataset.dataset import read_dataset  # noqa: E402
+from dexgrasp.dataset.generate import generate  # noqa: E402
+from dexgrasp.dataset.settings import DatasetSettings  # noqa: E402
+from dexgrasp.planning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
+from dexgrasp.planning.decoder import (  # noqa: E402
+    SCALE,
+    NetworkSettings,
+    read_decoder,
+)
+from dexgrasp.planning.planner import Planner  # noqa: E402
+from dexgrasp.planning.proposals import ProposalSource  # noqa: E402
+from dexgrasp.planning.settings import PlannerSettings  # noqa: E402
+from dexgrasp.runs.folder import occupy  # noqa: E402
+from dexgrasp.shape.target import GraspTarget  # noqa: E402
 from dexgrasp_env.errors import InputError  # noqa: E402
 
 NETWORK = NetworkSettings(latent=3, points=64, local=16, cloud=32, hidden=32)
@@ -330,9 +334,9 @@ def test_learned_proposals_need_no_torch():
         sys.modules["torch"] = None
         import trimesh
         import numpy as np
-        from agents.grasp.target import GraspTarget
-        from agents.planning.settings import PlannerSettings
-        from agents.policies.bilevel import make_source
+        from dexgrasp.shape.target import GraspTarget
+        from dexgrasp.planning.settings import PlannerSettings
+        from dexgrasp.planning.sources import make_source
         box = trimesh.creation.box((0.06, 0.1, 0.08)).apply_translation([0.5, 0.0, 0.04])
         found = make_source("auto").propose(GraspTarget.of(box), PlannerSettings(), np.random.default_rng(0))
         print(found.assigned, len(found.contacts))

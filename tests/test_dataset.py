@@ -10,20 +10,20 @@ import time
 import numpy as np
 import pytest
 
-from agents.cli.dataset import describe
-from agents.cli.main import main
-from agents.kinematics.tree import robot_tree
-from agents.learning.dataset import read_dataset
-from agents.learning.generate import Job, generate, make
-from agents.learning.info import check_sample, summary
-from agents.learning.rest_scene import placed, rest_scene, turn
-from agents.learning.sampler import bearable
-from agents.learning.settings import DatasetSettings
-from agents.learning.shards import FIELDS, complete, read_arrays, read_manifest, write_arrays
-from agents.physics.margin import margins
-from agents.planning.placement import ASSIGNMENTS, place_on_atlas
-from agents.planning.postures import loads_on
-from agents.planning.proposals import closure_sweep
+from dexgrasp.cli.dataset import describe
+from dexgrasp.cli.main import main
+from dexgrasp.dataset.dataset import read_dataset
+from dexgrasp.dataset.generate import Job, generate, make
+from dexgrasp.dataset.info import check_sample, summary
+from dexgrasp.dataset.rest_scene import placed, rest_scene, turn
+from dexgrasp.dataset.sampler import bearable
+from dexgrasp.dataset.settings import DatasetSettings
+from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest, write_arrays
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.physics.margin import margins
+from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
+from dexgrasp.planning.postures import loads_on
+from dexgrasp.planning.proposals import closure_sweep
 from dexgrasp_env.errors import InputError
 
 SETTINGS = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5)
@@ -186,8 +186,8 @@ def test_a_shard_of_another_dataset_does_not_count(made, tmp_path):
 
 def test_killed_generation_ends_with_the_same_files(made, tmp_path):
     command = [
-        sys.executable, "-m", "agents.cli.main", "dataset", "generate", "--objects", "gelatin_box", "--grasps-per-pose",
-        "6", "--chunk", "3", "--seed", "5", "--out", str(tmp_path / "set"),
+        sys.executable, "-m", "dexgrasp.cli.main", "dataset", "generate", "--objects", "gelatin_box",
+        "--grasps-per-pose", "6", "--chunk", "3", "--seed", "5", "--out", str(tmp_path / "set"),
     ]  # fmt: skip
     process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     until = time.monotonic() + 60
@@ -265,7 +265,7 @@ def test_text_that_is_no_manifest_is_refused_in_one_line(tmp_path, content, caps
 def test_workers_end_with_a_parent_that_is_killed():
     code = (
         "import multiprocessing, os, time\n"
-        "from agents.jobs import _end_with\n"
+        "from dexgrasp.runs.jobs import _end_with\n"
         "def work(parent):\n"
         "    _end_with(parent); print(os.getpid(), flush=True); time.sleep(60)\n"
         "if __name__ == '__main__':\n"

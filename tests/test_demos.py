@@ -8,21 +8,21 @@ import numpy as np
 import pytest
 
 import dexgrasp_env  # noqa: F401
-from agents.demos import generate as generation
-from agents.demos.convert import to_action
-from agents.demos.generate import generate
-from agents.demos.info import replay_all, summary
-from agents.demos.minari_format import read_episodes, write_minari
-from agents.demos.rollout import intended
-from agents.demos.settings import DemoSettings
-from agents.kinematics.palm_ik import palm_frame
-from agents.kinematics.tree import robot_tree
+from dexgrasp.demos import generate as generation
+from dexgrasp.demos.convert import to_action
+from dexgrasp.demos.generate import generate
+from dexgrasp.demos.info import replay_all, summary
+from dexgrasp.demos.minari_format import read_episodes, write_minari
+from dexgrasp.demos.rollout import intended
+from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 from dexgrasp_env.robot.limits import HOME
 
 pytest.importorskip("minari")
-TEACHER = "agents.demos.teacher:Teacher"
+TEACHER = "dexgrasp.agents.teacher:Teacher"
 
 
 def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
@@ -166,7 +166,7 @@ def test_wrong_settings_are_refused(wrong, says):
 
 
 def test_the_command_line_tells_and_replays(folder, capsys):
-    from agents.cli.commands import run_command
+    from dexgrasp.cli.commands import run_command
 
     assert run_command(["demos", "info", str(folder), "--json"]) == 0
     figures = json.loads(capsys.readouterr().out)

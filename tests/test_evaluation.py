@@ -11,15 +11,15 @@ import pytest
 import trimesh
 from trial_rows import row
 
-from agents.cli.main import main
-from agents.evaluation.evaluate import evaluate
-from agents.evaluation.protocol import get_protocol
-from agents.evaluation.replay import replay
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.spec import TrialSpec, object_labels, plan_trials
-from agents.evaluation.store import read_rows
-from agents.evaluation.summary import summarise
-from agents.evaluation.trial_runner import TrialRunner
+from dexgrasp.cli.main import main
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.protocol import get_protocol
+from dexgrasp.evaluation.replay import replay
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.spec import TrialSpec, object_labels, plan_trials
+from dexgrasp.evaluation.store import read_rows
+from dexgrasp.evaluation.summary import summarise
+from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import rendering_fault
 
@@ -78,7 +78,7 @@ def test_killed_run_keeps_what_is_finished(tmp_path):
     command = [
         sys.executable,
         "-m",
-        "agents.cli.main",
+        "dexgrasp.cli.main",
         "evaluate",
         "--agents",
         "random",
@@ -158,7 +158,7 @@ def test_identity_knows_every_file(tmp_path, monkeypatch):
     "asset", ["weights/cvae.safetensors", "robot/shells/palm.obj", "rest_poses/pear.json"]
 )
 def test_identity_knows_what_is_shipped(tmp_path, monkeypatch, asset):
-    monkeypatch.setattr("agents.evaluation.settings.asset_path", lambda *parts: tmp_path)
+    monkeypatch.setattr("dexgrasp.evaluation.settings.asset_path", lambda *parts: tmp_path)
     path = tmp_path / asset
     path.parent.mkdir(parents=True)
     path.write_text("one")
@@ -199,7 +199,7 @@ def test_a_foreign_trial_is_refused(finished, tmp_path):
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")
 def test_videos_of_a_finished_run(finished, tmp_path, monkeypatch):
-    monkeypatch.setattr("agents.evaluation.video.Video.add", lambda self, env: write_one(self))
+    monkeypatch.setattr("dexgrasp.evaluation.video.Video.add", lambda self, env: write_one(self))
     shutil.copytree(finished[0], tmp_path / "run")
     evaluate(SETTINGS, tmp_path / "run", videos=1, progress=False)
     films = {path.name for path in (tmp_path / "run" / "videos").iterdir()}
@@ -247,7 +247,7 @@ def test_fewer_trials_than_asked_for_are_no_success(tmp_path, monkeypatch, capsy
     monkeypatch.setattr(TrialRunner, "run", lambda self, spec: next(iter(())))
     with pytest.raises(RuntimeError, match="StopIteration"):
         evaluate(SETTINGS, tmp_path / "raised", progress=False)
-    monkeypatch.setattr("agents.evaluation.evaluate.run_cells", lambda *_: iter(()))
+    monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_cells", lambda *_: iter(()))
     command = ["evaluate", "--agents", "random", "--objects", "soda", "--trials", "2"]
     assert main([*command, "--out", str(tmp_path / "lost")]) == 1
     assert "2 of 2 trials did not finish, the first: lift, random, soda, 0" in capsys.readouterr().err

@@ -5,18 +5,18 @@ import pytest
 import trimesh
 from scipy.interpolate import CubicSpline
 
-from agents.execution.cartesian import shift_palm
-from agents.execution.collision import CollisionChecker, densify
-from agents.execution.motion import NoPath
-from agents.execution.sampling import plan_arm
-from agents.execution.script import make_script
-from agents.execution.spline import NaturalSpline
-from agents.execution.time_optimal import fastest_squared_speeds, places_at
-from agents.execution.timing import ACCELERATION, round_corners, time_path, within_limits
-from agents.geometry.convex import ConvexDistance
-from agents.grasp.grasp import GraspMotion
-from agents.kinematics.palm_ik import palm_frame, solve_palm
-from agents.kinematics.tree import robot_tree
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.grasp.grasp import GraspMotion
+from dexgrasp.kinematics.palm_ik import palm_frame, solve_palm
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.cartesian import shift_palm
+from dexgrasp.motion.collision import CollisionChecker, densify
+from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.sampling import plan_arm
+from dexgrasp.motion.script import make_script
+from dexgrasp.motion.spline import NaturalSpline
+from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
+from dexgrasp.motion.timing import ACCELERATION, round_corners, time_path, within_limits
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD

@@ -8,15 +8,15 @@ import mujoco
 import numpy as np
 import pytest
 
-from agents.export.check import check_trajectory
-from agents.export.formats import moveit_grasp, write_csv, write_json, write_ros2
-from agents.export.grasp_export import export_grasp
-from agents.export.read import read_trajectory
-from agents.export.replay import replay
-from agents.export.scene_folder import write_scene
-from agents.export.time_law import Limits, largest_shares, timed
-from agents.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
-from agents.grasp.file import record_of
+from dexgrasp.export.check import check_trajectory
+from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
+from dexgrasp.export.grasp_export import export_grasp
+from dexgrasp.export.read import read_trajectory
+from dexgrasp.export.replay import replay
+from dexgrasp.export.scene_folder import write_scene
+from dexgrasp.export.time_law import Limits, largest_shares, timed
+from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
+from dexgrasp.grasp.file import record_of
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import load_object
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER

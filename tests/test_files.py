@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.policies.learned import LearnedAgent
-from agents.scoring.hand import find_hand
+from dexgrasp.agents.learned import LearnedAgent
+from dexgrasp.scoring.hand import find_hand
 from dexgrasp_env import files
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import cached_arrays, read_json_object, read_npz, write_atomically

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.cli import checks
+from dexgrasp.cli import checks
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 

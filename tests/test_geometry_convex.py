@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.geometry.convex import ConvexDistance, closest_feature, convex_distance, convex_distance_hessian
-from agents.geometry.triangle import EDGE, FACE, VERTEX, feature_of
+from dexgrasp.geometry.convex import ConvexDistance, closest_feature, convex_distance, convex_distance_hessian
+from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX, feature_of
 from dexgrasp_env.errors import InputError
 
 SIDES = np.array([0.06, 0.16, 0.21])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.geometry.exact import closest_on_mesh
-from agents.geometry.grid import GridDistance
+from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.geometry.grid import GridDistance
 from dexgrasp_env.errors import InputError
 
 SIDES = np.array([0.06, 0.08, 0.1])

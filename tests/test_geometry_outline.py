@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.spatial import ConvexHull
 
-from agents.geometry.outline import outline
+from dexgrasp.geometry.outline import outline
 
 
 def ball(count, seed=0):

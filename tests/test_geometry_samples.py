@@ -3,8 +3,8 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from agents.geometry.exact import closest_on_mesh
-from agents.geometry.samples import surface_samples
+from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.geometry.samples import surface_samples
 from dexgrasp_env.errors import InputError
 
 

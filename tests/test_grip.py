@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from agents.imitation.features import features, first_look
-from agents.imitation.policy_folder import read_policy, write_policy
-from agents.kinematics.palm_ik import palm_frame
-from agents.kinematics.tree import robot_tree
-from agents.registry import make_agent
-from agents.reinforcement.grip import SIZE, Grip, arm_step, look
+from dexgrasp.imitation.features import features, first_look
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.registry import make_agent
+from dexgrasp.reinforcement.grip import SIZE, Grip, arm_step, look
+from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME
 
@@ -17,10 +17,10 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from agents.reinforcement.checkpoint import load_learner  # noqa: E402
-from agents.reinforcement.grip_settings import GripSettings  # noqa: E402
-from agents.reinforcement.grip_training import GripTraining, train_grip  # noqa: E402
-from agents.reinforcement.rounds import CHECKPOINT  # noqa: E402
+from dexgrasp.reinforcement.checkpoint import load_learner  # noqa: E402
+from dexgrasp.reinforcement.grip_settings import GripSettings  # noqa: E402
+from dexgrasp.reinforcement.grip_training import GripTraining, train_grip  # noqa: E402
+from dexgrasp.reinforcement.rounds import CHECKPOINT  # noqa: E402
 
 SETTINGS = GripSettings(
     ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8

@@ -9,26 +9,26 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.demos.generate import generate
-from agents.demos.minari_format import read_episodes
-from agents.demos.settings import DemoSettings
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.spec import plan_trials
-from agents.evaluation.trial_runner import TrialRunner
-from agents.imitation.clone import Clone, CloneRun
-from agents.imitation.data import read_rows
-from agents.imitation.features import features, first_look
-from agents.imitation.settings import BcSettings, CloneNetwork
-from agents.imitation.trials import Trials
-from agents.registry import make_agent
+from dexgrasp.demos.generate import generate
+from dexgrasp.demos.minari_format import read_episodes
+from dexgrasp.demos.settings import DemoSettings
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.spec import plan_trials
+from dexgrasp.evaluation.trial_runner import TrialRunner
+from dexgrasp.imitation.clone import Clone, CloneRun
+from dexgrasp.imitation.data import read_rows
+from dexgrasp.imitation.features import features, first_look
+from dexgrasp.imitation.settings import BcSettings, CloneNetwork
+from dexgrasp.imitation.trials import Trials
+from dexgrasp.registry import make_agent
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
-from agents.imitation import training  # noqa: E402
-from agents.imitation.network import CloneNet  # noqa: E402
-from agents.imitation.training import train_bc  # noqa: E402
+from dexgrasp.imitation import training  # noqa: E402
+from dexgrasp.imitation.network import CloneNet  # noqa: E402
+from dexgrasp.imitation.training import train_bc  # noqa: E402
 
 SMALL = CloneNetwork(hidden=24, layers=2, local=8, cloud=12)
 
@@ -166,7 +166,7 @@ def test_damaged_policies_are_refused(demos, tmp_path):
 
 
 def test_a_policy_acts_without_torch():
-    code = "import sys, agents, agents.policies.learned; sys.exit('torch' in sys.modules)"
+    code = "import sys, dexgrasp.agents.learned; sys.exit('torch' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
 
 

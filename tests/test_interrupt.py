@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.cli.commands import run_command
+from dexgrasp.cli.commands import run_command
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -29,8 +29,8 @@ def script(tmp_path, code):
     path = tmp_path / "command.py"
     head = """
     import sys, time
-    from agents import interrupt
-    import agents.cli.main as main
+    from dexgrasp.runs import interrupt
+    import dexgrasp.cli.main as main
     def ready(): print("ready", flush=True)
     def command(arguments):
     """
@@ -119,7 +119,7 @@ def catches(process):
 
 
 @pytest.mark.skipif(not Path("/proc/self/status").exists(), reason="no /proc here")
-@pytest.mark.parametrize("module", ["agents.cli.main", "dexgrasp_env"])
+@pytest.mark.parametrize("module", ["dexgrasp.cli.main", "dexgrasp_env"])
 def test_start_up_at_many_moments(module):
     for k, delay in enumerate((0.0, 0.02, 0.1, 0.3, 0.6)):
         process = start("-m", module, "plan", "pear", "--seed", "1")
@@ -133,7 +133,7 @@ def test_start_up_at_many_moments(module):
 
 
 def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
-    process = start("-m", "agents.cli.main", "evaluate", "--agents", "random", "--objects", "sugar_box",
+    process = start("-m", "dexgrasp.cli.main", "evaluate", "--agents", "random", "--objects", "sugar_box",
                     "--trials", "500", "--out", str(tmp_path), "--json")  # fmt: skip
     trials = tmp_path / "trials.jsonl"
     while not (trials.is_file() and trials.stat().st_size) and process.poll() is None:
@@ -149,11 +149,11 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
 @pytest.mark.parametrize(
     ("words", "work"),
     [
-        (["dataset", "generate", "--objects", "pear"], "agents.learning.generate.generate"),
-        (["demos", "generate", "--objects", "pear"], "agents.demos.generate.generate"),
-        (["train", "cvae", "--data", "data"], "agents.learning.training.train"),
-        (["train", "bc", "--data", "data", "--view", "state"], "agents.imitation.training.train_bc"),
-        (["train", "ppo", "--objects", "pear"], "agents.reinforcement.training.train_rl"),
+        (["dataset", "generate", "--objects", "pear"], "dexgrasp.dataset.generate.generate"),
+        (["demos", "generate", "--objects", "pear"], "dexgrasp.demos.generate.generate"),
+        (["train", "cvae", "--data", "data"], "dexgrasp.cvae.training.train"),
+        (["train", "bc", "--data", "data", "--view", "state"], "dexgrasp.imitation.training.train_bc"),
+        (["train", "ppo", "--objects", "pear"], "dexgrasp.reinforcement.training.train_rl"),
     ],
 )
 def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.geometry.convex import ConvexDistance
-from agents.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
-from agents.kinematics.forward import body_frames, fingertips, hand_jacobian, tip_jacobian
-from agents.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
-from agents.kinematics.tree import robot_tree
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
+from dexgrasp.kinematics.forward import body_frames, fingertips, hand_jacobian, tip_jacobian
+from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec

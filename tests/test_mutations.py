@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.evaluation.attempt import plan_target
-from agents.grasp.file import record_of
-from agents.grasp.verify import verify
+from dexgrasp.grasp.file import record_of
+from dexgrasp.planning.attempt import plan_target
+from dexgrasp.verify.verify import verify
 
 
 @pytest.fixture(scope="module")

@@ -14,11 +14,11 @@ import pytest
 import trimesh
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from agents.cli.main import main
-from agents.evaluation.protocol import trial_seeds
-from agents.evaluation.report.origin import commands
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.spec import object_labels
+from dexgrasp.cli.main import main
+from dexgrasp.evaluation.protocol import trial_seeds
+from dexgrasp.evaluation.report.origin import commands
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.spec import object_labels
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import load_object, object_name, resolve_targets
 

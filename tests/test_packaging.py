@@ -13,7 +13,7 @@ from dexgrasp_env.assets import asset_path
 from dexgrasp_env.extras import EXTRAS
 
 ROOT = Path(__file__).resolve().parent.parent
-PACKAGES = ("dexgrasp_env", "agents")
+PACKAGES = ("dexgrasp_env", "dexgrasp", "agents")
 UNIMPORTED = {"imageio-ffmpeg", "moviepy", "osqp", "rtree", "tensorboard"}
 """Used through another: imageio's videos, Gymnasium's, qpsolvers' solver, trimesh's proximity, torch's log."""
 
@@ -117,7 +117,7 @@ sys.modules.update(dict.fromkeys({modules!r}))  # None: as if not installed
 import importlib.util
 find_spec = importlib.util.find_spec
 importlib.util.find_spec = lambda name, *a: None if name in {modules!r} else find_spec(name, *a)
-from agents.cli.main import main
+from dexgrasp.cli.main import main
 sys.exit(main({arguments!r}))
 """
 

@@ -5,9 +5,9 @@ import pytest
 import trimesh
 from planned import hammer
 
-from agents.unseen.hull import target_of_cloud
-from dexgrasp_env.perception.hull import cloud_corners, cloud_hull
-from dexgrasp_env.perception.parts import MOST_PARTS, parts_within
+from dexgrasp.shape.completion import target_of_cloud
+from dexgrasp.shape.hull import cloud_corners, cloud_hull
+from dexgrasp.shape.parts import MOST_PARTS, parts_within
 from dexgrasp_env.perception.plane import Plane
 
 TABLE = Plane(np.array([0, 0, 1.0]), 0.0, 0.0005, 100)

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.camera import Camera, CameraIntrinsics
 from dexgrasp_env.perception.cloud import deproject
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.sensing.cameras import add_cameras, default_cameras
 from dexgrasp_env.sensing.raycast import RayBackend

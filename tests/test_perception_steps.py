@@ -5,7 +5,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.benchmarks.cloud_accuracy import covered_share, surface_distance
+from dexgrasp.benchmarks.cloud_accuracy import covered_share, surface_distance
+from dexgrasp.shape.hull import cloud_hull
 from dexgrasp_env.perception.cloud import (
     Cloud,
     crop,
@@ -16,7 +17,6 @@ from dexgrasp_env.perception.cloud import (
     remove_flying,
     remove_outliers,
 )
-from dexgrasp_env.perception.hull import cloud_hull
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.picture import cloud_picture

@@ -3,10 +3,10 @@ import itertools
 import numpy as np
 import pytest
 
-from agents.benchmarks.wrench import add_noise, agreement, sample_box, sample_can
-from agents.physics.closure import closure_count, closure_decide, closure_sweep
-from agents.physics.conic import conic_residual
-from agents.physics.wrench import solve_wrench_qp
+from dexgrasp.benchmarks.wrench import add_noise, agreement, sample_box, sample_can
+from dexgrasp.physics.closure import closure_count, closure_decide, closure_sweep
+from dexgrasp.physics.conic import conic_residual
+from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp_env.errors import InputError
 
 

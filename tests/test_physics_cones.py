@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from oracles import cone_distance, project_to_cone, pyramid_violation
 
-from agents.physics.cones import C, cone_edges, tangent_basis
-from agents.physics.ratios import wrench_ratios
+from dexgrasp.physics.cones import C, cone_edges, tangent_basis
+from dexgrasp.physics.ratios import wrench_ratios
 from dexgrasp_env.errors import InputError
 
 
@@ -86,6 +86,6 @@ def test_ratios():
 def test_the_package_imports_without_torch():
     modules = ["closure", "conic", "squeeze", "margin", "ratios", "wrench"]
     code = "import sys; sys.modules['torch'] = None\n" + "\n".join(
-        f"import agents.physics.{m}" for m in modules
+        f"import dexgrasp.physics.{m}" for m in modules
     )
     subprocess.run([sys.executable, "-c", code], check=True)

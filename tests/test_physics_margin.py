@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from oracles import directional_error
 
-from agents.benchmarks.wrench import sample_box
-from agents.physics.closure import closure_decide
-from agents.physics.conic import conic_margin
-from agents.physics.margin import UNDEFINED, cone_margin, margins, rough_margins
-from agents.physics.metrics import ferrari_canny
+from dexgrasp.benchmarks.wrench import sample_box
+from dexgrasp.physics.closure import closure_decide
+from dexgrasp.physics.conic import conic_margin
+from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins, rough_margins
+from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp_env.errors import InputError
 
 

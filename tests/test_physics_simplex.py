@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from agents.physics.simplex import maximise_last
+from dexgrasp.physics.simplex import maximise_last
 
 
 @pytest.mark.parametrize("seed", range(4))

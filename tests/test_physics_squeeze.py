@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from agents.physics.squeeze import RESERVED, firmest_squeeze, squeeze_kernel
-from agents.physics.strength import Contacts, load_of
-from agents.physics.wrench import grasp_map
+from dexgrasp.physics.squeeze import RESERVED, firmest_squeeze, squeeze_kernel
+from dexgrasp.physics.strength import Contacts, load_of
+from dexgrasp.physics.wrench import grasp_map
 from dexgrasp_env.errors import InputError
 
 POINTS = np.array([[0.03, 0, 0.05], [-0.03, 0.02, 0.05], [-0.03, -0.02, 0.05]])

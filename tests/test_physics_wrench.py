@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 from oracles import pyramid_violation
 
-from agents.physics.active_set import SOLVED, solve_qp
-from agents.physics.closure import closure_decide
-from agents.physics.conic import _bracket, _cutting_planes, conic_residual
-from agents.physics.wrench import grasp_map, solve_wrench_qp
+from dexgrasp.physics.active_set import SOLVED, solve_qp
+from dexgrasp.physics.closure import closure_decide
+from dexgrasp.physics.conic import _bracket, _cutting_planes, conic_residual
+from dexgrasp.physics.wrench import grasp_map, solve_wrench_qp
 from dexgrasp_env.errors import InputError
 
 

@@ -8,22 +8,22 @@ import pytest
 import trimesh
 from planned import hammer
 
-from agents.geometry.exact import closest_on_mesh
-from agents.grasp.target import GraspTarget
-from agents.kinematics.clearance import clearance_rows, empty_rows
-from agents.kinematics.forward import body_frames, fingertips
-from agents.kinematics.tip_ik import solve_tips
-from agents.kinematics.tree import robot_tree
-from agents.physics.conic import conic_margin, conic_residual
-from agents.physics.wrench import solve_wrench_qp
-from agents.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
-from agents.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
-from agents.planning.postures import atlas_postures, oriented_postures
-from agents.planning.proposals import SurfaceProposals, UniformProposals
-from agents.planning.ranking import robustness
-from agents.planning.settings import PlannerSettings
-from agents.planning.sqp import MOVED, bounds_of
-from agents.policies.bilevel import make_source
+from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
+from dexgrasp.kinematics.forward import body_frames, fingertips
+from dexgrasp.kinematics.tip_ik import solve_tips
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.physics.conic import conic_margin, conic_residual
+from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
+from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
+from dexgrasp.planning.postures import atlas_postures, oriented_postures
+from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
+from dexgrasp.planning.ranking import robustness
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sources import make_source
+from dexgrasp.planning.sqp import MOVED, bounds_of
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec

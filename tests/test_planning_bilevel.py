@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.execution.collision import CollisionChecker
-from agents.grasp.target import GraspTarget
-from agents.kinematics.forward import fingertips
-from agents.kinematics.tree import robot_tree
-from agents.planning.constraints import evaluate
-from agents.planning.planner import Planner
-from agents.planning.postures import atlas_postures
-from agents.planning.proposals import SurfaceProposals, UniformProposals
-from agents.planning.setpoints import grasp_motion
-from agents.planning.settings import PlannerSettings
-from agents.planning.sqp import TOLERANCE, bounds_of, solve
+from dexgrasp.kinematics.forward import fingertips
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.planning.constraints import evaluate
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
+from dexgrasp.planning.setpoints import grasp_motion
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 
 TREE, SETTINGS = robot_tree(), PlannerSettings()

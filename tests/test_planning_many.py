@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
-from agents.grasp.file import grasp_json, record_of
-from agents.grasp.target import GraspTarget
-from agents.grasp.variety import component_shares, hand_points
-from agents.grasp.verify import verify
-from agents.planning.many import MOST, plan_many
-from agents.planning.planner import Planner
-from agents.policies.from_cloud import plan_cloud
+from dexgrasp.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
+from dexgrasp.grasp.file import grasp_json, record_of
+from dexgrasp.grasp.variety import component_shares, hand_points
+from dexgrasp.planning.from_cloud import plan_cloud
+from dexgrasp.planning.many import MOST, plan_many
+from dexgrasp.planning.planner import Planner
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp.verify.verify import verify
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME
 

@@ -5,8 +5,8 @@ import json
 import pytest
 from trial_rows import row
 
-from agents.cli.main import main
-from agents.evaluation.pooling import rows_by_agent
+from dexgrasp.cli.main import main
+from dexgrasp.evaluation.pooling import rows_by_agent
 from dexgrasp_env.errors import InputError
 
 

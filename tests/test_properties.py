@@ -15,12 +15,12 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from agents.cli.options import natural_int, positive_float, positive_int
-from agents.geometry.convex import ConvexDistance
-from agents.geometry.exact import closest_on_mesh
-from agents.grasp.file import record_of
-from agents.physics.cones import cone_edges, tangent_basis
-from agents.physics.margin import cone_margin
+from dexgrasp.cli.options import natural_int, positive_float, positive_int
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.grasp.file import record_of
+from dexgrasp.physics.cones import cone_edges, tangent_basis
+from dexgrasp.physics.margin import cone_margin
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception import kernels
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate

@@ -4,10 +4,10 @@ import gymnasium as gym
 import pytest
 
 import dexgrasp_env  # noqa: F401
-from agents.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST, parts, protocol_names
-from agents.evaluation.protocol_counts import judged, protocol_counts
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST, parts, protocol_names
+from dexgrasp.evaluation.protocol_counts import judged, protocol_counts
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp_env.errors import InputError
 
 

@@ -1,10 +1,8 @@
 """Reasons in words: every code that the project gives is known, and people are told what to try."""
 
-from agents.evaluation.reasons import REASONS, explain, sentence
-from agents.evaluation.trial import NOT_HELD
-from agents.learning import cvae_source
-from agents.planning import planner, proposals
-from agents.policies import bilevel
+from dexgrasp.evaluation.reasons import REASONS, explain, sentence
+from dexgrasp.evaluation.trial import NOT_HELD
+from dexgrasp.planning import cvae_source, planner, proposals, seen
 from dexgrasp_env.perception.segment import REASONS as UNSEEN
 
 PLANNERS = [
@@ -12,12 +10,12 @@ PLANNERS = [
     planner.BUDGET,
     proposals._NO_CLOSURE,
     proposals._NO_SURFACE,
-    bilevel.NO_CLOUD,
+    seen.NO_CLOUD,
 ]
 
 
 def test_every_code_has_a_sentence():
-    codes = [*PLANNERS, bilevel.NO_HULL, cvae_source._NO_CLOSURE, *UNSEEN, *NOT_HELD.values()]
+    codes = [*PLANNERS, seen.NO_HULL, cvae_source._NO_CLOSURE, *UNSEEN, *NOT_HELD.values()]
     assert [code for code in codes if code not in REASONS] == []
     assert all(reason.sentence and not reason.sentence.endswith(".") for reason in REASONS.values())
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agents.imitation.policy_folder import write_policy
-from agents.registry import make_agent
+from dexgrasp.registry import make_agent
+from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp_env.errors import InputError
 
 torch = pytest.importorskip("torch")
@@ -12,14 +12,14 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from agents.imitation.clone import Clone  # noqa: E402
-from agents.imitation.features import features, first_look  # noqa: E402
-from agents.reinforcement import settings as settings_module  # noqa: E402
-from agents.reinforcement import training  # noqa: E402
-from agents.reinforcement.checkpoint import load_learner  # noqa: E402
-from agents.reinforcement.rounds import CHECKPOINT  # noqa: E402
-from agents.reinforcement.settings import RlSettings  # noqa: E402
-from agents.reinforcement.training import train_rl  # noqa: E402
+from dexgrasp.imitation.clone import Clone  # noqa: E402
+from dexgrasp.imitation.features import features, first_look  # noqa: E402
+from dexgrasp.reinforcement import settings as settings_module  # noqa: E402
+from dexgrasp.reinforcement import training  # noqa: E402
+from dexgrasp.reinforcement.checkpoint import load_learner  # noqa: E402
+from dexgrasp.reinforcement.rounds import CHECKPOINT  # noqa: E402
+from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
+from dexgrasp.reinforcement.training import train_rl  # noqa: E402
 
 
 @pytest.fixture(autouse=True)

@@ -7,11 +7,11 @@ from html.parser import HTMLParser
 
 import pytest
 
-from agents.cli.main import main
-from agents.evaluation.report.build import write_report
-from agents.evaluation.report.document import TableBlock, as_html, as_markdown
-from agents.evaluation.report.origin import commands, describe_run
-from agents.evaluation.report.text import seconds_words
+from dexgrasp.cli.main import main
+from dexgrasp.evaluation.report.build import write_report
+from dexgrasp.evaluation.report.document import TableBlock, as_html, as_markdown
+from dexgrasp.evaluation.report.origin import commands, describe_run
+from dexgrasp.runs.text import seconds_words
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 VOID = {"meta", "img", "br"}

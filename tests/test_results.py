@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from agents.evaluation.prediction import auc, predictions
+from dexgrasp.evaluation.prediction import auc, predictions
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 import record_results

@@ -8,7 +8,7 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym
 from stable_baselines3 import PPO, SAC, HerReplayBuffer
 
-from agents.learning.sb3_vec_env import SB3VecEnv
+from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 
 
 def test_terminal_observations_and_time_limits():

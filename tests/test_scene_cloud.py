@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.cli.plan_cloud import scan_name
+from dexgrasp.cli.plan_cloud import scan_name
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception import scene
 from dexgrasp_env.perception.depth_folder import read_cameras

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.scoring.candidate import Candidate, HandStage
-from agents.scoring.hand import find_hand
-from agents.scoring.metrics import contact_metrics
-from agents.scoring.protocols import GRASP_PROTOCOLS, get_grasp_protocol
-from agents.scoring.scene import FloatingScene
+from dexgrasp.scoring.candidate import Candidate, HandStage
+from dexgrasp.scoring.hand import find_hand
+from dexgrasp.scoring.metrics import contact_metrics
+from dexgrasp.scoring.protocols import GRASP_PROTOCOLS, get_grasp_protocol
+from dexgrasp.scoring.scene import FloatingScene
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import centred_model
 from dexgrasp_env.objects.parts import ContactPart

@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from agents.cli.main import main
-from agents.cli.score import short_names
-from agents.scoring.candidate import HandStage, joints_in_order
-from agents.scoring.closing import PRESS, balanced_forces, close_around
-from agents.scoring.hand import find_hand
-from agents.scoring.metrics import diversity
-from agents.scoring.readers import ReadOptions, ours, read_candidates
-from agents.scoring.readers.plain import FORMAT
-from agents.scoring.readers.restricted import read_dictionary
+from dexgrasp.cli.main import main
+from dexgrasp.cli.score import short_names
+from dexgrasp.scoring.candidate import HandStage, joints_in_order
+from dexgrasp.scoring.closing import PRESS, balanced_forces, close_around
+from dexgrasp.scoring.hand import find_hand
+from dexgrasp.scoring.metrics import diversity
+from dexgrasp.scoring.readers import ReadOptions, ours, read_candidates
+from dexgrasp.scoring.readers.plain import FORMAT
+from dexgrasp.scoring.readers.restricted import read_dictionary
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.model import robot_spec
@@ -179,7 +179,7 @@ def test_dexgraspbench_needs_every_stage(folder):
 
 
 def frogger(folder, **more):
-    from agents.scoring.readers.frogger import JOINTS, PALM
+    from dexgrasp.scoring.readers.frogger import JOINTS, PALM
 
     names = [*JOINTS][::-1]
     values = {ours: 0.1 + 0.01 * i for i, ours in enumerate(HAND_JOINTS)}

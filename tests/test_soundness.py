@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from agents.execution.motion import NoPath
-from agents.execution.script import ActionScript
-from agents.execution.soundness import check_way
-from agents.kinematics.tree import robot_tree
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.script import ActionScript
+from dexgrasp.motion.soundness import check_way
 from dexgrasp_env.robot.home import HOME
 
 

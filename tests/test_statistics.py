@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
-from agents.evaluation import evaluate as evaluate_module
-from agents.evaluation.power import paired_power, paired_trials, power_figures, unpaired_trials
-from agents.evaluation.sequential import capital, decided_after, is_decided
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.statistics import (
+from dexgrasp.evaluation import evaluate as evaluate_module
+from dexgrasp.evaluation.power import paired_power, paired_trials, power_figures, unpaired_trials
+from dexgrasp.evaluation.sequential import capital, decided_after, is_decided
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.statistics import (
     mcnemar,
     object_difference_interval,
     object_interval,

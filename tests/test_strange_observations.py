@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from agents.policies.bilevel import BilevelAgent
-from agents.policies.hardcoded import HardcodedAgent
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.optimize import linprog
 
-from agents.physics.checks import rms_radius
-from agents.physics.cones import tangent_basis
-from agents.physics.strength import Contacts, capacity_of, directions, hold_residual, load_of
-from agents.physics.wrench import grasp_map
+from dexgrasp.physics.checks import rms_radius
+from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.strength import Contacts, capacity_of, directions, hold_residual, load_of
+from dexgrasp.physics.wrench import grasp_map
 
 MU = 0.6
 

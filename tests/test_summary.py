@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from trial_rows import row
 
-from agents.evaluation.report import paper
-from agents.evaluation.report.build import write_report
-from agents.evaluation.report.tables import render_summary
-from agents.evaluation.settings import EvaluationSettings
-from agents.evaluation.statistics import mcnemar, quantiles, wilson_interval
-from agents.evaluation.store import TrialStore
-from agents.evaluation.summary import present_sets, summarise, summarise_agent
+from dexgrasp.evaluation.report import paper
+from dexgrasp.evaluation.report.build import write_report
+from dexgrasp.evaluation.report.tables import render_summary
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.statistics import mcnemar, quantiles, wilson_interval
+from dexgrasp.evaluation.store import TrialStore
+from dexgrasp.evaluation.summary import present_sets, summarise, summarise_agent
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 

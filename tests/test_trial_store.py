@@ -5,7 +5,7 @@ import json
 import pytest
 from trial_rows import row
 
-from agents.evaluation.store import TrialStore, read_rows
+from dexgrasp.evaluation.store import TrialStore, read_rows
 from dexgrasp_env.errors import InputError
 
 

@@ -7,10 +7,10 @@ import gymnasium as gym
 import numpy as np
 import pytest
 
-from agents.base import Agent, Report
-from agents.evaluation import trial as one_trial
-from agents.evaluation.protocol import agent_settings, get_protocol, trial_seeds
-from agents.evaluation.settings import EvaluationSettings
+from dexgrasp.agent import Agent, Report
+from dexgrasp.evaluation import trial as one_trial
+from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
+from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.catalogue import OBJECT_SETS

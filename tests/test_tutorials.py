@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from agents.cli.commands import run_command
+from dexgrasp.cli.commands import run_command
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))

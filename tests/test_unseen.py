@@ -7,16 +7,16 @@ import numpy as np
 import pytest
 
 import dexgrasp_env  # noqa: F401
-from agents.planning.holding import narrowed_friction
-from agents.planning.settings import PlannerSettings
-from agents.policies.from_cloud import plan_cloud
-from agents.policies.seen import normals_of, points_of
-from agents.unseen.hull import completed_corners, target_of_cloud
-from agents.unseen.network import read_network
-from agents.unseen.view import ONE_SIDED, one_sidedness
+from dexgrasp.planning.from_cloud import plan_cloud
+from dexgrasp.planning.holding import narrowed_friction
+from dexgrasp.planning.seen import normals_of, points_of
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.completion import completed_corners, target_of_cloud
+from dexgrasp.shape.hull import cloud_corners
+from dexgrasp.shape.network import read_network
+from dexgrasp.shape.view import ONE_SIDED, one_sidedness
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.hull import cloud_corners
 from dexgrasp_env.perception.plane import Plane
 
 LEVEL = fibonacci_directions(200)

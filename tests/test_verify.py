@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from planned import MESHES, SETTINGS, failing
 
-from agents.grasp.file import record_of
-from agents.grasp.thresholds import planned_friction
-from agents.grasp.verify import unchecked, verify
-from agents.planning.settings import PlannerSettings
+from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.thresholds import planned_friction
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.verify.verify import unchecked, verify
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.robot.limits import LOWER, UPPER
 

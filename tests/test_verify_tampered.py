@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from planned import failing
 
-from agents.grasp.file import record_of
-from agents.grasp.verify import verify
+from dexgrasp.grasp.file import record_of
+from dexgrasp.verify.verify import verify
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 
 

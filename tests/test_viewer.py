@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from agents.viewer.film import Film, carried, palm_poses
+from dexgrasp.viewer.film import Film, carried, palm_poses
 from dexgrasp_env.objects import load_object
 from dexgrasp_env.robot.limits import HOME
 
@@ -35,7 +35,7 @@ def test_the_object_rests_until_it_is_lifted_and_then_follows_the_palm(film):
 
 def test_the_page_is_whole_and_fetches_nothing(film):
     pytest.importorskip("viser")
-    from agents.viewer.page import page
+    from dexgrasp.viewer.page import page
 
     text = page([film, film])
     assert text.count("1.50 &lt;firm&gt;") == 2

@@ -5,10 +5,10 @@ torch = pytest.importorskip("torch")
 
 from oracles import directional_error, pyramid_violation  # noqa: E402
 
-from agents.learning.wrench_layer import tangent_basis as torch_basis  # noqa: E402
-from agents.learning.wrench_layer import wrench_layer  # noqa: E402
-from agents.physics.cones import tangent_basis  # noqa: E402
-from agents.physics.wrench import solve_wrench_qp  # noqa: E402
+from dexgrasp.cvae.wrench_layer import tangent_basis as torch_basis  # noqa: E402
+from dexgrasp.cvae.wrench_layer import wrench_layer  # noqa: E402
+from dexgrasp.physics.cones import tangent_basis  # noqa: E402
+from dexgrasp.physics.wrench import solve_wrench_qp  # noqa: E402
 from dexgrasp_env.errors import InputError  # noqa: E402
 
 

@@ -8,7 +8,7 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.robot.camera import Camera
 
 
 @dataclass(frozen=True, eq=False)

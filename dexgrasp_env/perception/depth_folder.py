@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_yaml
-from dexgrasp_env.perception.camera import Camera, CameraIntrinsics
 from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 
 CAMERAS_FILE = "cameras.yaml"
 _MOST_BYTES = 2**30  # a file larger than this is no scan of a table

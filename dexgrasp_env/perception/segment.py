@@ -8,7 +8,6 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.camera import Camera
 from dexgrasp_env.perception.cloud import (
     Cloud,
     crop,
@@ -30,6 +29,7 @@ from dexgrasp_env.perception.plane import (
     table_clearance,
 )
 from dexgrasp_env.perception.robot import RobotShape, remove_robot
+from dexgrasp_env.robot.camera import Camera
 
 if TYPE_CHECKING:
     import mujoco

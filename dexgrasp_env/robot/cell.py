@@ -17,7 +17,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand
-from dexgrasp_env.perception.camera import Camera, CameraIntrinsics
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 
 VARIABLE = "DEXGRASP_CELL"
 SIMULATED = "simulated"

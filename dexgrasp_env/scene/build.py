@@ -4,7 +4,7 @@ import mujoco
 
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.names import TIP_GEOMS
 from dexgrasp_env.scene.arena import add_arena, set_physics

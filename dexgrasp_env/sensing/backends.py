@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.groups import VISUAL_GROUPS
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.perception.camera import Camera
 from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.robot.camera import Camera
 
 PIVOT = (0.5, 0.0, 0.0)  # m, world frame: the error turns about axes through this point
 

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dexgrasp_env.perception.camera import Camera, CameraIntrinsics
 from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.cell import active_cell
 
 if TYPE_CHECKING:

@@ -7,10 +7,9 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.perception.camera import Camera
-from dexgrasp_env.perception.hull import cloud_hull
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.segment import SegmentationSettings, SegmentedCloud, segment
+from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.sensing.cameras import default_cameras
 from dexgrasp_env.sensing.groups import VISUAL_GROUPS
@@ -18,7 +17,6 @@ from dexgrasp_env.sensing.sensor import SensorModel
 
 if TYPE_CHECKING:
     import mujoco
-    import trimesh
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,10 +32,6 @@ class Observation:
     depths: NDArray[np.float32]
     cameras: tuple[Camera, ...]
     cloud: SegmentedCloud
-
-    def hull(self) -> "trimesh.Trimesh | None":
-        """Return the cloud's convex hull down to the table, world frame, or None without a cloud."""
-        return cloud_hull(self.cloud.valid_points, self.cloud.plane)
 
 
 class Perception:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
 
 if TYPE_CHECKING:

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.camera import Camera
+from dexgrasp_env.robot.camera import Camera
 
 Depth = NDArray[np.float32]
 

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.perception.camera import Camera
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.rendering import check_size
+from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.home import HOME_ARM
 from dexgrasp_env.sensing.backends import DepthBackend, make_backend
 from dexgrasp_env.sensing.cameras import CAMERA_NAMES, default_cameras

@@ -45,7 +45,7 @@ def _docstring(match: "re.Match[str]") -> str:
 
 def _commands() -> str:
     """Every command's help as a section."""
-    from agents.cli.commands import make_parser
+    from dexgrasp.cli.commands import make_parser
 
     subparsers = next(action for action in make_parser()._actions if action.dest == "command")
     helps = {name: parser.format_help() for name, parser in subparsers.choices.items()}
@@ -54,7 +54,7 @@ def _commands() -> str:
 
 def _protocols() -> str:
     """What `dexgrasp list protocols` says, as a table."""
-    from agents.cli.list import list_protocols
+    from dexgrasp.cli.list import list_protocols
 
     rows = [f"| `{row['name']}` | {row['env']} | {row['description']} |" for row in list_protocols()]
     return "\n".join(["| name | of | what is special |", "| --- | --- | --- |", *rows])

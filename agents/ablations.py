@@ -1,0 +1,161 @@
+"""The ablations of the paper's Table 1: the CVAE with less than the bilevel optimisation behind it (section 3.3).
+
+Latents are tried as they are drawn, each from the palm that was decoded with it and from six palms above the object, up
+to `LATENTS` of them. What is rejected differs: see the agents.
+"""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.kinematics.palm_ik import reach_palm
+from dexgrasp.kinematics.tip_ik import solve_tips
+from dexgrasp.physics.closure import TOLERANCE
+from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.planning.certifier import Certifier
+from dexgrasp.planning.claims import certificate_of
+from dexgrasp.planning.constraints import FIXED_ROWS
+from dexgrasp.planning.cvae_source import CvaeProposals
+from dexgrasp.planning.holding import Hold
+from dexgrasp.planning.plan import Plan
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.postures import Posture, oriented_postures
+from dexgrasp.planning.proposals import Proposals
+from dexgrasp.planning.setpoints import OPENINGS, grasp_motion
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sqp import Solution
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.robot.limits import HOME
+
+from .bilevel import BilevelAgent
+
+LATENTS = 100
+"""Latents tried at most, of those that decode to three fingertips above the table and apart from each other."""
+MISS = 2e-3
+"""m, of the worst fingertip, at which IK counts as converged (facts of the original: 1 to 2 mm)."""
+PRESS = 4.0
+"""N that each fingertip of `cvae` presses with at least: nobody has checked what it takes to hold."""
+NO_IK, COLLISION, NO_CLOSURE, TOO_WEAK = "ik_not_converged", "collision", "eq4_infeasible", "dynamics"
+
+
+class CvaeAgent(BilevelAgent):
+    """Agent `cvae`: the first latent that IK reaches, free of collision and feasible in Eq. 4, as it is.
+
+    No margin, no weight, no torque limits, no refinement; the approach must exist, as nothing can be carried out
+    without. It presses with balanced forces of Eq. 4.
+    """
+
+    def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
+        """Prepare.
+
+        Args:
+            settings: of the planner.
+            mount: of the hand.
+
+        Raises:
+            InputError: without the shipped weights.
+        """
+        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0, turns=False)
+
+    def _make(self, mount: str) -> Planner:
+        return RawPlanner(self.settings, mount)
+
+
+class CvaeKinematicsAgent(BilevelAgent):
+    """Agent `cvae_kinematics`: latents made kinematically feasible by the optimiser until one bears the weight.
+
+    Force closure is not part of the optimisation: what does not bear the assumed weight within friction cones and
+    torque limits is rejected, and the next latent tried.
+    """
+
+    def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
+        """Prepare; arguments and errors are those of `CvaeAgent`."""
+        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0, turns=False)
+
+    def _make(self, mount: str) -> Planner:
+        return KinematicPlanner(self.settings, mount)
+
+
+class LatentPlanner(Planner):
+    """Tries latents one after the other and carries out the first that nothing rejects."""
+
+    patience: ClassVar[int] = 0
+
+    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+        """Prepare; of `settings`, what bounds and ranks the search does not count."""
+        plain = replace(settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf)
+        super().__init__(plain, CvaeProposals(ranked=False), mount, with_closure=False)
+
+    def _postures(
+        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
+    ) -> Iterator[Posture]:
+        for k in range(len(proposals.contacts)):
+            yield from self._at_decoded_palm(k, proposals)
+            yield from oriented_postures(k, proposals, target, self.tree, settings)
+
+    def _at_decoded_palm(self, k: int, proposals: Proposals) -> Iterator[Posture]:
+        """Yield the posture that IK finds from the palm of a latent, if the arm reaches that."""
+        if proposals.palms is None:
+            return
+        q, palm = HOME.copy(), proposals.palms[k]
+        if reach_palm(q, np.ascontiguousarray(palm[:3, :3]), palm[:3, 3].copy(), self.tree):
+            tips = proposals.contacts[k] + self.settings.tip_height * proposals.normals[k]
+            yield Posture(q, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
+
+
+class KinematicPlanner(LatentPlanner):
+    """Kinematics by the optimiser, dynamics by rejection."""
+
+    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+        """Prepare."""
+        super().__init__(settings, mount)
+        self.certifier = RejectingCertifier(self.tree, self.settings, mount, with_closure=False)
+
+
+class RejectingCertifier(Certifier):
+    """Refuses grasps whose forces do not bear the whole of the assumed weight."""
+
+    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
+        """Return the grasp, or None and note in `plan` that it is too weak."""
+        if not hold.holds:
+            plan.block(TOO_WEAK, 1.0 - hold.share)
+            return None
+        return super().certify(solution, hold, target, plan)
+
+
+class RawPlanner(LatentPlanner):
+    """Takes latents as IK reaches them; nothing is refined."""
+
+    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+        """Prepare."""
+        super().__init__(replace(settings, iterations=0), mount)
+        self.certifier = UncheckedCertifier(self.tree, self.settings, mount, with_closure=False)
+
+    def _refine(self, posture: Posture, target: GraspTarget) -> Solution:
+        solution = super()._refine(posture, target)
+        blocking = self._blocking(posture, solution)
+        return replace(solution, feasible=blocking is None, blocking=blocking)
+
+    def _blocking(self, posture: Posture, solution: Solution) -> str | None:
+        at, settings = solution.evaluation, self.settings
+        if -posture.score > MISS:
+            return NO_IK
+        if (at.values[FIXED_ROWS:] + settings.clearance < 0.0).any():
+            return COLLISION
+        balanced = solve_wrench_qp(at.contacts, at.normals, settings.friction).residual < TOLERANCE
+        return None if balanced else NO_CLOSURE
+
+
+class UncheckedCertifier(Certifier):
+    """Presses with balanced forces of Eq. 4 that nobody has checked; the certificate tells what is true of them."""
+
+    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
+        """Return the grasp, whatever it is worth."""
+        q, at = solution.q, solution.evaluation
+        forces = solve_wrench_qp(at.contacts, at.normals, self.settings.friction, f_min=PRESS).forces
+        motion = grasp_motion(q, at.normals, forces, target, self.tree, self.settings, OPENINGS[0])
+        certificate = certificate_of(q, forces, target, self.tree, self.settings, with_capacity=False)
+        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, self.mount)

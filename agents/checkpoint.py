@@ -1,0 +1,121 @@
+"""Policies trained with Stable-Baselines3, as agents.
+
+A checkpoint is a zip with pickled parts; `checkpoint_reader` sees to it that none of them runs.
+"""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.extras import require_extra
+from dexgrasp_env.files import expand, read_json_object
+
+from .checkpoint_reader import harmless_objects, read_settings
+
+ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
+
+
+class CheckpointAgent(Agent):
+    """Acts by a Stable-Baselines3 policy, without exploration noise.
+
+    Its `env_settings` are those it was trained with, where a file of the checkpoint's name ending in `.json`
+    says so (`{"obs_mode": ..., "control_mode": ...}`); else the environment's defaults.
+    """
+
+    env_settings: Mapping[str, Any] = {}  # type: ignore[misc]  # of the instance here
+    _defaults: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+
+    def __init__(self, spec: str) -> None:
+        """Open a checkpoint.
+
+        Args:
+            spec: `path.zip`, or `algorithm:path.zip` where the path does not tell the algorithm.
+
+        Raises:
+            InputError: if there is no such file, it is no checkpoint, or Stable-Baselines3 is not installed.
+        """
+        algorithm, path = _split(spec)
+        if not path.is_file():
+            raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
+        self._policy = _open(path, algorithm or _guess(path))
+        self.env_settings = dict(self._defaults) | _sidecar(path)
+
+    def seed(self, seed: int) -> None:
+        """Seed the policy's own draws."""
+        self._policy.set_random_seed(seed)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Forget the last episode."""
+        self.report = Report()
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the policy's mean action."""
+        action, _ = self._policy.predict(dict(observation), deterministic=True)
+        return np.asarray(action, dtype=np.float32)
+
+
+def checkpoint_files(spec: str) -> list[Path]:
+    """Return the files that an agent's name stands for: a checkpoint and its settings; none for other agents."""
+    if not spec.endswith(".zip"):
+        return []
+    _, path = _split(spec)
+    return [path, path.with_suffix(".json")]
+
+
+def _split(spec: str) -> tuple[str | None, Path]:
+    head, separator, tail = spec.partition(":")
+    if not separator or Path(spec).is_file() or len(head) == 1:  # a single letter is a Windows drive
+        return None, expand(spec)
+    if head not in ALGORITHMS:
+        raise unknown_name("algorithm of a checkpoint", head, ALGORITHMS)
+    return head, expand(tail)
+
+
+def _guess(path: Path) -> str:
+    """Find the algorithm in the names of the policy class and of the file; nothing is unpickled for it."""
+    data = read_settings(path)
+    about = data.get("policy_class")
+    policy = str(about.get("__module__", "")) if isinstance(about, dict) else ""
+    candidates = [name for name in ALGORITHMS if f".{name}." in policy or name in path.stem.lower()]
+    if candidates:
+        return candidates[0]
+    # PPO and A2C share their policies; PPO alone has a clip range.
+    if "common" in policy:
+        return "ppo" if "clip_range" in data else "a2c"
+    valid = ", ".join(ALGORITHMS)
+    raise InputError(
+        f"cannot tell the algorithm of {path}: write it before, e.g. ppo:{path}; valid are {valid}"
+    )
+
+
+def _open(path: Path, algorithm: str) -> Any:
+    settings = read_settings(path)
+    require_extra("learning", f"checkpoint {path}")
+    import stable_baselines3
+
+    objects = harmless_objects(path, settings)
+    try:
+        policy = getattr(stable_baselines3, algorithm.upper()).load(
+            path, device="cpu", custom_objects=objects
+        )
+    except Exception as error:
+        why = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
+        raise InputError(f"{path} cannot be opened as a {algorithm} checkpoint: {why}") from error
+    if not isinstance(policy.observation_space, spaces.Dict):
+        raise InputError(
+            f"{path} was not trained on this environment's dict observations: use MultiInputPolicy"
+        )
+    return policy
+
+
+def _sidecar(path: Path) -> dict[str, Any]:
+    settings = path.with_suffix(".json")
+    if not settings.is_file():
+        return {}
+    return read_json_object(settings, 'it holds environment settings, e.g. {"obs_mode": "state"}')

@@ -1,0 +1,102 @@
+"""Learned policies, by the path of their folder or, those that are shipped, by their name."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp.imitation.clone import KIND as CLONE
+from dexgrasp.imitation.clone import Clone, CloneRun
+from dexgrasp.reinforcement.actor import KIND as ACTOR
+from dexgrasp.reinforcement.actor import Actor, ActorRun
+from dexgrasp.reinforcement.grip import KIND as GRIP
+from dexgrasp.reinforcement.grip import Grip, GripRun
+from dexgrasp.runs.policy_folder import read_policy
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand
+
+
+class LearnedAgent(Agent):
+    """Acts by the policy of a folder, in numpy; its `env_settings` are those that it was trained in."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {}
+
+    def __init__(self, folder: str | Path) -> None:
+        """Read the policy.
+
+        Args:
+            folder: of `dexgrasp train`.
+
+        Raises:
+            InputError: if the folder holds no policy, or a damaged one.
+        """
+        self._policy = read_learned(expand(folder))
+        self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
+        self._run: CloneRun | ActorRun | GripRun | None = None
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Look at the object."""
+        self._run = None
+        self.report = Report()
+        if info.get("perception_failure"):
+            self.report.failure = str(info["perception_failure"])
+            return
+        try:
+            self._run = self._policy.begin(observation)
+        except InputError as error:
+            self.report.failure = str(error)
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the next action."""
+        if self._run is None:
+            raise InputError("this agent has nothing to look at: reset() says why in report.failure")
+        return self._run.action(observation)
+
+
+def read_learned(folder: Path) -> Clone | Actor | Grip:
+    """Read the policy of a folder, of whatever kind.
+
+    Raises:
+        InputError: if it holds none, or a damaged one.
+    """
+    about, arrays = read_policy(folder)
+    kinds: dict[str, type[Clone] | type[Actor] | type[Grip]] = {CLONE: Clone, ACTOR: Actor, GRIP: Grip}
+    kind = str(about.get("kind"))
+    if kind not in kinds:
+        raise InputError(f"{folder}: policy of kind {kind!r}: valid are {', '.join(kinds)}")
+    return kinds[kind](about, arrays)
+
+
+class BcAgent(LearnedAgent):
+    """Cloned from demonstrations: sees the state, predicts set-points."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+
+    def __init__(self) -> None:
+        super().__init__(asset_path("weights", "bc"))
+
+
+class RlAgent(LearnedAgent):
+    """`bc` with a grip that reinforcement corrects: sees the state, decides once an episode where to take hold."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = BcAgent.env_settings
+
+    def __init__(self) -> None:
+        super().__init__(asset_path("weights", "rl"))
+
+
+class BcCloudAgent(LearnedAgent):
+    """Cloned from demonstrations: looks at the cloud once, then feels through the joints."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {
+        "obs_mode": "pointcloud",
+        "control_mode": "joint_delta",
+        "observe": "reset",
+    }
+
+    def __init__(self) -> None:
+        super().__init__(asset_path("weights", "bc_cloud"))

@@ -1,1 +1,0 @@
-"""The grasp dataset and the generative model."""

@@ -1,0 +1,34 @@
+"""Uniform random actions: what an environment gives away for nothing."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
+
+import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
+
+from dexgrasp.agent import Agent, Observation, Report
+
+
+class RandomAgent(Agent):
+    """Draws every action evenly from the action space."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+
+    def __init__(self) -> None:
+        self._rng = np.random.default_rng()
+        self._space = spaces.Box(-1.0, 1.0, (23,), np.float32)
+
+    def seed(self, seed: int) -> None:
+        """Seed the draws."""
+        self._rng = np.random.default_rng(seed)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Take the action space from `info`; one of 23 numbers in [-1, 1] without."""
+        self._space = info.get("action_space", self._space)
+        self.report = Report()
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Draw an action."""
+        low, high = self._space.low, self._space.high
+        return self._rng.uniform(low, high).astype(np.float32)

@@ -1,0 +1,57 @@
+"""A hard-coded agent whose choices are easy to learn: scenes that look alike are grasped alike."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.agent import Observation
+from dexgrasp.kinematics.palm_ik import palm_frame, solve_palm
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
+
+from .hardcoded import HardcodedAgent
+
+_TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
+_WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narrowest
+_IK_ERROR = 0.003  # m
+
+
+class Teacher(HardcodedAgent):
+    """Like `hardcoded`, but turns the wrist as little as the object's width allows.
+
+    `hardcoded` grips along the short principal axis. Of something nearly round that axis is made by the noise of the
+    cameras, and nobody can learn it. Here every grip about as narrow as the narrowest will do, and the one that needs
+    the least turn of the wrist is taken.
+    """
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Plan from the cloud."""
+        self._start = np.asarray(observation["joint_targets"], dtype=float)
+        super().reset(observation, info)
+
+    def _reachable(self, tree: RobotTree, start: Array, points: Array) -> list[tuple[Array, Array]]:
+        found = []
+        for axis in self._axes(tree, start, points):
+            R, p = self._palm_goal(points, axis)
+            q = start.copy()
+            q[7:] = self.settings.hand_open
+            q[0] = np.arctan2(p[1], p[0])
+            if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
+                found.append((axis, q[:7].copy()))
+        return found
+
+    def _axes(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
+        """Return the grips (3,) to try: along the narrowest directions, least turn of the wrist first."""
+        level = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
+        widths = np.ptp(points[:, :2] @ level, axis=0)
+        narrow = _TURNS[widths <= widths.min() * _WIDER[0] + _WIDER[1]]
+        R, _ = palm_frame(start, tree)
+        middle = points.mean(axis=0)
+        straight = np.arctan2(R[1, 2], R[0, 2]) - start[0] + np.arctan2(middle[1], middle[0])
+        turns = np.concatenate([narrow, narrow + np.pi]) - straight
+        turns = (turns + np.pi) % (2 * np.pi) - np.pi
+        best = turns[np.argmin(np.abs(turns))]
+        other = best - np.sign(best) * np.pi if best else np.pi
+        angles = straight + np.array([best, other])
+        return [np.array([np.cos(a), np.sin(a), 0.0]) for a in angles]

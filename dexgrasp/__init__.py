@@ -1,0 +1,16 @@
+"""Dexterous grasping on a table: shape, planning, certificates, motion, learning, evaluation, the commands."""
+
+__all__ = ["Agent", "Report", "make_agent", "plan_cloud"]
+_HOMES = {
+    "Agent": "dexgrasp.agent", "Report": "dexgrasp.agent", "make_agent": "dexgrasp.registry",
+    "plan_cloud": "dexgrasp.planning.from_cloud",
+}  # fmt: skip
+
+
+def __getattr__(name: str) -> object:
+    """Import what is asked for, and neither torch nor numba before that."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'dexgrasp' has no attribute {name!r}")
+    import importlib
+
+    return getattr(importlib.import_module(_HOMES[name]), name)

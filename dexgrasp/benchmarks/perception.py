@@ -1,0 +1,209 @@
+"""Cost of perception by step against the raw ray rate, and its accuracy over the objects."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dexgrasp.benchmarks.timing import seconds_of
+
+if TYPE_CHECKING:
+    import mujoco
+
+    from dexgrasp_env.objects.model import ObjectModel
+    from dexgrasp_env.sensing.sensor import SensorModel
+
+OBJECT = "sugar_box"
+BUDGET_MS = 60.0
+"""For four 160 x 120 depth images and the cloud, one core, no GL."""
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Return the cost of each step [ms, medians], the ray rates, and the total against the budget.
+
+    `ray_rate_ratio` is the rate of the depth images over that of `mj_multiRay` alone on the same rays,
+    unmended and writing to one buffer; `render_share` the share of the images in the total.
+
+    Args:
+        quick: fewer repetitions.
+    """
+    from dexgrasp_env.sensing.perception import Perception
+
+    repeats = 5 if quick else 31
+    model, data, _ = _scene(OBJECT, np.random.default_rng(0), 0)
+    perception, rng = Perception(model), np.random.default_rng(1)
+    perception.reset(rng)
+    perception.observe(data, rng)  # compiles
+    steps = _steps(perception, data, rng)
+    times = {name: _median_ms(step, repeats) for name, step in steps.items()}
+    total = times.pop("total")
+    rays = sum(c.intrinsics.width * c.intrinsics.height for c in perception.cameras)
+    raw = _median_ms(_raw_rays(model, data, perception), repeats)
+    return {
+        "object": OBJECT,
+        "steps_ms": times,
+        "total_ms": total,
+        "budget_ms": BUDGET_MS,
+        "render_share": times["render"] / total,
+        "raw_rays_per_second": rays / raw * 1e3,
+        "rays_per_second": rays / times["render"] * 1e3,
+        "ray_rate_ratio": raw / times["render"],
+    }
+
+
+def accuracy(
+    poses: int = 5, sensor: SensorModel | None = None, objects: tuple[str, ...] = ("all20",), seed: int = 0
+) -> dict[str, Any]:
+    """Return the measures of `perception.accuracy` by object (medians over poses) and over all observations.
+
+    Args:
+        poses: observations of each object, each at a random place, yaw and rest pose, freshly calibrated.
+        sensor: None takes the default.
+        objects: names or sets of the catalogue.
+        seed: of poses and sensor.
+    """
+    from dexgrasp_env.objects.load import resolve_targets
+
+    rows = {
+        name: [_observation(name, pose, sensor, seed + index) for pose in range(poses)]
+        for index, name in enumerate(resolve_targets(list(objects)))
+    }
+    everything = [row for group in rows.values() for row in group]
+    return {"by_object": {name: _summary(group) for name, group in rows.items()}, "all": _summary(everything)}
+
+
+def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) -> dict[str, Any]:
+    from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
+    from dexgrasp_env.poses import pose_matrix
+    from dexgrasp_env.sensing.groups import VISUAL_GROUPS
+    from dexgrasp_env.sensing.perception import Perception
+
+    rng = np.random.default_rng((seed, pose))
+    model, data, shape = _scene(name, rng, pose)
+    perception = Perception(model, sensor=sensor)
+    perception.reset(rng)
+    cloud = perception.observe(data, rng).cloud
+    geoms = object_geoms(model)
+    visible = geoms[np.isin(model.geom_group[geoms], VISUAL_GROUPS)]
+    T = pose_matrix(data.body("object").xpos, data.body("object").xquat)
+    depths, ids = perception.backend.render(data), perception.backend.segment(data)
+    return asdict(measure_accuracy(cloud, shape.mesh, T, depths, ids, perception.cameras, visible))
+
+
+def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+    seen = [row for row in rows if row["reason"] is None]
+    out: dict[str, Any] = {"observations": len(rows), "failures": [r["reason"] for r in rows if r["reason"]]}
+    if not seen:
+        return out
+    column = {name: np.array([row[name] for row in seen], float) for name in seen[0] if name != "reason"}
+    for name in ("median", "p95", "worst"):
+        out[f"{name}_mm"] = float(1e3 * np.median(column[name]))
+    out["largest_p95_mm"] = float(1e3 * column["p95"].max())
+    out["covered"] = float(np.median(column["covered"]))
+    for name in ("false_points", "stray_points", "table_points"):
+        out[name] = int(column[name].sum())
+    out["hull_volume"] = float(np.median(column["hull_volume"]))
+    out["hull_volume_error"] = float(np.median(np.abs(column["hull_volume"] - 1.0)))
+    return out
+
+
+def _scene(
+    name: str, rng: np.random.Generator, pose: int
+) -> tuple[mujoco.MjModel, mujoco.MjData, ObjectModel]:
+    """Return a scene, the robot at home and the object at rest: pose n takes its n-th rest pose."""
+    import mujoco
+
+    from dexgrasp_env.objects.load import load_object
+    from dexgrasp_env.objects.rest_poses import rest_poses
+    from dexgrasp_env.robot.limits import HOME
+    from dexgrasp_env.scene.build import build_scene
+    from dexgrasp_env.tasks.placement import Placement
+
+    shape = load_object(name)
+    rest = "likely" if shape.fixed_pose is not None else pose % len(rest_poses(shape))
+    model = build_scene(shape)
+    data = mujoco.MjData(model)
+    data.qpos[:23] = HOME
+    data.qpos[23:30] = Placement(rest_pose=rest).sample(shape, rng)
+    mujoco.mj_forward(model, data)
+    return model, data, shape
+
+
+def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> dict[str, Callable[[], object]]:
+    """Return each step as a call on the results of the steps before it."""
+    from dexgrasp.shape.hull import cloud_hull
+    from dexgrasp_env.perception.cloud import (
+        crop,
+        downsample,
+        gather,
+        largest_cluster,
+        remove_flying,
+        remove_outliers,
+    )
+    from dexgrasp_env.perception.level import level_views, view_corrections
+    from dexgrasp_env.perception.normals import smooth
+    from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
+    from dexgrasp_env.perception.robot import remove_robot
+
+    s, cameras = perception.settings, perception.believed
+    depths = perception.measure(data, rng)
+    everything = gather(remove_flying(depths), cameras)
+    sparse = everything.select(slice(None, None, s.stride))
+    plane = fit_plane(sparse.points, rng, tolerance=0.010)
+    assert plane is not None
+    turns = view_corrections(sparse, plane, len(cameras))
+    cropped = crop(everything, s.crop_low, s.crop_high)
+    level = level_views(cropped, turns)
+    clearance = table_clearance(plane, level.depth, noise_depth(sparse, plane), s.clearance_sigmas)
+    above = remove_plane(level, plane, clearance)
+    free = remove_robot(above, perception.robot, data, s.robot_margin)
+    dense = remove_outliers(free, s.outlier_radius, s.outlier_neighbours)
+    found = largest_cluster(dense, s.link)
+    chosen = found.select(downsample(found.points, s.count, rng))
+    points, _ = smooth(found, chosen, plane.rms, s.smoothing_radius)
+    true = perception.backend.render(data)
+    return {
+        "render": lambda: perception.backend.render(data),
+        "sensor": lambda: perception.sensor.measure(true, perception.cameras, rng),
+        "remove_flying": lambda: remove_flying(depths),
+        "gather": lambda: gather(depths, cameras),
+        "fit_plane": lambda: fit_plane(sparse.points, rng, tolerance=0.010),
+        "view_corrections": lambda: view_corrections(sparse, plane, len(cameras)),
+        "crop": lambda: crop(everything, s.crop_low, s.crop_high),
+        "level_views": lambda: level_views(cropped, turns),
+        "remove_plane": lambda: remove_plane(level, plane, clearance),
+        "remove_robot": lambda: remove_robot(above, perception.robot, data, s.robot_margin),
+        "remove_outliers": lambda: remove_outliers(free, s.outlier_radius, s.outlier_neighbours),
+        "largest_cluster": lambda: largest_cluster(dense, s.link),
+        "downsample": lambda: downsample(found.points, s.count, rng),
+        "smooth": lambda: smooth(found, chosen, plane.rms, s.smoothing_radius),
+        "hull (not in the total)": lambda: cloud_hull(points, plane),
+        "total": lambda: perception.observe(data, rng),
+    }
+
+
+def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:
+    import mujoco
+
+    from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
+
+    mask = group_mask(VISUAL_GROUPS)
+    casts = [
+        (c.position, (c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel())
+        for c in perception.cameras
+    ]
+    n = len(casts[0][1]) // 3
+    geom, distance = np.empty(n, np.int32), np.empty(n)
+
+    def cast() -> None:
+        for position, rays in casts:
+            mujoco.mj_multiRay(model, data, position, rays, mask, True, -1, geom, distance, None, n, 10.0)
+
+    return cast
+
+
+def _median_ms(step: Callable[[], object], repeats: int) -> float:
+    return float(1e3 * np.median(seconds_of(step, repeats)))

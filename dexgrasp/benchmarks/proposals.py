@@ -1,0 +1,191 @@
+"""What a source of proposals buys: postures and time until a verified grasp, its margin, how varied the grasps are.
+
+Every source serves the same planner on the same perceived hulls, without planning the approach.
+"""
+
+import time
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.physics.metrics import ferrari_canny
+from dexgrasp.planning.planner import Plan, Planner
+from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.proposals import Proposals, ProposalSource
+from dexgrasp.planning.seen import target_from_cloud
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sources import make_source
+from dexgrasp.planning.sqp import solve
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
+
+SOURCES = ("cvae", "surface", "uniform")
+SETS = ("seen", "familiar", "novel")
+_SINGLE = 100  # proposals an object for `each_feasible`
+_QUICK, _FULL = (2, 1, 1), (None, 3, 4)  # objects of a set (all), scenes an object, seeds a scene
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One plan: scene, whether its grasp was verified, and figures."""
+
+    scene: str
+    verified: bool
+    tried: int
+    seconds: float
+    proposal_seconds: float
+    grasp: Grasp | None
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Measure all sources on seen, familiar and novel objects.
+
+    Returns:
+        By set and source: `trials`, `verified` with its interval, medians of `tried` and `seconds` with bootstrap
+        intervals, of the closure `margin` and of Ferrari and Canny's `epsilon` [N], `each_feasible` (single
+        proposals that become feasible), and over the verified grasps of one scene the mean distance of contact
+        centroids (`spread_cm`) and the mean angle between palms (`palm_degrees`).
+    """
+    objects, scenes, seeds = _QUICK if quick else _FULL
+    first = replace(
+        PlannerSettings(), candidates=1, firm_load=0.0
+    )  # the first grasp, not the best of several
+    planners = {name: Planner(first, source) for name, source in _sources().items()}
+    figures: dict[str, Any] = {}
+    for group in SETS:
+        subjects = [
+            (f"{name}-{k}", target)
+            for name in OBJECT_SETS[group][:objects]
+            for k in range(scenes)
+            if (target := _perceived(name, 1000 + k)) is not None
+        ]
+        for name, planner in planners.items():
+            planner.plan(subjects[0][1], 0)  # compile, read weights
+            attempts = [
+                _attempt(planner, scene, target, seed) for scene, target in subjects for seed in range(seeds)
+            ]
+            shares = [_feasible(planner, make_source(name), target) for _, target in subjects]
+            figures[f"{group} {name}"] = _figures(attempts) | {"each_feasible": float(np.mean(shares))}
+    return figures
+
+
+def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> float:
+    """Return the share of single proposals, fingers as given or else by lot, that become a feasible configuration."""
+    rng, settings = np.random.default_rng(0), replace(planner.settings, triples=_SINGLE, postures=10**6)
+    found = source.propose(target, settings, rng)
+    if found.failure:
+        return 0.0
+    order = (
+        np.tile(np.arange(3), (len(found.contacts), 1))
+        if found.assigned
+        else rng.permuted(np.tile(np.arange(3), (len(found.contacts), 1)), axis=1)
+    )
+    contacts, normals = (
+        np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
+    )
+    single = Proposals(contacts, normals, found.margins, assigned=True)
+    postures = atlas_postures(single, target, planner.tree, settings)
+    return sum(solve(p.q, planner.tree, target, settings).feasible for p in postures) / len(contacts)
+
+
+def _sources() -> dict[str, Any]:
+    found = {}
+    for name in SOURCES:
+        try:
+            found[name] = make_source(name)
+        except InputError:  # no torch: the others can still be compared
+            continue
+    return found
+
+
+def _perceived(name: str, seed: int) -> GraspTarget | None:
+    """Return the hull of an object as the depth cameras see it."""
+    import gymnasium as gym
+
+    import dexgrasp_env  # noqa: F401
+
+    env = gym.make(
+        "DexGrasp/Lift-v1",
+        objects=name,
+        obs_mode="pointcloud",
+        control_mode="joint_position",
+        observe="reset",
+    )
+    try:
+        observation, _ = env.reset(seed=seed)
+        return target_from_cloud(observation)[0]
+    finally:
+        env.close()
+
+
+def _attempt(planner: Planner, scene: str, target: GraspTarget, seed: int) -> Attempt:
+    began = time.perf_counter()
+    plan: Plan = planner.plan(target, seed)
+    seconds = time.perf_counter() - began
+    good = plan.grasp is not None and _verified(plan.grasp, target, planner.settings)
+    return Attempt(scene, good, plan.tried, seconds, plan.seconds.get("proposals", 0.0), plan.grasp)
+
+
+def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> bool:
+    import json
+    import tempfile
+    from pathlib import Path
+
+    from dexgrasp.grasp.file import grasp_json, read_grasp
+    from dexgrasp.verify.verify import UNEXECUTED, verify
+
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "grasp.json"
+        path.write_text(json.dumps(grasp_json("hull", grasp, target, settings)))
+        return all(check.holds for check in verify(read_grasp(path), UNEXECUTED))
+
+
+def _figures(attempts: list[Attempt]) -> dict[str, Any]:
+    good = [a for a in attempts if a.verified]
+    low, high = wilson_interval(len(good), len(attempts))
+    spread, angle = _diversity(good)
+    return {
+        "trials": len(attempts), "verified": len(good) / len(attempts), "verified_low": low, "verified_high": high,
+        **_median("tried", [a.tried for a in good]), **_median("seconds", [a.seconds for a in good]),
+        **_median("margin", [a.grasp.certificate.closure_margin for a in good if a.grasp]),
+        **_median("epsilon", [_epsilon(a.grasp) for a in good if a.grasp]),
+        "mean_tried": float(np.mean([a.tried for a in attempts])),
+        "proposal_seconds": float(np.median([a.proposal_seconds for a in attempts])),
+        "spread_cm": spread, "palm_degrees": angle,
+    }  # fmt: skip
+
+
+def _epsilon(grasp: Grasp) -> float:
+    return ferrari_canny(grasp.contacts, grasp.normals, PlannerSettings().friction)
+
+
+def _median(name: str, values: list[float]) -> dict[str, float | None]:
+    """Return the median with its 95 % bootstrap interval."""
+    if not values:
+        return {name: None, f"{name}_low": None, f"{name}_high": None}
+    drawn = np.random.default_rng(0).choice(np.asarray(values, float), (2000, len(values)))
+    low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
+    return {name: float(np.median(values)), f"{name}_low": float(low), f"{name}_high": float(high)}
+
+
+def _diversity(good: list[Attempt]) -> tuple[float | None, float | None]:
+    """Return mean distances, cm and degrees, between verified grasps of the same scene."""
+    from dexgrasp.kinematics.forward import body_frames
+    from dexgrasp.kinematics.tree import robot_tree
+
+    tree, spreads, angles = robot_tree(), [], []
+    for scene in {a.scene for a in good}:
+        grasps = [a.grasp for a in good if a.scene == scene and a.grasp is not None]
+        palms = [body_frames(g.q, tree)[0][tree.palm] for g in grasps]
+        for i in range(len(grasps)):
+            for j in range(i):
+                spreads.append(
+                    100.0 * np.linalg.norm(grasps[i].contacts.mean(0) - grasps[j].contacts.mean(0))
+                )
+                cosine = 0.5 * (np.trace(palms[i].T @ palms[j]) - 1.0)
+                angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    return (float(np.mean(spreads)), float(np.mean(angles))) if spreads else (None, None)

@@ -1,0 +1,284 @@
+"""What the environments cost over raw physics: process CPU time, side by side in one run.
+
+The raw loops start from the same states and replay the very controls of the environment, so they make the same
+contacts; that both end in the same states is checked. They take turns every few steps, so that a busy machine slows
+both, and medians over many rounds count.
+"""
+
+import importlib.util
+import itertools
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import rotate
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+
+_ID = "DexGrasp/Lift-v1"
+_TURN = 5  # control steps
+_ENVS = 16
+_STATE = mujoco.mjtState.mjSTATE_INTEGRATION
+_PEERS = ("AdroitHandRelocate-v1", "HandManipulateBlock-v1", "FetchPickAndPlace-v4")
+
+
+@dataclass(frozen=True)
+class Recording:
+    """One run of an environment, single or of many.
+
+    Attributes:
+        env: what ran.
+        seed: it was reset with.
+        actions: (T, n) or (T, N, n).
+        models: of each simulation.
+        states: of each at the start.
+        controls: (T, N, 25, 23) set-points of the physics steps.
+        contacts: mean number of contacts.
+    """
+
+    env: Any
+    seed: int
+    actions: NDArray[Any]
+    models: list[mujoco.MjModel]
+    states: list[Array]
+    controls: Array
+    contacts: float
+
+
+def run(quick: bool = False) -> dict[str, Any]:
+    """Return raw / environment time by object and motion, of the vector environment, and beside other ones.
+
+    `random` moves all joints at random; `grasp` reaches for the object, closes the hand on it and lifts.
+
+    Args:
+        quick: fewer objects, steps and alternations.
+    """
+    objects = (
+        ("sugar_box", "massage_ball")
+        if quick
+        else ("sugar_box", "tomato_soup_can", "mustard_bottle", "massage_ball", "castle")
+    )
+    rounds, steps = (3, 60) if quick else (15, 150)
+    cases: dict[str, Any] = {}
+    for name in objects:
+        for motion, record in (("random", _record_random), ("grasp", _record_grasp)):
+            recording = record(name, steps)
+            if recording is not None:
+                cases[f"{name}, {motion}"] = _compare(recording, rounds)
+    ratios = [case["ratio"] for case in cases.values()]
+    many = _compare(_record_vector(objects, 20 if quick else 40), rounds)
+    return {
+        **cases,
+        "all": {"ratio": float(np.median(ratios)), "least_ratio": min(ratios)},
+        f"vector, {_ENVS} environments, 1 thread": many,
+        f"wall steps a second, {_ENVS} environments": _beside_wrappers(objects, 3 if quick else 9),
+        **_peers(rounds),
+    }
+
+
+# -- recording --------------------------------------------------------------------------------------------------
+
+
+def _record_random(name: str, steps: int) -> Recording:
+    env = gym.make(_ID, objects=name, control_mode="joint_delta", disable_env_checker=True)
+    return _record(env, np.random.default_rng(0).uniform(-0.3, 0.3, (steps, 23)))
+
+
+def _record_grasp(name: str, steps: int) -> Recording | None:
+    """The hard-coded agent's motion, planned from the true surface; None where it finds none."""
+    from dexgrasp.agents.hardcoded import HardcodedAgent
+
+    env = gym.make(_ID, objects=name, control_mode="joint_position", disable_env_checker=True)
+    agent = HardcodedAgent()
+    for seed in range(8):
+        observation, _ = env.reset(seed=seed)
+        points = _surface(env.unwrapped)
+        cloud = {"cloud": points, "cloud_mask": np.ones(len(points), bool)}
+        agent.reset({**observation, **cloud}, {"action_space": env.action_space})
+        if agent.report.failure is None:
+            actions = np.array([agent.act({}) for _ in range(200)])
+            return _record(env, actions[: 200 if steps >= 150 else 160], seed)
+    return None
+
+
+def _surface(env: Any) -> Array:
+    points, _ = env.simulation.object.mesh.sample(1024, return_index=True, seed=0)
+    pose = env.data.qpos[23:30]
+    return rotate(pose[3:], np.asarray(points)) + pose[:3]
+
+
+def _record(env: gym.Env[Any, Any], actions: Array, seed: int = 0) -> Recording:
+    env.reset(seed=seed)
+    inner: Any = env.unwrapped
+    state, targets = inner.get_state().physics, [inner.targets]
+    contacts = []
+    for count, action in enumerate(actions):
+        terminated = env.step(action.astype(np.float32))[2]
+        targets.append(inner.targets)
+        contacts.append(inner.data.ncon)
+        if terminated:
+            actions = actions[: count + 1]
+            break
+    controls = np.array([[_ramp(a, b)] for a, b in itertools.pairwise(targets)])
+    return Recording(
+        env, seed, actions.astype(np.float32), [inner.model], [state], controls, float(np.mean(contacts))
+    )
+
+
+def _record_vector(objects: tuple[str, ...], steps: int) -> Recording:
+    """Random motion of many environments at once, on one thread."""
+    envs: Any = gym.make_vec(_ID, num_envs=_ENVS, objects=list(objects), threads=1)
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (steps, _ENVS, 23)).astype(np.float32)
+    envs.reset(seed=0)
+    states = [envs.get_state(i).physics for i in range(_ENVS)]
+    models = [envs.simulation(i).model for i in range(_ENVS)]
+    targets = [envs.targets]
+    for action in actions:
+        envs.step(action)
+        targets.append(envs.targets)
+    controls = np.array(
+        [[_ramp(*pair) for pair in zip(a, b, strict=True)] for a, b in itertools.pairwise(targets)]
+    )
+    return Recording(envs, 0, actions, models, states, controls, float("nan"))
+
+
+def _ramp(start: Array, end: Array) -> Array:
+    """Return the set-points (25, 23) of the physics steps in a control step."""
+    rows = start + np.arange(1, CONTROL_STEPS + 1)[:, None] / CONTROL_STEPS * (end - start)
+    rows[-1] = end
+    return rows
+
+
+# -- taking turns -----------------------------------------------------------------------------------------------
+
+
+def _compare(recording: Recording, rounds: int) -> dict[str, float]:
+    times = np.array([_round(recording) for _ in range(rounds)])
+    env, raw = np.median(times, axis=0)
+    steps = len(recording.actions) * len(recording.models)
+    return {
+        "env_steps_per_second": steps / float(env),
+        "raw_steps_per_second": steps / float(raw),
+        "ratio": float(np.median(times[:, 1] / times[:, 0])),
+        **({} if np.isnan(recording.contacts) else {"contacts": recording.contacts}),
+    }
+
+
+def _round(recording: Recording) -> tuple[float, float]:
+    """CPU seconds of the environment and of the raw loop over one run, taking turns every few control steps."""
+    env, actions, controls = recording.env, recording.actions, recording.controls
+    env.reset(seed=recording.seed)
+    datas = [mujoco.MjData(model) for model in recording.models]
+    for model, data, state in zip(recording.models, datas, recording.states, strict=True):
+        mujoco.mj_setState(model, data, state, _STATE)
+    seconds = [0.0, 0.0]
+    for first in range(0, len(actions), _TURN):
+        part = slice(first, first + _TURN)
+        turns: list[tuple[int, Callable[..., None], tuple[Any, ...]]] = [
+            (0, _run_env, (env, actions[part])),
+            (1, _run_raw, (recording.models, datas, controls[part])),
+        ]
+        # Who comes first finds the caches cold: that alternates too.
+        for which, run_part, arguments in turns if first // _TURN % 2 else reversed(turns):
+            seconds[which] += _cpu_seconds(run_part, *arguments)
+    _check_same_end(env, datas)
+    return seconds[0], seconds[1]
+
+
+def _check_same_end(env: Any, datas: list[mujoco.MjData]) -> None:
+    states = [env.get_state(i) for i in range(len(datas))] if len(datas) > 1 else [env.unwrapped.get_state()]
+    for state, data in zip(states, datas, strict=True):
+        if not np.array_equal(data.qpos, state.physics[1:31]):  # after the time
+            raise RuntimeError("the raw loop and the environment do not end in the same state")
+
+
+def _cpu_seconds(function: Callable[..., Any], *arguments: Any) -> float:
+    start = time.process_time()
+    function(*arguments)
+    return time.process_time() - start
+
+
+def _run_env(env: Any, actions: NDArray[Any]) -> None:
+    for action in actions:
+        env.step(action)
+
+
+def _run_raw(models: list[mujoco.MjModel], datas: list[mujoco.MjData], controls: Array) -> None:
+    step = mujoco.mj_step
+    for rows in controls:
+        for model, data, own in zip(models, datas, rows, strict=True):
+            ctrl = data.ctrl
+            for row in own:
+                ctrl[:] = row
+                step(model, data)
+
+
+# -- beside others ----------------------------------------------------------------------------------------------
+
+
+def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:
+    """Steps a second by the clock of the native environment on all cores and of Gymnasium's two, taking turns."""
+    kinds = {"native": None, "SyncVectorEnv": "sync", "AsyncVectorEnv": "async"}
+    envs = {
+        name: gym.make_vec(_ID, num_envs=_ENVS, vectorization_mode=kind, objects=list(objects))
+        for name, kind in kinds.items()
+    }
+    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (_TURN, _ENVS, 23)).astype(np.float32)
+    for each in envs.values():
+        each.reset(seed=0)
+        _run_env(each, actions)
+    seconds: dict[str, list[float]] = {name: [] for name in envs}
+    for _ in range(rounds):
+        for name, each in envs.items():
+            start = time.perf_counter()
+            _run_env(each, actions)
+            seconds[name].append(time.perf_counter() - start)
+    for each in envs.values():
+        each.close()
+    return {name: _TURN * _ENVS / float(np.median(times)) for name, times in seconds.items()}
+
+
+def _peers(rounds: int) -> dict[str, Any]:
+    """The same ratio of gymnasium-robotics' environments, where that is installed."""
+    if importlib.util.find_spec("gymnasium_robotics") is None:
+        return {}
+    import gymnasium_robotics
+
+    gym.register_envs(gymnasium_robotics)
+    ratios = {}
+    for name in _PEERS:
+        try:
+            ratios[f"peer, {name}"] = {"ratio": _peer(name, rounds)}
+        except Exception as error:  # their code on our MuJoCo: one that fails is left out and named
+            print(f"{name} does not run here: {type(error).__name__}", file=sys.stderr)
+    return ratios
+
+
+def _peer(name: str, rounds: int) -> float:
+    env = gym.make(name, disable_env_checker=True)
+    inner: Any = env.unwrapped
+    rng, ratios = np.random.default_rng(0), []
+    substeps = getattr(inner, "n_substeps", None) or inner.frame_skip
+    data = mujoco.MjData(inner.model)
+    state = np.zeros(mujoco.mj_stateSize(inner.model, _STATE))
+    for _ in range(rounds):
+        env.reset(seed=0)
+        times = [0.0, 0.0]
+        for _ in range(40):
+            action = 0.3 * env.action_space.sample()
+            mujoco.mj_getState(inner.model, inner.data, state, _STATE)
+            times[0] += _cpu_seconds(env.step, action)
+            mujoco.mj_setState(inner.model, data, state, _STATE)
+            data.ctrl[:] = inner.data.ctrl
+            times[1] += _cpu_seconds(mujoco.mj_step, inner.model, data, substeps)
+        ratios.append(times[1] / times[0])
+        env.action_space.seed(int(rng.integers(2**31)))
+    return float(np.median(ratios))

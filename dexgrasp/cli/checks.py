@@ -1,0 +1,149 @@
+"""The checks of `dexgrasp doctor`: each returns findings with remedies and raises nothing."""
+
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+from dexgrasp.runs.versions import package_version
+from dexgrasp_env.findings import Finding
+
+_NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
+_OPTIONAL = {
+    "torch": "the learned agents and training need it: pip install 'dexgrasp[learning]'",
+    "stable-baselines3": "reinforcement learning needs it: pip install 'dexgrasp[learning]'",
+}
+_BACKENDS = ("egl", "osmesa", "glfw")
+_RENDER = """
+import mujoco
+model = mujoco.MjModel.from_xml_string("<mujoco><worldbody><light pos='0 0 3'/><geom size='1'/></worldbody></mujoco>")
+data = mujoco.MjData(model)
+mujoco.mj_forward(model, data)
+with mujoco.Renderer(model, 32, 32) as renderer:
+    renderer.update_scene(data)
+    assert renderer.render().max() > 0, "the picture is black"
+"""
+
+
+def check_versions() -> list[Finding]:
+    """Look at Python and the packages."""
+    python = ".".join(map(str, sys.version_info[:3]))
+    findings = [Finding("info", f"python {python}")]
+    for package in _NEEDED:
+        found = package_version(package)
+        if found is None:
+            findings.append(Finding("error", f"{package} is not installed", f"pip install {package}"))
+        else:
+            findings.append(_judged(package, found))
+    for package, use in _OPTIONAL.items():
+        found = package_version(package)
+        findings.append(
+            Finding("info", f"{package} {found}") if found else Finding("info", f"no {package}", use)
+        )
+    return findings
+
+
+def _judged(package: str, found: str) -> Finding:
+    if package == "mujoco" and int(found.split(".")[0]) >= 4:
+        problem = f"mujoco {found}: 4.0 breaks dm-control 1.0.50 and solves sparse systems wrongly"
+        return Finding("error", problem, "pip install 'mujoco>=3.17,<4'")
+    return Finding("info", f"{package} {found}")
+
+
+def check_rendering() -> list[Finding]:
+    """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
+    works = {backend: _renders(backend) for backend in _BACKENDS}
+    findings = [Finding("info", f"{backend}: works") for backend, why in works.items() if not why]
+    unneeded = "cannot be used here, and need not" if findings else ""
+    findings += [Finding("info", f"{backend}: {unneeded or why}") for backend, why in works.items() if why]
+    if all(works.values()):
+        remedy = (
+            "for pictures and videos install libosmesa6, or libegl1 with libgl1; everything else runs without"
+        )
+        findings.append(Finding("warning", "no off-screen rendering", remedy))
+    elif (wish := _wished_backend()) and works.get(wish, "unknown"):
+        working = next(backend for backend, why in works.items() if not why)
+        findings.append(
+            Finding("error", f"MUJOCO_GL={wish} draws nothing", f"unset it, or set it to {working}")
+        )
+    return findings
+
+
+def _wished_backend() -> str:
+    from dexgrasp_env.rendering import wished_gl  # imports mujoco, which may be what is missing
+
+    return wished_gl()
+
+
+def _renders(backend: str) -> str:
+    """Return an empty text if a backend works, else why it does not."""
+    environment = {**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
+    with tempfile.TemporaryDirectory() as folder:  # MuJoCo logs into the current folder
+        try:
+            done = subprocess.run(
+                [sys.executable, "-c", _RENDER],
+                env=environment,
+                cwd=folder,
+                capture_output=True,
+                text=True,
+                timeout=60,
+            )
+        except subprocess.TimeoutExpired:
+            return "does not answer"
+    if done.returncode == 0:
+        return ""
+    last = (done.stderr.strip().splitlines() or [""])[-1][:100]
+    return f"crashes (signal {-done.returncode})" if done.returncode < 0 else f"does not work ({last})"
+
+
+def check_machine() -> list[Finding]:
+    """Look at processors, thread settings and the cache."""
+    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    limits = [
+        f"{key}={os.environ[key]}" for key in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if os.environ.get(key)
+    ]
+    return [
+        Finding("info", f"{usable} processors" + (f" ({', '.join(limits)})" if limits else "")),
+        _check_cache(),
+        *_check_torch(),
+    ]
+
+
+def _check_cache() -> Finding:
+    from dexgrasp_env.files import cache_dir, write_atomically
+
+    folder = cache_dir()
+    try:
+        write_atomically(folder / "doctor", b"")
+        (folder / "doctor").unlink()
+    except OSError as error:
+        problem = f"the cache {str(folder)!r} cannot be written: {error.strerror}"
+        return Finding(
+            "warning", problem, "set DEXGRASP_CACHE to a writable folder; all works without, slower"
+        )
+    return Finding("info", f"cache {folder} can be written")
+
+
+def _check_torch() -> list[Finding]:
+    if package_version("torch") is None:
+        return []
+    device = "torch.cuda.get_device_name() if torch.cuda.is_available() else 'no GPU'"
+    code = f"import torch; print({device}, torch.get_num_threads())"
+    try:
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+    except subprocess.TimeoutExpired:
+        return [Finding("warning", "torch does not import within two minutes")]
+    if done.returncode:
+        return [
+            Finding("error", "torch does not import", "reinstall it: pip install --force-reinstall torch")
+        ]
+    device, _, threads = done.stdout.strip().rpartition(" ")
+    return [Finding("info", f"torch works: {device}, {threads} threads")]
+
+
+def check_mesh(path: Path, scale: float) -> list[Finding]:
+    """Look at a mesh file."""
+    from dexgrasp_env.objects.user_mesh import describe_mesh
+
+    return describe_mesh(path, scale=scale)

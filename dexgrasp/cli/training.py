@@ -1,0 +1,115 @@
+"""What the commands that train have in common: options, seeds, a bar, the figures at the end."""
+
+import argparse
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dexgrasp.cli.options import natural_int, positive_float, positive_int
+
+if TYPE_CHECKING:
+    from dexgrasp.imitation.settings import BcSettings
+    from dexgrasp.imitation.trials import Trials
+    from dexgrasp.reinforcement.grip_settings import GripSettings
+    from dexgrasp.reinforcement.settings import RlSettings
+    from dexgrasp.runs.epochs import Progress
+
+    Settings = BcSettings | GripSettings | RlSettings
+
+
+def add_length(parser: argparse.ArgumentParser, steps: int, epochs: int) -> None:
+    """Add `--epochs` and `--minutes`."""
+    length = parser.add_mutually_exclusive_group()
+    length.add_argument(
+        "--epochs", type=positive_int, metavar="N", help=f"of {steps} steps each (default {epochs})"
+    )
+    length.add_argument(
+        "--minutes", type=positive_float, metavar="M", help="as many epochs as fit, by measured speed"
+    )
+
+
+def add_torch(parser: argparse.ArgumentParser, device: str = "cpu") -> None:
+    """Add `--device` and `--threads`."""
+    parser.add_argument(
+        "--device", choices=("auto", "cpu", "cuda"), default=device, help=f"(default {device})"
+    )
+    parser.add_argument(
+        "--threads", type=positive_int, default=1, metavar="N", help="of torch on the CPU (default 1)"
+    )
+
+
+def add_seeds(parser: argparse.ArgumentParser) -> None:
+    """Add `--seed`."""
+    parser.add_argument(
+        "--seed", type=natural_int, nargs="+", default=[0], metavar="S", help="one or several (default 0)"
+    )
+
+
+def add_trials(parser: argparse.ArgumentParser, every: int, unit: str) -> None:
+    """Add `--try-on`, `--trials` and `--every`, the last counted in `unit`."""
+    trials = parser.add_argument_group("trials while it learns (seeds of their own: 0 to 99 are for tuning)")
+    trials.add_argument("--try-on", nargs="+", metavar="OBJECT", help="objects or sets (default: no trials)")
+    trials.add_argument("--trials", type=positive_int, default=1, metavar="N", help="on each (default 1)")
+    trials.add_argument(
+        "--every", type=positive_int, default=every, metavar="N", help=f"{unit}s (default {every})"
+    )
+
+
+def train_each_seed(
+    args: argparse.Namespace, unit: str, settings: "Settings", train: Callable[..., "Progress"]
+) -> int:
+    """Train a policy for each seed; draw its curves, print the figures of its last epoch.
+
+    Args:
+        args: with all options but those of `add_length`, `--out` and `--json`.
+        unit: of the bar.
+        settings: of the training, the seed apart.
+        train: given a folder, settings, device, trials and what shows the progress.
+    """
+    from dexgrasp.cli.output import print_json
+
+    trials, results = _trials(args), []
+    for seed in dict.fromkeys(args.seed):
+        out = args.out if len(set(args.seed)) == 1 else args.out / f"seed-{seed}"
+        results.append(_train_one(args, replace(settings, seed=seed), out, trials, unit, train))
+    if args.json:
+        print_json({"schema": 1, "policies": results})
+        return 0
+    for figures in results:
+        print("; ".join(f"{key.replace('_', ' ')} {_shown(value)}" for key, value in figures.items()))
+    return 0
+
+
+def _trials(args: argparse.Namespace) -> "Trials | None":
+    from dexgrasp.imitation.trials import Trials
+    from dexgrasp_env.objects.load import resolve_targets
+
+    if not args.try_on:
+        return None
+    return Trials(tuple(resolve_targets(args.try_on)), args.trials, every=args.every)
+
+
+def _train_one(
+    args: argparse.Namespace, settings: "Settings", out: Path, trials: "Trials | None", unit: str,
+    train: Callable[..., "Progress"],
+) -> dict[str, Any]:  # fmt: skip
+    from dexgrasp.cli.output import progress_bar, resumable
+    from dexgrasp.imitation.curves import draw
+
+    kept = resumable(f"the last checkpoint is kept in {out}")
+    with kept, progress_bar(unit, f"{args.train_command}, seed {settings.seed}") as bar:
+
+        def show(state: "Progress") -> None:
+            last = {
+                key: value for key, value in state.curve[-1].items() if key != "epoch" and value is not None
+            }
+            bar(state.epoch, state.epochs, **{key: _shown(value) for key, value in last.items()})
+
+        state = train(out, settings, device=args.device, trials=trials, progress=show)
+    draw(state.curve, out / "curves.png")
+    return {"policy": str(out), **state.curve[-1], "seconds": state.seconds}
+
+
+def _shown(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)

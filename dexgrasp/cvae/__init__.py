@@ -1,0 +1,1 @@
+"""Training the conditional VAE that proposes where three fingertips go."""

@@ -1,0 +1,183 @@
+"""Grasps for training: splits that share no contact triple, augmentation, batches by seed and step alone."""
+
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.dataset.dataset import PoseGrasps
+from dexgrasp.dataset.rest_scene import turn
+from dexgrasp.planning.decoder import SCALE
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import quat_to_matrix
+
+SPLITS = ("train", "test", "held_out_poses", "held_out_object")
+CROPPED = 0.002
+"""m: points of a cloud below are left out, as no camera sees the underside."""
+
+
+@dataclass(frozen=True, eq=False)
+class PoseSplit:
+    """Grasps of one rest pose in one split; m, rest frame.
+
+    Attributes:
+        cloud: (N, 6) points and normals.
+        tips: (n, 3, 3) contacts, thumb, index, middle.
+        palm: (n, 3) positions.
+        rotation: (n, 3, 3) of the palm.
+    """
+
+    cloud: Array
+    tips: Array
+    palm: Array
+    rotation: Array
+
+    def __len__(self) -> int:
+        """Grasps."""
+        return len(self.tips)
+
+
+class Batch(NamedTuple):
+    """Arrays in network units: clouds (C, N, 6), grasps (C, G, 18), latent noise (C, G, latent); float32."""
+
+    cloud: NDArray[np.float32]
+    grasp: NDArray[np.float32]
+    noise: NDArray[np.float32]
+
+
+def split(
+    poses: list[PoseGrasps],
+    held_out_object: str | None,
+    held_out_poses: bool,
+    test_share: float = 0.05,
+    seed: int = 0,
+) -> dict[str, list[PoseSplit]]:
+    """Split a dataset. Only grasps that hold some load are taken (`load` >= 0).
+
+    Args:
+        poses: of the dataset.
+        held_out_object: kept apart whole.
+        held_out_poses: keep the last rest pose but one of every other object apart.
+        test_share: of the contact triples (regardless of which finger takes which contact).
+        seed: of the test split.
+
+    Raises:
+        InputError: for an object that is not there, or nothing left to train on.
+    """
+    names = list(dict.fromkeys(p.name for p in poses))
+    if held_out_object is not None and held_out_object not in names:
+        raise InputError(
+            f"held-out object {held_out_object!r} is not in the dataset: valid are {', '.join(names)}"
+        )
+    out: dict[str, list[PoseSplit]] = {name: [] for name in SPLITS}
+    for pose in poses:
+        of_object = [p.pose for p in poses if p.name == pose.name]
+        good = pose.grasps["load"] >= 0
+        if pose.name == held_out_object:
+            out["held_out_object"].append(_take(pose, good))
+        elif held_out_poses and len(of_object) > 2 and pose.pose == sorted(of_object)[-2]:
+            out["held_out_poses"].append(_take(pose, good))
+        else:
+            test = _tested(pose, test_share, seed)
+            out["train"].append(_take(pose, good & ~test))
+            out["test"].append(_take(pose, good & test))
+    out = {name: [p for p in parts if len(p)] for name, parts in out.items()}
+    if not out["train"] or not out["test"]:
+        raise InputError("the dataset has too few grasps that hold to train and test on: generate more")
+    return out
+
+
+def _tested(pose: PoseGrasps, share: float, seed: int) -> NDArray[np.bool_]:
+    triples = np.sort(pose.grasps["triple"].astype(np.int64), axis=1)
+    code = (triples[:, 0] << 20) + (triples[:, 1] << 10) + triples[:, 2]
+    unique, inverse = np.unique(code, return_inverse=True)
+    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < share)[inverse]
+
+
+def _take(pose: PoseGrasps, mask: NDArray[np.bool_]) -> PoseSplit:
+    g, cloud = pose.grasps, pose.scene["cloud"].astype(float)
+    return PoseSplit(
+        cloud[cloud[:, 2] > CROPPED], g["contacts"][mask].astype(float), g["palm_position"][mask].astype(float),
+        quat_to_matrix(g["palm_quat_wxyz"][mask].astype(float)),
+    )  # fmt: skip
+
+
+def training_batch(
+    poses: list[PoseSplit], step: int, seed: int, clouds: int, grasps: int, points: int, latent: int
+) -> Batch:
+    """Return the batch of a step: the same for the same seed and step, whatever went before."""
+    rng = np.random.default_rng([seed, 7, step])
+    chosen = rng.choice(len(poses), clouds, p=_weights(poses))
+    made = [_augmented(poses[k], rng, grasps, points) for k in chosen]
+    noise = rng.standard_normal((clouds, grasps, latent))
+    return _batch(made, noise)
+
+
+def _weights(poses: list[PoseSplit]) -> Array:
+    """Rest poses by the root of their number of grasps: rare ones count more than their share."""
+    root = np.sqrt([len(p) for p in poses])
+    return root / root.sum()
+
+
+def test_batches(poses: list[PoseSplit], seed: int, points: int, latent: int, most: int = 128) -> list[Batch]:
+    """Return batches of one rest pose each, not augmented but turned once: at most `most` grasps each."""
+    batches = []
+    for k, pose in enumerate(poses):
+        rng = np.random.default_rng([seed, 11, k])
+        at = rng.permutation(len(pose))[:most]
+        made = _made(
+            pose, at, rng.permutation(len(pose.cloud))[:points], turn(rng.uniform(-np.pi, np.pi)), np.ones(3)
+        )
+        batches.append(_batch([made], np.zeros((1, len(at), latent))))
+    return batches
+
+
+def _augmented(pose: PoseSplit, rng: np.random.Generator, grasps: int, points: int) -> tuple[Array, Array]:
+    """Yaw, stretch by up to 12 % an axis, resampling, occlusion of one side, noise of 1.5 mm, a tilt of normals."""
+    at = rng.integers(len(pose), size=grasps)
+    stretch = rng.uniform(0.88, 1.12, 3)
+    keep = _visible(pose.cloud, rng)
+    chosen = rng.choice(keep, points, replace=len(keep) < points)
+    cloud, grasp = _made(pose, at, chosen, turn(rng.uniform(-np.pi, np.pi)), stretch)
+    cloud[:, :3] += SCALE * rng.uniform(0.0, 0.0015) * rng.standard_normal((points, 3))
+    cloud[:, 3:] += rng.uniform(0.0, 0.1) * rng.standard_normal((points, 3))
+    return cloud, grasp
+
+
+def _visible(cloud: Array, rng: np.random.Generator) -> NDArray[np.int64]:
+    """Leave out, in half of the cases, up to a quarter of the points on one side."""
+    if rng.random() < 0.5:
+        return np.arange(len(cloud))
+    direction = turn(rng.uniform(-np.pi, np.pi))[0]
+    order = np.argsort(cloud[:, :3] @ direction, kind="stable")
+    return order[: int(len(cloud) * rng.uniform(0.75, 1.0))]
+
+
+def _made(
+    pose: PoseSplit, at: NDArray[np.int64], chosen: NDArray[np.int64], R: Array, stretch: Array
+) -> tuple[Array, Array]:
+    points = (pose.cloud[chosen, :3] * stretch) @ R.T
+    normals = pose.cloud[chosen, 3:] / stretch
+    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)) @ R.T
+    centre = centre_of(points)
+    tips = (pose.tips[at] * stretch) @ R.T - centre
+    # The palm keeps its distance to the fingertips: the hand does not stretch.
+    palm = (pose.palm[at] + pose.tips[at].mean(1) * (stretch - 1.0)) @ R.T - centre
+    rotation = R @ pose.rotation[at]
+    grasp = np.concatenate(
+        [SCALE * tips.reshape(len(at), 9), SCALE * palm, rotation[:, :, 0], rotation[:, :, 1]], axis=1
+    )
+    return np.concatenate([SCALE * (points - centre), normals], axis=1), grasp
+
+
+def centre_of(points: Array) -> Array:
+    """Return what is subtracted from a cloud (N, 3): its mean in x and y, nothing in z."""
+    return np.array([*points[:, :2].mean(0), 0.0])
+
+
+def _batch(made: list[tuple[Array, Array]], noise: Array) -> Batch:
+    clouds, grasps = zip(*made, strict=True)
+    arrays: list[Any] = [np.stack(clouds), np.stack(grasps), noise]
+    return Batch(*(a.astype(np.float32) for a in arrays))

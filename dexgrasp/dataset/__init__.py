@@ -1,0 +1,1 @@
+"""The grasp dataset: rest poses, sampled grasps, shards."""

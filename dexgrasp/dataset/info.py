@@ -1,0 +1,168 @@
+"""What is in a dataset: counts, histograms, coverage, a picture, and a sample checked by `verify`'s means."""
+
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
+from dexgrasp.dataset.rest_scene import placed
+from dexgrasp.dataset.shards import read_manifest
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.poses import quat_to_matrix
+
+_BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
+_PARTS = ("thresholds", "contacts", "limits", "clearance", "closure")
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    """Return counts and histograms of a dataset, as JSON holds them."""
+    manifest, poses = read_manifest(folder), read_dataset(folder)
+    totals, blocked = Counter[str](), Counter[str]()
+    for pose in poses:
+        totals.update(pose.counts)
+        blocked.update(pose.blocked)
+    decided = sum(int(p.scene["triples"][0]) for p in poses)
+    feasible = sum(int(p.scene["triples"][1]) for p in poses)
+    margin = _joined(poses, "margin")
+    return {
+        "schema": 1, "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
+        "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
+        "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
+        "share_holding": totals["holding"] / max(totals["feasible"], 1),
+        "counts": dict(totals), "blocked": dict(blocked.most_common()),
+        "coverage": float(np.mean([p.coverage for p in poses])),
+        "least_coverage": float(min(p.coverage for p in poses)),
+        "margin_histogram": {"edges": list(_BINS), "counts": np.histogram(margin, _BINS)[0].tolist()},
+        "approach_degrees": _quantiles(_approach(poses)), "margin": _quantiles(margin),
+        "poses": [
+            {"object": p.name, "pose": p.pose, "probability": float(p.scene["probability"]), "grasps": len(p),
+             "triples_feasible": int(p.scene["triples"][1]), "coverage": p.coverage}
+            for p in poses
+        ],
+    }  # fmt: skip
+
+
+def _joined(poses: Sequence[PoseGrasps], name: str) -> np.ndarray:
+    return np.concatenate([pose.grasps[name] for pose in poses])
+
+
+def _quantiles(values: np.ndarray) -> dict[str, float]:
+    if not len(values):
+        return {}
+    return {name: float(np.quantile(values, q)) for name, q in (("p10", 0.1), ("median", 0.5), ("p90", 0.9))}
+
+
+def _approach(poses: Sequence[PoseGrasps]) -> np.ndarray:
+    """Angle (degrees) between the palm's normal and straight down."""
+    R = quat_to_matrix(_joined(poses, "palm_quat_wxyz").astype(float))
+    return np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))
+
+
+def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
+    """Check a random sample by `verify`'s independent means.
+
+    Grasps in the dataset are of a hand that is there already: nothing is checked of how it came there, and nothing of
+    the forces where `load` is -1.
+
+    Returns:
+        `checked`, `passed`, and how often each check failed.
+    """
+    from dexgrasp.verify.verify import verify
+
+    poses, failures, passed = read_dataset(folder), Counter[str](), 0
+    owner = np.repeat(np.arange(len(poses)), [len(p) for p in poses])
+    local = np.concatenate([np.arange(len(p)) for p in poses])
+    chosen = np.random.default_rng(seed).permutation(len(owner))[:count]
+    for k in chosen:
+        pose, settings = poses[owner[k]], planner_settings(folder)
+        holds = int(pose.grasps["load"][local[k]]) >= 0
+        parts = (*_PARTS, "forces") if holds else _PARTS
+        failed = [c.name for c in verify(_record(pose, int(local[k]), settings), parts) if not c.holds]
+        passed += not failed
+        failures.update(failed)
+    return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
+
+
+def planner_settings(folder: Path) -> PlannerSettings:
+    """Return the thresholds a dataset was made with."""
+    saved = read_manifest(folder)["settings"]["planner"]
+    known: dict[str, Any] = {
+        k: _tuples(v) for k, v in saved.items() if k in PlannerSettings.__dataclass_fields__
+    }
+    return PlannerSettings(**known)
+
+
+def _tuples(value: Any) -> Any:
+    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
+
+
+def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
+    import trimesh
+
+    from dexgrasp.dataset.rest_scene import turn
+    from dexgrasp.grasp.identity import ObjectIdentity
+    from dexgrasp.grasp.record import GraspRecord
+    from dexgrasp.grasp.thresholds import thresholds_for
+    from dexgrasp.physics.strength import GRAVITY
+    from dexgrasp_env.robot.mounts import MOUNTS
+
+    g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
+    hull = trimesh.convex.convex_hull(pose.scene["hull"])
+    target = placed(
+        GraspTarget.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
+    )
+    R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
+    arrays = {
+        "q": g["q"], "contacts": g["contacts"] @ R.T + shift, "normals": g["normals"] @ R.T,
+        "forces": g["forces"] @ R.T, "centre": target.centre,
+    }  # fmt: skip
+    borne = float(arrays["forces"][:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
+    certificate = {
+        "distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"]), "mass": borne,
+    }  # fmt: skip
+    return GraspRecord(
+        ObjectIdentity(pose.name), next(iter(MOUNTS)), arrays, (target.distance.triangles.reshape(-1, 3),),
+        thresholds_for(settings), certificate,
+    )  # fmt: skip
+
+
+def picture(folder: Path, path: Path) -> None:
+    """Draw the dataset: grasps a pose, margins, approach, and where the contacts lie."""
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    poses = read_dataset(folder)
+    names = list(dict.fromkeys(p.name for p in poses))
+    figure = plt.figure(figsize=(3.2 * max(len(names), 4), 7.2), layout="constrained")
+    halves: Any = figure.subfigures(2, 1)
+    top, bottom = halves
+    axes = top.subplots(1, 3)
+    colours = [f"C{names.index(p.name)}" for p in poses]
+    axes[0].bar(range(len(poses)), [len(p) for p in poses], color=colours)
+    axes[0].set(title="grasps a rest pose", xlabel="rest poses, by object")
+    for i, name in enumerate(names):
+        own = [p for p in poses if p.name == name]
+        axes[1].hist(
+            _joined(own, "margin"), np.linspace(0, 1, 41), histtype="step", color=f"C{i}", label=name
+        )
+        axes[2].hist(_approach(own), np.linspace(0, 110, 41), histtype="step", color=f"C{i}")
+    axes[1].set(title="closure margin")
+    axes[1].legend(fontsize=6)
+    axes[2].set(title="palm from straight down, degrees")
+    below = np.atleast_1d(bottom.subplots(1, len(names)))
+    for axis, name in zip(below, names, strict=True):
+        pose = next(p for p in poses if p.name == name)
+        sample = pose.grasps["contacts"][:1500]
+        for f, finger in enumerate(("thumb", "index", "middle")):
+            axis.plot(100 * sample[:, f, 0], 100 * sample[:, f, 2], ".", ms=1, color=f"C{f}", label=finger)
+        axis.set(title=f"{name}, pose 0", xlabel="x, cm", ylabel="z, cm", aspect="equal")
+    below[0].legend(fontsize=6, markerscale=6)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=90)
+    plt.close(figure)

@@ -1,0 +1,68 @@
+"""Set-points as the actions that would have commanded them in each control mode."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
+from dexgrasp_env.tasks.control import MAX_STEP, normalise
+
+_PALM = 6  # entries of an `ee_delta` action that are the palm's
+
+
+def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree) -> NDArray[np.float32]:
+    """Return the action that takes the set-points to `wanted`, or as near as one control step can.
+
+    Args:
+        control_mode: one of `CONTROL_MODES`.
+        now: (23,) rad, set-points before the step.
+        wanted: (23,) rad, set-points after it. `ee_delta` follows the palm and the hand: the arm's posture is its own.
+        tree: the robot.
+    """
+    if control_mode == "joint_position":
+        return normalise(wanted).astype(np.float32)
+    if control_mode == "joint_delta":
+        return np.clip((wanted - now) / MAX_STEP, -1.0, 1.0).astype(np.float32)
+    (R, p), (R_wanted, p_wanted) = palm_frame(now, tree), palm_frame(wanted, tree)
+    turn = rotation_vector(R_wanted @ R.T)
+    palm = np.concatenate([(p_wanted - p) / PALM_STEP, turn / PALM_TURN])
+    return np.clip(np.concatenate([palm, normalise(wanted)[7:]]), -1.0, 1.0).astype(np.float32)
+
+
+def with_noise(control_mode: str, action: Array, noise: Array) -> Array:
+    """Return an action with noise on what it commands.
+
+    Args:
+        control_mode: one of `CONTROL_MODES`.
+        action: (n,) of that mode.
+        noise: (23,) shares of the way that each joint may go in a control step.
+    """
+    if control_mode == "joint_delta":
+        return np.clip(action + noise, -1.0, 1.0)
+    joints = normalise_step(noise)
+    if control_mode == "joint_position":
+        return np.clip(action + joints, -1.0, 1.0)
+    if control_mode == "ee_delta":
+        return np.clip(action + np.concatenate([noise[:_PALM], joints[7:]]), -1.0, 1.0)
+    raise InputError(f"control_mode {control_mode!r} is unknown")
+
+
+def normalise_step(shares: Array) -> Array:
+    """Shares (23,) of the joints' steps as changes of `joint_position` actions."""
+    from dexgrasp_env.robot.limits import LOWER, UPPER
+
+    return 2.0 * shares * MAX_STEP / (UPPER - LOWER)
+
+
+def rotation_vector(R: Array) -> Array:
+    """Return the rotation vector (3,) rad of a rotation matrix (3, 3)."""
+    w, *v = matrix_to_quat(R)
+    sine = float(np.linalg.norm(v))
+    if sine < 1e-9:
+        return np.zeros(3)
+    angle = 2.0 * np.arctan2(sine, w)
+    return np.asarray(v) / sine * ((angle + np.pi) % (2 * np.pi) - np.pi)

@@ -1,0 +1,83 @@
+"""What a folder of demonstrations holds, and whether its actions still do what they did."""
+
+from collections.abc import Callable
+from itertools import islice
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.demos.generate import read_about
+from dexgrasp.demos.minari_format import read_episodes
+from dexgrasp.demos.rollout import Episode
+from dexgrasp.demos.settings import ENV_ID, DemoSettings
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+
+def summary(folder: Path) -> dict[str, Any]:
+    """Return counts and settings of the demonstrations in a folder.
+
+    Raises:
+        InputError: if there are none, or not all yet.
+    """
+    about = read_about(folder)
+    settings = about["settings"]
+    figures: dict[str, Any] = {
+        "schema": about["schema"],
+        "complete": bool(about.get("complete")),
+        **{key: settings[key] for key in ("agent", "seed", "obs_mode", "control_mode", "observe", "noise")},
+        "objects": len(settings["objects"]),
+    }
+    if not about.get("complete"):
+        return figures
+    figures |= {key: about[key] for key in ("tried", "episodes", "kept", "failures")}
+    if "minari" in about["formats"]:
+        steps = [len(episode) for episode in read_episodes(folder)]
+        figures |= {"steps": sum(steps), "seconds_an_episode": CONTROL_PERIOD * sum(steps) / len(steps)}
+    return figures
+
+
+def replay_all(
+    folder: Path, number: int | None = None, progress: Callable[[int, int], None] | None = None
+) -> dict[str, Any]:
+    """Play recorded actions again from their scenes; an episode that succeeds again is as good as it was.
+
+    Args:
+        folder: of the demonstrations.
+        number: the first so many; None for all.
+        progress: called with episodes done and episodes in all.
+
+    Raises:
+        InputError: if there are none.
+    """
+    about = read_about(folder)
+    if not about.get("complete"):
+        raise InputError(f"{folder} is not complete: the same `dexgrasp demos generate` command goes on")
+    settings = DemoSettings.of_json(about["settings"])
+    total = min(number or about["episodes"], about["episodes"])
+    failed: list[dict[str, Any]] = []
+    env: gym.Env[Any, Any] | None = None
+    target = None
+    for done, episode in enumerate(islice(read_episodes(folder), total), start=1):
+        if env is None or episode.about["target"] != target:
+            target = episode.about["target"]
+            if env is not None:
+                env.close()
+            env = gym.make(ENV_ID, objects=[target], **settings.env_arguments, disable_env_checker=True)
+        if not _succeeds(env, episode):
+            failed.append({"episode": done - 1, **{k: episode.about[k] for k in ("object", "scene_seed")}})
+        if progress:
+            progress(done, total)
+    return {"schema": 1, "replayed": total, "successes": total - len(failed), "failed": failed}
+
+
+def _succeeds(env: gym.Env[Any, Any], episode: Episode) -> bool:
+    env.reset(seed=episode.about["scene_seed"])
+    info: dict[str, Any] = {"is_success": False}
+    for action in episode.actions:
+        _, _, terminated, truncated, info = env.step(action)
+        if terminated or truncated:
+            break
+    return bool(info["is_success"])

@@ -1,0 +1,153 @@
+"""Demonstrations in the layout of LeRobot's data sets, version 3, written with pyarrow alone.
+
+`data/` has a row a control step, `meta/episodes/` a row an episode, `meta/info.json` says what the columns are and
+`meta/stats.json` how they spread. What cameras saw at reset is in the episodes' table, flat, as are object and seeds.
+"""
+
+import json
+import shutil
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.demos.rollout import Arrays, Episode
+from dexgrasp.demos.settings import DemoSettings
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import write_json
+from dexgrasp_env.robot.names import JOINTS
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+FOLDER = "lerobot"
+_DATA = "data/chunk-000/file-000.parquet"
+_EPISODES = "meta/episodes/chunk-000/file-000.parquet"
+_VERSION = "v3.0"
+_CHUNK = 1000  # files of a folder at most
+_DATA_MB, _VIDEO_MB = 100, 200  # what LeRobot writes into its own
+_INDEX = ("timestamp", "frame_index", "episode_index", "index", "task_index")
+
+
+def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
+    """Write `folder/lerobot`, in place of what is there."""
+    with from_extra():
+        import pyarrow as pa
+        import pyarrow.parquet as pq
+
+    making = folder / f"{FOLDER}.part"
+    shutil.rmtree(making, ignore_errors=True)
+    for file in (_DATA, _EPISODES):
+        (making / file).parent.mkdir(parents=True)
+    writer: Any = None
+    spread: dict[str, _Spread] = {}
+    rows: list[dict[str, Any]] = []
+    tasks: dict[str, int] = {}
+    start = 0
+    for number, episode in enumerate(episodes):
+        task = f"lift {episode.about['object']}"
+        columns = _columns(episode, number, start, tasks.setdefault(task, len(tasks)))
+        table = pa.table({name: _array(pa, values) for name, values in columns.items()})
+        writer = writer or pq.ParquetWriter(making / _DATA, table.schema)
+        writer.write_table(table)
+        own = {name: _Spread().with_rows(values) for name, values in columns.items()}
+        for name, values in columns.items():
+            spread.setdefault(name, _Spread()).with_rows(values)
+        rows.append(_episode_row(episode, number, start, task, own))
+        start += len(episode)
+    if writer is None:
+        raise InputError("not one demonstration succeeded: see `failures` of `dexgrasp demos info`")
+    writer.close()
+    pq.write_table(pa.Table.from_pylist(rows), making / _EPISODES)
+    names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
+    pq.write_table(names, making / "meta" / "tasks.parquet")
+    write_json(making / "meta" / "stats.json", {name: s.as_json() for name, s in spread.items()})
+    write_json(making / "meta" / "info.json", _info(columns, len(rows), start, len(tasks)))
+    shutil.rmtree(folder / FOLDER, ignore_errors=True)
+    making.rename(folder / FOLDER)
+
+
+def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
+    steps = np.arange(len(episode))
+    seen = {f"observation.{key}": array[:-1] for key, array in episode.observations.items()}
+    state = episode.observations["joint_positions"][:-1]
+    return {
+        "observation.state": state.astype(np.float32),
+        **{name: array.reshape(len(steps), -1) for name, array in seen.items()},
+        "action": episode.actions,
+        "next.reward": episode.rewards.astype(np.float32),
+        "next.success": steps == len(steps) - 1,
+        "next.done": steps == len(steps) - 1,
+        "timestamp": (CONTROL_PERIOD * steps).astype(np.float32),
+        "frame_index": steps,
+        "episode_index": np.full(len(steps), number),
+        "index": start + steps,
+        "task_index": np.full(len(steps), task),
+    }
+
+
+def _array(pa: Any, values: NDArray[Any]) -> Any:
+    if values.ndim == 1:
+        return pa.array(values)
+    return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
+
+
+def _episode_row(
+    episode: Episode, number: int, start: int, task: str, spread: "dict[str, _Spread]"
+) -> dict[str, Any]:
+    row = {
+        "episode_index": number, "tasks": [task], "length": len(episode),
+        "data/chunk_index": 0, "data/file_index": 0,
+        "dataset_from_index": start, "dataset_to_index": start + len(episode),
+        "meta/episodes/chunk_index": 0, "meta/episodes/file_index": 0,
+        "scene_seed": episode.about["scene_seed"], "about": json.dumps(episode.about),
+    }  # fmt: skip
+    row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items()}
+    return row | {
+        f"stats/{name}/{kind}": value for name, s in spread.items() for kind, value in s.as_json().items()
+    }
+
+
+def _info(columns: Arrays, episodes: int, frames: int, tasks: int) -> dict[str, Any]:
+    return {
+        "codebase_version": _VERSION, "robot_type": "panda_allegro", "total_episodes": episodes,
+        "total_frames": frames, "total_tasks": tasks, "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
+        "video_files_size_in_mb": _VIDEO_MB, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{episodes}"},
+        "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
+        "features": {name: _feature(name, values) for name, values in columns.items()},
+    }  # fmt: skip
+
+
+def _feature(name: str, values: NDArray[Any]) -> dict[str, Any]:
+    width = 1 if values.ndim == 1 else values.shape[1]
+    named = width == len(JOINTS) and name not in _INDEX
+    return {"dtype": str(values.dtype), "shape": [width], "names": list(JOINTS) if named else None}
+
+
+class _Spread:
+    """Running least, greatest, mean and standard deviation of the columns of rows."""
+
+    def __init__(self) -> None:
+        self._count = 0
+        self._low = self._high = self._sum = self._squares = np.zeros(0)
+
+    def with_rows(self, values: NDArray[Any]) -> "_Spread":
+        """Take rows (n,) or (n, m) into account."""
+        x = values.reshape(len(values), -1).astype(float)
+        if not self._count:
+            self._low, self._high = x.min(0), x.max(0)
+            self._sum, self._squares = np.zeros(x.shape[1]), np.zeros(x.shape[1])
+        self._low, self._high = np.minimum(self._low, x.min(0)), np.maximum(self._high, x.max(0))
+        self._sum, self._squares = self._sum + x.sum(0), self._squares + (x**2).sum(0)
+        self._count += len(x)
+        return self
+
+    def as_json(self) -> dict[str, list[float] | list[int]]:
+        """Return the figures as LeRobot names them."""
+        mean = self._sum / self._count
+        std = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
+        return {
+            "min": self._low.tolist(), "max": self._high.tolist(), "mean": mean.tolist(), "std": std.tolist(),
+            "count": [self._count],
+        }  # fmt: skip

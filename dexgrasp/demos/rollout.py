@@ -1,0 +1,191 @@
+"""One demonstration: an agent's rollout, converted, replayed, and recorded where the replay succeeds too."""
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.typing import NDArray
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.demos.convert import to_action, with_noise
+from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
+from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
+from dexgrasp.evaluation.trial import public_info
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.registry import make_agent
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.files import jsonable
+from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.tasks.control import MAX_STEP
+
+_LINGER = 10  # control steps that a replay may take longer than the rollout
+NOT_REPLAYED = "not_replayed"
+
+Arrays = dict[str, NDArray[Any]]
+
+
+@dataclass
+class Episode:
+    """A demonstration of T steps.
+
+    Attributes:
+        observations: (T + 1, ...) by key.
+        actions: (T, n).
+        rewards: (T,).
+        terminations: (T,).
+        truncations: (T,).
+        once: what does not change: what cameras saw at reset.
+        about: object, seeds, certificate: anything JSON can hold.
+    """
+
+    observations: Arrays
+    actions: NDArray[np.float32]
+    rewards: Array
+    terminations: NDArray[np.bool_]
+    truncations: NDArray[np.bool_]
+    once: Arrays = field(default_factory=dict)
+    about: dict[str, Any] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.actions)
+
+
+class Recorder:
+    """Records demonstrations on one object; holds the agent's environment and that of the demonstrations."""
+
+    def __init__(self, settings: DemoSettings, target: str) -> None:
+        """Make agent and environments.
+
+        Raises:
+            InputError: for an unknown agent, or one that asks for what is not its own to choose.
+        """
+        self._settings, self._target = settings, target
+        self._agent: Any = make_agent(settings.agent)
+        asked = agent_settings(settings.agent, self._agent)
+        scene = {"objects": [target], "mount": settings.mount, "friction": settings.friction}
+        self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
+        arguments = settings.env_arguments | {"objects": [target]}
+        self.demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
+        self._tree: RobotTree = robot_tree(settings.mount)
+
+    def record(self, trial: int) -> tuple[Episode | None, str]:
+        """Record the demonstration of a scene.
+
+        Returns:
+            The demonstration and "", or None and why there is none.
+        """
+        seeds = trial_seeds(self._settings.seed, self._target, trial)
+        path, seen, failure = self._roll_out(seeds)
+        if failure:
+            return None, failure
+        episode = replay(self.demo_env, seeds.scene, path, self._tree)
+        if episode is None:
+            return None, NOT_REPLAYED
+        report = getattr(self._agent, "report", None)
+        details = {} if report is None else jsonable(report.details)
+        episode.once = {key: seen[key] for key in CAMERA_KEYS if key in seen} | episode.once
+        episode.about = {
+            "object": object_name(self._target),
+            "target": self._target,
+            "trial": trial,
+            "scene_seed": seeds.scene,
+            "agent_seed": seeds.agent,
+            "certificate": details.get("certificate"),
+            "steps": len(episode),
+        }
+        return episode, ""
+
+    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, str]:
+        """Return set-points (T + 1, 23), the first observation, and why it failed."""
+        env, agent = self._env, self._agent
+        rng = _noise_rng(seeds.agent)
+        first, info = env.reset(seed=seeds.scene)
+        agent.seed(seeds.agent)
+        agent.reset(first, public_info(env, info))
+        if agent.report.failure:
+            return np.zeros((0, 23)), first, str(agent.report.failure)
+        mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
+        observation, path, over = first, [_targets(env)], False
+        while not over:
+            action = np.asarray(agent.act(observation), dtype=float)
+            if self._settings.noise:
+                action = with_noise(mode, action, self._settings.noise * rng.standard_normal(23))
+            observation, _, terminated, truncated, info = env.step(action)
+            path.append(_targets(env))
+            over = terminated or truncated or info["is_success"]
+        failure = "" if info["is_success"] else info["failure"] or str(info["stage"])
+        return np.array(path), first, failure
+
+    def close(self) -> None:
+        """Free the environments."""
+        self._env.close()
+        self.demo_env.close()
+
+
+def intended(targets: Array, noise: float, agent_seed: int) -> Array:
+    """Return what an agent of a joint mode meant set-points to be: without the noise that was put on its commands.
+
+    Args:
+        targets: (T + 1, 23) rad, set-points of an episode.
+        noise: of the settings.
+        agent_seed: of the episode.
+    """
+    drawn = _noise_rng(agent_seed).standard_normal((len(targets) - 1, 23))
+    return np.concatenate([targets[:1], targets[1:] - noise * drawn * MAX_STEP])
+
+
+def _noise_rng(agent_seed: int) -> np.random.Generator:
+    return np.random.default_rng([agent_seed, 1])
+
+
+def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> Episode | None:
+    """Follow set-points (T + 1, 23) in another mode from the same scene; None where that does not succeed."""
+    mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
+    actions: list[NDArray[np.float32]] = []
+
+    def follow(step: int) -> NDArray[np.float32]:
+        wanted = path[min(step + 1, len(path) - 1)]
+        return to_action(mode, _targets(env), wanted, tree)
+
+    observation, _ = env.reset(seed=seed)
+    observations, rewards, ends = [observation], [], []
+    for step in range(len(path) - 1 + _LINGER):
+        actions.append(follow(step))
+        observation, reward, terminated, truncated, info = env.step(actions[-1])
+        observations.append(observation)
+        rewards.append(float(reward))
+        ends.append((terminated, truncated))
+        if info["is_success"]:
+            return _episode(env, observations, actions, rewards, ends)
+        if terminated or truncated:
+            return None
+    return None
+
+
+def _episode(
+    env: gym.Env[Any, Any],
+    observations: list[Arrays],
+    actions: list[NDArray[np.float32]],
+    rewards: list[float],
+    ends: list[tuple[bool, bool]],
+) -> Episode:
+    still = CAMERA_KEYS if env.unwrapped.settings.observe == "reset" else ()  # type: ignore[attr-defined]
+    first = observations[0]
+    terminated, truncated = np.array(ends, dtype=bool).T
+    return Episode(
+        {
+            key: np.stack([observation[key] for observation in observations])
+            for key in first
+            if key not in still
+        },
+        np.stack(actions),
+        np.array(rewards),
+        terminated,
+        truncated,
+        {key: np.asarray(first[key]) for key in first if key in still},
+    )
+
+
+def _targets(env: gym.Env[Any, Any]) -> Array:
+    return np.asarray(env.unwrapped.targets)  # type: ignore[attr-defined]

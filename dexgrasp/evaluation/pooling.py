@@ -1,0 +1,61 @@
+"""Trials of several evaluations by agent: those that differ in their seed alone are one sample."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from dexgrasp.evaluation.protocol_counts import judged
+from dexgrasp.evaluation.store import read_rows, read_run
+from dexgrasp_env.errors import InputError
+
+Rows = dict[str, list[Mapping[str, Any]]]
+"""Agent, as a report calls it -> its trials."""
+
+_OWN = ("agents", "seed")  # what evaluations of one sample may differ in
+_NAMES = ("agent", "object", "protocol", "reason")  # of a trial, that reports write and draw
+
+
+def rows_by_agent(folders: Sequence[Path]) -> Rows:
+    """Return the trials of every agent, judged by their protocols.
+
+    An agent of several evaluations that differ in the seed alone is one agent; of others, or of the same seed again,
+    it bears the folder's name.
+
+    Raises:
+        InputError: if a folder holds no evaluation.
+    """
+    found: Rows = {}
+    samples: dict[str, str] = {}  # label -> what its evaluations have in common
+    seeds: set[tuple[str, Any]] = set()
+    for folder in folders:
+        rows = [_legible(row) for row in read_rows(folder)]
+        if not rows:
+            raise InputError(f"{folder} holds no finished trial yet")
+        sample, seed = _sample(folder)
+        for name in dict.fromkeys(row["agent"] for row in rows):
+            another = samples.get(name, sample) != sample or (name, seed) in seeds
+            label = f"{name} ({folder.name})" if another else name
+            samples[label] = sample
+            seeds.add((label, seed))
+            found.setdefault(label, []).extend(judged([row for row in rows if row["agent"] == name]))
+    return found
+
+
+def _legible(row: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Make names text that can be drawn: those of files need not be."""
+    names = {
+        key: row[key].encode(errors="replace").decode() for key in _NAMES if isinstance(row.get(key), str)
+    }
+    return {**row, **names}
+
+
+def _sample(folder: Path) -> tuple[str, Any]:
+    """What evaluations of one sample have in common, and the seed, in which they differ."""
+    try:
+        run = read_run(folder)
+    except InputError:  # trials without their run.json are a sample of their own
+        return str(folder), None
+    return json.dumps({key: value for key, value in run.items() if key not in _OWN}, sort_keys=True), run.get(
+        "seed"
+    )

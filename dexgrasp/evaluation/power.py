@@ -1,0 +1,122 @@
+"""How many trials it takes to see a difference, before they are run."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from scipy.stats import binom
+
+from dexgrasp.evaluation.statistics import normal_quantile
+from dexgrasp_env.errors import InputError
+
+_MOST = 200_000
+
+
+def unpaired_trials(rate: float, difference: float, *, power: float = 0.8, level: float = 0.05) -> int:
+    """Return the trials of each agent, on scenes of their own, that show `difference` below `rate`.
+
+    Two-sided comparison of two proportions (Fleiss, Levin and Paik 2003, eq. 4.14, without continuity correction).
+
+    Raises:
+        InputError: unless 0 < difference < rate <= 1.
+    """
+    _check(rate, difference)
+    a, b = rate, rate - difference
+    mean = 0.5 * (a + b)
+    null = normal_quantile(1 - level / 2) * np.sqrt(2 * mean * (1 - mean))
+    other = normal_quantile(power) * np.sqrt(a * (1 - a) + b * (1 - b))
+    return int(np.ceil(((null + other) / difference) ** 2))
+
+
+def paired_trials(difference: float, discordant: float, *, power: float = 0.8, level: float = 0.05) -> int:
+    """Return the scenes, tried by both agents, that show `difference` by the exact McNemar test.
+
+    Args:
+        difference: of the two rates.
+        discordant: share of the scenes that one of the two alone solves, at least `difference`.
+        power: chance to see it.
+        level: of the two-sided test.
+
+    Raises:
+        InputError: unless 0 < difference <= discordant <= 1.
+    """
+    if not 0.0 < difference <= discordant <= 1.0:
+        raise InputError(
+            f"difference {difference:g}, discordant share {discordant:g}: valid is 0 < difference <= share <= 1"
+        )
+    return _least(lambda n: paired_power(n, difference, discordant, level) >= power)
+
+
+def paired_power(scenes: int, difference: float, discordant: float, level: float = 0.05) -> float:
+    """Return the chance that the exact McNemar test sees the difference on that many scenes."""
+    d = np.arange(scenes + 1)
+    share = 0.5 * (1.0 + difference / discordant)
+    # The largest c with 2 P(fair coin <= c of d) <= level: rejected at c or less, or d - c or more.
+    edge = binom.ppf(level / 2, d, 0.5)
+    edge = np.where(2.0 * binom.cdf(edge, d, 0.5) > level, edge - 1, edge)
+    seen = binom.cdf(edge, d, share) + binom.sf(d - edge - 1, d, share)
+    return float((binom.pmf(d, scenes, discordant) * seen).sum())
+
+
+def independent_discordance(rate: float, difference: float) -> float:
+    """Return the share of scenes that one alone solves where the scenes have nothing in common (the worst case)."""
+    other = rate - difference
+    return rate * (1 - other) + other * (1 - rate)
+
+
+def power_figures(difference: float, rate: float, agents: int, objects: int) -> dict[str, Any]:
+    """Return what `evaluate --power` says: the trials needed, by design, at 80 % power and the 5 % level.
+
+    Raises:
+        InputError: unless 0 < difference < rate <= 1.
+    """
+    _check(rate, difference)
+    worst = paired_trials(difference, independent_discordance(rate, difference))
+    return {
+        "difference": difference,
+        "rate": rate,
+        "power": 0.8,
+        "level": 0.05,
+        "unpaired_trials_an_agent": unpaired_trials(rate, difference),
+        "paired_scenes_at_most": worst,
+        "paired_scenes_at_least": paired_trials(difference, difference),
+        "objects": objects,
+        "trials_an_object": -(-worst // objects),
+        "trials_in_all": agents * objects * -(-worst // objects),
+    }
+
+
+def power_sentences(figures: Mapping[str, Any]) -> list[str]:
+    """Return the figures in words."""
+    other, objects = figures["rate"] - figures["difference"], figures["objects"]
+    return [
+        f"To tell {figures['rate']:.1%} from {other:.1%} with a chance of 80 % at the 5 % level (two-sided):",
+        f"  scenes of its own for each agent: {figures['unpaired_trials_an_agent']} trials an agent",
+        f"  the same scenes (exact McNemar): {figures['paired_scenes_at_least']} scenes if the weaker agent solves "
+        f"nothing that the other does not, {figures['paired_scenes_at_most']} if scenes have nothing in common",
+        f"  so --trials {figures['trials_an_object']} on {objects} object{'s' * (objects != 1)}: "
+        f"{figures['trials_in_all']} trials in all",
+    ]
+
+
+def _check(rate: float, difference: float) -> None:
+    if not 0.0 < difference < rate <= 1.0:
+        raise InputError(
+            f"difference {difference:g} below rate {rate:g}: valid is 0 < difference < rate <= 1"
+        )
+
+
+def _least(enough: Callable[[int], bool]) -> int:
+    """Return the least n from which on it is enough; power of an exact test wobbles by steps of a few scenes."""
+    high = 8
+    while not enough(high):
+        high *= 2
+        if high > _MOST:
+            raise InputError(f"more than {_MOST} scenes would be needed: ask for a larger difference")
+    low = high // 2
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if enough(middle) else (middle, high)
+    while not all(enough(high + step) for step in range(6)):
+        high += 1
+    return high

@@ -1,0 +1,97 @@
+"""Certificates as predictions: do grasps with more to spare succeed more often?"""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import rankdata
+
+from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp_env.arrays import Array
+
+PREDICTORS = ("load", "capacity", "closure_margin")
+"""Fields of a certificate of which more should be better."""
+_BINS = 5
+_LEAST = 10
+"""Trials in a bin at least."""
+_RESAMPLES = 2000
+
+
+class Bin(NamedTuple):
+    """Trials with a predictor between `low` and `high`."""
+
+    low: float
+    high: float
+    median: float
+    successes: int
+    trials: int
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Wilson's, 95 %."""
+        return wilson_interval(self.successes, self.trials)
+
+
+class Prediction(NamedTuple):
+    """How well a field of the certificate orders what happened.
+
+    Attributes:
+        trials: with a certificate.
+        auc: the chance that, of a success and a failure, the success has the larger value; 0.5: it says nothing.
+        interval: of it, 95 %, from trials drawn anew.
+        bins: trials in equal parts by the value, from the least on.
+    """
+
+    trials: int
+    auc: float
+    interval: tuple[float, float]
+    bins: tuple[Bin, ...]
+
+
+def predictions(rows: Sequence[Mapping[str, Any]]) -> dict[str, Prediction]:
+    """Return what each predictor says of trials with certificates; {} where all went well, or all failed."""
+    found = {}
+    for name in PREDICTORS:
+        pairs = [(_field(row, name), bool(row["success"])) for row in rows]
+        known = [(value, success) for value, success in pairs if value is not None]
+        if len({success for _, success in known}) == 2:
+            values, successes = (np.array(column) for column in zip(*known, strict=True))
+            found[name] = Prediction(
+                len(known), auc(values, successes), _interval(values, successes), _bins(values, successes)
+            )
+    return found
+
+
+def _field(row: Mapping[str, Any], name: str) -> float | None:
+    value = (row["details"].get("certificate") or {}).get(name)
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
+
+
+def auc(values: Array, successes: NDArray[np.bool_]) -> float:
+    """Return the area under the ROC curve: the Mann-Whitney statistic, ties counted half; 0.5 for one class."""
+    wins = int(successes.sum())
+    losses = len(successes) - wins
+    if not wins or not losses:
+        return 0.5
+    ranks = rankdata(values)
+    return float((ranks[successes].sum() - 0.5 * wins * (wins + 1)) / (wins * losses))
+
+
+def _interval(values: Array, successes: NDArray[np.bool_]) -> tuple[float, float]:
+    rng = np.random.default_rng(0)
+    draws = rng.integers(len(values), size=(_RESAMPLES, len(values)))
+    low, high = np.quantile([auc(values[at], successes[at]) for at in draws], [0.025, 0.975])
+    return float(low), float(high)
+
+
+def _bins(values: Array, successes: NDArray[np.bool_]) -> tuple[Bin, ...]:
+    count = max(1, min(_BINS, len(values) // _LEAST))
+    parts = np.array_split(np.argsort(values, kind="stable"), count)
+    return tuple(
+        Bin(
+            float(values[at].min()), float(values[at].max()), float(np.median(values[at])), int(successes[at].sum()),
+            len(at),
+        )
+        for at in parts
+    )  # fmt: skip

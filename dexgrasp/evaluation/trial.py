@@ -1,0 +1,194 @@
+"""One trial: one agent, one object, one scene."""
+
+import time
+import traceback
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+import gymnasium as gym
+import numpy as np
+
+from dexgrasp.evaluation.protocol import TrialSeeds
+from dexgrasp.planning.planned import object_pose, planned_grasp
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import jsonable
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+NOT_HELD = {
+    "untouched": "not_touched",
+    "touched": "not_lifted",
+    "lifted": "not_held_3s",
+    "dropped": "dropped",
+}
+"""Stage at the end of the episode -> reason why the trial failed."""
+
+
+class FrameSink(Protocol):
+    """Takes pictures of the trial."""
+
+    def add(self, env: gym.Env[Any, Any]) -> object:
+        """Take one, where one is due after this control step."""
+
+
+@dataclass
+class Outcome:
+    """How a trial went.
+
+    Attributes:
+        success: held at height by the hand alone for 3 s.
+        stable: little motion in the hand at the end.
+        reason: why it failed, one of a countable few; None for successes.
+        stage: how far the object came.
+        steps: control steps taken.
+        total_reward: sum of the rewards of these, undiscounted.
+        height: of the object's lowest point at the end, m.
+        slip: in the hand since it left the table, m.
+        tilt: in the hand since it left the table, rad.
+        planning_seconds: as the agent reports; None if it does not plan.
+        seconds: wall time of the trial.
+        warnings: of the physics engine.
+        details: of the agent's report.
+        error: the traceback of an agent's exception, or what was wrong with its action.
+    """
+
+    success: bool = False
+    stable: bool = False
+    reason: str | None = None
+    stage: str = "untouched"
+    steps: int = 0
+    total_reward: float = 0.0
+    height: float = 0.0
+    slip: float = 0.0
+    tilt: float = 0.0
+    planning_seconds: float | None = None
+    seconds: float = 0.0
+    warnings: list[str] = field(default_factory=list)
+    details: dict[str, Any] = field(default_factory=dict)
+    error: str | None = None
+
+
+class AgentError(Exception):
+    """An exception of the agent's code; the cause is chained."""
+
+
+def run_trial(
+    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, frames: FrameSink | None = None
+) -> tuple[Outcome, dict[str, Any] | None]:
+    """Run one episode; stops as soon as it is decided.
+
+    An agent's exception or a wrong action fails the trial, not the evaluation.
+
+    Returns:
+        How it went, and the grasp as a grasp file holds it, for agents that certify theirs.
+    """
+    outcome, start = Outcome(), time.perf_counter()
+    grasp: dict[str, Any] | None = None
+    report_before = getattr(agent, "report", None)
+    try:
+        observation, pose = _begin(env, agent, seeds, outcome, frames)
+        grasp = planned_grasp(env, agent, pose, seed=seeds.agent)
+        _go_on(env, agent, observation, outcome, frames)
+        # A grasp that was found at a later look is of the same pose: nothing was touched before.
+        grasp = grasp or planned_grasp(env, agent, pose, seed=seeds.agent)
+    except AgentError as error:
+        cause = error.__cause__ or error
+        outcome.reason = f"agent_error: {type(cause).__name__}"
+        outcome.error = "".join(traceback.format_exception(cause))
+    report = getattr(agent, "report", None)
+    # An agent that failed before it reported still bears the report of the trial before.
+    if report is not None and not (outcome.error and report is report_before):
+        outcome.planning_seconds = jsonable(report.planning_seconds)
+        outcome.details = jsonable(report.details)
+    outcome.seconds = time.perf_counter() - start
+    return outcome, grasp
+
+
+def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an agent may know at reset: nothing of the object but what perception says."""
+    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    known = {
+        "action_space": env.action_space,
+        "control_period": CONTROL_PERIOD,
+        "mount": settings.mount,
+        "obs_mode": settings.obs_mode,
+        "control_mode": settings.control_mode,
+        "observe": settings.observe,
+    }
+    return known | {key: value for key, value in info.items() if key.startswith("perception")}
+
+
+def _begin(
+    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None
+) -> tuple[Any, Array]:
+    """Let the agent see the scene and plan; return the observation and the object's pose (4, 4)."""
+    observation, info = env.reset(seed=seeds.scene)
+    _record(env, frames)
+    pose = object_pose(env)
+    if hasattr(agent, "seed"):
+        _ask(agent.seed, seeds.agent)
+    _ask(agent.reset, observation, public_info(env, info))
+    outcome.reason = _given_up(agent)
+    return observation, pose
+
+
+def _given_up(agent: Any) -> str | None:
+    """Why an agent has no plan and will have none, or None."""
+    report = getattr(agent, "report", None)
+    failure = getattr(report, "failure", None)
+    return str(failure) if failure and not getattr(report, "again", False) else None
+
+
+def _go_on(
+    env: gym.Env[Any, Any], agent: Any, observation: Any, outcome: Outcome, frames: FrameSink | None
+) -> None:
+    if outcome.reason is not None:
+        return
+    over = False
+    while not over:
+        action = _ask(agent.act, observation)
+        outcome.reason = _given_up(agent)
+        if outcome.reason is not None:
+            return
+        try:
+            observation, reward, terminated, truncated, info = env.step(_numbers(action))
+        except InputError as error:
+            outcome.reason, outcome.error = "invalid_action", str(error)
+            return
+        _record(env, frames)
+        outcome.steps += 1
+        outcome.total_reward += float(reward)
+        over = terminated or truncated or info["is_success"]
+        _note(outcome, info)
+
+
+def _numbers(action: Any) -> Any:
+    try:
+        return np.asarray(action, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise InputError(f"action is a {type(action).__name__} that is no array of numbers") from None
+
+
+def _note(outcome: Outcome, info: Mapping[str, Any]) -> None:
+    outcome.success, outcome.stable = bool(info["is_success"]), bool(info["is_stable"])
+    outcome.stage = info["stage"]
+    outcome.reason = (
+        None if outcome.success else info["failure"] or NOT_HELD.get(outcome.stage, outcome.stage)
+    )
+    outcome.height, outcome.slip, outcome.tilt = (
+        jsonable(info[key]) for key in ("object_height", "object_slip", "object_tilt")
+    )
+    outcome.warnings = info["mujoco_warnings"].split()
+
+
+def _ask(method: Any, *arguments: Any) -> Any:
+    try:
+        return method(*arguments)
+    except Exception as error:
+        raise AgentError from error
+
+
+def _record(env: gym.Env[Any, Any], frames: FrameSink | None) -> None:
+    if frames is not None:
+        frames.add(env)

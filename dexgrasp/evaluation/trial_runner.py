@@ -1,0 +1,96 @@
+"""A place to run trials at: makes agents and environments once and uses them again."""
+
+import os
+from collections.abc import Mapping
+from contextlib import nullcontext
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.spec import TrialSpec
+from dexgrasp.evaluation.trial import run_trial
+from dexgrasp.evaluation.video import Film, Video
+from dexgrasp.registry import make_agent
+from dexgrasp_env.files import jsonable
+
+_MOST_ENVS = 4  # each holds a compiled scene
+
+
+class TrialRunner:
+    """Runs cells one after the other; every process has its own."""
+
+    def __init__(self, settings: EvaluationSettings) -> None:
+        self._settings = settings
+        self._agents: dict[str, Any] = {}
+        self._envs: dict[tuple[str, str, str, Film | None], gym.Env[Any, Any]] = {}
+
+    def run(self, spec: TrialSpec) -> tuple[dict[str, Any], dict[str, Any] | None]:
+        """Run one trial; return its line of `trials.jsonl` and the certified grasp, for agents that have one.
+
+        Line, grasp and versions are all that it takes to make the trial again.
+        """
+        agent, env = self.agent(spec.agent), self._env(spec)
+        seeds = spec.seeds or trial_seeds(self._settings.seed, spec.target, spec.trial)
+        video = Video(Path(spec.video)) if spec.video else None
+        with nullcontext() if video is None else video:
+            outcome, grasp = run_trial(env, agent, seeds, frames=video)
+        row = {
+            "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
+            "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),
+        }  # fmt: skip
+        return {key: jsonable(value) for key, value in (row | asdict(outcome)).items()}, grasp
+
+    def agent(self, name: str) -> Any:
+        """Return an agent, made on first use.
+
+        Raises:
+            InputError: for an unknown name or settings that are not the agent's to choose.
+        """
+        if name not in self._agents:
+            agent = make_agent(name)
+            agent_settings(name, agent)
+            self._agents[name] = agent
+        return self._agents[name]
+
+    def _env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
+        key = (spec.protocol, spec.agent, spec.target, spec.film if spec.video else None)
+        if key not in self._envs:
+            while len(self._envs) >= _MOST_ENVS:
+                self._envs.pop(next(iter(self._envs))).close()
+            self._envs[key] = self.make_env(spec)
+        return self._envs[key]
+
+    def make_env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
+        """Return the protocol's environment with the agent's settings.
+
+        Raises:
+            InputError: if a setting is wrong.
+        """
+        render = spec.film.env_settings if spec.video else {}
+        return gym.make(**self._env_arguments(spec), disable_env_checker=True, **render)
+
+    def _env_arguments(self, spec: TrialSpec) -> dict[str, Any]:
+        """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
+        chosen: Mapping[str, Any] = agent_settings(spec.agent, self.agent(spec.agent))
+        scene = self._settings.scene(spec.protocol)
+        return {"id": get_protocol(spec.protocol).env_id, "objects": [spec.target], **scene, **chosen}
+
+    def close(self) -> None:
+        """Free the environments."""
+        for env in self._envs.values():
+            env.close()
+        self._envs.clear()
+
+
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+def thread_limits(workers: int) -> dict[str, str]:
+    """Environment variables that give each of `workers` processes its share of the processors."""
+    share = str(max(1, (os.cpu_count() or 1) // workers))
+    return {name: os.environ.get(name, share) for name in _THREADS}

@@ -1,0 +1,102 @@
+"""An exported trajectory carried out in MuJoCo, open loop, with the object a little off where it was planned."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.export.read import Recording, Rows
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+
+OFFSET = 0.003
+"""m that the object is off, in a random direction."""
+TURN = np.radians(1.0)
+"""rad that it is turned about its centre, about a random axis."""
+HOLD = 3.0
+"""s that the object must stay up after the lift."""
+HEIGHT = 0.10
+"""m that it must stay up."""
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What came of it: whether the object was held 10 cm up for 3 s, its least height meanwhile (m)."""
+
+    success: bool
+    height: float
+
+
+def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = None) -> Replay:
+    """Play a trajectory in the scene of `export --format mjcf`.
+
+    Args:
+        recording: as read.
+        scene: its `scene.xml`; the object starts at the keyframe `start`.
+        rng: draws the object's error; None leaves the object where it is.
+
+    Raises:
+        InputError: if the scene does not load or has no free body `object`.
+    """
+    import mujoco
+
+    model, data = load_scene(scene)
+    mujoco.mj_resetDataKeyframe(model, data, 0)
+    free = int(model.joint("object").qposadr[0])
+    if rng is not None:
+        displace(data.qpos[free : free + 7], rng)
+    data.qpos[:23] = data.ctrl[:] = set_points(recording, 0.0)
+    body = model.body("object").id
+    mujoco.mj_forward(model, data)
+    start, least = float(data.xpos[body, 2]), np.inf
+    end = float(recording.arm.times[-1])
+    while data.time < end + HOLD:
+        data.ctrl[:] = set_points(recording, data.time)
+        mujoco.mj_step(model, data)
+        if data.time >= end:
+            least = min(least, float(data.xpos[body, 2]) - start)
+    return Replay(least >= HEIGHT, least)
+
+
+def load_scene(scene: Path) -> tuple[Any, Any]:
+    """Return MuJoCo's model and data of a `scene.xml`.
+
+    Raises:
+        InputError: if it does not load, or is no scene of a trajectory.
+    """
+    import mujoco
+
+    if not scene.is_file():
+        raise InputError(f"{scene} is not there: a replay needs the scene of `dexgrasp export --format mjcf`")
+    try:
+        model = mujoco.MjModel.from_xml_path(str(scene))
+        model.joint("object")
+    except (ValueError, KeyError) as error:
+        raise InputError(f"{scene} is no scene of a trajectory: {' '.join(str(error).split())}") from None
+    if model.nkey < 1 or model.nu != 23:
+        raise InputError(f"{scene} is no scene of a trajectory: 23 actuators and a keyframe are needed")
+    return model, mujoco.MjData(model)
+
+
+def set_points(recording: Recording, time: float) -> Array:
+    """The set-points that the controllers hold at a time: each takes its last row."""
+    return np.concatenate([_held(recording.arm, time), _held(recording.hand, time)])
+
+
+def _held(rows: Rows, time: float) -> Array:
+    return rows.positions[
+        min(int(np.searchsorted(rows.times, time + 1e-9, side="right")) - 1, len(rows.times) - 1)
+    ]
+
+
+def displace(pose: Array, rng: np.random.Generator) -> None:
+    """Move a free joint's pose (7,), in place, by the error that is stated."""
+    import mujoco
+
+    direction, axis = rng.normal(size=3), rng.normal(size=3)
+    pose[:3] += OFFSET * direction / np.linalg.norm(direction)
+    turn, turned = np.empty(4), np.empty(4)
+    mujoco.mju_axisAngle2Quat(turn, axis / np.linalg.norm(axis), TURN)
+    mujoco.mju_mulQuat(turned, turn, pose[3:])
+    pose[3:] = turned

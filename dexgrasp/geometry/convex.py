@@ -1,0 +1,163 @@
+"""Convex polyhedra from points or meshes, simplified on request, and the signed distance to one or to their union.
+
+The compiled functions of `convex_kernel` can be had from here; they take an `obstacle`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from dexgrasp.geometry.convex_kernel import (
+    NOTHING,
+    Obstacle,
+    closest_feature,
+    convex_distance,
+    convex_distance_hessian,
+    convex_distances,
+    outward_triangles,
+)
+from dexgrasp.geometry.outline import outline
+from dexgrasp_env.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
+
+__all__ = [
+    "NOTHING",
+    "ConvexDistance",
+    "Obstacle",
+    "closest_feature",
+    "convex_distance",
+    "convex_distance_hessian",
+    "convex_distances",
+]
+
+FLAT = 1e-6
+"""A hull thinner than this [m] is refused: its inside has no meaning at the scale of a hand."""
+
+
+@dataclass(frozen=True, eq=False)
+class ConvexDistance:
+    """Signed distance to a convex polyhedron, or to a union of several.
+
+    Attributes:
+        triangles: (F, 3, 3) corners [m], counter-clockwise seen from outside.
+        planes: (F, 4) outward unit normal and offset of each triangle.
+        error: how much this polyhedron lies inside the one asked for [m]: the true distance d of a point
+            outside is within [distance - error, distance]. 0 when nothing was simplified.
+        sizes: faces of each part of a union, in order; empty for one polyhedron.
+    """
+
+    triangles: NDArray[Any]
+    planes: NDArray[Any]
+    error: float = 0.0
+    sizes: tuple[int, ...] = ()
+
+    @classmethod
+    def from_points(cls, points: ArrayLike, max_faces: int | None = None) -> ConvexDistance:
+        """Build the convex hull of points.
+
+        Args:
+            points: (N, 3) points [m].
+            max_faces: keep at most this many triangles (at least 20), see `_simplify`; None keeps all.
+
+        Raises:
+            InputError: fewer than 4 points, not finite, (nearly) coplanar, or `max_faces` too small.
+        """
+        vertices = _checked_points(points)
+        if max_faces is not None and max_faces < 20:
+            raise InputError(f"max_faces is {max_faces}: valid are integers of at least 20")
+        triangles, planes, hull = _hull(vertices)
+        error = 0.0
+        if max_faces is not None and len(triangles) > max_faces:
+            triangles, planes, error = _simplify(vertices[hull.vertices], max_faces)
+        return cls(triangles, planes, error)
+
+    @classmethod
+    def from_mesh(cls, mesh: trimesh.Trimesh, max_faces: int | None = None) -> ConvexDistance:
+        """Build the convex hull of a mesh's vertices; the arguments and errors are those of `from_points`."""
+        return cls.from_points(mesh.vertices, max_faces)
+
+    @classmethod
+    def union(cls, parts: Sequence[ConvexDistance]) -> ConvexDistance:
+        """Return the distance to what at least one of some convex polyhedra holds; one part is returned as it is.
+
+        Faces that lie within another part stay: no point outside is nearest to them.
+        """
+        if len(parts) == 1:
+            return parts[0]
+        return cls(
+            np.concatenate([part.triangles for part in parts]), np.concatenate([part.planes for part in parts]),
+            max(part.error for part in parts), tuple(len(part.planes) for part in parts),
+        )  # fmt: skip
+
+    @cached_property
+    def parts(self) -> list[NDArray[Any]]:
+        """Triangles (F, 3, 3) of each part."""
+        return np.split(self.triangles, np.cumsum(self.sizes)[:-1]) if self.sizes else [self.triangles]
+
+    @cached_property
+    def obstacle(self) -> Obstacle:
+        """The polyhedra as compiled code takes them."""
+        return _obstacle(self.triangles, self.planes, self.sizes)
+
+    def distance(self, points: ArrayLike) -> NDArray[Any]:
+        """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
+        return self.distance_gradient(points)[0]
+
+    def distance_gradient(self, points: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+        """Return the signed distances (N,) [m] of points (N, 3) and their unit gradients (N, 3)."""
+        queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
+        gradients = np.empty_like(queries)
+        return convex_distances(queries, self.obstacle, gradients), gradients
+
+
+def _obstacle(triangles: NDArray[Any], planes: NDArray[Any], sizes: tuple[int, ...] = ()) -> Obstacle:
+    starts = np.cumsum([0, *(sizes or (len(planes),))], dtype=np.int64)
+    return Obstacle(triangles, planes, starts)
+
+
+def _checked_points(points: ArrayLike) -> NDArray[Any]:
+    """Return points as (N, 3) floats, or raise InputError."""
+    array = np.array(points, dtype=np.float64)
+    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 4:
+        raise InputError(f"points have shape {array.shape}: a convex hull needs (N, 3) with N >= 4")
+    if not np.isfinite(array).all():
+        raise InputError("points hold NaN or infinity: a convex hull needs finite points")
+    return array
+
+
+def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], ConvexHull]:
+    """Return triangles and planes of a convex hull, and the hull as Qhull has it (its `vertices` take time).
+
+    The planes are Qhull's, one for all triangles of a merged facet: those of thin triangles would be noise.
+    """
+    centre = points.mean(axis=0)
+    try:
+        hull = ConvexHull(points - centre)
+    except (QhullError, ValueError):
+        raise InputError("points lie in a plane: a convex hull needs points with a volume") from None
+    if (-hull.equations[:, 3]).max() < FLAT or 3 * hull.volume < FLAT * hull.area / 2:
+        raise InputError(f"points lie in a plane to {FLAT} m: a convex hull needs points with a volume")
+    planes = hull.equations.copy()
+    planes[:, 3] -= planes[:, :3] @ centre
+    return outward_triangles(points, hull.simplices, planes), planes, hull
+
+
+def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDArray[Any], float]:
+    """Return triangles, planes and error [m] of a hull of some of the vertices.
+
+    Those that stick out most are taken, until the faces are used up. The result lies inside the hull of all; the error
+    is the farthest vertex, where the two hulls are farthest apart.
+    """
+    chosen = outline(vertices, max_faces // 2 + 2)  # n corners make 2 n - 4 triangles
+    triangles, planes, _ = _hull(vertices[chosen])
+    distances = convex_distances(vertices, _obstacle(triangles, planes), np.empty_like(vertices))
+    return triangles, planes, max(float(distances.max()), 0.0)

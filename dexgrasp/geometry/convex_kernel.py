@@ -1,0 +1,177 @@
+"""Exact signed distance to a union of convex polyhedra, with gradient, closest point and Hessian.
+
+Outside, the distance to the union is the least of those to its parts. Inside, the least is a lower bound: where parts
+overlap, the surface is farther away than that.
+
+The functions are compiled and may be called from compiled code. Source: Eq. (3).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dexgrasp.geometry.triangle import EDGE, FACE, closest_on_triangle, feature_of
+
+INCIDENT = 1e-9
+"""A face within this of a point [m] counts as holding it; far below any feature size, far above rounding."""
+
+
+class Obstacle(NamedTuple):
+    """A union of convex polyhedra; one without faces (`NOTHING`) stands for no obstacle."""
+
+    triangles: NDArray[Any]  # (F, 3, 3) corners, counter-clockwise seen from outside, m
+    planes: NDArray[Any]  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
+    starts: NDArray[np.int64]  # (P + 1,) first face of each part, and the number of faces
+
+
+NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
+
+
+@njit(cache=True, error_model="numpy")
+def _farthest_plane(
+    px: float, py: float, pz: float, planes: NDArray[Any], first: int, end: int
+) -> tuple[float, int]:
+    """Return the largest plane value of a part, a lower bound of its distance, and its face."""
+    best, face = -math.inf, first
+    for j in range(first, end):
+        value = planes[j, 0] * px + planes[j, 1] * py + planes[j, 2] * pz + planes[j, 3]
+        if value > best:
+            best, face = value, j
+    return best, face
+
+
+@njit(cache=True, error_model="numpy")
+def _walk(
+    px: float, py: float, pz: float, obstacle: Obstacle, first: int, end: int, start: int
+) -> tuple[float, float, float, float, int, int]:
+    """Descend from a face of a part that p sees to its closest point; return squared distance, point, code, face.
+
+    The distance to a convex body has no local minimum on the faces that p sees but the global one, so it is
+    enough to try the seen faces that hold the present point. When a whole round brings no gain, the point
+    is the closest.
+    """
+    triangles, planes = obstacle.triangles, obstacle.planes
+    face, count = start, end - first
+    cx, cy, cz, code = closest_on_triangle(px, py, pz, triangles[start])
+    best = (px - cx) ** 2 + (py - cy) ** 2 + (pz - cz) ** 2
+    j, idle = start, 0
+    while code != 0 and idle < count:
+        j = j + 1 if j + 1 < end else first
+        idle += 1
+        nx, ny, nz, offset = planes[j, 0], planes[j, 1], planes[j, 2], planes[j, 3]
+        if nx * cx + ny * cy + nz * cz + offset < -INCIDENT or nx * px + ny * py + nz * pz + offset <= 0.0:
+            continue
+        x, y, z, trial = closest_on_triangle(px, py, pz, triangles[j])
+        squared = (px - x) ** 2 + (py - y) ** 2 + (pz - z) ** 2
+        if squared < best * (1.0 - 1e-13):
+            best, face, idle = squared, j, 0
+            cx, cy, cz, code = x, y, z, trial
+    return best, cx, cy, cz, code, face
+
+
+@njit(cache=True, error_model="numpy", inline="always")
+def closest_feature(
+    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
+) -> tuple[float, int, int]:
+    """Return the signed distance, the closest feature's code and a face that holds it.
+
+    Args:
+        p: (3,) point [m].
+        obstacle: the polyhedra.
+        gradient_out: (3,) receives the unit gradient: the face's normal inside, (p - closest) / distance outside.
+        limit: from here on [m] any lower bound of the distance that is no less will do, without a gradient.
+
+    Returns:
+        Signed distance [m] (negative inside), feature code (see `triangle.FACE_CODE`), face index.
+    """
+    px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
+    distance, beyond, code, face = math.inf, math.inf, 0, 0
+    for part in range(obstacle.starts.shape[0] - 1):
+        first, end = obstacle.starts[part], obstacle.starts[part + 1]
+        bound, seen = _farthest_plane(px, py, pz, planes, first, end)
+        if bound >= min(distance, limit):
+            beyond = min(beyond, bound)
+            continue
+        if bound > 0.0:
+            squared, x, y, z, walked, holder = _walk(px, py, pz, obstacle, first, end, seen)
+            reached = math.sqrt(squared)
+            # A point over an edge between coplanar triangles is over their face, where the plane itself is exact.
+            if walked != 0 and reached - bound > 1e-12 * reached + 1e-15:
+                if reached < distance:
+                    distance, code, face = reached, walked, holder
+                    gradient_out[0] = (px - x) / reached
+                    gradient_out[1] = (py - y) / reached
+                    gradient_out[2] = (pz - z) / reached
+                continue
+        distance, code, face = bound, 0, seen
+        gradient_out[0], gradient_out[1], gradient_out[2] = planes[seen, 0], planes[seen, 1], planes[seen, 2]
+    return min(distance, beyond), code, face
+
+
+@njit(cache=True, error_model="numpy")
+def convex_distance(
+    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
+) -> float:
+    """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,); see `closest_feature`.
+
+    Outside one polyhedron the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it
+    is the normal of the nearest face.
+    """
+    return closest_feature(p, obstacle, gradient_out, limit)[0]
+
+
+@njit(cache=True, error_model="numpy")
+def convex_distance_hessian(
+    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], hessian_out: NDArray[Any]
+) -> float:
+    """Return the signed distance [m] and write its gradient (3,) and exact Hessian (3, 3) [1/m].
+
+    With n the gradient, d the distance and t the direction of the closest edge, the Hessian is 0 over faces
+    and inside, (I - n n' - t t') / d over edges and (I - n n') / d over vertices.
+    """
+    distance, code, face = closest_feature(p, obstacle, gradient_out)
+    hessian_out[:] = 0.0
+    feature = feature_of(code)
+    if feature == FACE:
+        return distance
+    for i in range(3):
+        for k in range(3):
+            hessian_out[i, k] = ((1.0 if i == k else 0.0) - gradient_out[i] * gradient_out[k]) / distance
+    if feature == EDGE:
+        edge = obstacle.triangles[face, code % 3] - obstacle.triangles[face, code - 1]
+        scale = 1.0 / ((edge[0] ** 2 + edge[1] ** 2 + edge[2] ** 2) * distance)
+        for i in range(3):
+            for k in range(3):
+                hessian_out[i, k] -= edge[i] * edge[k] * scale
+    return distance
+
+
+@njit(cache=True, error_model="numpy")
+def convex_distances(points: NDArray[Any], obstacle: Obstacle, gradients_out: NDArray[Any]) -> NDArray[Any]:
+    """Return the signed distances (N,) [m] of points (N, 3) and write their gradients (N, 3)."""
+    distances = np.empty(points.shape[0])
+    for i in range(points.shape[0]):
+        distances[i] = convex_distance(points[i], obstacle, gradients_out[i])
+    return distances
+
+
+@njit(cache=True, error_model="numpy")
+def outward_triangles(points: NDArray[Any], corners: NDArray[np.int32], planes: NDArray[Any]) -> NDArray[Any]:
+    """Return triangles (F, 3, 3) of points (N, 3) by corners (F, 3), counter-clockwise about the planes' normals."""
+    out = np.empty((corners.shape[0], 3, 3))
+    for f in range(corners.shape[0]):
+        a, b, c = points[corners[f, 0]], points[corners[f, 1]], points[corners[f, 2]]
+        turn = 0.0
+        for k in range(3):
+            i, j = (k + 1) % 3, (k + 2) % 3
+            turn += planes[f, k] * ((b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i]))
+        for k in range(3):
+            out[f, 0, k], out[f, 1, k], out[f, 2, k] = (
+                (c[k], b[k], a[k]) if turn < 0.0 else (a[k], b[k], c[k])
+            )
+    return out

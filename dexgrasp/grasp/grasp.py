@@ -1,0 +1,59 @@
+"""A grasp: configuration, contacts, forces, and the set-points that open around and press on the object."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dexgrasp.grasp.certificate import Certificate
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+
+
+@dataclass(frozen=True)
+class GraspMotion:
+    """A grasp as set-points of the joint servos, (23,) rad each, robot order.
+
+    Attributes:
+        pregrasp: fingers open around the object, touching nothing.
+        grasp: fingertips in contact.
+        squeeze: inside the object, so that the servos press: grasp + J^T f / kp, hand kp 10 Nm/rad.
+        lift_height: how far to lift, m.
+    """
+
+    pregrasp: Array
+    grasp: Array
+    squeeze: Array
+    lift_height: float = 0.14
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        for name in ("pregrasp", "grasp", "squeeze"):
+            value = np.asarray(getattr(self, name), dtype=float)
+            if value.shape != (23,) or not np.isfinite(value).all():
+                raise InputError(f"{name} of a grasp motion must be 23 finite joint positions in radians")
+            object.__setattr__(self, name, value)
+        if not 0.0 < self.lift_height <= 0.5:
+            raise InputError(f"lift_height is {self.lift_height}: valid is above 0 and up to 0.5 m")
+
+
+@dataclass(frozen=True)
+class Grasp:
+    """A certified grasp; fingers in the order thumb, index, middle, world frame.
+
+    Attributes:
+        q: (23,) rad, the configuration that the optimisation made feasible.
+        contacts: (3, 3) m on the object's surface.
+        normals: (3, 3) out of the object.
+        forces: (3, 3) N on the object, that hold it.
+        certificate: residuals and margins of every constraint.
+        motion: set-points of pregrasp, grasp and squeeze.
+        mount: of the hand.
+    """
+
+    q: Array
+    contacts: Array
+    normals: Array
+    forces: Array
+    certificate: Certificate
+    motion: GraspMotion
+    mount: str

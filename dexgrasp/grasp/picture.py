@@ -1,0 +1,154 @@
+"""A picture of a grasp: hand, table, hull, contacts, friction cones and forces."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_BODIES
+
+_COLOURS = ("#d1495b", "#2e6f95", "#3a7d44")  # thumb, index, middle
+_VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
+_HAND, _TABLE = (0.25, 0.27, 0.30, 0.22), (0.80, 0.72, 0.62, 0.55)
+_AROUND = 0.045  # m that is shown around the object
+_TICKS = 4
+_CONE_LENGTH, _CONE_SIDES = 0.03, 24  # m
+_NEWTON = 0.008  # m that a newton is drawn as
+
+
+def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = "") -> Path:
+    """Write a PNG with three views of a grasp.
+
+    Args:
+        path: file to write.
+        grasp: what to draw.
+        target: the object it was planned on.
+        title: above the picture; the certificate's figures stand below.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(15, 5.8))
+    FigureCanvasAgg(figure)
+    hand = _hand_triangles(grasp)
+    for k, (elevation, azimuth) in enumerate(_VIEWS):
+        axes: Any = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
+        _draw(axes, grasp, target, hand)
+        _set_axes(axes, target, from_above=elevation == 90)
+        axes.view_init(elevation, azimuth)
+    figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=10)
+    figure.suptitle(title)
+    figure.text(0.5, 0.02, _caption(grasp), ha="center", fontsize=11)
+    figure.subplots_adjust(left=0.0, right=0.98, bottom=0.07, top=0.95, wspace=0.02)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    return path
+
+
+def _hand_triangles(grasp: Grasp) -> Array:
+    """The hand's collision shapes as it grasps, (N, 3, 3) m in the world frame."""
+    import mujoco
+
+    from dexgrasp_env.robot.model import compiled_robot
+    from dexgrasp_env.scene.shapes import geom_mesh
+
+    model = compiled_robot(grasp.mount)
+    data = mujoco.MjData(model)
+    data.qpos[:23] = grasp.q
+    mujoco.mj_kinematics(model, data)
+    hand = {model.body(name).id for name in HAND_BODIES}
+    triangles = []
+    for geom in range(model.ngeom):
+        if int(model.geom_bodyid[geom]) in hand and model.geom_contype[geom]:
+            corners = geom_mesh(model, geom).triangles
+            triangles.append(corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
+    return np.concatenate(triangles)
+
+
+def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    def solid(triangles: Array, face: Any, edge: Any, width: float = 0.4) -> None:
+        axes.add_collection3d(Poly3DCollection(triangles, facecolor=face, edgecolor=edge, linewidth=width))
+
+    low, high = _box(target)
+    solid(_patch(low, high), _TABLE, "none")
+    solid(hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
+    solid(target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
+    for i, finger in enumerate(GRASP_FINGERS):
+        p, n, f = grasp.contacts[i], grasp.normals[i], grasp.forces[i]
+        solid(_cone(p, n, grasp.certificate.friction), (*_rgb(_COLOURS[i]), 0.25), "none")
+        axes.scatter(*p, color=_COLOURS[i], s=28, depthshade=False)
+        _arrow(axes, p - _NEWTON * f, p, _COLOURS[i], 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
+    weight = np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass])
+    _arrow(axes, target.centre, target.centre - weight, "k", 1.8, "weight")
+
+
+def _box(target: GraspTarget) -> tuple[Array, Array]:
+    """Corners of what is shown: a cube around the object, from just below the table."""
+    corners = target.distance.triangles.reshape(-1, 3)
+    low, high = corners.min(0), corners.max(0)
+    half = 0.5 * float((high - low).max()) + _AROUND
+    middle = 0.5 * (low + high)
+    low, high = middle - half, middle + half
+    low[2], high[2] = -0.01, 2.0 * half - 0.01
+    return low, high
+
+
+def _patch(low: Array, high: Array) -> Array:
+    """The table's top within the box, two triangles."""
+    (x, y, _), (X, Y, _) = low, high
+    return np.array([[[x, y, 0], [X, y, 0], [X, Y, 0]], [[x, y, 0], [X, Y, 0], [x, Y, 0]]], dtype=float)
+
+
+def _set_axes(axes: Any, target: GraspTarget, from_above: bool) -> None:
+    from matplotlib.ticker import FuncFormatter, MaxNLocator
+
+    for axis, low, high in zip((axes.xaxis, axes.yaxis, axes.zaxis), *_box(target), strict=True):
+        getattr(axes, f"set_{axis.axis_name}lim")(low, high)
+        axis.set_major_locator(MaxNLocator(_TICKS))
+        axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}"))
+        getattr(axes, f"set_{axis.axis_name}label")(f"{axis.axis_name} / cm", fontsize=9)
+    axes.set_box_aspect((1, 1, 1), zoom=0.9)
+    axes.tick_params(labelsize=8)
+    if from_above:
+        axes.set_proj_type("ortho")
+        axes.set_zticks([])
+        axes.set_zlabel("")
+
+
+def _rgb(colour: str) -> tuple[float, float, float]:
+    from matplotlib.colors import to_rgb
+
+    return to_rgb(colour)
+
+
+def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str | None = None) -> None:
+    d = b - a
+    axes.quiver(*a, *d, color=colour, linewidth=width, arrow_length_ratio=0.25, label=label)
+
+
+def _cone(p: Array, n: Array, friction: float) -> Array:
+    """Triangles of the friction cone into the object."""
+    t1, t2 = (t[0] for t in tangent_basis(n[None]))
+    angle = np.linspace(0.0, 2.0 * np.pi, _CONE_SIDES + 1)
+    rim = (
+        p
+        - _CONE_LENGTH * n
+        + _CONE_LENGTH * friction * (np.cos(angle)[:, None] * t1 + np.sin(angle)[:, None] * t2)
+    )
+    return np.stack([np.broadcast_to(p, rim[:-1].shape), rim[:-1], rim[1:]], axis=1)
+
+
+def _caption(grasp: Grasp) -> str:
+    c = grasp.certificate
+    distances = ", ".join(f"{d:.2f}" for d in c.distances_cm)
+    return (
+        f"distances {distances} cm    closure margin {c.closure_margin:.2f}    "
+        f"clearance {1000 * c.min_clearance_m:.1f} mm    "
+        f"joint torque {100 * c.max_joint_torque_fraction:.0f} % of its limit    made for {1000 * c.mass:.0f} g"
+    )

@@ -1,0 +1,45 @@
+"""How much grasps of one scene differ: distances between hands, and principal components as DexGraspBench has them."""
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp_env.arrays import Array
+
+_COMPONENTS = 5
+_SAME = 1e-16  # of the sum of squares: what rounding leaves of equal grasps
+_LEVER = 0.1  # m along the palm's axes: as far as the hand reaches
+
+
+def component_shares(features: Array) -> list[float]:
+    """Return the share of variance that the first 1 to 5 principal components explain; lower is more varied.
+
+    Empty for fewer than three rows, or rows that are all the same.
+
+    Args:
+        features: (N, F), unscaled.
+    """
+    if len(features) < 3:
+        return []
+    variances = np.linalg.svd(features - features.mean(0), compute_uv=False) ** 2
+    if variances.sum() <= _SAME:
+        return []
+    shares = np.cumsum(variances / variances.sum())
+    return [float(share) for share in shares[:_COMPONENTS]]
+
+
+def grasp_features(grasp: Grasp) -> Array:
+    """Return palm position, m, its rotation vector, rad, and the hand's joints, rad: (22,), world frame."""
+    R, p = palm_frame(grasp.q, robot_tree(grasp.mount))
+    return np.concatenate([p, Rotation.from_matrix(R).as_rotvec(), grasp.q[7:]])
+
+
+def hand_points(q: Array, contacts: Array, tree: RobotTree) -> Array:
+    """Return six points (6, 3) m that tell where a hand is: its contacts, its palm, and 10 cm along two palm axes.
+
+    Two grasps are as far apart as the root mean square of these points' distances.
+    """
+    R, p = palm_frame(q, tree)
+    return np.concatenate([contacts, p[None], p + _LEVER * R[:, :2].T])

@@ -1,0 +1,146 @@
+"""A cloned policy at work, in numpy: looks, predicts a chunk of set-points, carries out a part of it."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.imitation.features import VIEWS, Observation, Scene, features, first_look
+from dexgrasp.runs.policy_folder import Arrays, read_policy
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import LOWER, UPPER
+from dexgrasp_env.tasks.control import MAX_STEP, normalise
+
+KIND = "clone"
+CONTROL_MODES = ("joint_delta", "joint_position")
+FARTHEST = 6.0
+"""Standard deviations that features are clipped at."""
+
+
+class Clone:
+    """The network: arrays and how to use them."""
+
+    def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
+        """Check what was read.
+
+        Raises:
+            InputError: if arrays are missing or do not fit.
+        """
+        try:
+            self.view, self.chunk = str(about["view"]), int(about["chunk"])
+            self.execute = int(about["execute"])
+            self.env = {str(key): value for key, value in about["env"].items()}
+            self._mean, self._scale, self._unit = (arrays[name] for name in ("mean", "scale", "unit"))
+            self._trunk = read_layers(arrays, "trunk")
+            self._encoder = read_layers(arrays, "encoder") if self.view == "cloud" else []
+            widths = [len(self._mean) + (self._encoder[-1][1].size if self._encoder else 0)]
+            fits = all(w.shape == (b.size, n) for w, b, n in _with_inputs(self._trunk, widths[0]))
+            fits &= self._trunk[-1][1].size == 23 * self.chunk == self._unit.size
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise InputError(f"the policy is incomplete ({error})") from None
+        if not fits or self.view not in VIEWS or self.env.get("control_mode") not in CONTROL_MODES:
+            raise InputError("the policy's arrays do not fit what it says of itself")
+        if not 1 <= self.execute <= self.chunk:
+            raise InputError(f"the policy executes {self.execute} of {self.chunk} steps: valid are 1 to all")
+
+    @classmethod
+    def read(cls, folder: Path) -> "Clone":
+        """Read a cloned policy.
+
+        Raises:
+            InputError: if the folder holds none.
+        """
+        about, arrays = read_policy(folder)
+        if about.get("kind") != KIND:
+            raise InputError(f"{folder} holds a policy of kind {about.get('kind')!r}, not {KIND!r}")
+        return cls(about, arrays)
+
+    def begin(self, first: Observation) -> "CloneRun":
+        """Start an episode.
+
+        Raises:
+            InputError: where there is nothing to look at.
+        """
+        return CloneRun(self, first)
+
+    def look(self, first: Observation) -> tuple[Scene, NDArray[np.float32]]:
+        """Return what is remembered of the first observation, and the code (K,) of its cloud.
+
+        Raises:
+            InputError: where there is nothing to look at.
+        """
+        scene = first_look(self.view, first)
+        if not self._encoder:
+            return scene, np.zeros(0, np.float32)
+        return scene, np.maximum(_through(self._encoder, scene.points), 0.0).max(axis=0)
+
+    def predict(self, looks: Array, codes: NDArray[np.float32]) -> Array:
+        """Return the set-points of the next steps relative to now, (n, chunk, 23) rad.
+
+        Args:
+            looks: (n, F) features.
+            codes: (n, K) of the clouds.
+        """
+        scaled = np.clip((looks - self._mean) / self._scale, -FARTHEST, FARTHEST).astype(np.float32)
+        out = _through(self._trunk, np.concatenate([scaled, codes], axis=-1)) * self._unit
+        return out.reshape(len(looks), self.chunk, 23).astype(float)
+
+
+class CloneRun:
+    """A clone in one episode."""
+
+    def __init__(self, clone: Clone, first: Observation) -> None:
+        """Look at the first observation.
+
+        Raises:
+            InputError: where there is nothing to look at.
+        """
+        self._clone = clone
+        self._scene, self._code = clone.look(first)
+        self._step, self._wanted = 0, np.zeros((0, 23))
+
+    def set_points(self, observation: Observation) -> Array:
+        """Return the set-points (23,) rad for the end of the next control step."""
+        at = self._step % self._clone.execute
+        now = np.asarray(observation["joint_targets"], dtype=float)
+        if at == 0:
+            looks = features(self._clone.view, self._scene, observation, self._step)
+            chunk = self._clone.predict(looks[None], self._code[None])[0]
+            self._wanted = np.clip(now + chunk, LOWER, UPPER)
+        self._step += 1
+        return self._wanted[at]
+
+    def action(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the next action, in the clone's control mode."""
+        wanted = self.set_points(observation)
+        if self._clone.env["control_mode"] == "joint_position":
+            return normalise(wanted).astype(np.float32)
+        now = np.asarray(observation["joint_targets"], dtype=float)
+        return np.clip((wanted - now) / MAX_STEP, -1.0, 1.0).astype(np.float32)
+
+
+Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
+
+
+def read_layers(arrays: Arrays, name: str) -> Layers:
+    """Weights (out, in) and biases (out,) of the layers of a part, in order."""
+    found: Layers = []
+    while f"{name}.{len(found)}.weight" in arrays:
+        k = len(found)
+        found.append((arrays[f"{name}.{k}.weight"], arrays[f"{name}.{k}.bias"]))
+    if not found:
+        raise KeyError(name)
+    return found
+
+
+def _with_inputs(layers: Layers, inputs: int) -> list[tuple[Any, Any, int]]:
+    return [(w, b, n) for (w, b), n in zip(layers, [inputs, *(b.size for _, b in layers)], strict=False)]
+
+
+def _through(layers: Layers, x: NDArray[np.float32]) -> NDArray[np.float32]:
+    for k, (weight, bias) in enumerate(layers):
+        x = (np.maximum(x, 0.0) if k else x) @ weight.T + bias
+    return x

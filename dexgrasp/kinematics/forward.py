@@ -1,0 +1,177 @@
+"""Forward kinematics and Jacobians, compiled."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
+
+
+class Frames(NamedTuple):
+    """Frames of all bodies, in the world frame."""
+
+    R: Array  # (nb, 3, 3)
+    p: Array  # (nb, 3) m
+
+
+@njit(cache=True, error_model="numpy")
+def empty_frames(tree: RobotTree) -> Frames:
+    """Return room for the frames of a robot."""
+    bodies = tree.parent.shape[0]
+    return Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
+
+
+@njit(cache=True, error_model="numpy")
+def forward(q: Array, tree: RobotTree, frames: Frames) -> None:
+    """Write the body frames for joint positions `q` (23,) rad into `frames`."""
+    forward_part(q, tree, frames, 0, tree.parent.shape[0])
+
+
+@njit(cache=True, error_model="numpy")
+def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int) -> None:
+    """Write the frames of bodies `first` to `end` only; those before them are there. The hand follows the palm."""
+    R, p = frames.R, frames.p
+    for b in range(first, end):
+        a, j = tree.parent[b], tree.joint[b]
+        L = tree.rotation[b]
+        if a < 0:
+            for r in range(3):
+                p[b, r] = tree.offset[b, r]
+                for c in range(3):
+                    R[b, r, c] = L[r, c]
+        else:
+            for r in range(3):
+                p[b, r] = (
+                    p[a, r]
+                    + R[a, r, 0] * tree.offset[b, 0]
+                    + R[a, r, 1] * tree.offset[b, 1]
+                    + R[a, r, 2] * tree.offset[b, 2]
+                )
+                for c in range(3):
+                    R[b, r, c] = R[a, r, 0] * L[0, c] + R[a, r, 1] * L[1, c] + R[a, r, 2] * L[2, c]
+        if j >= 0:
+            _turn(R[b], tree.axis[b], q[j])
+
+
+@njit(cache=True, error_model="numpy")
+def _turn(R: Array, axis: Array, angle: float) -> None:
+    """R <- R Rot(axis, angle), in place (Rodrigues)."""
+    s, c = np.sin(angle), np.cos(angle)
+    x, y, z = axis[0], axis[1], axis[2]
+    t = 1.0 - c
+    a00, a01, a02 = c + t * x * x, t * x * y - s * z, t * x * z + s * y
+    a10, a11, a12 = t * x * y + s * z, c + t * y * y, t * y * z - s * x
+    a20, a21, a22 = t * x * z - s * y, t * y * z + s * x, c + t * z * z
+    for r in range(3):
+        u, v, w = R[r, 0], R[r, 1], R[r, 2]
+        R[r, 0] = u * a00 + v * a10 + w * a20
+        R[r, 1] = u * a01 + v * a11 + w * a21
+        R[r, 2] = u * a02 + v * a12 + w * a22
+
+
+@njit(cache=True, error_model="numpy")
+def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
+    """Write R local + p, (3,)."""
+    for r in range(3):
+        out[r] = p[r] + R[r, 0] * local[0] + R[r, 1] * local[1] + R[r, 2] * local[2]
+
+
+@njit(cache=True, error_model="numpy")
+def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[float, float, float]:
+    """Return how a point (3,) moves with the joint of body `b`, m/rad: the joint's axis x the way to the point."""
+    R, p, axis = frames.R, frames.p, tree.axis
+    ax = R[b, 0, 0] * axis[b, 0] + R[b, 0, 1] * axis[b, 1] + R[b, 0, 2] * axis[b, 2]
+    ay = R[b, 1, 0] * axis[b, 0] + R[b, 1, 1] * axis[b, 1] + R[b, 1, 2] * axis[b, 2]
+    az = R[b, 2, 0] * axis[b, 0] + R[b, 2, 1] * axis[b, 1] + R[b, 2, 2] * axis[b, 2]
+    dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
+    return ay * dz - az * dy, az * dx - ax * dz, ax * dy - ay * dx
+
+
+@njit(cache=True, error_model="numpy")
+def add_row(
+    row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, frames: Frames
+) -> None:
+    """Add sign * direction . (Jacobian of a point of a body) to `row` (23,).
+
+    The point and the direction (3,) are in the world frame.
+    """
+    b = body
+    while b >= 0:
+        j = tree.joint[b]
+        if j >= 0:
+            x, y, z = _motion(b, point, tree, frames)
+            row[j] += sign * (direction[0] * x + direction[1] * y + direction[2] * z)
+        b = tree.parent[b]
+
+
+@njit(cache=True, error_model="numpy")
+def add_turn_row(
+    row: Array, body: int, direction: Array, sign: float, tree: RobotTree, frames: Frames
+) -> None:
+    """Add sign * direction . (angular Jacobian of a body) to `row` (23,)."""
+    R, b = frames.R, body
+    while b >= 0:
+        j = tree.joint[b]
+        if j >= 0:
+            for r in range(3):
+                a = R[b, r, 0] * tree.axis[b, 0] + R[b, r, 1] * tree.axis[b, 1] + R[b, r, 2] * tree.axis[b, 2]
+                row[j] += sign * direction[r] * a
+        b = tree.parent[b]
+
+
+@njit(cache=True, error_model="numpy")
+def tip_positions(tree: RobotTree, frames: Frames) -> Array:
+    """Return the tip sphere centres (3, 3) m of thumb, index, middle."""
+    tips = np.empty((3, 3))
+    for i in range(3):
+        b = tree.tip_body[i]
+        to_world(frames.R[b], frames.p[b], tree.tip_offset[i], tips[i])
+    return tips
+
+
+@njit(cache=True, error_model="numpy")
+def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
+    """Return the linear Jacobians (3, 3, 23) of points (3, 3) m of the tips: finger, coordinate, joint."""
+    J = np.zeros((3, 3, 23))
+    for i in range(3):
+        _add_columns(J[i], tree.tip_body[i], -1, tips[i], tree, frames)
+    return J
+
+
+@njit(cache=True, error_model="numpy")
+def _add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
+    """Add the linear Jacobian of a point (3,) of a body to `J` (3, 23), of the joints below body `top`."""
+    b = body
+    while b > top:
+        j = tree.joint[b]
+        if j >= 0:
+            x, y, z = _motion(b, point, tree, frames)
+            J[0, j] += x
+            J[1, j] += y
+            J[2, j] += z
+        b = tree.parent[b]
+
+
+@njit(cache=True, error_model="numpy")
+def hand_jacobian(tree: RobotTree, frames: Frames, points: Array, J: Array) -> None:
+    """Write the linear Jacobians (3, 3, 23) of points (3, 3) m of the tips by the hand's joints; 0 by the arm's."""
+    J[:] = 0.0
+    for i in range(3):
+        _add_columns(J[i], tree.tip_body[i], tree.palm, points[i], tree, frames)
+
+
+def body_frames(q: Array, tree: RobotTree) -> Frames:
+    """Return the frames of all bodies at `q` (23,) rad."""
+    bodies = len(tree.parent)
+    frames = Frames(
+        np.empty((bodies, 3, 3)), np.empty((bodies, 3))
+    )  # `empty_frames` would be one more to load
+    forward(np.ascontiguousarray(q, dtype=float), tree, frames)
+    return frames
+
+
+def fingertips(q: Array, tree: RobotTree) -> Array:
+    """Return the tip sphere centres (3, 3) m of thumb, index, middle at `q` (23,) rad."""
+    return tip_positions(tree, body_frames(q, tree))

@@ -1,0 +1,121 @@
+"""Inverse kinematics of the arm for a palm pose, compiled (damped least squares within the joint range)."""
+
+import numpy as np
+from numba import njit
+
+from dexgrasp.kinematics.damped import damped_step
+from dexgrasp.kinematics.forward import (
+    Frames,
+    add_row,
+    add_turn_row,
+    body_frames,
+    empty_frames,
+    forward_part,
+    to_world,
+)
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.limits import HOME
+
+TURN_SCALE = 0.15
+"""m a radian: how much a turn of the palm weighs against its shift."""
+_DAMPING = 1e-3
+_LARGEST = 0.5  # rad a joint in a step
+_REACHED = 2e-3  # m, error with which a palm pose counts as reached
+_ELBOWS = ((0.0, 0.0), (0.0, 1.3), (0.0, -1.3), (0.5, 0.0), (-0.5, 0.0))
+"""Starts of the arm: shoulder turned from the goal's direction, wrist from home, rad."""
+_POSTURE = 2e-2  # pull towards the middle of the range, in the null space only
+
+
+@njit(cache=True, error_model="numpy")
+def solve_palm(
+    q: Array, R_goal: Array, p_goal: Array, tree: RobotTree, iterations: int, tolerance: float
+) -> float:
+    """Move the arm's part of `q` (23,), in place, so that the palm frame meets a goal; return what error is left.
+
+    Args:
+        q: (23,) rad, start and result; the hand's part is not touched.
+        R_goal: (3, 3) palm rotation in the world frame.
+        p_goal: (3,) m.
+        tree: the robot.
+        iterations: at most so many steps.
+        tolerance: m; a radian counts as 0.15 m.
+
+    Returns:
+        Norm of the remaining error, m.
+    """
+    frames = empty_frames(tree)
+    R, p = frames.R, frames.p
+    e, J, point = np.empty(6), np.empty((6, 7)), np.empty(3)
+    error = 1e9
+    for k in range(iterations + 1):
+        palm = tree.palm
+        forward_part(q, tree, frames, 0, palm + 1)  # the hand follows it
+        to_world(R[palm], p[palm], tree.palm_offset, point)
+        now = R[palm] @ tree.palm_rotation
+        turn = _rotation_error(R_goal, now)
+        for r in range(3):
+            e[r] = p_goal[r] - point[r]
+            e[3 + r] = TURN_SCALE * turn[r]
+        error = np.sqrt((e * e).sum())
+        if error < tolerance or k == iterations:
+            return error
+        palm_jacobian(tree, frames, J)
+        pull = _POSTURE * (0.5 * (tree.lower[:7] + tree.upper[:7]) - q[:7])
+        step = damped_step(J, e, _DAMPING * min(error, 0.1), pull, _LARGEST)
+        for j in range(7):
+            q[j] = min(max(q[j] + step[j], tree.lower[j] + 1e-3), tree.upper[j] - 1e-3)
+    return error
+
+
+def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
+    """Solve the arm's part of `q` for a palm pose, in place, from a few starts; tell whether it is reached."""
+    toward = np.arctan2(p[1], p[0])
+    for swing, twist in _ELBOWS:
+        q[:7] = HOME[:7]
+        q[0] = np.clip(toward + swing, tree.lower[0], tree.upper[0])
+        q[6] = HOME[6] + twist
+        if solve_palm(q, R, p, tree, 40, 1e-4) < _REACHED:
+            return True
+    return False
+
+
+@njit(cache=True, error_model="numpy")
+def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
+    """Write the Jacobian (6, 7) of the palm frame by the arm's joints: m/rad, turns times `TURN_SCALE`."""
+    row, unit, point = np.empty(23), np.empty(3), np.empty(3)
+    to_world(frames.R[tree.palm], frames.p[tree.palm], tree.palm_offset, point)
+    for r in range(3):
+        unit[:] = 0.0
+        unit[r] = 1.0
+        row[:] = 0.0
+        add_row(row, tree.palm, point, unit, 1.0, tree, frames)
+        J[r] = row[:7]
+        row[:] = 0.0
+        add_turn_row(row, tree.palm, unit, 1.0, tree, frames)
+        J[3 + r] = TURN_SCALE * row[:7]
+
+
+@njit(cache=True, error_model="numpy")
+def _rotation_error(goal: Array, now: Array) -> Array:
+    """Rotation vector (3,) rad that takes `now` to `goal`, in the world frame."""
+    D = goal @ now.T
+    v = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
+    s = 0.5 * np.sqrt((v * v).sum())
+    c = 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
+    angle = np.arctan2(s, c)
+    if s < 1e-9:
+        # Half a turn apart, the axis is lost: any axis gets away from there.
+        return np.array([0.0, 0.0, 0.5 * angle]) if c < 0.0 else 0.5 * v
+    return v * (0.5 * angle / s)
+
+
+def palm_frame(q: Array, tree: RobotTree) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) m of the palm frame at `q` (23,) rad."""
+    return palm_of(body_frames(q, tree), tree)
+
+
+def palm_of(frames: Frames, tree: RobotTree) -> tuple[Array, Array]:
+    """Return rotation (3, 3) and position (3,) m of the palm frame from the bodies' frames."""
+    R, p = frames.R[tree.palm], frames.p[tree.palm]
+    return R @ tree.palm_rotation, p + R @ tree.palm_offset

@@ -1,0 +1,68 @@
+"""Motions of the palm through differential inverse kinematics."""
+
+import numpy as np
+from numba import njit
+
+from dexgrasp.kinematics.damped import damped_step
+from dexgrasp.kinematics.forward import empty_frames, forward, to_world
+from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
+
+_DAMPING = 1e-4
+_CORRECTIONS = 4  # steps of Newton at every point; two are enough away from singularities
+
+
+def shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array | None = None) -> tuple[Array, float]:
+    """Follow a path of the palm, fingers still, from `q` on.
+
+    Args:
+        q: (23,) rad.
+        tree: the robot.
+        shifts: (n, 3) m, palm positions relative to the one at `q`, about a centimetre from one to the next.
+        turns: (n, 3, 3) its rotations since then, in the world frame; None to keep it as it is.
+
+    Returns:
+        Configurations (n, 23) rad, within the joint range, and the largest error of the palm, m (a radian
+        counts as 0.15 m).
+    """
+    shifts = np.ascontiguousarray(shifts, dtype=float)
+    if turns is None:
+        turns = np.repeat(np.eye(3)[None], len(shifts), axis=0)
+    return _shift_palm(
+        np.ascontiguousarray(q, dtype=float), tree, shifts, np.ascontiguousarray(turns, dtype=float)
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple[Array, float]:
+    frames, palm = empty_frames(tree), tree.palm
+    R, p = frames.R, frames.p
+    start, point = np.empty(3), np.empty(3)
+    J, e = np.empty((6, 7)), np.empty(6)
+    forward(q, tree, frames)
+    to_world(R[palm], p[palm], tree.palm_offset, start)
+    turn = R[palm].copy()
+    path, now, worst = np.empty((shifts.shape[0], 23)), q.copy(), 0.0
+    for i in range(shifts.shape[0]):
+        error = 0.0
+        for step in range(_CORRECTIONS + 1):
+            forward(now, tree, frames)
+            to_world(R[palm], p[palm], tree.palm_offset, point)
+            D = turns[i] @ turn @ R[palm].T
+            for r in range(3):
+                e[r] = start[r] + shifts[i, r] - point[r]
+            e[3] = 0.5 * TURN_SCALE * (D[2, 1] - D[1, 2])
+            e[4] = 0.5 * TURN_SCALE * (D[0, 2] - D[2, 0])
+            e[5] = 0.5 * TURN_SCALE * (D[1, 0] - D[0, 1])
+            error = np.sqrt((e * e).sum())
+            if error < 1e-6 or step == _CORRECTIONS:
+                break
+            palm_jacobian(tree, frames, J)
+            # No pull to a posture: the path must follow from where it starts, not drift.
+            change = damped_step(J, e, _DAMPING, np.zeros(7), np.inf)
+            for j in range(7):
+                now[j] = min(max(now[j] + change[j], tree.lower[j]), tree.upper[j])
+        worst = max(worst, error)
+        path[i] = now
+    return path, worst

@@ -1,0 +1,240 @@
+"""Whether configurations of the whole robot are free of the object, the table and the robot itself."""
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dexgrasp.geometry.convex import NOTHING, ConvexDistance, Obstacle
+from dexgrasp.geometry.convex_kernel import convex_distance
+from dexgrasp.kinematics.clearance import (
+    OBJECT,
+    ROUNDING,
+    SELF,
+    TABLE,
+    Cover,
+    bounds_clearance,
+    clearance_rows,
+    cover_of,
+    empty_rows,
+    object_clearance,
+    palm_clearance,
+    self_clearance,
+    table_clearance,
+)
+from dexgrasp.kinematics.forward import Frames, body_frames, empty_frames, forward
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.names import BODIES
+
+_MAX_ROWS = 256  # more than there are bodies and pairs of them
+_CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
+_FAR, _NEAR = 0.016, 0.004  # m beyond the margin: up to there clearances from object and self are measured
+_OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The first state of a path that is not free: which bodies, and their clearance (a lower bound, m)."""
+
+    index: int
+    bodies: tuple[str, str]
+    clearance: float
+
+    def __str__(self) -> str:
+        return f"{self.bodies[0]} {1000 * self.clearance:.0f} mm from {self.bodies[1]}"
+
+
+class CollisionChecker:
+    """Clearance of the whole robot from the object (tips included), the table plane z = 0 and itself.
+
+    Clearances are lower bounds from covering spheres: what is called free is free.
+    """
+
+    def __init__(self, tree: RobotTree, obstacle: ConvexDistance | None, margin: float = 0.004) -> None:
+        """Prepare.
+
+        Args:
+            tree: the robot.
+            obstacle: the object in the world frame; None when there is none, or the hand holds it.
+            margin: clearance to keep, m.
+        """
+        self.tree, self.margin = tree, margin
+        self._obstacle = NOTHING if obstacle is None else obstacle.obstacle
+        bodies = len(tree.parent)
+        # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
+        self._needed = np.full((bodies, bodies + 2), margin)
+
+    def allow(self, q: Array) -> None:
+        """Let a path begin or end at `q` (23,) though bodies are nearer there than the margin.
+
+        They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm).
+        """
+        values, labels = self.clearances(q)
+        for value, (kind, body, other) in zip(values, labels, strict=True):
+            column = other if kind == SELF else len(self._needed) + int(kind != OBJECT)
+            near = max(value - 5e-4, -_OVERESTIMATE)
+            self._needed[body, column] = min(self._needed[body, column], near)
+
+    def clearances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
+        """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
+        rows, frames = empty_rows(_MAX_ROWS), body_frames(q, self.tree)
+        count = clearance_rows(self.tree, frames, self._obstacle, self.margin, False, rows)
+        return rows.values[:count], rows.labels[:count]
+
+    def free(self, q: Array) -> bool:
+        """Whether `q` (23,) rad is free."""
+        return self.first_contact(np.asarray(q)[None]) is None
+
+    def free_line(self, start: Array, goal: Array) -> bool:
+        """Whether the straight joint line between two configurations is free."""
+        return self.first_contact(np.stack([start, goal])) is None
+
+    def first_contact(self, path: Array, slack: float = 0.0) -> Contact | None:
+        """Return the first contact along a polyline of configurations (n, 23) rad, or None.
+
+        Args:
+            path: its corners.
+            slack: how much nearer than the margin may pass, m: for paths that follow a checked one.
+        """
+        dense = densify(path, _CHECK_STEP)
+        label = np.empty(3, np.int64)
+        index, value = _first_contact(
+            dense, self.tree, self._obstacle, self._needed - slack, self.margin, label
+        )
+        if index < 0:
+            return None
+        other = BODIES[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
+        return Contact(index, (BODIES[label[1]], other), value)
+
+
+def densify(path: Array, step: float) -> Array:
+    """Return points (m, 23) on a polyline (n, 23), corners included, no joint moving over `step` rad."""
+    path = np.atleast_2d(np.asarray(path, dtype=float))
+    way = np.diff(path, axis=0)
+    counts = np.maximum(np.ceil(np.abs(way).max(axis=1) / step), 1).astype(int)
+    leg = np.repeat(np.arange(len(way)), counts)
+    number = np.arange(1, len(leg) + 1) - (np.cumsum(counts) - counts)[leg]
+    return np.concatenate([path[:1], path[leg] + (number / counts[leg])[:, None] * way[leg]])
+
+
+class _Watch(NamedTuple):
+    """What is known of clearances along a path: none changes by more than its bodies move.
+
+    A clearance is measured again when what the bodies have moved since could have used it up.
+    """
+
+    ways: Array  # (2, nb) m, how far each body has moved so far: in the world, and against the palm
+    to_object: Array  # (2, nb) m: clearance from the object when it was measured, and the way up to then
+    to_self: Array  # (2, np + 1) m: the same between two bodies, and of thumb and palm
+
+
+@njit(cache=True, error_model="numpy")
+def _first_contact(
+    path: Array, tree: RobotTree, obstacle: Obstacle, needed: Array, margin: float, label: NDArray[np.int64]
+) -> tuple[int, float]:
+    """Return the first state with a contact, -1 if none, and its clearance; `label` says between which."""
+    nb, pairs = tree.parent.shape[0], tree.pairs.shape[0]
+    watch = _Watch(np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs + 1), -1.0))
+    frames, before, seen, seen_before = (
+        empty_frames(tree), empty_frames(tree), empty_frames(tree), empty_frames(tree),
+    )  # fmt: skip
+    for i in range(path.shape[0]):
+        forward(path[i], tree, frames)
+        _seen_from(frames, tree.palm, seen)
+        if i > 0:
+            _add_ways(tree, frames, before, watch.ways[0])
+            _add_ways(tree, seen, seen_before, watch.ways[1])
+        cover = cover_of(tree, frames)
+        value = _object_contact(tree, frames, cover, obstacle, needed, margin, watch, label)
+        if value == np.inf:
+            value = _self_contact(tree, frames, cover, needed, margin, watch, label)
+        if value < np.inf:
+            return i, value
+        frames, before, seen, seen_before = before, frames, seen_before, seen
+    return -1, 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _object_contact(
+    tree: RobotTree, frames: Frames, cover: Cover, obstacle: Obstacle, needed: Array, margin: float, watch: _Watch,
+    label: NDArray[np.int64],
+) -> float:  # fmt: skip
+    """Return a clearance from table or object that is less than needed, infinity if there is none."""
+    nb, direction, known = tree.parent.shape[0], np.empty(3), watch.to_object
+    for b in range(2, nb):
+        if tree.bound_radius[b] < 0.0:
+            continue
+        value = cover.bounds[b, 2] - tree.bound_radius[b]
+        if value <= margin:  # calls are dear: each counts references to the arrays of the tree
+            value, _ = table_clearance(tree, frames, cover, b, margin)
+        if value < min(needed[b, nb + 1], margin):
+            label[0], label[1], label[2] = TABLE, b, -1
+            return value
+        way = watch.ways[0, b]
+        if obstacle.planes.shape[0] == 0 or known[0, b] - (way - known[1, b]) > margin:
+            continue
+        value = convex_distance(cover.bounds[b], obstacle, direction) - tree.bound_radius[b]
+        if value <= margin:
+            value, _ = object_clearance(tree, frames, cover, b, obstacle, margin + _FAR, False, direction)
+        known[0, b], known[1, b] = value, way
+        if value < min(needed[b, nb], margin):
+            label[0], label[1], label[2] = OBJECT, b, -1
+            return value
+    return np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _self_contact(
+    tree: RobotTree, frames: Frames, cover: Cover, needed: Array, margin: float, watch: _Watch,
+    label: NDArray[np.int64],
+) -> float:  # fmt: skip
+    """Return a clearance between two bodies that is less than needed, infinity if there is none."""
+    count, known, ways = tree.pairs.shape[0], watch.to_self, watch.ways[1]
+    for k in range(-1, count):  # the first is thumb and palm, by their boxes
+        a, b = (tree.thumb, tree.palm) if k < 0 else (tree.pairs[k, 0], tree.pairs[k, 1])
+        way = ways[a] + ways[b]
+        if known[0, k] - (way - known[1, k]) > margin:
+            continue
+        if k < 0:
+            value = palm_clearance(tree, frames, margin + _NEAR, np.empty(3), np.empty(3))
+        else:
+            value = bounds_clearance(tree, cover, a, b)
+            if value <= margin:
+                value, _, _ = self_clearance(tree, frames, cover, a, b, margin + _NEAR)
+        known[0, k], known[1, k] = value, way
+        if value < min(needed[a, b], margin):
+            label[0], label[1], label[2] = SELF, a, b
+            return value
+    return np.inf
+
+
+@njit(cache=True, error_model="numpy")
+def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
+    """Add to `way` (nb,) how far (m) each body's spheres can have moved: the middle's way, and the turn's."""
+    centre, radius, R, p, R0, p0 = tree.bound_centre, tree.bound_radius, now.R, now.p, before.R, before.p
+    for b in range(p.shape[0]):
+        shift, turn = 0.0, 0.0
+        for r in range(3):
+            d = p[b, r] - p0[b, r]
+            for c in range(3):
+                t = R[b, r, c] - R0[b, r, c]
+                d += t * centre[b, c]
+                turn += t * t
+            shift += d * d
+        way[b] += np.sqrt(shift) + np.sqrt(turn) * max(radius[b], 0.0) + ROUNDING
+
+
+@njit(cache=True, error_model="numpy")
+def _seen_from(frames: Frames, a: int, seen: Frames) -> None:
+    """Write the frames of all bodies in the frame of body `a`."""
+    R, p = frames.R, frames.p
+    for b in range(p.shape[0]):
+        for r in range(3):
+            seen.p[b, r] = 0.0
+            for k in range(3):
+                seen.p[b, r] += R[a, k, r] * (p[b, k] - p[a, k])
+            for c in range(3):
+                seen.R[b, r, c] = R[a, 0, r] * R[b, 0, c] + R[a, 1, r] * R[b, 1, c] + R[a, 2, r] * R[b, 2, c]

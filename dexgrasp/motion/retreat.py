@@ -1,0 +1,54 @@
+"""Back from a grasp that was lost: open the hand, take the arm home, where the cameras see past it."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.motion.approach import plan_approach
+from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.motion.timing import time_path
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.home import HOME
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.tasks.control import normalise
+
+_SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
+_MARGIN = 0.004  # m that the robot keeps from the table and from itself
+
+
+class Retreat:
+    """Goes home and stays there; where the object lies now nobody knows, so nothing keeps clear of it."""
+
+    lost = False
+
+    def __init__(self, start: Array, tree: RobotTree) -> None:
+        """Plan the way.
+
+        Args:
+            start: (23,) rad, the set-points now.
+            tree: the robot.
+
+        Raises:
+            NoPath: where the table or the robot itself is in the way.
+        """
+        checker = CollisionChecker(tree, None, _MARGIN)
+        start = np.clip(start, tree.lower, tree.upper)
+        opened = np.concatenate([start[:7], HOME[7:]])
+        opening = time_path(
+            np.stack([start, opened])
+        )  # unchecked: pressing fingers are set inside one another
+        way = time_path(plan_approach(checker, opened, HOME), checker)
+        still = np.repeat(HOME[None], round(_SETTLE / CONTROL_PERIOD), axis=0)
+        self._targets = np.clip(np.concatenate([opening, way, still]), tree.lower, tree.upper)
+        self._step = 0
+
+    @property
+    def done(self) -> bool:
+        """Whether the robot stands at home."""
+        return self._step >= len(self._targets)
+
+    def action(self, joint_positions: Array) -> NDArray[np.float32]:
+        """Return the next `joint_position` action; the last one is held."""
+        target = self._targets[min(self._step, len(self._targets) - 1)]
+        self._step += 1
+        return normalise(target).astype(np.float32)

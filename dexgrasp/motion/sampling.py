@@ -1,0 +1,94 @@
+"""Sample-based planning of the arm, the same at every run."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp_env.arrays import Array
+
+_RANGE = 0.6  # rad: longest branch of the trees
+_TRIES = 3000  # growths of the trees; counted, not timed, so that a slow machine finds the same path
+_RESOLUTION = 0.002  # of the space's extent: about 0.03 rad between checked states
+_SHORTCUTS = 120
+
+
+def plan_arm(checker: CollisionChecker, start: Array, goal: Array, seed: int) -> Array | None:
+    """Find a path of the arm with RRT-Connect, fingers as in `goal`, and shorten it.
+
+    Args:
+        checker: of the scene.
+        start: (23,) rad; its fingers are those of `goal`.
+        goal: (23,) rad.
+        seed: above 0.
+
+    Returns:
+        Waypoints (n, 23) rad, or None when the tries are used up.
+    """
+    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, goal[7:]])), start, goal, checker, seed)
+    if arm is None:
+        return None
+    path = np.concatenate([arm, np.repeat(goal[None, 7:], len(arm), axis=0)], axis=1)
+    # The trees were grown at a coarser resolution than paths are checked with.
+    return shorten(checker, path, seed) if checker.first_contact(path) is None else None
+
+
+def _rrt_connect(
+    free: Callable[[Array], bool], start: Array, goal: Array, checker: CollisionChecker, seed: int
+) -> Array | None:
+    from ompl import base, geometric, util
+
+    level = util.getLogLevel()
+    # Seeding again is meant, every object that draws numbers is made anew below: no message about it.
+    util.setLogLevel(util.LOG_NONE)
+    try:
+        util.RNG.setSeed(seed)
+        space = base.RealVectorStateSpace(7)
+        bounds = base.RealVectorBounds(7)
+        for j in range(7):
+            bounds.setLow(j, float(checker.tree.lower[j]))
+            bounds.setHigh(j, float(checker.tree.upper[j]))
+        space.setBounds(bounds)
+        setup = geometric.SimpleSetup(space)
+        setup.setStateValidityChecker(lambda state: free(np.array([state[j] for j in range(7)])))
+        ends = [space.allocState(), space.allocState()]
+        for state, q in zip(ends, (start, goal), strict=True):
+            for j in range(7):
+                state[j] = float(q[j])
+        setup.setStartAndGoalStates(*ends)
+        information = setup.getSpaceInformation()
+        information.setStateValidityCheckingResolution(_RESOLUTION)
+        planner = geometric.RRTConnect(information)
+        planner.setRange(_RANGE)
+        setup.setPlanner(planner)
+        left = iter(range(_TRIES))
+        setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
+        if not setup.haveExactSolutionPath():
+            return None
+        states = setup.getSolutionPath().getStates()
+        return np.array([[state[j] for j in range(7)] for state in states])
+    finally:
+        util.setLogLevel(level)
+
+
+def shorten(checker: CollisionChecker, path: Array, seed: int) -> Array:
+    """Cut corners of a free polyline (n, 23) where the straight line between two of its points is free."""
+    rng = np.random.default_rng(seed)
+    for _ in range(_SHORTCUTS):
+        if len(path) < 3:
+            break
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(path, axis=0), axis=1))])
+        at = np.sort(rng.random(2)) * length[-1]
+        i, j = np.searchsorted(length, at, side="right") - 1
+        i, j = min(i, len(path) - 2), min(j, len(path) - 2)
+        if i == j:
+            continue
+        a, b = _on_leg(path, length, i, at[0]), _on_leg(path, length, j, at[1])
+        if checker.free_line(a, b):
+            path = np.concatenate([path[: i + 1], a[None], b[None], path[j + 1 :]])
+    return path
+
+
+def _on_leg(path: Array, length: Array, leg: int, at: float) -> Array:
+    share = (at - length[leg]) / (length[leg + 1] - length[leg])
+    return path[leg] + share * (path[leg + 1] - path[leg])

@@ -1,0 +1,113 @@
+"""A grasp carried out: approach, close, squeeze, lift, hold, as set-points for every control step."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.grasp.grasp import GraspMotion
+from dexgrasp.grasp.path import jerkiness
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.motion.approach import plan_approach
+from dexgrasp.motion.cartesian import shift_palm
+from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.timing import smooth_step, time_path
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.tasks.control import MAX_STEP, normalise
+
+_SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
+_CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
+_LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
+_LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
+
+
+@dataclass(frozen=True)
+class ActionScript:
+    """Set-points of an episode.
+
+    Attributes:
+        targets: (T, 23) rad, one a control step.
+        phases: names and first steps: approach, close, squeeze, lift, hold.
+        start: (23,) rad, set-points before the first step.
+    """
+
+    targets: Array
+    phases: tuple[tuple[str, int], ...]
+    start: Array
+
+    def action(self, step: int) -> NDArray[np.float32]:
+        """Return the `joint_position` action (23,) of a step from 0 on; the last one is held."""
+        return normalise(self.targets[min(step, len(self.targets) - 1)]).astype(np.float32)
+
+    def phase(self, step: int) -> str:
+        """Return the name of the phase that a step belongs to."""
+        return [name for name, first in self.phases if first <= step][-1]
+
+
+def make_script(
+    start: Array, motion: GraspMotion, obstacle: ConvexDistance | None, mount: str = "palm_normal", *,
+    speed: float = 0.65, margin: float = 0.004, seed: int = 1,
+) -> ActionScript:  # fmt: skip
+    """Plan the approach and put all phases together; the same arguments give the same script bit for bit.
+
+    Args:
+        start: (23,) rad, the set-points now.
+        motion: the grasp.
+        obstacle: the object in the world frame, or None to approach as if there were none.
+        mount: how the hand sits on the flange.
+        speed: share of the velocity and acceleration limits that the approach uses, above 0 and up to 1.
+        margin: clearance to keep on the approach, m.
+        seed: of the sampling planner, above 0.
+
+    Raises:
+        NoPath: `approach_blocked` or `lift_out_of_reach`, with what is in the way.
+    """
+    tree = robot_tree(mount)
+    start = np.asarray(start, dtype=float)
+    lift = _lift(tree, motion)  # cheap, so that it fails first
+    checker = CollisionChecker(tree, obstacle, margin)
+    waypoints = plan_approach(checker, start, motion.pregrasp, seed)
+    # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
+    approach = np.clip(time_path(waypoints, checker, speed), tree.lower, tree.upper)
+    pieces = {
+        "approach": np.concatenate([approach, _still(motion.pregrasp, _SETTLE)]),
+        "close": _ramp(motion.pregrasp, motion.grasp, _CLOSE),
+        "squeeze": _ramp(motion.grasp, motion.squeeze, _SQUEEZE),
+        "lift": lift,
+        "hold": _still(lift[-1], _HOLD),
+    }
+    first = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces.values()])[:-1]])
+    return ActionScript(
+        np.concatenate(list(pieces.values())),
+        tuple(zip(pieces, (int(f) for f in first), strict=True)),
+        start,
+    )
+
+
+def _still(q: Array, seconds: float) -> Array:
+    return np.repeat(q[None], round(seconds / CONTROL_PERIOD), axis=0)
+
+
+def _ramp(a: Array, b: Array, seconds: float) -> Array:
+    """Go from `a` to `b` evenly, slower where a joint's velocity limit asks for it."""
+    count = max(round(seconds / CONTROL_PERIOD), int(np.ceil((np.abs(b - a) / MAX_STEP).max())))
+    return a + np.arange(1, count + 1)[:, None] / count * (b - a)
+
+
+def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
+    """Raise the palm straight up from the squeeze, (n, 23)."""
+    count = round(_LIFT / CONTROL_PERIOD)
+    up = motion.lift_height * smooth_step(np.arange(1, count + 1) / count)
+    path, error = shift_palm(motion.squeeze, tree, up[:, None] * np.array([0.0, 0.0, 1.0]))
+    if error > _LIFT_ERROR:
+        raise NoPath("lift_out_of_reach", f"the palm strays {1000 * error:.0f} mm from the way up")
+    fast = (np.abs(np.diff(path, axis=0, prepend=motion.squeeze[None])) / MAX_STEP).max()
+    if fast > 1.0:
+        raise NoPath("lift_out_of_reach", f"a joint would move at {fast:.1f} times its limit")
+    jerk = jerkiness(np.concatenate([motion.squeeze[None], path]))
+    if jerk > _LIFT_JERK:  # the arm turns at a joint limit or near a singularity
+        raise NoPath("lift_out_of_reach", f"a joint would jerk by {1000 * jerk:.0f} mrad on the way up")
+    return path

@@ -1,0 +1,61 @@
+"""A turn of hand and object about the object's centre, in the air: what friction held comes to lie on fingers."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.motion.cartesian import shift_palm
+from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.motion.timing import smooth_step, within_limits
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+_SECONDS = 1.15  # s a radian
+_LEAST_SECONDS = 0.6
+_STRAY = 0.005  # m that the palm may be off its way; a radian counts as 0.15 m
+
+
+class Turn(NamedTuple):
+    """What follows the lift."""
+
+    arm: Array  # (n, 7) rad, set-points of the arm, one a control step
+    forces: (
+        Array  # (3, 3) N on the object, to press with at its end; in the axes that the grasp has before it
+    )
+
+
+def rotation(vector: Array) -> Array:
+    """Return the matrix (3, 3) of a rotation vector (3,) rad that is not zero."""
+    angle = float(np.linalg.norm(vector))
+    x, y, z = vector / angle
+    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    turned: Array = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
+    return turned
+
+
+def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, tree: RobotTree) -> Array | None:
+    """Return set-points (n, 7) rad that turn hand and object, None where the arm or the table is in the way.
+
+    The object's centre rises as far as keeps its lowest corner where it is.
+
+    Args:
+        start: (23,) rad, set-points before.
+        vector: (3,) rad, rotation vector.
+        centre: (3,) m, of the object.
+        corners: (K, 3) m, of the object, from its centre.
+        tree: the robot.
+    """
+    count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
+    turns = np.stack([rotation(share * vector) for share in smooth_step(np.arange(1, count + 1) / count)])
+    low = (turns @ corners.T)[:, 2].min(axis=1)
+    arm = palm_frame(start, tree)[1] - centre
+    shifts = turns @ arm - arm
+    shifts[:, 2] += np.maximum.accumulate(np.maximum(corners[:, 2].min() - low, 0.0))
+    path, strayed = shift_palm(start, tree, shifts, turns)
+    if strayed > _STRAY or not within_limits(start, path):
+        return None
+    if CollisionChecker(tree, None, 0.0).first_contact(np.vstack([start, path])) is not None:
+        return None
+    return path[:, :7]

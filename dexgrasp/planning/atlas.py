@@ -1,0 +1,118 @@
+"""An atlas of three-finger hand postures, looked up by the triangle that the fingertips make.
+
+Three fingertip positions fix the palm pose of a posture whose tips make the same triangle, so a proposal becomes whole
+hand configurations by a neighbour search and one rigid alignment, without iteration.
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+from scipy.spatial import KDTree
+
+from dexgrasp.kinematics.forward import empty_frames, forward, tip_positions
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.files import cached_arrays, content_hash
+from dexgrasp_env.robot.limits import HOME
+
+_VERSION = 5
+_SAMPLES = 400_000
+_RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
+_SIDE = (0.024, 0.20)  # m, sides of the triangles kept
+
+
+@dataclass(frozen=True)
+class HandAtlas:
+    """N postures; every array is in the palm frame.
+
+    Attributes:
+        joints: (N, 16) rad; the ring finger is curled out of the way.
+        tips: (N, 3, 3) m, tip centres of thumb, index, middle.
+        axes: (N, 3, 3), fingertip axes, pointing out of the tip.
+        pads: (N, 3, 3), directions that the pads face.
+        search: KD-tree over the triangle's sides, m.
+    """
+
+    joints: Array
+    tips: Array
+    axes: Array
+    pads: Array
+    search: KDTree
+
+
+@lru_cache(maxsize=1)
+def hand_atlas(seed: int = 0) -> HandAtlas:
+    """Return the atlas, sampled with `seed` and kept in the cache."""
+    tree = robot_tree()
+    key = content_hash(_VERSION, _SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
+    layout = {"joints": (None, 16)} | dict.fromkeys(("tips", "axes", "pads"), (None, 3, 3))
+    found = cached_arrays(f"hand_atlas_{key}.npy", layout, lambda: _made(tree, seed))
+    # A tree that is not balanced takes half the time, its queries no longer.
+    search = KDTree(triangle_sides(found["tips"]), leafsize=16, balanced_tree=False, compact_nodes=False)
+    return HandAtlas(**found, search=search)
+
+
+def _made(tree: RobotTree, seed: int) -> dict[str, Array]:
+    joints = _sample(tree, seed)
+    tips, axes, pads = _tip_frames(_whole(joints), tree)
+    return {"joints": joints, "tips": tips, "axes": axes, "pads": pads}
+
+
+def triangle_sides(corners: Array) -> Array:
+    """Return the sides (..., 3) m of triangles (..., 3, 3): thumb-index, thumb-middle, index-middle."""
+    a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
+    return np.stack(
+        [np.linalg.norm(a - b, axis=-1), np.linalg.norm(a - c, axis=-1), np.linalg.norm(b - c, axis=-1)], -1
+    )
+
+
+def _whole(joints: Array) -> Array:
+    q = np.tile(HOME, (len(joints), 1))
+    q[:, 7:] = joints
+    return q
+
+
+def _sample(tree: RobotTree, seed: int) -> Array:
+    """Draw postures in which the thumb faces the two fingers and no tips meet."""
+    rng = np.random.default_rng(seed)
+    lower, upper = tree.lower[7:], tree.upper[7:]
+    middle, half = 0.5 * (lower + upper), 0.5 * _RANGE * (upper - lower)
+    joints = middle + half * rng.uniform(-1.0, 1.0, (_SAMPLES, 16))
+    joints[:, 8:12] = RING_ASIDE
+    tips, _, pads = _tip_frames(_whole(joints), tree)
+    sides = triangle_sides(tips)
+    inside = ((sides > [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030]) & (sides < _SIDE[1])).all(1)
+    between = 0.5 * (tips[:, 1] + tips[:, 2]) - tips[:, 0]
+    between /= np.linalg.norm(between, axis=1, keepdims=True)
+    opposed = (pads[:, 0] * between).sum(1) > 0.1
+    opposed &= ((pads[:, 1] * between).sum(1) < 0.2) & ((pads[:, 2] * between).sum(1) < 0.2)
+    in_front = (tips[:, :, 0] > 0.02).all(1)
+    return joints[inside & opposed & in_front]
+
+
+RING_ASIDE = np.array([-0.15, -0.1, 0.05, 0.05])
+"""Posture of the ring finger, which takes no part (rad): straight, above what the others reach around."""
+
+
+@njit(cache=True)
+def _all_tips(q: Array, tree: RobotTree, tips: Array, axes: Array, pads: Array) -> None:
+    frames = empty_frames(tree)
+    R, p = frames.R, frames.p
+    for k in range(q.shape[0]):
+        forward(q[k], tree, frames)
+        palm = R[tree.palm] @ tree.palm_rotation
+        origin = p[tree.palm] + R[tree.palm] @ tree.palm_offset
+        world = tip_positions(tree, frames)
+        for i in range(3):
+            tips[k, i] = palm.T @ (world[i] - origin)
+            axes[k, i] = palm.T @ np.ascontiguousarray(R[tree.tip_body[i], :, 2])
+            pads[k, i] = palm.T @ np.ascontiguousarray(R[tree.tip_body[i], :, 0])
+
+
+def _tip_frames(q: Array, tree: RobotTree) -> tuple[Array, Array, Array]:
+    shape = (len(q), 3, 3)
+    tips, axes, pads = np.empty(shape), np.empty(shape), np.empty(shape)
+    _all_tips(q, tree, tips, axes, pads)
+    return tips, axes, pads

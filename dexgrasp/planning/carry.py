@@ -1,0 +1,70 @@
+"""How an object is carried once it is off the table: turned so that contacts bear it rather than their friction.
+
+As it lies, the line between thumb and fingers is level, and friction bears the weight and whatever pushes downwards.
+Turned about a level axis, some of that presses on fingertips instead. Of a few turns the one is taken after which the
+contacts bear the largest push, if that is worth the way.
+"""
+
+from itertools import product
+
+import numpy as np
+
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.motion.script import ActionScript
+from dexgrasp.motion.turn import Turn, rotation, turn_arm
+from dexgrasp.physics.strength import Contacts, capacity_of, directions
+from dexgrasp.planning.claims import contacts_of
+from dexgrasp.planning.holding import DOWN, robust_squeeze
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+
+ENOUGH = 4.0
+"""Capacity, in weights, from which on an object is carried as it was lifted."""
+_ANGLES = np.deg2rad([60.0, 45.0, 30.0])
+_AXES = np.deg2rad(np.arange(0.0, 360.0, 30.0))
+_GAIN = 0.1  # weights that a turn must win
+_COST = 0.06  # weights a radian: of two turns that win as much the shorter
+
+
+def plan_turn(
+    grasp: Grasp, script: ActionScript, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
+) -> Turn | None:
+    """Return the turn after the lift that wins most, None where none wins enough or can be made.
+
+    Args:
+        grasp: with its certificate.
+        script: that lifts it.
+        target: the object where it lies.
+        tree: the robot.
+        settings: friction that is counted on, and torque limits.
+    """
+    if grasp.certificate.capacity >= ENOUGH:
+        return None
+    contacts, distance = contacts_of(grasp.q, target, tree, settings.friction_squeeze)
+    start = script.targets[dict(script.phases)["hold"] - 1]
+    centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
+    corners, pushes = np.concatenate(target.corners) - target.centre, directions()
+    arm, down, most = None, DOWN, capacity_of(contacts) + _GAIN
+    for angle, azimuth in product(_ANGLES, _AXES):
+        vector = angle * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+        R = rotation(vector)
+        worth = capacity_of(_turned(contacts, R), most + _COST * angle, pushes) - _COST * angle
+        if worth <= most:
+            continue
+        way = turn_arm(start, vector, centre, corners, tree)
+        if way is not None:
+            arm, most, down = way, worth, R.T @ DOWN
+    if arm is None:
+        return None
+    squeeze = robust_squeeze(contacts, distance, target, settings, down)
+    return Turn(arm, squeeze.forces) if squeeze.share >= 1.0 else None
+
+
+def _turned(contacts: Contacts, R: Array) -> Contacts:
+    return contacts._replace(
+        points=contacts.points @ R.T, normals=contacts.normals @ R.T, centre=R @ contacts.centre,
+        jacobians=R @ contacts.jacobians,
+    )  # fmt: skip

@@ -1,0 +1,163 @@
+"""The constraints of the bilevel optimisation and their gradients at one configuration, compiled.
+
+Every constraint is written c(q) >= 0 in metres or scaled to them: fingertip distances within [d_min, d_max] (section
+1.2), margin of force closure, the lower problem (Eq. 4 with a margin), orientation of the tips, clearances. Joint
+limits are bounds of the SQP's quadratic programme (QP), and the arm is part of q, so reachability needs no constraint
+of its own.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance_hessian
+from dexgrasp.kinematics.clearance import Rows, clearance_rows
+from dexgrasp.kinematics.forward import (
+    Frames,
+    add_turn_row,
+    empty_frames,
+    forward,
+    tip_jacobian,
+    tip_positions,
+)
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.physics.margin import cone_margin
+from dexgrasp_env.arrays import Array
+
+MAX_ROWS = 96
+FIXED_ROWS = 13  # 3 distances low, 3 high, closure, 3 axes, 3 pads
+CLOSURE, FIRST_AXIS, FIRST_PAD = 6, 7, 10
+MARGIN_SCALE = 0.02  # m a unit of closure margin: a tenth of margin weighs as much as 2 mm
+ANGLE_SCALE = 0.01  # m a unit of cosine
+_ACTIVATION = 0.02  # m: clearances beyond have no say in this step
+
+
+class Bounds(NamedTuple):
+    """Thresholds of the constraints; lengths in m."""
+
+    low: float  # of a tip centre's distance from the surface
+    high: float
+    margin: float
+    cosine: float  # of tip axis to inward normal
+    pad_cosine: float  # of pad direction to inward normal
+    clearance: float
+    friction: float
+
+
+class Evaluation(NamedTuple):
+    """Constraints at one configuration."""
+
+    values: Array  # (n,) >= 0 where satisfied
+    rows: Array  # (n, 23) gradients
+    labels: NDArray[np.int64]  # (n, 3): kind (see clearance.KINDS) and bodies; -1 - k for the fixed row k
+    contacts: Array  # (3, 3) m
+    normals: Array  # (3, 3) out of the object
+    distances: Array  # (3,) m, of the tip sphere centres
+    margin: float
+    metric: (
+        Array  # (23, 23) m^2/rad^2: dq^T metric dq is how far the fingertips slide over the surface, squared
+    )
+
+
+class _Touch(NamedTuple):
+    """How the three fingertips stand to the object."""
+
+    contacts: Array  # (3, 3) m, the surface's points nearest to the tip centres
+    normals: Array  # (3, 3) out of the object
+    distances: Array  # (3,) m, of the tip centres
+    hessians: Array  # (3, 3, 3) of the distances, 1/m
+    jacobians: Array  # (3, 3, 23) of the tip centres, m/rad
+
+
+@njit(cache=True, error_model="numpy")
+def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with_margin: bool) -> Evaluation:
+    """Evaluate all constraints and gradients at `q` (23,) rad.
+
+    Args:
+        q: (23,) rad.
+        tree: the robot.
+        obstacle: the object in the world frame.
+        bounds: thresholds.
+        with_margin: whether the closure margin counts (ablation `cvae_kinematics` leaves it out).
+    """
+    frames = empty_frames(tree)
+    forward(q, tree, frames)
+    touch = _touch(tree, frames, obstacle)
+    rows = Rows(np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, 23)), np.full((MAX_ROWS, 3), -1, dtype=np.int64))
+    for i in range(3):
+        gradient = touch.normals[i] @ touch.jacobians[i]
+        rows.values[i], rows.gradients[i] = touch.distances[i] - bounds.low, gradient
+        rows.values[3 + i], rows.gradients[3 + i] = bounds.high - touch.distances[i], -gradient
+        _direction_rows(i, tree, frames, touch, bounds, rows)
+    margin = 1.0
+    if with_margin:
+        margin = _closure_row(touch, bounds, rows)
+    for k in range(FIXED_ROWS):
+        rows.labels[k, 0] = -1 - k
+    beyond = Rows(rows.values[FIXED_ROWS:], rows.gradients[FIXED_ROWS:], rows.labels[FIXED_ROWS:])
+    total = FIXED_ROWS + clearance_rows(tree, frames, obstacle, _ACTIVATION, True, beyond)
+    for k in range(FIXED_ROWS, total):
+        rows.values[k] -= bounds.clearance
+    return Evaluation(
+        rows.values[:total], rows.gradients[:total], rows.labels[:total],
+        touch.contacts, touch.normals, touch.distances, margin, _slide(touch),
+    )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _slide(touch: _Touch) -> Array:
+    """Return sum J_i^T (I - n n^T) J_i."""
+    metric = np.zeros((23, 23))
+    for i in range(3):
+        J, n = touch.jacobians[i], touch.normals[i]
+        along = J - np.outer(n, n @ J)
+        metric += along.T @ along
+    return metric
+
+
+@njit(cache=True, error_model="numpy")
+def _touch(tree: RobotTree, frames: Frames, obstacle: Obstacle) -> _Touch:
+    tips = tip_positions(tree, frames)
+    contacts, normals, distances = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
+    hessians = np.empty((3, 3, 3))
+    for i in range(3):
+        distances[i] = convex_distance_hessian(tips[i], obstacle, normals[i], hessians[i])
+        contacts[i] = tips[i] - distances[i] * normals[i]
+    return _Touch(contacts, normals, distances, hessians, tip_jacobian(tree, frames, tips))
+
+
+@njit(cache=True, error_model="numpy")
+def _closure_row(touch: _Touch, bounds: Bounds, rows: Rows) -> float:
+    """Row of the lower problem, by the envelope theorem; return the closure margin."""
+    margin, by_point, by_normal = cone_margin(touch.contacts, touch.normals, bounds.friction)
+    rows.values[CLOSURE] = MARGIN_SCALE * (margin - bounds.margin)
+    for i in range(3):
+        n, H = touch.normals[i], touch.hessians[i]
+        # contact = tip - d n: a shift of the tip moves the contact along the surface and turns the normal.
+        along = by_point[i] - n * (n @ by_point[i]) - touch.distances[i] * (H @ by_point[i])
+        g = along + H @ by_normal[i]
+        rows.gradients[CLOSURE] += MARGIN_SCALE * (g @ touch.jacobians[i])
+    return margin
+
+
+@njit(cache=True, error_model="numpy")
+def _direction_rows(
+    i: int, tree: RobotTree, frames: Frames, touch: _Touch, bounds: Bounds, rows: Rows
+) -> None:
+    """Rows that keep the inward normal on the front (axis z) and on the pad's side (x) of a fingertip."""
+    body, inward = tree.tip_body[i], -touch.normals[i]
+    for row, column, threshold in ((FIRST_AXIS + i, 2, bounds.cosine), (FIRST_PAD + i, 0, bounds.pad_cosine)):
+        direction = np.empty(3)
+        for r in range(3):
+            direction[r] = frames.R[body, r, column]
+        rows.values[row] = ANGLE_SCALE * ((direction * inward).sum() - threshold)
+        # d(a . m) = (w x a) . m + a . dm = w . (a x m) + a . dm
+        turn = np.array([
+            direction[1] * inward[2] - direction[2] * inward[1],
+            direction[2] * inward[0] - direction[0] * inward[2],
+            direction[0] * inward[1] - direction[1] * inward[0],
+        ])  # fmt: skip
+        add_turn_row(rows.gradients[row], body, turn, ANGLE_SCALE, tree, frames)
+        rows.gradients[row] -= ANGLE_SCALE * ((touch.hessians[i] @ direction) @ touch.jacobians[i])

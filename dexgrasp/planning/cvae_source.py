@@ -1,0 +1,137 @@
+"""Learned proposals: latents drawn in one batch, decoded, put on the surface, and judged in one batch."""
+
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp.cvae.batches import CROPPED, centre_of
+from dexgrasp.planning.decoder import SCALE, Decoder, read_decoder
+from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource
+from dexgrasp.planning.ranking import most_robust
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+
+LATENTS = 1024
+_NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
+
+
+class CvaeProposals(ProposalSource):
+    """Fingertips decoded from latents, each assigned to its finger."""
+
+    def __init__(self, weights: Path | None = None, latents: int = LATENTS, ranked: bool = True) -> None:
+        """Prepare; weights are read at the first use.
+
+        Args:
+            weights: of `dexgrasp train cvae`; the shipped ones by default.
+            latents: drawn for an object.
+            ranked: judge closure, drop proposals without it, best first; False leaves them as they are drawn.
+
+        Raises:
+            InputError: without weights.
+        """
+        self._path = weights or shipped_weights()
+        self._latents, self._ranked = latents, ranked
+
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return up to `settings.triples` proposals; the same for the same generator."""
+        if target.distance.triangles[..., 2].max() <= CROPPED:
+            return Proposals.none(_NO_SURFACE)
+        tips, palms = decode(_decoder(self._path), target, self._latents, rng)
+        contacts, normals, usable = on_surface(tips, target, settings)
+        contacts, normals = contacts[usable], normals[usable]
+        if not len(contacts):
+            return Proposals.none(_NO_SURFACE)
+        if not self._ranked:
+            contacts, normals = contacts[: settings.triples], normals[: settings.triples]
+            unknown = np.full(len(contacts), np.nan)
+            return Proposals(
+                contacts, normals, unknown, assigned=True, palms=palms[usable][: settings.triples]
+            )
+        contacts, normals, margin = most_robust(contacts, normals, target, settings)
+        if not len(contacts):
+            return Proposals.none(_NO_CLOSURE)
+        return Proposals(contacts, normals, margin, assigned=True)
+
+
+def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:
+    """Return fingertips (count, 3, 3) m and poses (count, 4, 4) of the palm, world frame, of latents drawn."""
+    points, normals = hull_cloud(target, 2 * decoder.settings.points, rng)
+    if not len(points):  # next to nothing stands out of the table
+        points, normals = target.distance.triangles[:1, 0], np.array([[0.0, 0.0, 1.0]])
+    centre = centre_of(points)
+    cloud = np.concatenate([SCALE * (points - centre), normals], axis=1).astype(np.float32)
+    latent = rng.standard_normal((count, decoder.settings.latent)).astype(np.float32)
+    grasps = decoder.decode(decoder.feature(cloud), latent).astype(float)
+    palms = np.tile(np.eye(4), (count, 1, 1))
+    palms[:, :3, 3] = grasps[:, 9:12] / SCALE + centre
+    palms[:, :3, :3] = _rotations(grasps[:, 12:15], grasps[:, 15:18])
+    return grasps[:, :9].reshape(count, 3, 3) / SCALE + centre, palms
+
+
+def _rotations(x: Array, y: Array) -> Array:
+    """Return rotations (K, 3, 3) from their first two columns, made orthogonal."""
+    x = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-9)
+    y = y - (x * y).sum(1, keepdims=True) * x
+    y = y / np.maximum(np.linalg.norm(y, axis=1, keepdims=True), 1e-9)
+    return np.stack([x, y, np.cross(x, y)], axis=-1)
+
+
+def hull_cloud(target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:
+    """Return about `count` points (N, 3) m of the hull above the table and their normals, even shares of the area.
+
+    Plain sampling will do where a maximum over points is all that is taken, and costs a tenth of blue noise.
+    """
+    triangles = target.distance.triangles if target.is_convex else np.asarray(target.hull.triangles)
+    sides = triangles[:, 1:] - triangles[:, :1]
+    normal = np.cross(sides[:, 0], sides[:, 1])
+    doubled = np.linalg.norm(normal, axis=1)
+    share = np.cumsum(doubled) / doubled.sum()
+    face = np.minimum(np.searchsorted(share, (np.arange(count) + rng.random(count)) / count), len(share) - 1)
+    u = rng.random((count, 2))
+    u = np.where(u.sum(1, keepdims=True) > 1.0, 1.0 - u, u)
+    points = triangles[face, 0] + u[:, :1] * sides[face, 0] + u[:, 1:] * sides[face, 1]
+    seen = points[:, 2] > CROPPED
+    return points[seen], (normal / np.maximum(doubled, 1e-12)[:, None])[face[seen]]
+
+
+def on_surface(
+    tips: Array, target: GraspTarget, settings: PlannerSettings
+) -> tuple[Array, Array, NDArray[np.bool_]]:
+    """Put fingertips (K, 3, 3) on the surface.
+
+    Returns:
+        Contacts (K, 3, 3), normals (K, 3, 3) as a fingertip feels them (smooth over edges), and which are usable: above
+        the table and apart from each other.
+    """
+    flat = tips.reshape(-1, 3)
+    away, out = target.distance.distance_gradient(flat)
+    centres = flat + (settings.tip_height - away)[:, None] * out
+    distance, normals = target.distance.distance_gradient(centres)
+    contacts = (centres - distance[:, None] * normals).reshape(tips.shape)
+    height = contacts[:, :, 2].min(1), centres.reshape(tips.shape)[:, :, 2].min(1)
+    usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
+    sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
+    return contacts, normals.reshape(tips.shape), usable & (sides.min(1) > LEAST_DISTANCE)
+
+
+def shipped_weights() -> Path:
+    """Return the weights that come with the package.
+
+    Raises:
+        InputError: if they are not there.
+    """
+    try:
+        return asset_path("weights", "cvae.safetensors")
+    except FileNotFoundError:
+        raise InputError("the CVAE's weights are not there: train them with `dexgrasp train cvae`") from None
+
+
+@lru_cache(maxsize=4)
+def _decoder(path: Path) -> Decoder:
+    return read_decoder(path)

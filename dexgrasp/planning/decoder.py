@@ -1,0 +1,114 @@
+"""The half of the CVAE that proposes grasps, in numpy: planning needs no torch. `network` is what was trained."""
+
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.runs.arrays import Layer, layers_of, read_arrays
+from dexgrasp_env.errors import InputError
+
+SCHEMA = 1
+SCALE = 10.0
+"""Units a metre inside the network."""
+GRASP = 18
+"""Numbers of a grasp: fingertips (9), palm position (3), first two columns of the palm's rotation (6)."""
+
+
+@dataclass(frozen=True)
+class NetworkSettings:
+    """Sizes of the network.
+
+    Attributes:
+        latent: size of the latent.
+        points: of a cloud.
+        local: width of the points' features.
+        cloud: width of a cloud's feature.
+        hidden: width of the other layers.
+    """
+
+    latent: int = 6
+    points: int = 512
+    local: int = 64
+    cloud: int = 256
+    hidden: int = 320
+
+    def as_json(self) -> dict[str, Any]:
+        """Return the settings as JSON holds them."""
+        return asdict(self)
+
+
+@dataclass(frozen=True, eq=False)
+class Decoder:
+    """Encoder of clouds and decoder of latents, float32, network units.
+
+    Attributes:
+        settings: sizes.
+        first: of the cloud encoder, each point by itself.
+        beside: what a point is told of the whole cloud.
+        second: each point beside the whole.
+        layers: of the decoder.
+    """
+
+    settings: NetworkSettings
+    first: tuple[Layer, ...]
+    beside: tuple[Layer, ...]
+    second: tuple[Layer, ...]
+    layers: tuple[Layer, ...]
+
+    def feature(self, cloud: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the feature (cloud,) of a cloud (N, 6) of points and unit normals."""
+        each = _relu(_through(self.first, cloud, _relu))
+        whole = _through(self.beside, each.max(0), _relu)
+        return _through(self.second, each + whole, _relu).max(0)
+
+    def decode(self, feature: NDArray[np.float32], latent: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return grasps (K, 18) of a cloud's feature and latents (K, latent)."""
+        (weight, bias), *rest = self.layers
+        # The cloud's share of the first layer is the same for all latents.
+        first = latent @ weight[len(feature) :] + (feature @ weight[: len(feature)] + bias)
+        return _through(tuple(rest), _silu(first), _silu) if rest else first
+
+
+def read_decoder(path: Path) -> Decoder:
+    """Return the decoder of a file of weights.
+
+    Raises:
+        InputError: missing, damaged, or of another schema; without safetensors.
+    """
+    arrays, note = read_arrays(path)
+    parts = {"first": "cloud.first", "beside": "cloud.beside", "second": "cloud.second", "layers": "decoder"}
+    try:
+        if note["schema"] != SCHEMA:
+            raise KeyError
+        settings = NetworkSettings(**note["network"])
+        return Decoder(settings, **{part: layers_of(arrays, name) for part, name in parts.items()})
+    except (KeyError, TypeError):
+        raise wrong_schema(path) from None
+
+
+def wrong_schema(path: Path) -> InputError:
+    """Return the error for a file that is not one of weights, or one of another version."""
+    return InputError(f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`")
+
+
+def _through(layers: tuple[Layer, ...], x: NDArray[np.float32], activation: Any) -> NDArray[np.float32]:
+    for k, (weight, bias) in enumerate(layers):
+        x = (activation(x) if k else x) @ weight
+        x += bias
+    return x
+
+
+def _relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.maximum(x, 0.0, out=x)
+
+
+def _silu(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    with np.errstate(over="ignore"):  # exp(-x) of a large -x is infinite, and x / infinity what it should be
+        shrink = np.negative(x)
+        np.exp(shrink, out=shrink)
+        shrink += 1.0
+        x /= shrink
+        return x

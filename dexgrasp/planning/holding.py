@@ -1,0 +1,114 @@
+"""The squeeze of a grasp: forces at its contacts that bear the largest push, were its surface a little elsewhere."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.squeeze import Squeeze, firmest_squeeze
+from dexgrasp.physics.strength import GRAVITY, Contacts
+from dexgrasp.planning.claims import contacts_of
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.limits import HAND_TORQUE
+
+ENOUGH = 6.0
+"""Weights: to bear a larger push only strains the hand."""
+NONE = -1
+"""Level of a grasp that bears none of `settings.loads`."""
+DOWN = np.array([0.0, 0.0, -1.0])
+UNBALANCED = "no forces within friction cones and joint torques balance gravity at these contacts"
+_LEVER = 0.03  # m over which a surface that was guessed turns by its error in place
+_LEAST_ANGLE = 0.02  # rad, of a cone that has been narrowed to nothing
+
+
+class Hold(NamedTuple):
+    """A squeeze and how much it is worth."""
+
+    contacts: Contacts
+    forces: Array  # (3, 3) N on the object
+    share: float  # of the weight that the forces balance
+    merit: float  # load that would be left with less friction and the surface out of place: grasps are ranked by it
+
+    @property
+    def holds(self) -> bool:
+        """Whether the forces balance the assumed weight."""
+        return self.share >= 1.0
+
+
+def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> Array:
+    """Return the friction (N,) that is left of `settings.friction_squeeze` if the surface is not where it was seen.
+
+    An error in place of `settings.place_error` turns the normal that a fingertip feels: not at all on a face, by a few
+    degrees on a can's side, far on an edge. The cone is narrowed by that angle; where the surface was guessed and may
+    be farther off, also by the angle of the rest over `_LEVER`.
+
+    Args:
+        tips: (N, 3) m, centres of fingertips.
+        normals: (N, 3) that they feel where the surface is believed to be.
+        target: the object.
+        settings: friction and error in place.
+    """
+    t1, t2 = tangent_basis(normals)
+    around = tips[:, None] + settings.place_error * np.stack([t1, -t1, t2, -t2], axis=1)
+    turned = target.distance.distance_gradient(around.reshape(-1, 3))[1].reshape(-1, 4, 3)
+    turn = np.arccos(np.clip((turned * normals[:, None]).sum(-1), -1.0, 1.0)).max(1)
+    if target.spread is not None:
+        turn += np.maximum(target.spread.along(normals) - settings.place_error, 0.0) / _LEVER
+    narrowed: Array = np.tan(np.maximum(np.arctan(settings.friction_squeeze) - turn, _LEAST_ANGLE))
+    return narrowed
+
+
+def firmest_hold(q: Array, target: GraspTarget, tree: RobotTree, settings: PlannerSettings) -> Hold:
+    """Return the forces that bear the largest push within narrowed cones; failing that, within those of the judge.
+
+    Where nothing balances any of the weight, they press straight in.
+
+    Args:
+        q: (23,) rad.
+        target: the object.
+        tree: the robot.
+        settings: friction, error in place, least press and torque limits.
+    """
+    contacts, distance = contacts_of(q, target, tree, settings.friction_hold)
+    firm = robust_squeeze(contacts, distance, target, settings)
+    if firm.share >= 1.0:
+        return Hold(contacts, firm.forces, firm.share, firm.load)
+    most = _squeeze(contacts, np.full(3, settings.friction_hold), settings, DOWN)
+    if most.share == 0.0:
+        return Hold(contacts, -settings.least_press * contacts.normals, 0.0, 0.0)
+    return Hold(contacts, most.forces, most.share, min(firm.load, most.load))
+
+
+def robust_squeeze(
+    contacts: Contacts, distance: Array, target: GraspTarget, settings: PlannerSettings, down: Array = DOWN
+) -> Squeeze:
+    """Return the forces within narrowed cones and torque limits that bear the largest push.
+
+    Args:
+        contacts: of the grasp.
+        distance: (3,) m, of the tips' centres from the surface.
+        target: the object.
+        settings: friction, error in place, least press and torque limits.
+        down: (3,) the way gravity points.
+    """
+    tips = contacts.points + distance[:, None] * contacts.normals
+    friction = narrowed_friction(tips, contacts.normals, target, settings)
+    return _squeeze(contacts, friction, settings, down)
+
+
+def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
+    return firmest_squeeze(
+        contacts.points, contacts.normals, friction, contacts.mass, contacts.centre, contacts.jacobians,
+        settings.torque_share * HAND_TORQUE, press=settings.least_press, gravity=GRAVITY * down, most=ENOUGH,
+    )  # fmt: skip
+
+
+def level_of(load: float, settings: PlannerSettings) -> int:
+    """Return which of `settings.loads` a load reaches first, `NONE` if it reaches none."""
+    for level, (share, disturbance) in enumerate(settings.loads):
+        if load >= share * (1.0 + disturbance) - 1e-6:
+            return level
+    return NONE

@@ -1,0 +1,180 @@
+"""A proposal put on the hand's atlas: the posture whose tips fit best, and where its palm then is."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
+from dexgrasp.planning.atlas import hand_atlas, triangle_sides
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp_env.arrays import Array
+
+ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
+"""Orders in which thumb, index and middle can take three contacts; the first leaves them as they are."""
+NEIGHBOURS = 16
+"""Postures of the atlas that the dataset looks at for each assignment; a planner's are its setting."""
+SIDE_TOLERANCE = 0.012
+"""m, distance in the sides of the fingertips' triangle within which a posture is a neighbour."""
+_PALM_CENTRE = np.array([-0.0093, 0.0, -0.0475])  # of the palm's box in the palm frame, m
+_PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness and some
+_PALM_HEIGHT = 0.06  # m of the palm's centre above the table
+
+
+class Goals(NamedTuple):
+    """Where fingertips are to go: K triples, or one."""
+
+    centres: Array  # (K, 3, 3) m, tip centres of thumb, index, middle, world frame
+    inward: Array  # (K, 3, 3) into the object
+
+
+class Tips(NamedTuple):
+    """Fingertips of N postures, or of one, in the palm frame; see `HandAtlas`."""
+
+    centres: Array  # (N, 3, 3) m
+    axes: Array  # (N, 3, 3)
+    pads: Array  # (N, 3, 3)
+
+
+class Placements(NamedTuple):
+    """M postures of the atlas put on assigned triples; those of one triple follow each other."""
+
+    goals: Goals  # K of them
+    triple: NDArray[np.int64]  # (M,) which goal
+    scores: Array  # (M,) above 0
+    which: NDArray[np.int64]  # (M,) posture of the atlas
+    rotations: Array  # (M, 3, 3) of the palm frame
+    positions: Array  # (M, 3) m
+
+    def best(self) -> "Placements":
+        """Return the placement with the highest score of each triple that has any."""
+        order = np.lexsort((-self.scores, self.triple))
+        first = order[np.diff(self.triple[order], prepend=-1) > 0]
+        return Placements(
+            self.goals, self.triple[first], self.scores[first], self.which[first], self.rotations[first],
+            self.positions[first],
+        )  # fmt: skip
+
+
+@njit(cache=True, error_model="numpy")
+def _frame(triangle: Array, out: Array) -> None:
+    """Write axes (3, 3) as columns of a triangle's own frame: along its first side, in it, and out of it."""
+    across = np.empty(3)
+    for r in range(3):
+        out[r, 0], across[r] = triangle[1, r] - triangle[0, r], triangle[2, r] - triangle[0, r]
+    _unit(out, 0)
+    _cross(out[:, 0], across, out[:, 2])
+    _unit(out, 2)
+    _cross(out[:, 2], out[:, 0], out[:, 1])
+
+
+@njit(cache=True, error_model="numpy")
+def _unit(columns: Array, k: int) -> None:
+    size = np.sqrt(columns[0, k] ** 2 + columns[1, k] ** 2 + columns[2, k] ** 2) + 1e-12
+    for r in range(3):
+        columns[r, k] /= size
+
+
+@njit(cache=True, error_model="numpy")
+def _cross(a: Array, b: Array, out: Array) -> None:
+    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit(cache=True, error_model="numpy")
+def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Array, p: Array) -> None:
+    """Write the rotation (3, 3) and shift (3,) that put a triangle of tips on its goal, middle on middle."""
+    for r in range(3):
+        p[r] = (goal[0, r] + goal[1, r] + goal[2, r]) / 3.0
+        for c in range(3):
+            R[r, c] = 0.0
+            for k in range(3):
+                R[r, c] += goal_frame[r, k] * tip_frame[c, k]
+    for r in range(3):
+        for c in range(3):
+            p[r] -= R[r, c] * (tips[0, c] + tips[1, c] + tips[2, c]) / 3.0
+
+
+@njit(cache=True, error_model="numpy")
+def _facing(inward: Array, posture: Tips, R: Array) -> float:
+    """How squarely the tips face where they press; -1 where one would touch with its back."""
+    facing = 2.0
+    for i in range(3):
+        on_axis, on_pad = 0.0, 0.0
+        for r in range(3):
+            local = R[0, r] * inward[i, 0] + R[1, r] * inward[i, 1] + R[2, r] * inward[i, 2]
+            on_axis += posture.axes[i, r] * local
+            on_pad += posture.pads[i, r] * local
+        if on_axis < 0.05 or on_pad < -0.1:
+            return -1.0
+        facing = min(facing, 0.5 * on_axis + on_pad)
+    return facing
+
+
+@njit(cache=True, error_model="numpy")
+def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle, room: Array) -> float:
+    """Score an aligned posture, -1 if useless; what costs most is asked last. `room` is (2, 3) to work in."""
+    palm, gradient = room[0], room[1]
+    for r in range(3):
+        palm[r] = p[r] + R[r, 0] * _PALM_CENTRE[0] + R[r, 1] * _PALM_CENTRE[1] + R[r, 2] * _PALM_CENTRE[2]
+    # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
+    down = -R[2, 0]
+    if palm[2] < _PALM_HEIGHT or down < -0.2:
+        return -1.0
+    facing = _facing(inward, posture, R)
+    if facing <= -1.0 or convex_distance(palm, obstacle, gradient, _PALM_ROOM) < _PALM_ROOM:
+        return -1.0
+    return min(facing, 0.8) + 0.5 * down + 2.0 * min(palm[2], 0.15)
+
+
+@njit(cache=True, error_model="numpy")
+def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle) -> Placements:
+    """Put on each of K assigned triples those of its neighbours in the atlas, `near` (K, n), that will do."""
+    K, most = near.shape
+    triple, which = np.empty(K * most, dtype=np.int64), np.empty(K * most, dtype=np.int64)
+    scores, rotations, positions = np.empty(K * most), np.empty((K * most, 3, 3)), np.empty((K * most, 3))
+    goal_frame, tip_frame, room = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3))
+    m = 0
+    for k in range(K):
+        _frame(goals.centres[k], goal_frame)
+        for n in near[k]:
+            if n >= tips.centres.shape[0]:
+                break
+            R, p = rotations[m], positions[m]
+            _frame(tips.centres[n], tip_frame)
+            _align(goals.centres[k], goal_frame, tips.centres[n], tip_frame, R, p)
+            posture = Tips(tips.centres[n], tips.axes[n], tips.pads[n])
+            score = _score(goals.inward[k], posture, R, p, obstacle, room)
+            if score > 0.0:
+                triple[m], which[m], scores[m] = k, n, score
+                m += 1
+    return Placements(goals, triple[:m], scores[:m], which[:m], rotations[:m], positions[:m])
+
+
+def place_on_atlas(
+    contacts: Array,
+    normals: Array,
+    obstacle: Obstacle,
+    settings: PlannerSettings,
+    orders: NDArray[np.int64],
+    neighbours: int = NEIGHBOURS,
+) -> Placements:
+    """Put hand postures on contact triples: a neighbour search by triangle, and one rigid alignment each.
+
+    Args:
+        contacts: (K, 3, 3) m.
+        normals: (K, 3, 3) out of the object.
+        obstacle: the object.
+        settings: how deep the tips are to be.
+        orders: (A, 3) rows of `ASSIGNMENTS`: which contact thumb, index and middle take.
+        neighbours: postures of the atlas looked at for each.
+
+    Returns:
+        What will do; goal A k + a is triple k in order a.
+    """
+    atlas = hand_atlas()
+    centres = (contacts + settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
+    inward = -normals[:, orders].reshape(-1, 3, 3)
+    goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
+    _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
+    return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle)

@@ -1,0 +1,155 @@
+"""Proposals to whole configurations: starting postures for the optimiser.
+
+Two ways. The atlas finds hand postures whose tips make the proposal's triangle and places the palm by rigid alignment.
+The way of section 3.3 starts from a palm above the object in six orientations and moves the tips by IK.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numba import njit
+
+from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, hand_jacobian, tip_positions
+from dexgrasp.kinematics.palm_ik import reach_palm
+from dexgrasp.kinematics.tip_ik import solve_tips
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
+from dexgrasp.physics.strength import GRAVITY
+from dexgrasp.planning.atlas import hand_atlas
+from dexgrasp.planning.holding import ENOUGH, narrowed_friction
+from dexgrasp.planning.placement import ASSIGNMENTS, Placements, place_on_atlas
+from dexgrasp.planning.proposals import Proposals
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.limits import HAND_TORQUE, HOME
+
+_REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
+_POSE = 0.2  # load that a unit of a placement's score is worth
+
+
+@dataclass(frozen=True)
+class Posture:
+    """A start for the optimiser: joints (23,) rad, the proposal it came from, and its score."""
+
+    q: Array
+    proposal: int
+    score: float
+
+
+def atlas_postures(
+    proposals: Proposals, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
+) -> Iterator[Posture]:
+    """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
+    orders = ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
+    placed = place_on_atlas(
+        proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders, settings.neighbours
+    )
+    merit = loads_on(placed, target, tree, settings) + _POSE * placed.scores
+    tried: set[int] = set()
+    found = 0
+    for k in np.argsort(-merit, kind="stable"):
+        # Where the arm does not reach at all, it should not be asked about every posture there is.
+        if found == settings.postures or len(tried) == _REACH_ATTEMPTS * settings.postures:
+            return
+        if placed.triple[k] in tried:
+            continue
+        tried.add(placed.triple[k])
+        q = HOME.copy()
+        q[7:] = hand_atlas().joints[placed.which[k]]
+        if reach_palm(q, placed.rotations[k], placed.positions[k], tree):
+            found += 1
+            yield Posture(q, int(placed.triple[k]) // len(orders), float(merit[k]))
+
+
+def loads_on(
+    placed: Placements,
+    target: GraspTarget,
+    tree: RobotTree,
+    settings: PlannerSettings,
+    friction: Array | None = None,
+) -> Array:
+    """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly.
+
+    Args:
+        placed: postures of the atlas on goals.
+        target: the object.
+        tree: the robot.
+        settings: friction, error in place and torque limits.
+        friction: (K, 3) at the goals, where it is known: what `narrowed_friction` says by default.
+    """
+    goals = placed.goals
+    if friction is None:
+        tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
+        friction = narrowed_friction(tips, normals, target, settings).reshape(-1, 3)
+    limit, gravity = settings.torque_share * HAND_TORQUE, np.array([0.0, 0.0, -GRAVITY * target.mass])
+    return _estimates(
+        placed, hand_atlas().joints, tree, settings.tip_height, target.centre, gravity, friction, limit
+    )
+
+
+@njit(cache=True, error_model="numpy")
+def _estimates(
+    placed: Placements, joints: Array, tree: RobotTree, height: float, centre: Array, gravity: Array, friction: Array,
+    limit: Array,
+) -> Array:  # fmt: skip
+    """Loads (M,) of placements; a contact is `height` m from its tip's centre. The arm does not matter to them."""
+    frames, room, q = empty_frames(tree), empty_room(12), np.zeros(23)
+    out, J, nothing, shift = np.empty(len(placed.which)), np.empty((3, 3, 23)), np.zeros(3), np.empty(3)
+    points, normals, down, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    forward(q, tree, frames)
+    palm = frames.R[tree.palm] @ tree.palm_rotation
+    for m in range(len(placed.which)):
+        goal = placed.triple[m]
+        q[7:] = joints[placed.which[m]]
+        forward_part(q, tree, frames, tree.palm + 1, tree.parent.shape[0])
+        # All in the frame of the hand as the kinematics have it: x -> turn x + shift.
+        turn = palm @ np.ascontiguousarray(placed.rotations[m].T)
+        for r in range(3):
+            shift[r] = frames.p[tree.palm, r]
+            for c in range(3):
+                shift[r] += (
+                    frames.R[tree.palm, r, c] * tree.palm_offset[c] - turn[r, c] * placed.positions[m, c]
+                )
+        tips = tip_positions(tree, frames)
+        _turned(turn, centre, shift, middle)
+        _turned(turn, gravity, nothing, down)
+        for i in range(3):
+            inward = placed.goals.inward[goal, i]
+            _turned(turn, placed.goals.centres[goal, i] + height * inward, shift, points[i])
+            _turned(turn, -inward, nothing, normals[i])
+            tips[i] -= height * normals[i]
+        hand_jacobian(tree, frames, tips, J)
+        out[m] = squeeze_estimate(
+            points, normals, middle, down, friction[goal], J[:, :, 7:], limit, ENOUGH, room
+        )
+    return out
+
+
+@njit(cache=True, error_model="numpy")
+def _turned(turn: Array, x: Array, shift: Array, out: Array) -> None:
+    for r in range(3):
+        out[r] = shift[r] + turn[r, 0] * x[0] + turn[r, 1] * x[1] + turn[r, 2] * x[2]
+
+
+def oriented_postures(
+    proposal: int, proposals: Proposals, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
+) -> list[Posture]:
+    """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
+    targets = proposals.contacts[proposal] + settings.tip_height * proposals.normals[proposal]
+    top = target.distance.triangles[:, :, 2].max()
+    postures = []
+    for k in range(settings.initial_orientations):
+        yaw = 2.0 * np.pi * k / settings.initial_orientations
+        c, s = np.cos(yaw), np.sin(yaw)
+        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
+            [[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]
+        )
+        middle = np.array([*targets.mean(0)[:2], top + 0.09])
+        q = HOME.copy()
+        if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):
+            continue
+        miss = solve_tips(q, targets, tree, 60, 1e-3)
+        postures.append(Posture(q, proposal, -float(miss)))
+    return sorted(postures, key=lambda posture: -posture.score)

@@ -1,0 +1,177 @@
+"""The bilevel optimisation, by sequential quadratic programming (SQP) with a trust region.
+
+min |dq|^2 in the metric of how far the fingertips slide over the surface, subject to the linearised constraints of
+`constraints`, softened so that every subproblem has a solution: contacts stay where the squeeze was judged, the rest of
+hand and arm moves freely. A step is kept if it lowers the sum of violations. The lower problem enters through its value
+and its gradient (envelope theorem). It ends with a feasible configuration, or with the
+constraint that blocks and by how much.
+"""
+
+from dataclasses import dataclass
+
+import daqp
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.kinematics.clearance import KINDS
+from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.planning.constraints import CLOSURE, FIXED_ROWS, MARGIN_SCALE, Bounds, Evaluation, evaluate
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.names import BODIES, FINGER_COLUMNS, GRASP_FINGERS
+
+MOVED = np.delete(np.arange(23), FINGER_COLUMNS["ring"])  # the ring finger stays
+_BLOCK = np.ix_(MOVED, MOVED)
+_SOFT = 8  # daqp's mark of a soft constraint
+_SOFTNESS = (
+    1e-7  # weight of a step against violations: small enough that a feasible one is found where there is one
+)
+# A step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2.
+_SLIDE, _TURN = 0.5, 1e-3 * np.eye(len(MOVED))
+_TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
+TOLERANCE = 1e-6  # m: a constraint violated by less is met
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the optimiser ended.
+
+    Attributes:
+        q: (23,) rad.
+        evaluation: constraints there.
+        feasible: whether all hold.
+        blocking: the worst constraint, None if feasible.
+        violation: by how much, m (cosines and margins in their own unit).
+        iterations: steps taken.
+    """
+
+    q: Array
+    evaluation: Evaluation
+    feasible: bool
+    blocking: str | None
+    violation: float
+    iterations: int
+
+
+def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> Bounds:
+    """Return the thresholds, tightened by `slack` m so that rounding elsewhere cannot break them."""
+    low, high = settings.tip_radius + settings.distance[0], settings.tip_radius + settings.distance[1]
+    return Bounds(
+        low + slack,
+        high - slack,
+        margin,
+        settings.tip_cosine,
+        settings.pad_cosine,
+        settings.clearance + slack,
+        settings.friction,
+    )
+
+
+def solve(
+    q: Array, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, *, with_margin: bool = True
+) -> Solution:
+    """Make a configuration feasible.
+
+    Args:
+        q: (23,) rad, start.
+        tree: the robot.
+        target: the object.
+        settings: thresholds and the budget of iterations.
+        with_margin: whether force closure is asked for.
+    """
+    solver = _Solver(tree, target, settings, with_margin)
+    return solver.run(np.array(q, dtype=float))
+
+
+class _Solver:
+    def __init__(
+        self, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, with_margin: bool
+    ) -> None:
+        self._tree, self._target, self._settings, self._with_margin = tree, target, settings, with_margin
+        self._low = tree.lower[MOVED] + settings.joint_margin
+        self._high = tree.upper[MOVED] - settings.joint_margin
+        self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
+        self._modest = bounds_of(settings, settings.closure_margin + 0.02, slack=1e-4)
+        self._least = bounds_of(settings, settings.closure_margin)
+
+    def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
+        return evaluate(q, self._tree, self._target.distance.obstacle, bounds, self._with_margin)
+
+    def run(self, q: Array) -> Solution:
+        """Work towards the margin aimed at; where that is too much, towards the least one."""
+        q[MOVED] = np.clip(q[MOVED], self._low, self._high)
+        steps = 0
+        for goal in (self._goal, self._modest):
+            q, now, used = self._descend(q, goal, self._settings.iterations - steps)
+            steps += used
+            solution = self._solution(q, now, goal, steps)
+            if solution.feasible or not self._with_margin:
+                break
+        return solution
+
+    def _descend(self, q: Array, goal: Bounds, budget: int) -> tuple[Array, Evaluation, int]:
+        now, trust, steps = self.evaluate(q, goal), _TRUST, 0
+        merit = _merit(now.values)
+        while steps < budget and merit > TOLERANCE and trust > _LEAST_TRUST:
+            steps += 1
+            step = self._step(q, now, trust)
+            trial = q.copy()
+            trial[MOVED] = np.clip(q[MOVED] + step, self._low, self._high)
+            evaluation = self.evaluate(trial, goal)
+            reached = _merit(evaluation.values)
+            if reached < merit - 1e-9:
+                trust = min(2.0 * trust, _MOST_TRUST) if reached < 0.5 * merit else trust
+                q, now, merit = trial, evaluation, reached
+            else:
+                trust *= 0.4
+        return q, now, steps
+
+    def _step(self, q: Array, now: Evaluation, trust: float) -> Array:
+        A = np.ascontiguousarray(now.rows[:, MOVED])
+        lower = np.maximum(self._low - q[MOVED], -trust)
+        upper = np.minimum(self._high - q[MOVED], trust)
+        n, m = len(MOVED), len(now.values)
+        H = now.metric[_BLOCK] / _SLIDE**2 + _TURN
+        sense = np.zeros(n + m, dtype=np.int32)
+        sense[n:] = _SOFT
+        x, _, flag, _ = daqp.solve(
+            H, np.zeros(n), A, np.concatenate([upper, np.full(m, 1e30)]),
+            np.concatenate([lower, -now.values]), sense, rho_soft=_SOFTNESS, iter_limit=500,
+        )  # fmt: skip
+        return x if flag > 0 else np.clip(x, lower, upper) * 0.5
+
+    def _solution(self, q: Array, now: Evaluation, goal: Bounds, steps: int) -> Solution:
+        """Judge by the least that is accepted, not by what was aimed at."""
+        least, values = self._least, now.values.copy()
+        values[:3] += goal.low - least.low
+        values[3:6] += least.high - goal.high
+        if self._with_margin:
+            values[CLOSURE] += MARGIN_SCALE * (goal.margin - least.margin)
+        values[FIXED_ROWS:] += goal.clearance - least.clearance
+        worst = int(np.argmin(values))
+        violation = max(0.0, -float(values[worst]))
+        feasible = violation <= TOLERANCE
+        blocking = None if feasible else _name(now.labels[worst])
+        return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
+
+
+def _merit(values: Array) -> float:
+    return float(-np.minimum(values, 0.0).sum())
+
+
+def _name(label: NDArray[np.int64]) -> str:
+    """Name a constraint in words that can be counted."""
+    kind, a, b = (int(v) for v in label)
+    if kind < 0:
+        row = -1 - kind
+        if row == 6:
+            return "closure_margin"
+        group = (
+            ("distance_min", "distance_max")[row // 3]
+            if row < 6
+            else ("fingertip_axis", "fingertip_pad")[(row - 7) // 3]
+        )
+        return f"{group}:{GRASP_FINGERS[row % 3 if row < 6 else (row - 7) % 3]}"
+    other = f":{BODIES[b]}" if b >= 0 else ""
+    return f"clearance_{KINDS[kind]}:{BODIES[a]}{other}"

@@ -1,0 +1,122 @@
+"""Agents by name."""
+
+import importlib
+import os
+import sys
+from typing import Any
+
+from dexgrasp.agent import Agent, Report
+from dexgrasp.runs.policy_folder import is_policy
+from dexgrasp_env.errors import InputError, unknown_name
+
+AGENTS: dict[str, str] = {
+    "random": "dexgrasp.agents.random:RandomAgent",
+    "hardcoded": "dexgrasp.agents.hardcoded:HardcodedAgent",
+    "cvae": "dexgrasp.agents.ablations:CvaeAgent",
+    "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
+    "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",
+    "bc": "dexgrasp.agents.learned:BcAgent",
+    "bc_cloud": "dexgrasp.agents.learned:BcCloudAgent",
+    "rl": "dexgrasp.agents.learned:RlAgent",
+}
+"""Name -> module and class; imported when asked for, some need torch."""
+
+_OTHER_FORMS = (
+    "package.module:Class",
+    "the folder of a trained policy",
+    "a checkpoint's path ending in .zip",
+)
+_MEMBERS = ("reset", "act")
+
+
+def make_agent(name: str, **kwargs: Any) -> Agent:
+    """Make an agent.
+
+    Args:
+        name: a key of `AGENTS`; `package.module:Class` of one's own, looked for in the current directory
+            too; the folder of a policy of `dexgrasp train`; or a Stable-Baselines3 checkpoint, `path.zip` or
+            `algorithm:path.zip`.
+        kwargs: of the class.
+
+    Raises:
+        InputError: for an unknown name, or a class that cannot be had or is no agent.
+    """
+    if name in AGENTS:
+        return _load(AGENTS[name])(**kwargs)
+    if name.endswith(".zip"):
+        from dexgrasp.agents.checkpoint import CheckpointAgent
+
+        return CheckpointAgent(name, **kwargs)
+    if is_policy(name):
+        from dexgrasp.agents.learned import LearnedAgent
+
+        return LearnedAgent(name, **kwargs)
+    check_name(name)
+    return _complete(name, _made(name, kwargs))
+
+
+def check_name(name: str) -> None:
+    """Check what can be checked of an agent's name without importing anything.
+
+    Raises:
+        InputError: for a name that is neither known, nor a checkpoint, nor `module:Class`.
+    """
+    if name not in AGENTS and not name.endswith(".zip") and ":" not in name and not is_policy(name):
+        raise unknown_name("agent", name, [*AGENTS, *_OTHER_FORMS])
+
+
+def _load(spec: str) -> Any:
+    module_name, _, attribute = spec.partition(":")
+    try:
+        module = _import(module_name)
+    except InputError:  # it needs an extra, and says which
+        raise
+    except Exception as error:  # whatever the module does when it is imported
+        raise InputError(f"agent {spec!r}: module {module_name!r} cannot be imported ({error})") from error
+    if not callable(getattr(module, attribute, None)):
+        raise InputError(f"agent {spec!r}: module {module_name!r} has no class {attribute!r}")
+    return getattr(module, attribute)
+
+
+def _made(spec: str, kwargs: dict[str, Any]) -> Any:
+    """Make an object of a user's class; that it cannot be made is the user's to mend."""
+    try:
+        return _load(spec)(**kwargs)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"agent {spec!r} cannot be made: {type(error).__name__}: {error}") from error
+
+
+def _import(module_name: str) -> Any:
+    """Import a module; one in the current directory is found as with `python -m`."""
+    here = os.getcwd()
+    if here not in sys.path and "" not in sys.path:
+        sys.path.append(here)
+    try:
+        return importlib.import_module(module_name)
+    except ValueError as error:  # an empty or relative name
+        raise ImportError(str(error)) from error
+
+
+def _complete(name: str, agent: Any) -> Any:
+    """Check a user's object for what every agent needs, and give it what it may leave out.
+
+    Returned as it is where it has all, so that duck-typed agents need not import anything of ours.
+    """
+    for member in _MEMBERS:
+        if not callable(getattr(agent, member, None)):
+            raise InputError(f"agent {name!r} has no method {member}(): valid agents have reset() and act()")
+    if isinstance(agent, Agent):
+        return agent
+    for member, default in {"env_settings": {}, "seed": _no_seed, "report": Report()}.items():
+        if not hasattr(agent, member):
+            try:
+                setattr(agent, member, default)
+            except (AttributeError, TypeError):
+                raise InputError(f"agent {name!r} has no {member}, and cannot be given one") from None
+    return agent
+
+
+def _no_seed(seed: int) -> None:
+    """Stand in for `Agent.seed` of agents without randomness."""

@@ -1,0 +1,150 @@
+"""A clone whose grip a network corrects: once, from the first look, it shifts the palm and bends the fingers.
+
+A servo that saturates squeezes no harder, so corrections of single actions win little. What bears pushes is where the
+hand takes hold, and in which posture: a few numbers an episode, which a thousand episodes teach. They are added to the
+set-points of the clone, which goes on as if they were not there.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from dexgrasp.imitation.clone import FARTHEST, Clone, CloneRun, Layers, read_layers
+from dexgrasp.imitation.features import Observation, features, first_look
+from dexgrasp.kinematics.damped import damped_step
+from dexgrasp.kinematics.forward import empty_frames, forward
+from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.runs.policy_folder import Arrays
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import LOWER, UPPER
+from dexgrasp_env.robot.names import FINGER_COLUMNS
+from dexgrasp_env.tasks.control import MAX_STEP
+
+KIND = "grip"
+MOUNT = "palm_normal"
+_PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
+"""Axis of the palm, and m along it or (from 3 on) rad about it at 1."""
+_FINGERS = {
+    "curled": {
+        ("index", 1): 0.2, ("index", 2): 0.4, ("index", 3): 0.3,
+        ("middle", 1): 0.2, ("middle", 2): 0.4, ("middle", 3): 0.3,
+    },
+    "thumb": {("thumb", 1): 0.4},
+}  # fmt: skip
+"""Synergies: rad of each joint at 1."""
+SIZE = len(_PALM) + len(_FINGERS)
+"""Numbers of a correction, each from -1 to 1."""
+_RAMP = 30  # control steps until it is there in full, well before the hand closes
+_DAMPING = 1e-4  # of the step from palm to arm
+
+
+def _tables() -> tuple[Array, Array]:
+    """Return moves of the palm (3, 6), m and rad, and of the joints (2, 23), rad, at 1."""
+    moves, synergies = np.zeros((len(_PALM), 6)), np.zeros((len(_FINGERS), 23))
+    for row, (axis, size) in zip(moves, _PALM.values(), strict=True):
+        row[axis] = size
+    for row, joints in zip(synergies, _FINGERS.values(), strict=True):
+        for (finger, k), size in joints.items():
+            row[FINGER_COLUMNS[finger].start + k] = size
+    return moves, synergies
+
+
+_MOVES, _SYNERGIES = _tables()
+
+
+class Grip:
+    """The network, and the clone it corrects."""
+
+    def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
+        """Check what was read.
+
+        Raises:
+            InputError: if arrays are missing or do not fit.
+        """
+        try:
+            self.env = {str(key): value for key, value in about["env"].items()}
+            base = {
+                key.removeprefix("base."): array for key, array in arrays.items() if key.startswith("base.")
+            }
+            self.clone = Clone(about["base"], base)
+            self.mean, self.scale = (base[name].astype(float) for name in ("mean", "scale"))
+            self._layers: Layers = read_layers(arrays, "actor")
+            fits = self._layers[0][0].shape[1] == len(self.mean) and self._layers[-1][1].size == SIZE
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise InputError(f"the policy is incomplete ({error})") from None
+        if not fits or self.clone.view != "state" or self.env != self.clone.env:
+            raise InputError("the policy's arrays do not fit what it says of itself")
+        self._tree = robot_tree(MOUNT)
+
+    def begin(self, first: Observation) -> "GripRun":
+        """Decide on the correction and start an episode.
+
+        Raises:
+            InputError: where there is nothing to look at.
+        """
+        return GripRun(self.clone, first, self.correction(look(self.mean, self.scale, first)), self._tree)
+
+    def correction(self, looks: NDArray[np.float32]) -> Array:
+        """Return the correction (SIZE,) for what `look` returns."""
+        x = looks
+        for k, (weight, bias) in enumerate(self._layers):
+            x = (np.tanh(x) if k else x) @ weight.T + bias
+        return np.clip(x, -1.0, 1.0).astype(float)
+
+
+class GripRun:
+    """A corrected clone in one episode."""
+
+    def __init__(self, clone: Clone, first: Observation, correction: Array, tree: RobotTree) -> None:
+        """Start an episode.
+
+        Args:
+            clone: that acts.
+            first: observation.
+            correction: (SIZE,) in [-1, 1].
+            tree: the robot.
+        """
+        self._run, self._tree, self._step = CloneRun(clone, first), tree, 0
+        self._own = np.array(first["joint_targets"], dtype=float)  # the clone's set-points, not corrected
+        self._palm = correction[: len(_MOVES)] @ _MOVES
+        self._fingers = correction[len(_MOVES) :] @ _SYNERGIES
+
+    def action(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the next action."""
+        wanted = self._run.set_points({**observation, "joint_targets": self._own})
+        self._own = np.clip(self._own + np.clip(wanted - self._own, -MAX_STEP, MAX_STEP), LOWER, UPPER)
+        self._step += 1
+        share = min(self._step / _RAMP, 1.0)
+        corrected = self._own + share * self._fingers
+        corrected[:7] += arm_step(self._own, share * self._palm, self._tree)
+        now = np.asarray(observation["joint_targets"], dtype=float)
+        return np.clip((corrected - now) / MAX_STEP, -1.0, 1.0).astype(np.float32)
+
+
+def look(mean: Array, scale: Array, first: Observation) -> NDArray[np.float32]:
+    """Return what the network is given: the first observation's features (F,), scaled as the clone's."""
+    looks = features("state", first_look("state", first), first, 0)
+    return np.clip((looks - mean) / scale, -FARTHEST, FARTHEST).astype(np.float32)
+
+
+@njit(cache=True, error_model="numpy")
+def arm_step(q: Array, move: Array, tree: RobotTree) -> Array:
+    """Return the change (7,) rad of the arm at `q` (23,) that shifts and turns the palm by `move` in its own axes.
+
+    Args:
+        q: (23,) rad.
+        move: (6,) m and rad, small: one step of damped least squares.
+        tree: the robot.
+    """
+    frames, J, e = empty_frames(tree), np.empty((6, 7)), np.empty(6)
+    forward(q, tree, frames)
+    palm_jacobian(tree, frames, J)
+    R = frames.R[tree.palm] @ tree.palm_rotation
+    e[:3] = R @ move[:3]
+    e[3:] = TURN_SCALE * (R @ move[3:])
+    return damped_step(J, e, _DAMPING, np.zeros(7), np.inf)

@@ -1,0 +1,1 @@
+"""What long work shares: folders that are claimed and resumed, workers, interrupts, versions."""

@@ -1,0 +1,43 @@
+"""Files of arrays that networks are kept in: safetensors, nothing that runs when it is read."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.errors import InputError
+
+Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""Weights (in, out) and biases (out,) of a linear layer."""
+
+
+def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return the arrays of a safetensors file of ours and what it says of itself.
+
+    Raises:
+        InputError: missing or damaged; without safetensors.
+    """
+    try:
+        from safetensors import SafetensorError, safe_open
+    except ImportError:
+        raise InputError("learned proposals need safetensors: pip install 'dexgrasp[planner]'") from None
+    try:
+        with safe_open(str(path), framework="np") as file:
+            note = json.loads((file.metadata() or {})["dexgrasp"])
+            return {name: file.get_tensor(name) for name in file.keys()}, note  # noqa: SIM118
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing") from None
+    except (OSError, SafetensorError, KeyError, json.JSONDecodeError):
+        raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
+
+
+def layers_of(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:
+    """Weights, transposed, and biases of the linear layers of a module, in their order."""
+    own = {key.removeprefix(f"{name}.") for key in arrays if key.startswith(f"{name}.")}
+    keys = sorted({key.rpartition(".")[0] for key in own}, key=lambda key: int(key or 0))
+    prefixes = [f"{name}.{key}".rstrip(".") for key in keys]
+    if not prefixes:
+        raise KeyError(name)
+    return tuple((np.ascontiguousarray(arrays[f"{p}.weight"].T), arrays[f"{p}.bias"]) for p in prefixes)

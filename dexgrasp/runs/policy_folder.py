@@ -1,0 +1,56 @@
+"""A learned policy on disk: a folder of `policy.json` and `policy.safetensors`, nothing that runs when it is read."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.runs.arrays import read_arrays
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import expand, read_json_object, write_atomically, write_json
+
+SCHEMA = 1
+ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
+ENV_KEYS = ("obs_mode", "control_mode", "observe")
+Arrays = dict[str, NDArray[np.float32]]
+
+
+def is_policy(name: str) -> bool:
+    """Whether an agent's name is the path of such a folder."""
+    return (expand(name) / ABOUT).is_file() if name.strip("~") else False
+
+
+def policy_files(name: str) -> list[Path]:
+    """Return the files that such an agent's outcomes rest on."""
+    return [expand(name) / ABOUT, expand(name) / WEIGHTS]
+
+
+def write_policy(folder: Path, about: Mapping[str, Any], arrays: Arrays) -> None:
+    """Write a policy; weights first, so that what is there is whole."""
+    from safetensors.numpy import save
+
+    kept = {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in arrays.items()}
+    note = {"dexgrasp": json.dumps({"schema": SCHEMA})}
+    write_atomically(folder / WEIGHTS, save(kept, note))
+    write_json(folder / ABOUT, {"schema": SCHEMA, **about})
+
+
+def read_policy(folder: Path) -> tuple[dict[str, Any], Arrays]:
+    """Return what a folder says of its policy, and its arrays.
+
+    Raises:
+        InputError: if something is missing, damaged, or of another schema.
+    """
+    path = folder / ABOUT
+    missing = f"{folder} holds no policy (no {ABOUT}): train one with `dexgrasp train`"
+    about = read_json_object(path, "train it again", missing)
+    if about.get("schema") != SCHEMA:
+        raise InputError(f"{path} is no policy of schema {SCHEMA}")
+    env = about.get("env")
+    if not isinstance(env, dict) or any(key not in ENV_KEYS for key in env):
+        raise InputError(f"{path}: valid keys of env are {', '.join(ENV_KEYS)}")
+    arrays, _ = read_arrays(folder / WEIGHTS)
+    return about, arrays

@@ -1,0 +1,87 @@
+"""FRoGGeR-style arrays (`.npz`): one configuration of arm and hand by joint names, body poses, contacts, object pose.
+
+Keys: `q` (n,) rad with `joint_names`; `body_names` with `body_poses_W` (b, 4, 4), of which the palm's counts, since arm
+and mount are not ours; `X_WO` (4, 4), the mesh file's frame; `contacts_W`, `normals_in_W` (k, 3), normals into the
+object; `object`, a name. World: the arm's base, z up, the table's top at z = 0. Pregrasp and squeeze are made by
+`closing`.
+"""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.scoring.candidate import Candidate, HandStage, as_pose
+from dexgrasp.scoring.closing import SERVO_KP, close_around
+from dexgrasp.scoring.hand import ALLEGRO, find_hand
+from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_npz
+
+PALM = "algr_rh_palm"
+_PALM_HEIGHT = (
+    0.095  # m: its palm frame is at the bottom of the palm, ours at the finger bases; axes are the same
+)
+JOINTS = {
+    **{f"algr_rh_{f}_{j}_q": f"{finger}_{i}" for f, finger in (("if", "index"), ("mf", "middle"), ("rf", "ring"))
+       for i, j in enumerate(("axl", "mcp", "pip", "dip"))},
+    **{f"algr_rh_th_{j}_q": f"thumb_{i}" for i, j in enumerate(("cmc", "axl", "mcp", "ipl"))},
+}  # fmt: skip
+"""Its joint names -> ours; angles, axes and zeros are the same."""
+
+
+def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
+    """Return the grasp of a file.
+
+    Raises:
+        InputError: if the file is unusable, misses a key, or its object is not found.
+    """
+    data, hand = read_arrays(path), find_hand(ALLEGRO)
+    names, q = [str(n) for n in _get(data, "joint_names", path)], _get(data, "q", path)
+    joints = {JOINTS[name]: float(value) for name, value in zip(names, q, strict=False) if name in JOINTS}
+    if len(names) != len(q) or len(joints) != len(JOINTS) or not np.isfinite(q).all():
+        raise InputError(
+            f"{path}: q and joint_names must name the 16 joints of the hand, {min(JOINTS)} and the like"
+        )
+    bodies = [str(n) for n in _get(data, "body_names", path)]
+    if PALM not in bodies or len(bodies) != len(_get(data, "body_poses_W", path)):
+        raise InputError(f"{path}: body_names with body_poses_W must have {PALM}")
+    to_ours = np.eye(4)
+    to_ours[2, 3] = _PALM_HEIGHT
+    T_palm = as_pose(data["body_poses_W"][bodies.index(PALM)], str(path), f"pose of {PALM}") @ to_ours
+    target = find_object(str(_get(data, "object", path)), 1.0, options, path)
+    T_world_object = pose_of_centre(as_pose(_get(data, "X_WO", path), str(path), "X_WO"), target)
+    grasp = HandStage(T_palm, np.array([joints[name] for name in hand.joint_names]))
+    points, normals = (_points(data, key, path) for key in ("contacts_W", "normals_in_W"))
+    if points.shape != normals.shape:
+        raise InputError(f"{path}: contacts_W and normals_in_W differ in number")
+    pregrasp, squeeze = close_around(hand, grasp, points, normals, T_world_object[:3, 3])
+    return [Candidate(str(path), hand, target, T_world_object, pregrasp, grasp, squeeze, SERVO_KP)]
+
+
+def read_arrays(path: Path) -> dict[str, Any]:
+    """Return the arrays of an .npz file; pickled ones are not read.
+
+    Raises:
+        InputError: if it is missing, damaged or holds pickled objects.
+    """
+    try:
+        return dict(read_npz(path))
+    except OSError as error:
+        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+    except ValueError as error:
+        raise InputError(f"{path} is no .npz file of plain arrays ({error})") from None
+
+
+def _get(data: dict[str, Any], key: str, path: Path) -> Any:
+    if key not in data:
+        raise InputError(f"{path}: {key} is missing (it has {', '.join(sorted(data))})")
+    return data[key]
+
+
+def _points(data: dict[str, Any], key: str, path: Path) -> Array:
+    value = np.asarray(_get(data, key, path), dtype=float)
+    if value.ndim != 2 or value.shape[1] != 3 or len(value) < 2 or not np.isfinite(value).all():
+        raise InputError(f"{path}: {key} must be (k, 3) finite numbers, k at least 2")
+    return value

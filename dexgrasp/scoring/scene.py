@@ -1,0 +1,206 @@
+"""A floating hand and an object in MuJoCo: the hand's base follows a mocap body through a weld, as in DexGraspBench.
+
+Gravity is off for the hand; the object's weight, where there is one, is a force through its centre of mass.
+"""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from scipy.spatial.transform import Rotation, Slerp
+
+from dexgrasp.scoring.candidate import Candidate, HandStage
+from dexgrasp.scoring.hand import HandModel
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.mjcf import add_to_spec
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.poses import matrix_to_quat, pose_matrix
+
+PREFIX = "hand/"
+_BASE, _MOCAP = "hand_base", "hand_target"
+
+
+@dataclass(frozen=True)
+class Physics:
+    """Contact and solver settings of a protocol.
+
+    Attributes:
+        friction: sliding coefficient of hand and object, and torsional, m.
+        table_friction: sliding coefficient of the table; None for no table.
+        servo_kp: Nm/rad of our Allegro's servos; hands by path keep their own.
+        timestep: s.
+        impratio: friction-to-normal impedance.
+        noslip: iterations.
+        hand_solimp: of the hand's geoms.
+        hand_solref: of the hand's geoms.
+    """
+
+    friction: tuple[float, float] = (0.6, 0.02)
+    table_friction: float | None = None
+    servo_kp: float = 5.0
+    timestep: float = 0.004
+    impratio: float = 10.0
+    noslip: int = 2
+    hand_solimp: tuple[float, float, float] = (0.5, 0.99, 0.0001)
+    hand_solref: tuple[float, float] = (0.005, 1.0)
+
+
+def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoco.MjModel:
+    """Compile the scene: bodies `hand_base` (free, welded to the mocap body), `object` (free), and a table or none."""
+    spec = mujoco.MjSpec()
+    spec.modelname = f"score {hand.name} {target.name}"
+    option = spec.option
+    option.timestep, option.impratio, option.noslip_iterations = (
+        physics.timestep,
+        physics.impratio,
+        physics.noslip,
+    )
+    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
+    option.gravity = [0.0, 0.0, 0.0]
+    _add_hand(spec, hand, physics)
+    body = spec.worldbody.add_body(name="object")
+    body.add_freejoint(name="object")
+    add_to_spec(spec, body, target, visual=False)
+    if physics.table_friction is not None:
+        spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
+    for geom in spec.geoms:
+        sliding = physics.friction[0] if geom.name != "table" else physics.table_friction
+        geom.friction = [sliding, physics.friction[1], 0.0001]
+        geom.condim = 4
+    return spec.compile()
+
+
+def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
+    child = hand.spec()
+    for name in ("timestep", "impratio", "noslip_iterations", "integrator", "cone", "gravity", "tolerance"):
+        setattr(
+            child.option, name, getattr(spec.option, name)
+        )  # the protocol's; differing ones draw a warning
+    for geom in child.geoms:
+        geom.solimp[:3] = physics.hand_solimp
+        geom.solref[:2] = physics.hand_solref
+    if not hand.own_gains:
+        for actuator in child.actuators:
+            actuator.gainprm[0], actuator.biasprm[1] = physics.servo_kp, -physics.servo_kp
+    base = spec.worldbody.add_body(name=_BASE)
+    base.add_freejoint(name=_BASE)
+    spec.attach(child, frame=base.add_frame(), prefix=PREFIX)
+    spec.worldbody.add_body(name=_MOCAP, mocap=True)
+    same_pose = np.zeros(12)  # anchor 3, position 3, quaternion 4, torque scale, unused
+    same_pose[[6, 10]] = 1.0
+    spec.add_equality(
+        type=mujoco.mjtEq.mjEQ_WELD, name1=_MOCAP, name2=_BASE, objtype=mujoco.mjtObj.mjOBJ_BODY,
+        data=same_pose, solimp=[0.9, 0.95, 0.001, 0.5, 2],
+    )  # fmt: skip
+
+
+class FloatingScene:
+    """The simulation of one grasp."""
+
+    def __init__(self, candidate: Candidate, physics: Physics, mass: float) -> None:
+        """Build it.
+
+        Args:
+            candidate: the grasp.
+            physics: of the protocol.
+            mass: of the object, kg; its inertia goes with it.
+        """
+        self.candidate, self.mass = candidate, mass
+        self.model = build_model(candidate.hand, candidate.object.with_mass(mass), physics)
+        self.data = mujoco.MjData(self.model)
+        self.servo_kp = None if candidate.hand.own_gains else physics.servo_kp
+        joints = [self.model.joint(PREFIX + name) for name in candidate.hand.joint_names]
+        self._qpos = np.array([int(j.qposadr[0]) for j in joints])
+        self._dofs = np.array([int(j.dofadr[0]) for j in joints])
+        self._base, self._object_qpos = (int(self.model.joint(n).qposadr[0]) for n in (_BASE, "object"))
+        self.object_body = self.model.body("object").id
+        first, last = self.model.body(_BASE).id, self.model.nbody
+        self.hand_bodies = [
+            b for b in range(first, last) if b != self.object_body and self.model.body_rootid[b] == first
+        ]
+
+    def reset(self, stage: HandStage) -> None:
+        """Put hand and object where the stage has them, at rest, without forces."""
+        mujoco.mj_resetData(self.model, self.data)
+        data = self.data
+        data.qpos[self._base : self._base + 7] = _seven(stage.T_world_hand)
+        data.qpos[self._object_qpos : self._object_qpos + 7] = _seven(self.candidate.T_world_object)
+        data.qpos[self._qpos] = stage.joints
+        mujoco.mj_forward(self.model, data)
+        self._moment = _dense_moment(self.model, data)[:, self._dofs]
+        self.aim(stage.T_world_hand, stage.joints)
+
+    def aim(self, T_world_hand: Array, joints: Array) -> None:
+        """Set the set-points of base and joints."""
+        seven = _seven(T_world_hand)
+        self.data.mocap_pos[0], self.data.mocap_quat[0] = seven[:3], seven[3:]
+        self.data.ctrl[:] = self._moment @ joints
+
+    def push(self, force: Array) -> None:
+        """Apply a force (3,) N through the object's centre of mass, world frame, until it is changed."""
+        self.data.xfrc_applied[self.object_body, :3] = force
+
+    def run(self, seconds: float) -> None:
+        """Let time pass."""
+        mujoco.mj_step(self.model, self.data, nstep=max(1, round(seconds / self.model.opt.timestep)))
+
+    def move(self, start: HandStage, end: HandStage, seconds: float, steps: int = 10) -> None:
+        """Move the set-points from one stage to the other in equal steps, as DexGraspBench does."""
+        for part in np.arange(1, steps + 1) / steps:
+            T = interpolated(start.T_world_hand, end.T_world_hand, float(part))
+            self.aim(T, start.joints + part * (end.joints - start.joints))
+            self.run(seconds / steps)
+
+    def object_pose(self) -> Array:
+        """Return T_world_object (4, 4)."""
+        body = self.data.body(self.object_body)
+        return pose_matrix(body.xpos.copy(), body.xquat.copy())
+
+    def hand_pose(self) -> Array:
+        """Return T_world_hand (4, 4), where the base is."""
+        body = self.data.body(_BASE)
+        return pose_matrix(body.xpos.copy(), body.xquat.copy())
+
+    def hand_contacts(self) -> list[tuple[int, float, float]]:
+        """Return (body of the hand, distance m, normal force N) of each contact between hand and object."""
+        found, force = [], np.zeros(6)
+        for index in range(self.data.ncon):
+            contact = self.data.contact[index]
+            bodies = [int(self.model.geom_bodyid[g]) for g in contact.geom]
+            if self.object_body in bodies and bodies[0] != bodies[1]:
+                other = bodies[1] if bodies[0] == self.object_body else bodies[0]
+                if other in self.hand_bodies:
+                    mujoco.mj_contactForce(self.model, self.data, index, force)
+                    found.append((other, float(contact.dist), float(force[0])))
+        return found
+
+    def penetration(self) -> float:
+        """Return how deep hand and object are in each other, m; 0 apart."""
+        return max((-distance for _, distance, _ in self.hand_contacts()), default=0.0)
+
+
+def displacement(before: Array, after: Array) -> tuple[float, float]:
+    """Return how far (m) and by what angle (rad) a pose (4, 4) has moved."""
+    turn = Rotation.from_matrix(after[:3, :3] @ before[:3, :3].T).magnitude()
+    return float(np.linalg.norm(after[:3, 3] - before[:3, 3])), float(turn)
+
+
+def interpolated(first: Array, last: Array, part: float) -> Array:
+    """Return the pose (4, 4) at `part` between two: positions on a line, rotations about one axis."""
+    T = np.eye(4)
+    T[:3, 3] = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
+    T[:3, :3] = Slerp([0.0, 1.0], Rotation.from_matrix([first[:3, :3], last[:3, :3]]))(part).as_matrix()
+    return T
+
+
+def _seven(T: Array) -> Array:
+    return np.concatenate([T[:3, 3], matrix_to_quat(T[:3, :3])])
+
+
+def _dense_moment(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
+    dense = np.zeros((model.nu, model.nv))
+    mujoco.mju_sparse2dense(
+        dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
+    )
+    return dense

@@ -1,0 +1,173 @@
+"""The object as a planner knows it: convex parts in the world frame, and assumptions about its mass."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple, cast
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.volume import volume_and_centre
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+
+if TYPE_CHECKING:
+    import trimesh
+
+MAX_FACES = 120  # of the hull that is planned on
+PART_FACES = 80  # of each part where there are several
+ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
+MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
+
+
+class Spread(NamedTuple):
+    """How far a surface may be from where it is believed to be, by direction."""
+
+    directions: Array  # (K, 3) unit, world frame
+    errors: Array  # (K,) m, mean absolute error of the support in each
+
+    def along(self, normals: Array) -> Array:
+        """Return the error (N,) m where the surface's normals are (N, 3): that of the nearest direction."""
+        nearest: Array = self.errors[(normals @ self.directions.T).argmax(1)]
+        return nearest
+
+
+@dataclass(frozen=True)
+class GraspTarget:
+    """What is grasped: a union of convex parts, mostly one.
+
+    The meshes are made when asked for: planning does without, and the import of trimesh takes as long as three plans.
+
+    Attributes:
+        distance: signed distance to the union of the parts, world frame, m.
+        centre: (3,) m, centre of mass, taken to be that of the parts' volumes unless it is known.
+        mass: kg, assumed unless it is known.
+        spread: how far the surface may be off where it was guessed; None where it was seen all round.
+    """
+
+    distance: ConvexDistance
+    centre: Array
+    mass: float
+    spread: Spread | None = None
+
+    @classmethod
+    def of(
+        cls,
+        mesh: "trimesh.Trimesh",
+        mass: float | None = None,
+        centre: Array | None = None,
+        spread: Spread | None = None,
+    ) -> "GraspTarget":
+        """Take the convex hull of a mesh in the world frame.
+
+        Args:
+            mesh: m, world frame.
+            mass: kg; assumed from the hull's volume if None.
+            centre: (3,) m; the hull's centroid if None.
+            spread: of a surface that was guessed in part.
+
+        Raises:
+            InputError: for a mesh without volume or a mass that is not positive.
+        """
+        return cls.of_corners([mesh.vertices], mass, centre, spread)
+
+    @classmethod
+    def of_parts(
+        cls,
+        meshes: "Sequence[trimesh.Trimesh]",
+        mass: float | None = None,
+        centre: Array | None = None,
+        spread: Spread | None = None,
+    ) -> "GraspTarget":
+        """Take the union of the convex hulls of meshes in the world frame; arguments and errors as in `of`."""
+        return cls.of_corners([mesh.vertices for mesh in meshes], mass, centre, spread)
+
+    @classmethod
+    def of_corners(
+        cls,
+        corners: Sequence[ArrayLike],
+        mass: float | None = None,
+        centre: Array | None = None,
+        spread: Spread | None = None,
+    ) -> "GraspTarget":
+        """Take the union of the convex hulls of points (N, 3) m; arguments and errors as in `of`."""
+        if mass is not None and not (np.isfinite(mass) and mass > 0.0):
+            raise InputError(f"mass {mass!r}: valid is a positive number of kilograms")
+        faces = MAX_FACES if len(corners) == 1 else PART_FACES
+        distance = ConvexDistance.union([ConvexDistance.from_points(some, faces) for some in corners])
+        middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
+        known = assumed_mass(hull_volume(distance)[0]) if mass is None else float(mass)
+        return cls(distance, middle, known, spread)
+
+    @property
+    def is_convex(self) -> bool:
+        """Whether there is but one part."""
+        return len(self.distance.parts) == 1
+
+    @cached_property
+    def corners(self) -> tuple[Array, ...]:
+        """Corners (N, 3) m of each part."""
+        return tuple(corners_of(part) for part in self.distance.parts)
+
+    @cached_property
+    def parts(self) -> "tuple[trimesh.Trimesh, ...]":
+        """Watertight convex meshes, world frame, m."""
+        return tuple(map(_mesh, self.distance.parts))
+
+    @cached_property
+    def hull(self) -> "trimesh.Trimesh":
+        """The convex hull of all parts; the part itself where there is one."""
+        return self.parts[0] if self.is_convex else _hull(self.distance)
+
+    @property
+    def surface(self) -> "trimesh.Trimesh":
+        """The faces of all parts in one mesh, also those that lie within another part."""
+        import trimesh
+
+        if self.is_convex:
+            return self.hull
+        return cast("trimesh.Trimesh", trimesh.util.concatenate(list(self.parts)))
+
+
+def corners_of(triangles: Array) -> Array:
+    """Return the corners (N, 3) m of triangles (F, 3, 3), each once."""
+    points = triangles.reshape(-1, 3)
+    first = np.unique(points, axis=0, return_index=True)[1]
+    return points[np.sort(first)]
+
+
+def _mesh(triangles: Array) -> "trimesh.Trimesh":
+    import trimesh
+
+    corners = triangles.reshape(-1, 3)
+    return trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3))
+
+
+def _hull(distance: ConvexDistance) -> "trimesh.Trimesh":
+    import trimesh
+
+    return trimesh.convex.convex_hull(np.concatenate([corners_of(part) for part in distance.parts]))
+
+
+def hull_volume(distance: ConvexDistance) -> tuple[float, Array]:
+    """Return the volume, m3, of the convex hull of all parts, and its centroid (3,) m."""
+    if len(distance.parts) > 1:
+        return volume_and_centre(np.asarray(_hull(distance).triangles))
+    return volume_and_centre(distance.triangles)
+
+
+def volume_centre(distance: ConvexDistance) -> Array:
+    """Return the centre of mass (3,) m of parts of one density; where they overlap, both count."""
+    found = [volume_and_centre(part) for part in distance.parts]
+    volumes, centres = np.array([volume for volume, _ in found]), np.array([centre for _, centre in found])
+    return centres[0] if len(found) == 1 else volumes @ centres / volumes.sum()
+
+
+def assumed_mass(volume: float) -> float:
+    """Return the mass, kg, that is assumed of an object from the volume of its hull, m3.
+
+    Also where parts are known: what fills little of its hull is seldom packed goods, and denser.
+    """
+    return float(np.clip(ASSUMED_DENSITY * volume, *MASS_RANGE))

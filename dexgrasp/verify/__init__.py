@@ -1,0 +1,1 @@
+"""The judge: every claim of a grasp file computed again, by means of its own."""

@@ -1,0 +1,52 @@
+"""One check and its result."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dexgrasp.grasp.record import GraspRecord
+from dexgrasp_env.arrays import Array
+
+ROUNDING = 1e-9  # what repeated floating-point sums may differ by, in any unit here
+LENGTH = 2e-6  # m: what two ways to compute a length may differ by
+
+
+@dataclass(frozen=True)
+class Check:
+    """One constraint computed again: its value, the bound, and whether it holds."""
+
+    name: str
+    value: float
+    bound: str
+    holds: bool
+
+
+def at_most(name: str, value: float, bound: float, unit: str = "", tolerance: float = 0.0) -> Check:
+    """Check that a value does not exceed a bound; NaN does."""
+    return Check(name, float(value), f"<= {bound:g} {unit}".strip(), bool(value <= bound + tolerance))
+
+
+def at_least(name: str, value: float, bound: float, unit: str = "", tolerance: float = 0.0) -> Check:
+    """Check that a value does not fall below a bound; NaN does."""
+    return Check(name, float(value), f">= {bound:g} {unit}".strip(), bool(value >= bound - tolerance))
+
+
+def same(name: str, off: float, tolerance: float, unit: str = "") -> Check:
+    """Check that something is as stated, `off` being how far it is from that."""
+    return at_most(f"{name} as stated", off, tolerance, unit)
+
+
+def claim(
+    record: GraspRecord,
+    key: str,
+    value: float | Array,
+    tolerance: float,
+    relative: float = 0.0,
+    unit: str = "",
+) -> list[Check]:
+    """Compare what the certificate says, if it says it, with what was found."""
+    if key not in record.certificate:
+        return []
+    off = np.abs(np.asarray(record.certificate[key], dtype=float) - value)
+    bound = float(np.max(tolerance + relative * np.abs(value)))
+    return [at_most(f"{key} as claimed", float(np.max(off)), bound, unit)]

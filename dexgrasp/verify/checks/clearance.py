@@ -1,0 +1,92 @@
+"""Clearances: of the true collision shapes, and of the covering spheres that the claim is made with."""
+
+import numpy as np
+
+from dexgrasp.geometry.exact import closest_on_mesh
+from dexgrasp.grasp.record import GraspRecord
+from dexgrasp.kinematics.clearance import EDGE_ERROR, TABLE_FROM
+from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
+from dexgrasp.verify.checks.check import LENGTH, Check, at_least, at_most
+from dexgrasp.verify.checks.scene import Scene
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.names import BODIES
+
+COVER_FAR = 0.02  # m: the claim counts nothing beyond
+OPEN = 0.004  # m between the open hand and the object, the table
+_TRUE = 2e-5  # m, of MuJoCo's distances
+_ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do not count in the claim
+
+
+def clearance_checks(record: GraspRecord, scene: Scene) -> list[Check]:
+    """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it."""
+    bound, found = record.thresholds.clearance, scene.clearances(record.arrays["q"], tips_touch=True)
+    checks = [at_least(f"clearance {kind}", value, bound, "m", _TRUE) for kind, value in found.items()]
+    if "min_clearance_m" not in record.certificate:
+        return checks
+    claimed = float(record.certificate["min_clearance_m"])
+    counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
+    checks.append(at_most("min_clearance_m over the true one", claimed - min(counted), 0.0, "m", _TRUE))
+    if record.schema > 1:
+        off = abs(claimed - cover_clearance(record, scene))
+        checks.append(at_most("min_clearance_m as claimed", off, LENGTH, "m"))
+    return checks
+
+
+def pregrasp_checks(record: GraspRecord, scene: Scene) -> list[Check]:
+    """Check that the open hand, tips included, is clear."""
+    found = scene.clearances(record.arrays["pregrasp"], tips_touch=False)
+    bounds = {"hand_object": OPEN, "hand_table": OPEN, "self": 0.0}
+    return [
+        at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
+        for kind, value in found.items()
+    ]
+
+
+def cover_clearance(record: GraspRecord, scene: Scene) -> float:
+    """Return the least clearance of the covering spheres, m, frames and distances being the judge's own."""
+    tree = robot_tree(record.mount)
+    scene.place(record.arrays["q"])
+    R = np.array([scene.data.body(name).xmat.reshape(3, 3) for name in BODIES])
+    p = np.array([scene.data.body(name).xpos for name in BODIES])
+    body: Index = np.repeat(np.arange(len(BODIES), dtype=np.int64), np.diff(tree.sphere_first))
+    centres = np.einsum("sij,sj->si", R[body], tree.sphere_centre) + p[body]
+    return min(
+        COVER_FAR, _object(tree, body, centres, scene), _table(tree, body, centres), _self(tree, centres),
+        _palm(tree, R, p),
+    )  # fmt: skip
+
+
+def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float:
+    counted = (body >= 2) & ~tree.sphere_is_tip
+    least = COVER_FAR
+    for part in scene.parts:
+        # The farthest plane is a lower bound of the distance: spheres that it keeps clear need no more.
+        planes = ((centres[:, None] - part.triangles[None, :, 0]) * part.face_normals[None]).sum(-1).max(1)
+        near = np.flatnonzero(counted & (planes - tree.sphere_radius < COVER_FAR))
+        if len(near):
+            apart = closest_on_mesh(part, centres[near]).distances - tree.sphere_radius[near]
+            least = min(least, float(apart.min()))
+    return least
+
+
+def _table(tree: RobotTree, body: Index, centres: Array) -> float:
+    over = (body >= 2) & ~((centres[:, 0] < TABLE_FROM) & (body < 4))
+    return float((centres[:, 2] - tree.sphere_radius)[over].min())
+
+
+def _self(tree: RobotTree, centres: Array) -> float:
+    first, least = tree.sphere_first, COVER_FAR
+    for a, b in tree.pairs:
+        one, two = slice(first[a], first[a + 1]), slice(first[b], first[b + 1])
+        apart = np.linalg.norm(centres[one][:, None] - centres[two][None], axis=-1)
+        apart = apart - tree.sphere_radius[one][:, None] - tree.sphere_radius[two][None]
+        least = min(least, float(apart.min(initial=COVER_FAR)))
+    return least
+
+
+def _palm(tree: RobotTree, R: Array, p: Array) -> float:
+    """The thumb's medial link against the palm's box, edge by edge."""
+    points = tree.thumb_edges @ R[tree.thumb].T + p[tree.thumb]
+    out = np.abs((points - p[tree.palm]) @ R[tree.palm] - tree.palm_box_centre) - tree.palm_box_half
+    outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)
+    return float(np.where(outside > 0.0, outside, out.max(1)).min()) - EDGE_ERROR

@@ -1,0 +1,97 @@
+"""Films as one self-contained page, or on a live server with a slider."""
+
+import contextlib
+import html
+import io
+import sys
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from dexgrasp.viewer.film import Film
+from dexgrasp.viewer.stage import Stage
+from dexgrasp_env.extras import require_extra
+
+if TYPE_CHECKING:
+    import viser
+
+_APART = 1.3  # m between films that stand side by side
+_FRAMES = 90  # states of a film that a page holds at most
+_CAMERA = (1.12, -0.72, 0.52)  # m, where one looks from
+_LOOK_AT = (0.40, 0.0, 0.19)  # m
+
+
+def page(films: Sequence[Film]) -> str:
+    """Return one page with the films side by side, played from approach to hold with a slider; nothing is fetched."""
+    server = start_server(port=0, quiet=True)
+    try:
+        stages = [Stage(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
+        recording = server.get_scene_serializer()
+        count = max(len(film.states) for film in films)
+        every = max(1, -(-count // _FRAMES))
+        for index in range(0, count, every):
+            for stage in stages:
+                stage.show(min(index, len(stage.film.states) - 1))
+            recording.insert_sleep(every * films[0].period)
+        text = str(recording.as_html())
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
+    return text.replace("</body>", _facts(films) + "</body>", 1)
+
+
+def serve(films: Sequence[Film], port: int = 8080) -> None:
+    """Show the films on a local server until interrupted: a slider for the time, the certificates beside it."""
+    server = start_server(port=port, quiet=False)
+    stages = [Stage(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
+    count = max(len(film.states) for film in films)
+    slider: Any = server.gui.add_slider("step", min=0, max=count - 1, step=1, initial_value=0)
+    playing = server.gui.add_checkbox("play", initial_value=True)
+    for film in films:
+        with server.gui.add_folder(film.title):
+            server.gui.add_markdown("\n".join(f"- {name}: **{value}**" for name, value in film.facts.items()))
+    while True:
+        for stage in stages:
+            stage.show(min(int(slider.value), len(stage.film.states) - 1))
+        time.sleep(films[0].period)
+        if playing.value:
+            slider.value = (int(slider.value) + 1) % count
+
+
+def start_server(port: int, quiet: bool) -> "viser.ViserServer":
+    """Return a server on this machine alone, with a camera that looks at the table."""
+    require_extra("viewer", "the viewer")
+    import viser
+
+    with contextlib.redirect_stdout(io.StringIO() if quiet else sys.stderr):  # it prints a banner
+        server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), verbose=False)
+    server.scene.set_up_direction("+z")
+    server.initial_camera.position = _CAMERA
+    server.initial_camera.look_at = _LOOK_AT
+    return server
+
+
+def _free_port() -> int:
+    import socket
+
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def _facts(films: Sequence[Film]) -> str:
+    """The certificates as a panel over the scene."""
+    blocks = []
+    for film in films:
+        rows = "".join(
+            f"<tr><td>{html.escape(name)}</td><td>{html.escape(value)}</td></tr>"
+            for name, value in film.facts.items()
+        )
+        blocks.append(
+            f"<details open><summary>{html.escape(film.title)}</summary><table>{rows}</table></details>"
+        )
+    style = (
+        "position:fixed;right:12px;top:12px;z-index:10;max-width:340px;max-height:80vh;overflow:auto;padding:8px 12px;"
+        "background:rgba(255,255,255,.88);border-radius:8px;font:13px/1.5 system-ui,sans-serif;color:#222"
+    )
+    return f'<div id="facts" style="{style}">{"".join(blocks)}</div>'
