@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.names import TIP_SITES
-from dexgrasp_env.sensing.cameras import CAMERA_NAMES
+from dexgrasp_env.robot.robot import Robot
 
 _OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing,
 _ANY = ("enable", "enabled", "on", "true", "1")  # and for whatever there is
@@ -161,24 +160,27 @@ def _reload_context_module() -> None:
     importlib.reload(gl_context)
 
 
-SHOW_CAMERAS = ("front", "grasp", *CAMERA_NAMES)
-"""What pictures for people can be taken with: the whole cell, the grasp from close by, the four depth cameras."""
+SHOW_CAMERAS = ("front", "grasp")
+"""What pictures for people can be taken with beside the depth cameras: the whole cell, the grasp from close by."""
 
 
-def show_camera(name: str = "front", data: mujoco.MjData | None = None) -> mujoco.MjvCamera | str:
-    """Return one of `SHOW_CAMERAS`.
+def show_camera(
+    name: str = "front", data: mujoco.MjData | None = None, robot: Robot | None = None
+) -> mujoco.MjvCamera | str:
+    """Return one of `SHOW_CAMERAS`, or the name of another.
 
     Args:
         name: `front` shows the table and the robot; `grasp` is close to the hand and follows it; the others are the
             model's.
         data: with the positions of now, for `grasp`.
+        robot: whose hand it is, for `grasp`.
     """
     camera = mujoco.MjvCamera()
     camera.lookat[:] = [0.36, 0.0, 0.30]
     camera.distance, camera.azimuth, camera.elevation = 1.45, 146.0, -20.0
     if name == "grasp":
-        assert data is not None
-        camera.lookat[:] = np.mean([data.site(site).xpos for site in ("palm", *TIP_SITES)], axis=0)
+        assert data is not None and robot is not None
+        camera.lookat[:] = np.mean([data.site(site).xpos for site in (robot.hand.palm, *robot.tips)], axis=0)
         camera.distance, camera.azimuth, camera.elevation = 0.55, 146.0, -15.0
     elif name != "front":
         return name

@@ -21,7 +21,8 @@ from dexgrasp.evaluation.store import TrialStore, check_folder
 from dexgrasp.runs.folder import claim
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import SIMULATED, active_cell, use_cell
+from dexgrasp_env.robot.active import active_cell, use_cell
+from dexgrasp_env.robot.cell import SIMULATED
 from dexgrasp_env.robot.cell_file import read_cell
 from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
@@ -78,7 +79,7 @@ def test_this_process_is_in_the_simulated_cell():
         ({"hand": {"torque": 0.0}}, "above 0"),
         ({"hand": {"stiffness": [8.0] * 15 + [9.0]}}, "one number"),
         ({"hand": {"torque": True}}, "finite numbers"),
-        ({"mounts": {"sideways": {}}}, "unknown mount 'sideways'"),
+        ({"mounts": {"sideways": {}}}, "unknown setting of mounts 'sideways'"),
         ({"mounts": {"palm_normal": {"quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}}, "norm 1.414"),
         ({"mounts": {"palm_normal": {"position": [47.5, 0.0, 150.0]}}}, "within 0.5 m"),
         ({"table_height": 0.2}, "table_height is 0.2: valid is -0.15 to 0.15"),
@@ -218,9 +219,15 @@ def test_the_page_of_the_docs_shows_a_cell_that_can_be_read(tmp_path):
     assert read_cell(path).name == "our lab"
 
 
+def slowed(cell):
+    arm = cell.robot.arm
+    arm = replace(arm, joints=replace(arm.joints, velocity=(0.1,) * 7))
+    return replace(cell, robot=replace(cell.robot, arm=arm))
+
+
 def test_the_default_cell_has_a_hash_too():
     assert active_cell().version.startswith(SIMULATED + "-")
-    slower = replace(active_cell(), arm=replace(active_cell().arm, velocity=(0.1,) * 7))
+    slower = slowed(active_cell())
     assert slower.version != active_cell().version
     saved = DemoSettings.of(["pear"]).as_json()
     assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])

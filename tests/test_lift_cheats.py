@@ -25,8 +25,7 @@ def put(env, q, pose, velocity=0.0):
     state.physics[1:24], state.physics[24:31] = q, pose
     state.physics[31:60] = 0.0
     state.physics[31 + 25] = velocity
-    for name in ("targets", "command", "before"):
-        state.record[name] = q
+    state.commands[:] = q
     env.set_state(state)
 
 

@@ -10,7 +10,8 @@ from lift_envs import make, skip_without_gl
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.control import ACTION_SIZE
+from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.rewards import WEIGHTS
@@ -42,8 +43,9 @@ def test_page_lists_every_observation():
 
 def test_page_lists_actions():
     rows = [row for row in table("Action Space") if row[0].startswith("`")]
-    assert {row[0].strip("`"): int(row[1]) for row in rows} == ACTION_SIZE
-    for mode, size in ACTION_SIZE.items():
+    sizes = {mode: action_size(mode, default_cell().robot) for mode in CONTROL_MODES}
+    assert {row[0].strip("`"): int(row[1]) for row in rows} == sizes
+    for mode, size in sizes.items():
         assert make(control_mode=mode).action_space.shape == (size,)
 
 

@@ -16,6 +16,7 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import choose_gl, make_renderer, render, show_camera, show_options
+from dexgrasp_env.robot.cell import default_cell
 
 NEEDS_GL = pytest.mark.skipif(choose_gl() is None, reason="no GL library here")
 SCENE = """
@@ -140,7 +141,7 @@ def test_cameras_for_people_and_their_size():
     for _ in range(8):
         env.step(np.full(23, 1.0))
     moved = env.unwrapped.data.site("palm").xpos - hand
-    camera = show_camera("grasp", env.unwrapped.data)
+    camera = show_camera("grasp", env.unwrapped.data, default_cell().robot)
     assert np.linalg.norm(moved) > 0.05
     assert np.linalg.norm(camera.lookat - env.unwrapped.data.site("palm").xpos) < 0.15  # it follows
     env.close()

@@ -64,7 +64,7 @@ def test_names_and_orders(mount):
     assert [model.actuator(i).name for i in range(model.nu)] == list(names.JOINTS)
     assert [model.body(i).name for i in range(1, model.nbody)] == list(names.BODIES)
     assert (model.actuator_trnid[:, 0] == np.arange(23)).all()
-    for site in (names.FLANGE_SITE, names.PALM_SITE, *names.TIP_SITES):
+    for site in ("flange", names.PALM_SITE, *names.TIP_SITES):
         model.site(site)
     for geom in names.TIP_GEOMS:
         assert model.geom(geom).size[0] == 0.014
@@ -221,7 +221,7 @@ def test_no_contact_at_home_and_few_in_random_arm_poses(mount):
 def test_no_contact_within_a_swept_finger(model):
     data = mujoco.MjData(model)
     for i, joint in enumerate(names.HAND_JOINTS):
-        own = [f"{joint[:-2]}_{link}" for link in names.FINGER_LINKS]
+        own = [f"{joint[:-2]}_{link}" for link in ("base", "proximal", "medial", "distal")]
         for value in np.linspace(limits.HAND_LOWER[i], limits.HAND_UPPER[i], 12):
             q = limits.HOME.copy()
             q[7 + i] = value

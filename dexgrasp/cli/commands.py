@@ -139,7 +139,7 @@ def _choose_cell(arguments: Sequence[str]) -> None:
     finder.add_argument("--cell")
     cell = finder.parse_known_args(arguments)[0].cell
     if cell:
-        from dexgrasp_env.robot.cell import use_cell
+        from dexgrasp_env.robot.active import use_cell
 
         use_cell(cell)
 

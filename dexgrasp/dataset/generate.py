@@ -28,7 +28,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, parse_json, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
-from dexgrasp_env.robot.cell import active_cell
+from dexgrasp_env.robot.active import active_cell
 
 
 @dataclass(frozen=True)

@@ -6,7 +6,7 @@ from typing import Any
 
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.robot.cell import active_cell
+from dexgrasp_env.robot.active import active_cell
 
 SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v1"

@@ -14,7 +14,7 @@ from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
 from dexgrasp_env.objects.load import target_files
-from dexgrasp_env.robot.cell import active_cell
+from dexgrasp_env.robot.active import active_cell
 
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 

@@ -11,7 +11,8 @@ import numpy as np
 
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.cell import SIMULATED, active_cell
+from dexgrasp_env.robot.active import active_cell
+from dexgrasp_env.robot.cell import SIMULATED
 
 SHARE = 0.95
 """Largest share of a limit that a trajectory may use."""
@@ -83,7 +84,7 @@ def _same_cell(recording: Recording) -> Finding:
 
 def _in_cell(part: str, maker: dict[str, tuple[float, ...]]) -> dict[str, tuple[float, ...]]:
     """The tighter of the maker's limits and the cell's."""
-    own = getattr(active_cell(), part)
+    own = getattr(active_cell().robot, part).joints
     return {
         name: tuple(
             (max if name == "lower" else min)(pair) for pair in zip(limits, getattr(own, name), strict=True)

@@ -16,7 +16,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.cell import active_cell
+from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.robot.limits import HAND_STIFFNESS
 from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_JOINTS
 from dexgrasp_env.scene.constants import FRICTION

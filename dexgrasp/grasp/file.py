@@ -18,7 +18,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.objects.solid import Solid
-from dexgrasp_env.robot.cell import active_cell
+from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import SIMULATED, active_cell
+from dexgrasp_env.robot.active import active_cell
+from dexgrasp_env.robot.cell import SIMULATED
 from dexgrasp_env.robot.mounts import MOUNTS
 from dexgrasp_env.robot.names import GRASP_FINGERS, JOINTS
 

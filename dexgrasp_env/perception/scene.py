@@ -18,7 +18,7 @@ from dexgrasp_env.perception.cloud import Cloud, crop, remove_outliers
 from dexgrasp_env.perception.plane import Plane, fit_plane
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.segment import SegmentationSettings, SegmentedCloud, finish
-from dexgrasp_env.robot.cell import active_cell
+from dexgrasp_env.robot.active import active_cell
 
 if TYPE_CHECKING:
     import mujoco

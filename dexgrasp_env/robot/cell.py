@@ -1,42 +1,24 @@
-"""The cell as data: table, mounts, limits, gains, torques, cameras; planner, environment and exporter read one file.
+"""The cell as a value: a robot, its base, the table and the cameras; environment, planner and exporter are given one.
 
 Files are in the frame of the robot's base; everything inside is in the world's, whose origin is on the table's top,
 straight above or below the base, with the same axes: `Cell.base` is all that lies between them.
-
-A process has one cell, so that nothing planned in one is carried out in another: the simulated one of
-`assets/robot/cell.yaml`, or that of `use_cell` (`--cell FILE`, DEXGRASP_CELL).
 """
 
 import os
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.files import content_hash, expand
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+from dexgrasp_env.robot.robot import Names, Numbers, Robot
 
-VARIABLE = "DEXGRASP_CELL"
 SIMULATED = "simulated"
 """Name of the default cell, which no other may bear."""
-Numbers = tuple[float, ...]
-
-
-@dataclass(frozen=True)
-class Joints:
-    """Limits and gains of the arm's 7 or of the hand's 16 joints: rad, s, Nm; gains Nm/rad and Nm s/rad."""
-
-    lower: Numbers
-    upper: Numbers
-    velocity: Numbers
-    acceleration: Numbers
-    jerk: Numbers
-    torque: Numbers
-    stiffness: Numbers
-    damping: Numbers = ()  # of the arm's servos; the hand's are critically damped
 
 
 @dataclass(frozen=True)
@@ -51,40 +33,61 @@ class CellCamera:
 
 @dataclass(frozen=True)
 class Cell:
-    """What a cell file says; metres, radians, frame of the robot's base.
+    """A robot at a table, watched by cameras; metres, radians, frame of the robot's base.
 
     Attributes:
         name: of the cell.
-        mounts: position (3,) and quaternion wxyz (4,) of the palm frame in that of link 7, by name.
-        arm, hand: limits and gains.
+        robot: with the mount in use.
         image: width, height, fx, fy, cx, cy of every camera, pixels.
         cameras: of the environment.
         table_height: of the table's top, m.
     """
 
     name: str
-    mounts: tuple[tuple[str, Numbers, Numbers], ...]
-    arm: Joints
-    hand: Joints
+    robot: Robot
     image: Numbers
     cameras: tuple[CellCamera, ...]
-    table_height: float = field(default=0.0, repr=False)
+    table_height: float = field(default=0.0)
 
     @cached_property
     def version(self) -> str:
         """What evaluations, datasets and demonstrations call it: its name, and a hash of all that it says."""
-        table = [self.table_height] if self.table_height else []  # hashes of before 0.2.0 had none
-        return f"{self.name}-{content_hash(repr(self), *table)[:8]}"
+        return f"{self.name}-{content_hash(repr(self), self.robot.hash)[:8]}"
 
     @property
     def stamp(self) -> str:
         """What grasp files call it: its version, of the default its name alone."""
-        return self.name if self.is_simulated else self.version
+        return self.name if self.name == SIMULATED else self.version
 
     @property
     def base(self) -> Array:
         """Where the robot's base stands in the world, (3,) m."""
         return np.array([0.0, 0.0, 0.0 - self.table_height])
+
+    @property
+    def shoulder(self) -> Array:
+        """Where the arm's reach counts from in the world, (3,) m."""
+        return np.array(self.robot.arm.shoulder) + self.base
+
+    @property
+    def mounts(self) -> Names:
+        """Names of the mounts that its hand knows."""
+        return tuple(mount.name for mount in self.robot.hand.mounts)
+
+    def mounted(self, mount: str | None) -> "Cell":
+        """Return the cell with its hand mounted otherwise; None changes nothing.
+
+        Raises:
+            InputError: for an unknown mount.
+        """
+        if mount is None or mount == self.robot.mount.name:
+            return self
+        return replace(self, robot=replace(self.robot, mount=self.robot.hand.mount(mount)))
+
+    @property
+    def camera_names(self) -> Names:
+        """Names of the cameras."""
+        return tuple(camera.name for camera in self.cameras)
 
     def make_cameras(self, intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
         """Return the cameras in the world, with the cell's intrinsics or others."""
@@ -100,37 +103,42 @@ class Cell:
         T_world_camera[:3, 3] += self.base
         return Camera(camera.name, T_world_camera, lens)
 
-    @property
-    def is_simulated(self) -> bool:
-        """Whether it is the default cell."""
-        return self.name == SIMULATED
+
+Given = Cell | Robot | str | os.PathLike[str] | None
+"""What `robot=` may be: a cell, a robot, the path of a file of either, or None for the simulated cell."""
 
 
 @lru_cache(maxsize=1)
-def active_cell() -> Cell:
-    """Return the cell of this process; from the first call on it stays.
-
-    Raises:
-        InputError: if the file that DEXGRASP_CELL names is no cell.
-    """
-    from dexgrasp_env.robot.cell_file import read_cell, simulated_cell
-
-    named = os.environ.get(VARIABLE)
-    return read_cell(Path(named)) if named else simulated_cell()
-
-
-def use_cell(path: str | os.PathLike[str]) -> Cell:
-    """Choose the cell of this process and of those that it starts, before anything else is imported or made.
-
-    Raises:
-        InputError: for a file that is no cell, or where another cell is in use already.
-    """
+def default_cell() -> Cell:
+    """Return the simulated cell, whose limits are the makers'."""
     from dexgrasp_env.robot.cell_file import read_cell
 
-    cell = read_cell(expand(path))
-    if active_cell.cache_info().currsize and active_cell() != cell:
-        raise InputError(
-            f"cell {active_cell().name!r} is in use in this process: choose before anything is made, or set {VARIABLE}"
-        )
-    os.environ[VARIABLE] = str(expand(path).resolve())
-    return active_cell()
+    return read_cell(asset_path("robot", "cell.yaml"))
+
+
+def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
+    """Return the cell that is meant.
+
+    Args:
+        robot: see `Given`; a robot alone stands in the simulated cell.
+        mount: of the hand, None for the robot's own.
+
+    Raises:
+        InputError: for a file that is neither a cell nor a robot, or an unknown mount.
+    """
+    if isinstance(robot, str | os.PathLike):
+        from dexgrasp_env.robot.cell_file import read_cell_or_robot
+
+        path = expand(robot)
+        robot = _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_cell_or_robot(path)
+    if isinstance(robot, Robot):
+        robot = replace(default_cell(), name=robot.name, robot=robot)
+    return (robot or default_cell()).mounted(mount)
+
+
+@lru_cache(maxsize=16)
+def _read(path: Path, stamp: int) -> Cell | Robot:
+    """Read a file once for each state of it (`stamp`)."""
+    from dexgrasp_env.robot.cell_file import read_cell_or_robot
+
+    return read_cell_or_robot(path)

@@ -5,63 +5,51 @@ from functools import lru_cache
 
 import mujoco
 
-from dexgrasp_env.assets import asset_path
-from dexgrasp_env.robot.cell import Cell, active_cell
-from dexgrasp_env.robot.mounts import Mount, find_mount
-from dexgrasp_env.robot.names import ARM_BODIES, ARM_JOINTS, HAND_JOINTS
+from dexgrasp_env.robot.active import of_process
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Adapter, Robot
 
-FLANGE_OFFSET = 0.107
-"""Of the flange from link 7's frame along z7, m."""
-_ADAPTER_END = 0.122
 _PREFIX = "hand/"
 
 
-def robot_spec(mount: str = "palm_normal") -> mujoco.MjSpec:
-    """Build the Panda with the Allegro hand where the cell has its base in the world, names as in `names`.
-
-    Args:
-        mount: how the hand sits on the flange, a key of `mounts.MOUNTS`.
+def robot_spec(cell: Cell | str = "palm_normal") -> mujoco.MjSpec:
+    """Build the arm with its hand where the cell has its base in the world, names as in the robot's files.
 
     Returns:
         A specification that can be compiled as it is or attached to a scene.
-
-    Raises:
-        InputError: if the mount is not known.
     """
-    placement = find_mount(mount)
-    arm = mujoco.MjSpec.from_file(str(asset_path("robot", "panda.xml")))
-    hand = mujoco.MjSpec.from_file(str(asset_path("robot", "allegro.xml")))
-    arm.modelname = "panda_allegro"
-    _attach_hand(arm, hand, placement)
-    arm.body(ARM_BODIES[0]).pos = active_cell().base
-    _set_limits(arm, active_cell())
+    cell = of_process(cell)
+    robot = cell.robot
+    arm = mujoco.MjSpec.from_file(str(robot.arm.mjcf))
+    hand = mujoco.MjSpec.from_file(str(robot.hand.mjcf))
+    arm.modelname = robot.name
+    _attach_hand(arm, hand, robot)
+    arm.body(robot.arm.bodies[0]).pos = cell.base
+    _set_limits(arm, robot)
     return arm
 
 
-@lru_cache(maxsize=4)
-def compiled_robot(mount: str = "palm_normal") -> mujoco.MjModel:
-    """Return the robot alone, compiled; the same model at every call, not to be written to.
-
-    Raises:
-        InputError: if the mount is not known.
-    """
-    return robot_spec(mount).compile()
+@lru_cache(maxsize=8)
+def compiled_robot(cell: Cell | str = "palm_normal") -> mujoco.MjModel:
+    """Return the robot alone, compiled; the same model at every call, not to be written to."""
+    return robot_spec(cell).compile()
 
 
-def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, mount: Mount) -> None:
-    link = arm.body("panda_link7")
-    _add_adapter(arm, link)
-    frame = link.add_frame(pos=mount.position, quat=mount.quat_wxyz)
+def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, robot: Robot) -> None:
+    link = arm.body(robot.arm.bodies[-1])
+    if robot.arm.adapter:
+        _add_adapter(arm, link, robot.arm.adapter)
+    frame = link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz)
     arm.attach(hand, frame=frame, prefix=_PREFIX)
     _strip_prefix(arm)
-    arm.add_exclude(bodyname1="panda_link7", bodyname2="palm")
+    arm.add_exclude(bodyname1=link.name, bodyname2=robot.hand.palm)
 
 
-def _set_limits(robot: mujoco.MjSpec, cell: Cell) -> None:
-    """Give joints and servos the cell's ranges, torques and gains; dampings of the hand stay critical."""
-    for names, part in ((ARM_JOINTS, cell.arm), (HAND_JOINTS, cell.hand)):
-        for k, name in enumerate(names):
-            joint, servo, most = robot.joint(name), robot.actuator(name), part.torque[k]
+def _set_limits(spec: mujoco.MjSpec, robot: Robot) -> None:
+    """Give joints and servos the robot's ranges, torques and gains; dampings that none states stay critical."""
+    for part in (robot.arm.joints, robot.hand.joints):
+        for k, name in enumerate(part.names):
+            joint, servo, most = spec.joint(name), spec.actuator(name), part.torque[k]
             joint.range = [part.lower[k], part.upper[k]]
             joint.actfrcrange = servo.forcerange = [-most, most]
             servo.gainprm[0], servo.biasprm[1] = part.stiffness[k], -part.stiffness[k]
@@ -88,14 +76,14 @@ def _strip_prefix(spec: mujoco.MjSpec) -> None:
         exclude.bodyname2 = exclude.bodyname2.removeprefix(_PREFIX)
 
 
-def _add_adapter(arm: mujoco.MjSpec, link: mujoco.MjsBody) -> None:
+def _add_adapter(arm: mujoco.MjSpec, link: mujoco.MjsBody, adapter: Adapter) -> None:
     """Show the plate between the flange and the hand."""
-    half = (_ADAPTER_END - FLANGE_OFFSET) / 2
+    half = (adapter.end - adapter.start) / 2
     link.add_geom(
-        arm.find_default("panda_visual"),
+        arm.find_default(adapter.look),
         name="adapter",
         type=mujoco.mjtGeom.mjGEOM_CYLINDER,
-        pos=(0.0, 0.0, FLANGE_OFFSET + half),
-        size=(0.0315, half, 0.0),
-        material="panda_metal",
+        pos=(0.0, 0.0, adapter.start + half),
+        size=(adapter.radius, half, 0.0),
+        material=adapter.material,
     )

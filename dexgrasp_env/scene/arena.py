@@ -2,7 +2,6 @@
 
 import mujoco
 
-from dexgrasp_env.robot.cell import active_cell
 from dexgrasp_env.scene.constants import (
     IMPRATIO,
     TABLE_CENTRE_X,
@@ -29,8 +28,8 @@ def set_physics(spec: mujoco.MjSpec) -> None:
     option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
 
 
-def add_arena(spec: mujoco.MjSpec) -> None:
-    """Add materials, lights, floor, plinth and the table (body and geom `table`, top at z = 0)."""
+def add_arena(spec: mujoco.MjSpec, base: float) -> None:
+    """Add materials, lights, floor, the plinth under a base at height `base` m, and the table, whose top is z = 0."""
     _add_look(spec)
     world = spec.worldbody
     world.add_geom(
@@ -59,7 +58,6 @@ def add_arena(spec: mujoco.MjSpec) -> None:
                 type=_BOX, size=size, material="metal", contype=0, conaffinity=0, group=VISUAL_GROUP, **leg
             )
     plinth = dict(material="plinth", contype=0, conaffinity=0, group=VISUAL_GROUP)
-    base = float(active_cell().base[2])
     half_height, middle = 0.5 * (TABLE_HEIGHT + base) - 0.005, 0.5 * (base - TABLE_HEIGHT) - 0.005
     world.add_geom(type=_CYLINDER, size=[0.11, half_height, 0], pos=[-0.04, 0, middle], **plinth)
     world.add_geom(type=_CYLINDER, size=[0.17, 0.012, 0], pos=[-0.04, 0, base - 0.012], **plinth)

@@ -4,9 +4,11 @@ import mujoco
 
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.camera import Camera
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.names import TIP_GEOMS
+from dexgrasp_env.robot.robot import Names
 from dexgrasp_env.scene.arena import add_arena, set_physics
 from dexgrasp_env.scene.constants import (
     FRICTION,
@@ -22,8 +24,9 @@ from dexgrasp_env.sensing.cameras import add_cameras
 
 def scene_spec(
     model: ObjectModel,
+    cell: Cell | str | None = None,
     *,
-    mount: str = "palm_normal",
+    mount: str | None = None,
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjSpec:
@@ -31,41 +34,43 @@ def scene_spec(
 
     Args:
         model: the object to pick up.
-        mount: how the hand sits on the flange (see `robot.mounts`).
+        cell: the robot and where it stands.
         friction: sliding friction coefficient of every contact.
         cameras: depth cameras to add, in the world frame.
     """
-    spec = robot_spec(mount)
+    cell = of_process(cell or mount)
+    spec = robot_spec(cell)
     spec.modelname = f"dexgrasp {model.name}"
     set_physics(spec)
-    add_arena(spec)
+    add_arena(spec, float(cell.base[2]))
     body = spec.worldbody.add_body(name="object", pos=[0.5, 0.0, 0.3])
     body.add_freejoint(name="object")
     add_to_spec(spec, body, model)
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
             geom.friction = [friction, TORSIONAL_FRICTION, 0.0001]
-    _add_pairs(spec, [part.name for part in body.geoms if part.contype], friction)
-    add_sensors(spec)
+    _add_pairs(spec, [part.name for part in body.geoms if part.contype], cell.robot.tips, friction)
+    add_sensors(spec, cell.robot)
     add_cameras(spec, cameras)
     return spec
 
 
 def build_scene(
     model: ObjectModel,
+    cell: Cell | str | None = None,
     *,
-    mount: str = "palm_normal",
+    mount: str | None = None,
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjModel:
     """Compile `scene_spec`."""
-    return scene_spec(model, mount=mount, friction=friction, cameras=cameras).compile()
+    return scene_spec(model, cell, mount=mount, friction=friction, cameras=cameras).compile()
 
 
-def _add_pairs(spec: mujoco.MjSpec, parts: list[str], friction: float) -> None:
+def _add_pairs(spec: mujoco.MjSpec, parts: list[str], tips: Names, friction: float) -> None:
     sliding = [friction, friction]
     for part in parts:
-        for tip in TIP_GEOMS:
+        for tip in tips:
             spec.add_pair(
                 name=f"{tip}:{part}", geomname1=tip, geomname2=part, condim=3,
                 friction=[*sliding, TORSIONAL_FRICTION, 0.0001, 0.0001],

@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.robot.names import FINGERS, TIP_SITES
+from dexgrasp_env.robot.robot import Robot
 
 _OBJ = mujoco.mjtObj
 _SENSOR = mujoco.mjtSensor
@@ -15,22 +15,21 @@ _FOUND, _FORCE = (1 << int(getattr(mujoco.mjtConDataField, f"mjCONDATA_{f}")) fo
 _NETFORCE = 3
 
 
-def add_sensors(spec: mujoco.MjSpec) -> None:
+def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
     """Add tip positions, palm pose, the object's contacts and their forces by tip and by finger."""
-    for site in TIP_SITES:
+    palm, fingers = robot.hand.palm, robot.hand.fingers
+    for tip in robot.tips:
         spec.add_sensor(
-            name=f"{site}_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname=site
+            name=f"{tip}_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname=tip
         )
-    spec.add_sensor(
-        name="palm_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname="palm"
-    )
-    spec.add_sensor(name="palm_quat", type=_SENSOR.mjSENS_FRAMEQUAT, objtype=_OBJ.mjOBJ_SITE, objname="palm")
-    for finger in FINGERS:
-        _contact(spec, f"{finger}_force", _FORCE, (_OBJ.mjOBJ_GEOM, f"{finger}_tip"))
+    spec.add_sensor(name="palm_position", type=_SENSOR.mjSENS_FRAMEPOS, objtype=_OBJ.mjOBJ_SITE, objname=palm)
+    spec.add_sensor(name="palm_quat", type=_SENSOR.mjSENS_FRAMEQUAT, objtype=_OBJ.mjOBJ_SITE, objname=palm)
+    for finger in fingers:
+        _contact(spec, f"{finger.name}_force", _FORCE, (_OBJ.mjOBJ_GEOM, finger.tip))
     _contact(spec, "touching_any", _FOUND, None)
-    _contact(spec, "touching_hand", _FOUND, (_OBJ.mjOBJ_XBODY, "palm"))
-    for finger in FINGERS:
-        _contact(spec, f"{finger}_press", _FORCE, (_OBJ.mjOBJ_XBODY, f"{finger}_base"))
+    _contact(spec, "touching_hand", _FOUND, (_OBJ.mjOBJ_XBODY, palm))
+    for finger in fingers:
+        _contact(spec, f"{finger.name}_press", _FORCE, (_OBJ.mjOBJ_XBODY, finger.bodies[0]))
 
 
 def _contact(spec: mujoco.MjSpec, name: str, fields: int, other: tuple[mujoco.mjtObj, str] | None) -> None:
@@ -43,17 +42,19 @@ def _contact(spec: mujoco.MjSpec, name: str, fields: int, other: tuple[mujoco.mj
 
 
 READINGS = {
-    "tip_positions": f"{TIP_SITES[0]}_position",  # 4 x 3 m, index middle ring thumb
+    "tip_positions": "{tip}_position",  # F x 3 m, in the order of the fingers
     "palm_position": "palm_position",  # 3 m
     "palm_quat": "palm_quat",  # 4 wxyz
-    "tip_forces": f"{FINGERS[0]}_force",  # 4 x 3 N, between tip and object
+    "tip_forces": "{finger}_force",  # F x 3 N, between tip and object
     "touching_any": "touching_any",  # contacts of the object with anything
     "touching_hand": "touching_hand",  # contacts of the object with the hand
-    "finger_forces": f"{FINGERS[0]}_press",  # 4 x 3 N, between the whole finger and the object
+    "finger_forces": "{finger}_press",  # F x 3 N, between the whole finger and the object
 }
-"""What is read, with the sensor that each begins at."""
+"""What is read, with the sensor that each begins at: that of the first finger where there is one for each."""
 
 
-def reading_columns(model: mujoco.MjModel) -> NDArray[np.int64]:
+def reading_columns(model: mujoco.MjModel, robot: Robot) -> NDArray[np.int64]:
     """Return the first column of each of `READINGS` in `sensordata`, (7,)."""
-    return np.array([int(model.sensor(name).adr[0]) for name in READINGS.values()])
+    first = robot.hand.fingers[0]
+    names = [name.format(tip=first.tip, finger=first.name) for name in READINGS.values()]
+    return np.array([int(model.sensor(name).adr[0]) for name in names])

@@ -1,4 +1,4 @@
-"""The cameras that watch the table, and cameras as part of a model."""
+"""Cameras as part of a model."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING
@@ -6,23 +6,20 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
-from dexgrasp_env.robot.cell import active_cell
 
 if TYPE_CHECKING:
     import mujoco
 
-CAMERA_NAMES = tuple(camera.name for camera in active_cell().cameras)
-"""Of the cell's cameras."""
 _GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
 
 
-def default_cameras(intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
-    """Return the cell's cameras, in the world frame.
+CAMERA_NAMES = active_cell().camera_names
 
-    In the simulated one two stand at the table's front corners, two at the sides behind the objects. All of these see
-    the whole region in which objects are put; the two at the back look past the arm.
-    """
+
+def default_cameras(intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
+    """Return the cameras of the process's cell, in the world frame."""
     return active_cell().make_cameras(intrinsics)
 
 

@@ -35,13 +35,13 @@ class Observation:
 
 
 class Perception:
-    """Four depth cameras (by default) that watch the table of one model."""
+    """Depth cameras that watch the table of one model."""
 
     def __init__(
         self,
         model: "mujoco.MjModel",
-        *,
         cameras: tuple[Camera, ...] | None = None,
+        *,
         sensor: SensorModel | None = None,
         settings: SegmentationSettings | None = None,
         backend: str = "auto",
@@ -51,7 +51,7 @@ class Perception:
 
         Args:
             model: robot, table and object.
-            cameras: where they truly are; `default_cameras()`.
+            cameras: where they truly are.
             sensor: `SensorModel.realistic()`.
             settings: of the pipeline.
             backend: see `make_backend`.

@@ -35,8 +35,8 @@ class BatchPhysics:
     """States of N environments, advanced together.
 
     Attributes:
-        qpos: (N, 30) positions after the last step.
-        qvel: (N, 29) velocities.
+        qpos: (N, n + 7) positions after the last step.
+        qvel: (N, n + 6) velocities.
         sensors: (N, n) `sensordata`.
     """
 
@@ -88,7 +88,7 @@ class BatchPhysics:
         """Advance environments by one control step.
 
         Args:
-            rows: (N, 25, 23) set-points of the physics steps, rad.
+            rows: (N, 25, n) set-points of the physics steps, rad.
             push: (N, 3) forces on the objects, N, or None where nobody pushes.
             which: indices of those that advance, ascending.
 

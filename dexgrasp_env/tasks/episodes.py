@@ -16,22 +16,19 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.control import CONTROL_MODES
-from dexgrasp_env.tasks.disturbance import KINDS
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import EPISODE, FAILURES, PHASES, STAGES, TERMS, TOLD
-from dexgrasp_env.tasks.set_points import JOINTS, set_points
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, STAGES, TERMS, TOLD
+from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, warning_names
 from dexgrasp_env.tasks.views import View, Views
 
 Moment = tuple[Array, Array, Array]
-"""Positions (n, 30), velocities (n, 29) and sensors (n, m) of n environments."""
+"""Positions (N, n + 7), velocities (N, n + 6) and sensors (N, m) of N environments with robots of n joints."""
 
 _RESET_OPTIONS = ("object", "object_pose")
 
@@ -54,6 +51,7 @@ class EpisodeState:
         target: the object, as `objects` names it.
         physics: MuJoCo's full integration state.
         record: one of `EPISODE`.
+        commands: (3, n) rad, `COMMANDS`.
         rng: state of the random generator.
         variation: of this episode.
         view: what the cameras saw, for `observe="reset"`, and where the calibration believes them to be.
@@ -62,6 +60,7 @@ class EpisodeState:
     target: str
     physics: Array
     record: NDArray[np.void]
+    commands: Array
     rng: Mapping[str, Any]
     variation: Variation
     view: View
@@ -71,18 +70,17 @@ class Episodes:
     """Records, slots and the scenes that they share."""
 
     def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
-        self.settings, self.views = settings, views
+        self.settings, self.views, robot = settings, views, settings.cell.robot
         self.simulations = {
-            target: Simulation(model, settings.mount) for target, model in settings.load_objects().items()
+            target: Simulation(model, settings.cell) for target, model in settings.load_objects().items()
         }
         self.records = np.zeros(number, EPISODE)
         self.slots = [Slot() for _ in range(number)]
         self.told = np.zeros((number, len(TOLD) + len(TERMS)))
         self.rewards = np.zeros(number)
-        rows, push = np.zeros((number, CONTROL_STEPS, 23)), np.zeros((number, 3))
-        self._whole = (self.records, self.told, self.rewards, rows, push)
-        self._mode = CONTROL_MODES.index(settings.control_mode)
-        self._kind = KINDS.index(settings.disturbance.kind)
+        self.commands = np.zeros((number, len(COMMANDS), robot.dof))
+        rows, push = np.zeros((number, CONTROL_STEPS, robot.dof)), np.zeros((number, 3))
+        self._whole = (self.records, self.commands, self.told, self.rewards, rows, push)
         hulls = [simulation.hull for simulation in self.simulations.values()]
         ends = np.cumsum([len(hull) for hull in hulls]).tolist()
         self._hull_spans = {
@@ -90,21 +88,26 @@ class Episodes:
             for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
         }
         first = next(iter(self.simulations.values()))
-        self._chain = arm_chain(first.base)
+        disturbance, fingers = settings.disturbance, [finger.name for finger in robot.hand.fingers]
+        self._control = control_of(
+            robot, arm_chain(first.base, robot), settings.control_mode, disturbance.kind, disturbance.size
+        )
         self._rules = kernel.Rules(
             first.columns,
+            len(fingers),
+            np.array([fingers.index(name) for name in robot.hand.grasp]),
             np.concatenate(hulls),
-            settings.disturbance.steps,
+            disturbance.steps,
             BAD_NUMBERS,
             settings.reward_mode == "dense",
         )
-        self._layout = layout(settings.obs_mode)
+        self._layout = layout(settings.obs_mode, robot)
         self._width = max(part.stop for part in self._layout.values())
-        self._no_noise = np.zeros((1, 23))
+        self._no_noise = np.zeros((1, robot.dof))
 
     def observation_space(self) -> spaces.Dict:
         """Return the space of one environment's observations."""
-        return observation_space(self.settings.obs_mode, self.views.image_shape)
+        return observation_space(self.settings.obs_mode, self.views.image_shape, self.settings.cell.robot)
 
     # -- starting ------------------------------------------------------------------------------------------------
 
@@ -130,7 +133,7 @@ class Episodes:
         pose[2] *= variation.size
         given = options.get("object_pose")
         if given is not None:
-            pose = check_pose(given, simulation.hull * variation.size)
+            pose = check_pose(given, simulation.hull * variation.size, settings.cell)
         self._vary(i, target, variation)
         simulation.place(pose)
         if given is not None:
@@ -173,8 +176,7 @@ class Episodes:
         record["variation"] = variation.as_tuple()
         record["hull_first"], record["hull_count"] = self._hull_spans[target]
         record["latency"] = variation.latency_steps
-        for name in ("targets", "command", "before"):
-            record[name] = HOME
+        self.commands[i] = self.settings.cell.robot.home
         record["grip_quat"][0] = 1.0
         record["phase"] = PHASES.index("none" if self.settings.disturbance.kind == "none" else "before")
 
@@ -188,24 +190,13 @@ class Episodes:
             actions: (n, m), a copy that may be written to.
 
         Returns:
-            Rows (n, 25, 23) rad for the physics steps, and pushes (n, 3) N on the object.
+            Rows (N, 25, n) rad for the physics steps, and pushes (N, 3) N on the object.
 
         Raises:
             InputError: for an action that is not finite.
         """
-        records, _, _, rows, push = self._part(part)
-        fine = set_points(
-            records,
-            actions,
-            self._mode,
-            self._chain,
-            JOINTS,
-            self._kind,
-            self.settings.disturbance.size,
-            rows,
-            push,
-        )
-        if not fine:
+        records, commands, _, _, rows, push = self._part(part)
+        if not set_points(records, commands, actions, self._control, rows, push):
             bad = np.argwhere(~np.isfinite(actions)).tolist()
             raise InputError(f"action has NaN or infinite entries at {bad}")
         return rows, push
@@ -230,25 +221,24 @@ class Episodes:
         Returns:
             The observation without cameras: arrays (n, ...) by key.
         """
-        records, told, rewards = self._part(part)[:3]
+        records, commands, told, rewards = self._part(part)[:4]
         rows = np.empty((len(records), self._width), np.float32)
-        kernel.conclude(
-            records, *moment, warnings, self._joint_noise(records, rngs), self._rules, told, rewards, rows
-        )  # fmt: skip
+        noise = self._joint_noise(records, rngs)
+        kernel.conclude(records, commands, moment, warnings, noise, self._rules, (told, rewards, rows))
         return cut(rows[0] if alone else rows, self._layout)
 
     def _part(self, part: slice) -> tuple[NDArray[Any], ...]:
-        """Return records, told, rewards, rows and pushes of a part; slices cost, so the whole is not sliced."""
+        """Return records, commands, told, rewards, rows, pushes of a part; slices cost, so the whole is not sliced."""
         whole = self._whole
         return whole if part == slice(None) else tuple(array[part] for array in whole)
 
     def _joint_noise(self, records: NDArray[np.void], rngs: Sequence[Generator | None]) -> Array:
         if self.settings.randomisation.joint_noise is None:
             if len(self._no_noise) < len(records):
-                self._no_noise = np.zeros((len(records), 23))
+                self._no_noise = np.zeros((len(records), self._no_noise.shape[1]))
             return self._no_noise[: len(records)]
-        size = records["variation"][:, 5:]
-        return size * np.array([np.zeros(23) if rng is None else rng.standard_normal(23) for rng in rngs])
+        size, n = records["variation"][:, 5:], self._no_noise.shape[1]
+        return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
     # -- telling -------------------------------------------------------------------------------------------------
 
@@ -290,8 +280,8 @@ class Episodes:
         """Return the state of episode `i`."""
         slot = self.slots[i]
         return EpisodeState(
-            slot.target, physics, self.records[i].copy(), copy.deepcopy(rng.bit_generator.state), slot.variation,
-            copy.deepcopy(slot.view),
+            slot.target, physics, self.records[i].copy(), self.commands[i].copy(),
+            copy.deepcopy(rng.bit_generator.state), slot.variation, copy.deepcopy(slot.view),
         )  # fmt: skip
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
@@ -305,7 +295,7 @@ class Episodes:
         if state.target not in self.simulations:
             raise unknown_name("object of the state", state.target, self.simulations)
         self._vary(i, state.target, state.variation)
-        self.records[i] = state.record
+        self.records[i], self.commands[i] = state.record, state.commands
         self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
         self.slots[i].view = copy.deepcopy(state.view)
         rng.bit_generator.state = copy.deepcopy(state.rng)

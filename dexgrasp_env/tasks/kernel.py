@@ -56,6 +56,8 @@ class Rules(NamedTuple):
 
     Attributes:
         at: (7,) first columns of the readings in `sensordata`, in the order of `READINGS`.
+        fingers: of the hand.
+        grasp: (G,) numbers of the fingers of a grasp; the first opposes the others.
         hulls: (V, 3) hull vertices of all objects, m, object frames.
         length: of the disturbance, control steps.
         bad_numbers: the bits of MuJoCo's warnings that mean numbers gone wrong.
@@ -63,6 +65,8 @@ class Rules(NamedTuple):
     """
 
     at: Columns
+    fingers: int
+    grasp: Columns
     hulls: Array
     length: int
     bad_numbers: int
@@ -75,37 +79,36 @@ class Rules(NamedTuple):
 @njit(cache=True)
 def _judge(
     episodes: Records,
-    qpos: Array,
-    qvel: Array,
-    sensors: Array,
+    moment: tuple[Array, Array, Array],
     warnings: Columns,
     rules: Rules,
     told: Array,
     rewards: Array,
 ) -> None:
     """Advance what the episodes have achieved by the control step just taken; see `conclude`."""
-    at = rules.at
+    qpos, qvel, sensors = moment
+    at, n = rules.at, qpos.shape[1] - 7
     for i in range(len(episodes)):
-        e, q, s = episodes[i], qpos[i], sensors[i]
+        e, s, pose = episodes[i], sensors[i], qpos[i, n:]
         e.warnings |= warnings[i]
-        _fail(e, q, qvel[i], rules.bad_numbers)
-        R = _rotation(q[26], q[27], q[28], q[29])
-        e.height = _lowest_point(e, q, R, rules.hulls)
+        _fail(e, qpos[i], qvel[i], rules.bad_numbers)
+        R = _rotation(pose[3], pose[4], pose[5], pose[6])
+        e.height = _lowest_point(e, pose, R, rules.hulls)
         touching, alone = s[at[_TOUCHING_HAND]] > 0, s[at[_TOUCHING_HAND]] == s[at[_TOUCHING_ANY]]
         e.touched = e.touched or touching
-        e.grasped = _opposed(s, at[_PRESSES])
+        e.grasped = _opposed(s, at[_PRESSES], rules)
         at_height = e.height >= LIFT_HEIGHT and touching and alone
         e.held = e.held + 1 if at_height else 0
         e.grasps = ((e.grasps << 1) | e.grasped) & _WINDOW if at_height else 0
         e.lifted = e.lifted or at_height
         inverse = (s[at[_PALM_QUAT]], -s[at[_PALM_QUAT] + 1], -s[at[_PALM_QUAT] + 2], -s[at[_PALM_QUAT] + 3])
         palm = at[_PALM]
-        position = _rotated(inverse, (q[23] - s[palm], q[24] - s[palm + 1], q[25] - s[palm + 2]))
-        _follow_grip(e, position, _product(inverse, (q[26], q[27], q[28], q[29])), touching and alone)
+        position = _rotated(inverse, (pose[0] - s[palm], pose[1] - s[palm + 1], pose[2] - s[palm + 2]))
+        _follow_grip(e, position, _product(inverse, (pose[3], pose[4], pose[5], pose[6])), touching and alone)
         _disturb(e, position, rules.length)
         _conclude(e)
         t = told[i, 12:]
-        _reward(e, q, R, s, at, t)
+        _reward(e, pose, R, s, rules, t)
         total = _REACH * t[0] + _CONTACT * t[1] + _LIFT * t[2] + _HOLD * t[3]
         rewards[i] = total if rules.dense else 1.0 * e.success
         if e.failure == _DIVERGED:
@@ -135,28 +138,31 @@ def _fail(e: Record, q: Array, v: Array, bad_numbers: int) -> None:
         finite = finite and math.isfinite(value)
     if not finite or e.warnings & bad_numbers:
         e.failure = _DIVERGED
-    elif not (_X0 <= q[23] <= _X1 and _Y0 <= q[24] <= _Y1 and _Z0 <= q[25] <= _Z1):
+    elif not (_X0 <= q[-7] <= _X1 and _Y0 <= q[-6] <= _Y1 and _Z0 <= q[-5] <= _Z1):
         e.failure = _LOST
     else:
         e.failure = _NO_FAILURE
 
 
 @njit(cache=True)
-def _lowest_point(e: Record, q: Array, R: tuple[float, ...], hulls: Array) -> float:
+def _lowest_point(e: Record, pose: Array, R: tuple[float, ...], hulls: Array) -> float:
     """Height of the object's lowest point above the table, m."""
     lowest = math.inf
     for k in range(e.hull_first, e.hull_first + e.hull_count):
         lowest = min(lowest, hulls[k, 0] * R[6] + hulls[k, 1] * R[7] + hulls[k, 2] * R[8])
-    return q[25] + e.size * lowest
+    return pose[2] + e.size * lowest
 
 
 @njit(cache=True)
-def _opposed(s: Array, first: int) -> bool:
-    """Whether thumb and index, middle or ring finger press with 0.5 N each, at more than 90 deg to each other."""
-    tx, ty, tz = s[first + 9], s[first + 10], s[first + 11]
+def _opposed(s: Array, first: int, rules: Rules) -> bool:
+    """Whether the thumb and another finger press with 0.5 N each, at more than 90 deg to each other."""
+    thumb = first + 3 * rules.grasp[0]
+    tx, ty, tz = s[thumb], s[thumb + 1], s[thumb + 2]
     if math.sqrt(tx * tx + ty * ty + tz * tz) < GRASP_FORCE:
         return False
-    for finger in range(3):
+    for finger in range(rules.fingers):
+        if finger == rules.grasp[0]:
+            continue
         x, y, z = s[first + 3 * finger], s[first + 3 * finger + 1], s[first + 3 * finger + 2]
         if math.sqrt(x * x + y * y + z * z) >= GRASP_FORCE and x * tx + y * ty + z * tz < 0.0:
             return True
@@ -229,24 +235,25 @@ def _ones(bits: int) -> int:
 
 
 @njit(cache=True)
-def _reward(e: Record, q: Array, R: tuple[float, ...], s: Array, at: Columns, terms: Array) -> None:
-    near = 0.0
-    for tip in (9, 0, 3):  # thumb, index and middle among index, middle, ring, thumb
-        near += _nearness(_box_distance(e, q, R, s, at[_TIPS] + tip))
-    forces = at[_TIP_FORCES]
-    fingers = max(_pressure(s, forces), _pressure(s, forces + 3))
-    terms[0] = near / 3.0
-    terms[1] = min(
-        _pressure(s, forces + 9), fingers
-    )  # the thumb opposes: two fingers on one side do not hold
+def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
+    tips, forces, near, thumb, fingers = rules.at[_TIPS], rules.at[_TIP_FORCES], 0.0, 0.0, 0.0
+    for k in range(len(rules.grasp)):
+        near += _nearness(_box_distance(e, pose, R, s, tips + 3 * rules.grasp[k]))
+        pressure = _pressure(s, forces + 3 * rules.grasp[k])
+        if k == 0:
+            thumb = pressure
+        else:
+            fingers = max(fingers, pressure)
+    terms[0] = near / len(rules.grasp)
+    terms[1] = min(thumb, fingers)  # the thumb opposes: two fingers on one side do not hold
     terms[2] = min(max(e.height / LIFT_HEIGHT, 0.0), 1.0) if e.grasped else 0.0
     terms[3] = _ones(e.grasps) / HOLD_STEPS
 
 
 @njit(cache=True)
-def _box_distance(e: Record, q: Array, R: tuple[float, ...], s: Array, tip: int) -> float:
+def _box_distance(e: Record, pose: Array, R: tuple[float, ...], s: Array, tip: int) -> float:
     """Distance of a tip's centre to the object's box, m."""
-    a, b, c = s[tip] - q[23], s[tip + 1] - q[24], s[tip + 2] - q[25]
+    a, b, c = s[tip] - pose[0], s[tip + 1] - pose[1], s[tip + 2] - pose[2]
     h = e.half_extents
     x = max(abs(a * R[0] + b * R[3] + c * R[6]) - h[0], 0.0)
     y = max(abs(a * R[1] + b * R[4] + c * R[7]) - h[1], 0.0)
@@ -276,41 +283,50 @@ def _pressure(s: Array, first: int) -> float:
 
 @njit(cache=True)
 def _observe(
-    episodes: Records, qpos: Array, qvel: Array, sensors: Array, noise: Array, at: Columns, out: Array
+    episodes: Records,
+    commands: Array,
+    moment: tuple[Array, Array, Array],
+    noise: Array,
+    rules: Rules,
+    out: Array,
 ) -> None:
     """Write what the robot knows of itself, and where `out` has room for it the privileged state; see `conclude`."""
+    qpos, qvel, sensors = moment
+    at, n, tips = rules.at, commands.shape[2], 3 * rules.fingers
+    palm = 3 * n + tips
     for i in range(len(episodes)):
         e, q, v, s, o = episodes[i], qpos[i], qvel[i], sensors[i], out[i]
-        for j in range(23):
-            o[j], o[23 + j], o[46 + j] = q[j] + noise[i, j], v[j], e.targets[j]
-        for j in range(12):
-            o[69 + j] = s[at[_TIPS] + j]
+        for j in range(n):
+            o[j], o[n + j], o[2 * n + j] = q[j] + noise[i, j], v[j], commands[i, 0, j]
+        for j in range(tips):
+            o[3 * n + j] = s[at[_TIPS] + j]
         for j in range(3):
-            o[81 + j] = s[at[_PALM] + j]
+            o[palm + j] = s[at[_PALM] + j]
         for j in range(4):
-            o[84 + j] = s[at[_PALM_QUAT] + j]
-        if len(o) > 88:
-            _observe_object(e, q, v, s, at, o[88:])
+            o[palm + 3 + j] = s[at[_PALM_QUAT] + j]
+        if len(o) > palm + 7:
+            _observe_object(e, q[n:], v[n:], s, rules, o[palm + 7 :])
         if e.failure == _DIVERGED:
             for j in range(len(o)):
                 o[j] = o[j] if math.isfinite(o[j]) else 0.0
 
 
 @njit(cache=True)
-def _observe_object(e: Record, q: Array, v: Array, s: Array, at: Columns, o: Array) -> None:
+def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Array) -> None:
     for j in range(7):
-        o[j] = q[23 + j]
+        o[j] = q[j]
     for j in range(6):
-        o[7 + j] = v[23 + j]
+        o[7 + j] = v[j]
     for j in range(3):
         o[13 + j] = 2.0 * e.half_extents[j]
     o[16] = e.mass
-    for j in range(12):
-        o[17 + j] = s[at[_TIP_FORCES] + j]
-    o[29] = e.height
-    o[30] = min(e.held / HOLD_STEPS, 1.0)
+    tips = 3 * rules.fingers
+    for j in range(tips):
+        o[17 + j] = s[rules.at[_TIP_FORCES] + j]
+    o[17 + tips] = e.height
+    o[18 + tips] = min(e.held / HOLD_STEPS, 1.0)
     for j in range(6):
-        o[31 + j] = e.variation[j]
+        o[19 + tips + j] = e.variation[j]
 
 
 # -- both -------------------------------------------------------------------------------------------------------
@@ -318,30 +334,21 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, at: Columns, o: Arr
 
 @njit(cache=True)
 def conclude(
-    episodes: Records,
-    qpos: Array,
-    qvel: Array,
-    sensors: Array,
-    warnings: Columns,
-    noise: Array,
-    rules: Rules,
-    told: Array,
-    rewards: Array,
-    out: Array,
-) -> None:
+    episodes: Records, commands: Array, moment: tuple[Array, Array, Array], warnings: Columns, noise: Array,
+    rules: Rules, out: tuple[Array, Array, Array],
+) -> None:  # fmt: skip
     """Advance what the episodes have achieved by the control step just taken, reward and observe it.
 
     Args:
         episodes: (N,); their progress is advanced.
-        qpos: (N, 30): 23 joints, object position and quaternion wxyz.
-        qvel: (N, 29).
-        sensors: (N, n) `sensordata`.
+        commands: (N, 3, n) rad, `records.COMMANDS`.
+        moment: positions (N, n + 7) of joints and object (quaternion wxyz), velocities (N, n + 6), `sensordata`.
         warnings: (N,) bits of MuJoCo's that came up in the control step.
-        noise: (N, 23) rad, of the joint position sensors.
+        noise: (N, n) rad, of the joint position sensors.
         rules: of the environment.
-        told: (N, 16) out, the columns of `records.TOLD` and the terms, each in [0, 1].
-        rewards: (N,) out.
-        out: (N, 88) or (N, 125) float32 out, in the order of `observations`.
+        out: written: what is told (N, 16), the columns of `records.TOLD` and the terms, each in [0, 1]; rewards (N,);
+            observations (N, m) float32, in the order of `observations`, with the privileged state where there is room.
     """
-    _judge(episodes, qpos, qvel, sensors, warnings, rules, told, rewards)
-    _observe(episodes, qpos, qvel, sensors, noise, rules.at, out)
+    told, rewards, seen = out
+    _judge(episodes, moment, warnings, rules, told, rewards)
+    _observe(episodes, commands, moment, noise, rules, seen)

@@ -12,8 +12,9 @@ from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Given
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import ACTION_SIZE
+from dexgrasp_env.tasks.control import action_size
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.records import TOLD
@@ -133,7 +134,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `obs_mode` | `'state'` | `state`, `pointcloud`, `depth`, `rgbd` |
     | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta` |
     | `reward_mode` | `'dense'` | `dense`, `sparse` |
-    | `mount` | `'palm_normal'` | `palm_normal`, `fingers_along`: how the hand sits on the flange |
+    | `robot` | `None` | a cell, a robot, or the path of a file of either; None: the simulated cell |
+    | `mount` | `None` | `palm_normal`, `fingers_along`: how the hand sits on the flange; None: the robot's own |
     | `friction` | `None` | sliding friction of every contact, above 0 and up to 2; None: 0.7, or a set file's |
     | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
     | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
@@ -181,7 +183,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         obs_mode: str = "state",
         control_mode: str = "joint_delta",
         reward_mode: str = "dense",
-        mount: str = "palm_normal",
+        robot: Given = None,
+        mount: str | None = None,
         friction: float | None = None,
         mass: float = 1.0,
         presentation: str = "rest",
@@ -203,7 +206,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         self.settings, self._views = make_settings(**given)
         self.render_mode = render_mode
         self._episodes = self.episodes_type(self.settings, self._views, 1)
-        self.action_space = spaces.Box(-1.0, 1.0, (ACTION_SIZE[control_mode],), np.float32)
+        size = action_size(control_mode, self.settings.cell.robot)
+        self.action_space = spaces.Box(-1.0, 1.0, (size,), np.float32)
         self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
         self._simulation = next(iter(self._episodes.simulations.values()))
         self._over = True
@@ -241,8 +245,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
 
     @property
     def targets(self) -> NDArray[np.float64]:
-        """Set-points of the servos as the agent has them, (23,) rad."""
-        return self._episodes.records["targets"][0].copy()
+        """Set-points of the servos as the agent has them, (n,) rad."""
+        return self._episodes.commands[0, 0].copy()
 
     @property
     def disturbance_steps(self) -> int:
@@ -288,7 +292,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
             action: as for `step`.
 
         Returns:
-            Set-points of the physics steps (1, 25, 23) rad, for `simulation.step`.
+            Set-points of the physics steps (1, 25, n) rad, for `simulation.step`.
 
         Raises:
             InputError: as `step`.

@@ -7,31 +7,26 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dexgrasp_env.robot.limits import LOWER, UPPER
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import CLOUD_POINTS
 
 OBS_MODES = ("state", "pointcloud", "depth", "rgbd")
-ROBOT_KEYS = {
-    "joint_positions": 23,
-    "joint_velocities": 23,
-    "joint_targets": 23,
-    "fingertip_positions": 12,
-    "palm_pose": 7,
-}
-OBJECT_KEYS = {
-    "object_pose": 7,
-    "object_velocity": 6,
-    "object_size": 3,
-    "object_mass": 1,
-    "fingertip_forces": 12,
-    "progress": 2,
-    "variation": 6,
-}
 
 
-def layout(obs_mode: str) -> dict[str, slice]:
-    """Return the columns of each key in the row that `kernel.observe` writes."""
-    keys = {**ROBOT_KEYS, **(OBJECT_KEYS if obs_mode == "state" else {})}
+def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
+    """Return how many numbers each key has that is not a camera's, in the order of the kernel's row."""
+    n, tips = robot.dof, 3 * len(robot.hand.fingers)
+    joints = {"joint_positions": n, "joint_velocities": n, "joint_targets": n}
+    keys = {**joints, "fingertip_positions": tips, "palm_pose": 7}
+    if obs_mode != "state":
+        return keys
+    of_object = {"object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1}
+    return {**keys, **of_object, "fingertip_forces": tips, "progress": 2, "variation": 6}
+
+
+def layout(obs_mode: str, robot: Robot) -> dict[str, slice]:
+    """Return the columns of each key in the row that `kernel.conclude` writes."""
+    keys = key_sizes(obs_mode, robot)
     ends = list(itertools.accumulate(keys.values()))
     return {key: slice(end - n, end) for (key, n), end in zip(keys.items(), ends, strict=True)}
 
@@ -43,16 +38,17 @@ def cut(rows: NDArray[np.float32], columns: dict[str, slice]) -> dict[str, NDArr
     return {key: rows[..., part] for key, part in columns.items()}
 
 
-def observation_space(obs_mode: str, image_shape: tuple[int, int, int]) -> spaces.Dict:
+def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: Robot) -> spaces.Dict:
     """Return the space of an observation mode: bounded where a bound exists.
 
     Args:
         obs_mode: one of `OBS_MODES`.
         image_shape: cameras, rows and columns of the depth images.
+        robot: that is observed.
     """
-    keys = {**ROBOT_KEYS, **(OBJECT_KEYS if obs_mode == "state" else {})}
     parts: dict[str, spaces.Space[Any]] = {
-        key: spaces.Box(*_bounds(key, size), dtype=np.float32) for key, size in keys.items()
+        key: spaces.Box(*_bounds(key, size, robot), dtype=np.float32)
+        for key, size in key_sizes(obs_mode, robot).items()
     }
     if obs_mode == "pointcloud":
         parts["cloud"] = spaces.Box(-np.inf, np.inf, (CLOUD_POINTS, 3), np.float32)
@@ -66,10 +62,10 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int]) -> space
     return spaces.Dict(parts)
 
 
-def _bounds(key: str, size: int) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _bounds(key: str, size: int, robot: Robot) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     if key == "joint_targets":
-        low, high = LOWER.copy(), UPPER.copy()
+        low, high = robot.lower.copy(), robot.upper.copy()
     elif key in ("palm_pose", "object_pose"):
         low[3:], high[3:] = -1.0, 1.0
     elif key in ("object_size", "object_mass", "variation"):

@@ -54,7 +54,7 @@ class PlaceEpisodes(Episodes):
         """Do what `Episodes.conclude` does; rewards, success and the observation are those of the goal."""
         state = super().conclude(part, moment, warnings, rngs)
         records, goals = self.records[part], self.records["goal"][part]
-        self._distances[part] = np.linalg.norm(moment[0][:, 23:26] - goals, axis=-1)
+        self._distances[part] = np.linalg.norm(moment[0][:, -7:-4] - goals, axis=-1)
         observation = {
             "observation": np.concatenate(list(state.values()), axis=-1),
             "achieved_goal": state["object_pose"][:, :3].copy(),

@@ -14,15 +14,13 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import MERGE_ANGLE, rest_poses
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
-from dexgrasp_env.robot.cell import active_cell
-from dexgrasp_env.robot.limits import REACH
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
 
 PRESENTATIONS = ("rest", "upright")
 _CLEARANCE = 0.0005  # m above the table; the settle closes it
 _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
-_SHOULDER = np.array([0.0, 0.0, 0.333]) + active_cell().base  # m, the arm's reach counts from here
 
 
 @dataclass(frozen=True)
@@ -116,12 +114,13 @@ def upright_rest(model: ObjectModel) -> tuple[Array, float] | None:
     return quat, support_height(model.parts, up)
 
 
-def check_pose(value: Any, hull: Array) -> Array:
+def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
     """Return a given pose of the object with its quaternion normalised, (7,).
 
     Args:
         value: seven numbers, position m in the world frame and quaternion wxyz.
         hull: (V, 3) m, vertices of the object's hull in its own frame.
+        cell: whose arm is to reach it.
 
     Raises:
         InputError: if it is malformed, inside the table, beside it, or out of the arm's reach.
@@ -145,9 +144,10 @@ def check_pose(value: Any, hull: Array) -> Array:
         raise InputError(
             f"object_pose reaches {-1000 * lowest:.1f} mm into the table: its z must be {z - lowest:.4f} m or more"
         )
-    if np.linalg.norm(pose[:3] - _SHOULDER) > REACH:
+    shoulder, reach = cell.shoulder, cell.robot.arm.reach
+    if np.linalg.norm(pose[:3] - shoulder) > reach:
         raise InputError(
-            f"object_pose is out of reach: valid is within {REACH} m of the arm's shoulder at {_SHOULDER.tolist()}"
+            f"object_pose is out of reach: valid is within {reach} m of the arm's shoulder at {shoulder.tolist()}"
         )
     return np.concatenate([pose[:3], quat])
 

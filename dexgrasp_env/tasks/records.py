@@ -20,10 +20,6 @@ EPISODE = np.dtype(
         ("hull_first", "i8"),  # rows of the table of hull vertices
         ("hull_count", "i8"),
         ("latency", "i8"),  # physics steps by which commands come late
-        # Set-points, rad.
-        ("targets", "f8", (23,)),  # of the agent, at the end of the control step
-        ("command", "f8", (23,)),  # what the servos are told then: targets and the shaking
-        ("before", "f8", (23,)),  # the command before, for late ones
         # How far it has come.
         ("elapsed", "i8"),  # control steps
         ("held", "i8"),  # consecutive control steps at height, held by the hand alone
@@ -52,6 +48,10 @@ EPISODE = np.dtype(
     ],
     align=True,
 )
+
+COMMANDS = ("targets", "command", "before")
+"""Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
+are told then (targets and the shaking), and the command before, for late ones."""
 
 TOLD = (
     "is_success", "is_stable", "is_grasped", "stage", "failure", "object_height", "object_slip", "object_tilt",

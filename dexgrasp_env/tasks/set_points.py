@@ -4,18 +4,20 @@ This module imports numba: it is imported when an environment is made.
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import product_components, rotated_components
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
-from dexgrasp_env.tasks.control import CONTROL_MODES, MAX_STEP
+from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
-from dexgrasp_env.tasks.records import PHASES, Record, Records
+from dexgrasp_env.tasks.records import COMMANDS, PHASES, Record, Records
 
 _product = njit(cache=True)(product_components)
 _rotated = njit(cache=True)(rotated_components)
@@ -25,38 +27,52 @@ _PUSHED, _SHAKEN = KINDS.index("pushed"), KINDS.index("shaken")
 _RUNNING = PHASES.index("running")
 
 _LOWER, _UPPER, _STEP, _HOME = range(4)
-JOINTS = np.stack([LOWER, UPPER, MAX_STEP, HOME])
-"""Ranges, largest step and home, (4, 23) rad. Passed as `joints`: compiled code keeps its constants on disk, and these
-are the cell's."""
+_TARGETS, _COMMAND, _BEFORE = range(len(COMMANDS))
 
 _GRAVITY = 9.81  # m/s^2, MuJoCo's default
 _DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
 _POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per control step
 
 
+class Control(NamedTuple):
+    """What actions and disturbances do to a robot of n joints, a of them the arm's.
+
+    Attributes:
+        mode: index of `CONTROL_MODES`.
+        chain: (a + 1, 7) fixed poses of the arm's joints and of the palm, each in the frame before.
+        joints: (4, n) rad, ranges, largest step and home.
+        shaken: (2,) the joints that a shaking turns.
+        kind: index of `disturbance.KINDS`.
+        size: of the disturbance.
+    """
+
+    mode: int
+    chain: Array
+    joints: Array
+    shaken: NDArray[np.int64]
+    kind: int
+    size: float
+
+
+def control_of(robot: Robot, chain: Array, mode: str, kind: str, size: float) -> Control:
+    """Return the control of a robot; see `Control`."""
+    joints = np.stack([robot.lower, robot.upper, max_step(robot), robot.home])
+    shaken = np.array(robot.arm.shaken, dtype=np.int64)
+    return Control(CONTROL_MODES.index(mode), chain, joints, shaken, KINDS.index(kind), size)
+
+
 @njit(cache=True)
 def set_points(
-    episodes: Records,
-    actions: Array,
-    mode: int,
-    chain: Array,
-    joints: Array,
-    kind: int,
-    size: float,
-    rows: Array,
-    push: Array,
+    episodes: Records, commands: Array, actions: Array, control: Control, rows: Array, push: Array
 ) -> bool:
     """Move the set-points by one control step.
 
     Args:
-        episodes: (N,); targets, command and the count of steps are advanced.
-        actions: (N, n); clipped to [-1, 1] in place.
-        mode: index of `CONTROL_MODES`.
-        chain: (8, 7) fixed poses of the arm's joints and of the palm, each in the frame before.
-        joints: `JOINTS`.
-        kind: index of `disturbance.KINDS`.
-        size: of the disturbance.
-        rows: (N, 25, 23) out, what the servos are told in each physics step, rad.
+        episodes: (N,); the count of steps is advanced.
+        commands: (N, 3, n) rad, `COMMANDS`; advanced.
+        actions: (N, m); clipped to [-1, 1] in place.
+        control: of the robot.
+        rows: (N, 25, n) out, what the servos are told in each physics step, rad.
         push: (N, 3) out, force on the object's centre of mass during the control step, N.
 
     Returns:
@@ -66,34 +82,36 @@ def set_points(
         if not math.isfinite(action):
             return False
     for i in range(len(episodes)):
-        e = episodes[i]
+        e, c = episodes[i], commands[i]
         e.elapsed += 1
         for j in range(actions.shape[1]):
             actions[i, j] = min(max(actions[i, j], -1.0), 1.0)
-        _advance_targets(e.targets, actions[i], mode, chain, joints)
-        command = _command(e, kind, size, joints)
-        _ramp(e.before, e.command, command, e.latency, rows[i])
-        e.before[:] = e.command
-        e.command[:] = command
-        _push(e, kind, size, push[i])
+        _advance_targets(c[_TARGETS], actions[i], control.mode, control.chain, control.joints)
+        command = _command(e, c[_TARGETS], control)
+        _ramp(c[_BEFORE], c[_COMMAND], command, e.latency, rows[i])
+        c[_BEFORE] = c[_COMMAND]
+        c[_COMMAND] = command
+        _push(e, control.kind, control.size, push[i])
     return True
 
 
 @njit(cache=True)
 def _advance_targets(targets: Array, action: Array, mode: int, chain: Array, joints: Array) -> None:
     lower, upper, most = joints[_LOWER], joints[_UPPER], joints[_STEP]
+    n, arm_dof = joints.shape[1], chain.shape[0] - 1
     if mode == _POSITION:
-        for j in range(23):
+        for j in range(n):
             _move(targets, j, lower[j] + 0.5 * (action[j] + 1.0) * (upper[j] - lower[j]), joints)
     elif mode == _DELTA:
-        for j in range(23):
+        for j in range(n):
             _move(targets, j, targets[j] + action[j] * most[j], joints)
     else:
         arm = _palm_step(action, targets, chain, joints)
-        for j in range(7):
+        for j in range(arm_dof):
             _move(targets, j, arm[j], joints)
-        for j in range(7, 23):
-            _move(targets, j, lower[j] + 0.5 * (action[j - 1] + 1.0) * (upper[j] - lower[j]), joints)
+        for j in range(arm_dof, n):
+            desired = lower[j] + 0.5 * (action[6 + j - arm_dof] + 1.0) * (upper[j] - lower[j])
+            _move(targets, j, desired, joints)
 
 
 @njit(cache=True)
@@ -106,48 +124,50 @@ def _move(targets: Array, j: int, desired: float, joints: Array) -> None:
 
 @njit(cache=True)
 def _palm_step(action: Array, targets: Array, chain: Array, joints: Array) -> Array:
-    """Return arm positions (7,) that move the palm by the action: damped least squares, home in the null space."""
+    """Return arm positions (a,) that move the palm by the action: damped least squares, home in the null space."""
     J = palm_jacobian(targets, chain)
-    pull = np.empty(7)
-    for j in range(7):
+    n = J.shape[1]
+    pull = np.empty(n)
+    for j in range(n):
         pull[j] = _POSTURE_GAIN * (joints[_HOME, j] - targets[j])
     residual = np.empty(6)
     for r in range(6):
         residual[r] = action[r] * (PALM_STEP if r < 3 else PALM_TURN)
-        for j in range(7):
+        for j in range(n):
             residual[r] -= J[r, j] * pull[j]
     weights = _solve(J, residual)
-    step = np.empty(7)
+    step = np.empty(n)
     excess = 1.0
-    for j in range(7):
+    for j in range(n):
         step[j] = pull[j]
         for r in range(6):
             step[j] += J[r, j] * weights[r]
         excess = max(excess, abs(step[j]) / joints[_STEP, j])
     # One factor for all joints keeps the direction of the palm's motion.
-    for j in range(7):
+    for j in range(n):
         step[j] = targets[j] + step[j] / excess
     return step
 
 
 @njit(cache=True)
 def palm_jacobian(targets: Array, chain: Array) -> Array:
-    """Jacobian of the palm (6, 7) at arm positions: rows linear m and angular rad in the world frame."""
-    axes, anchors = np.empty((7, 3)), np.empty((8, 3))
+    """Jacobian of the palm (6, a) at arm positions: rows linear m and angular rad in the world frame."""
+    n = chain.shape[0] - 1
+    axes, anchors = np.empty((n, 3)), np.empty((n + 1, 3))
     q = (1.0, 0.0, 0.0, 0.0)
     x, y, z = 0.0, 0.0, 0.0
-    for j in range(8):
+    for j in range(n + 1):
         c = chain[j]
         dx, dy, dz = _rotated(q, (c[0], c[1], c[2]))
         x, y, z = x + dx, y + dy, z + dz
         anchors[j, 0], anchors[j, 1], anchors[j, 2] = x, y, z
         q = _product(q, (c[3], c[4], c[5], c[6]))
-        if j < 7:
+        if j < n:
             axes[j, 0], axes[j, 1], axes[j, 2] = _rotated(q, (0.0, 0.0, 1.0))
             half = 0.5 * targets[j]
             q = _product(q, (math.cos(half), 0.0, 0.0, math.sin(half)))
-    J = np.empty((6, 7))
-    for j in range(7):
+    J = np.empty((6, n))
+    for j in range(n):
         a, b, c = axes[j]
         dx, dy, dz = x - anchors[j, 0], y - anchors[j, 1], z - anchors[j, 2]
         J[0, j], J[1, j], J[2, j] = b * dz - c * dy, c * dx - a * dz, a * dy - b * dx
@@ -162,7 +182,7 @@ def _solve(J: Array, b: Array) -> Array:
     for r in range(6):
         for c in range(r + 1):
             total = _DAMPING * _DAMPING if r == c else 0.0
-            for j in range(7):
+            for j in range(J.shape[1]):
                 total += J[r, j] * J[c, j]
             for k in range(c):
                 total -= L[r, k] * L[c, k]
@@ -180,34 +200,35 @@ def _solve(J: Array, b: Array) -> Array:
 
 
 @njit(cache=True)
-def _command(e: Record, kind: int, size: float, joints: Array) -> Array:
-    """Return what the servos are to be told at the end of the control step, (23,): targets and shaking."""
-    command = e.targets.copy()
-    if kind == _SHAKEN and e.phase == _RUNNING:
+def _command(e: Record, targets: Array, control: Control) -> Array:
+    """Return what the servos are to be told at the end of the control step, (n,): targets and shaking."""
+    command, joints, size = targets.copy(), control.joints, control.size
+    if control.kind == _SHAKEN and e.phase == _RUNNING:
         t = (e.disturbed + 1) * CONTROL_PERIOD
-        command[0] += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
-        command[3] += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
-        for j in (0, 3):
+        first, second = control.shaken
+        command[first] += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
+        command[second] += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
+        for j in (first, second):
             command[j] = min(max(command[j], joints[_LOWER, j]), joints[_UPPER, j])
     return command
 
 
 @njit(cache=True)
 def _ramp(before: Array, start: Array, end: Array, latency: int, rows: Array) -> None:
-    """Fill (25, 23) with the commands of the physics steps: evenly from `start` to exactly `end`, late by `latency`."""
+    """Fill (25, n) with the commands of the physics steps: evenly from `start` to exactly `end`, late by `latency`."""
     for k in range(CONTROL_STEPS):
         at = k + 1 - latency
         if at == CONTROL_STEPS:
             rows[k] = end
         elif at > 0:
             fraction = at / CONTROL_STEPS
-            for j in range(23):
+            for j in range(len(start)):
                 rows[k, j] = start[j] + fraction * (end[j] - start[j])
         elif at == 0:
             rows[k] = start
         else:
             fraction = (CONTROL_STEPS + at) / CONTROL_STEPS
-            for j in range(23):
+            for j in range(len(start)):
                 rows[k, j] = before[j] + fraction * (start[j] - before[j])
 
 

@@ -1,7 +1,7 @@
 """Settings of the environment, checked once at construction."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -10,10 +10,10 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import load_target, resolve_targets
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import SHOW_CAMERAS
-from dexgrasp_env.robot.mounts import MOUNTS
+from dexgrasp_env.robot.active import active_cell
+from dexgrasp_env.robot.cell import Cell, default_cell, make_cell
 from dexgrasp_env.scene.constants import FRICTION
 from dexgrasp_env.sensing.calibration import Calibration
-from dexgrasp_env.sensing.cameras import CAMERA_NAMES
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import OBS_MODES
@@ -34,7 +34,7 @@ class LiftSettings:
     obs_mode: str = "state"
     control_mode: str = "joint_delta"
     reward_mode: str = "dense"
-    mount: str = "palm_normal"
+    cell: Cell = field(default_factory=default_cell)
     friction: float | None = None
     mass: float = 1.0
     presentation: str = "rest"
@@ -56,7 +56,10 @@ class LiftSettings:
         Raises:
             InputError: one line that says which is wrong and what is valid.
         """
-        for key, valid in _CHOICES.items():
+        robot = given.pop("robot")
+        cell = make_cell(active_cell() if robot is None else robot, given.pop("mount"))
+        choices = _CHOICES | {"render_camera": (*SHOW_CAMERAS, *cell.camera_names)}
+        for key, valid in choices.items():
             if given[key] not in valid:
                 raise unknown_name(key, given[key], valid)
         if given["friction"] is not None:
@@ -67,10 +70,16 @@ class LiftSettings:
             "randomisation": Randomisation.of(given["randomisation"]),
             "disturbance": Disturbance.of(given["disturbance"]),
             "calibration": Calibration.of(given["calibration"]),
-            "views": _check_views(given["views"]),
+            "views": _check_views(given["views"], cell.camera_names),
+            "cell": cell,
         }
         targets = resolve_targets(_check_names(objects))
         return cls(objects=tuple(targets), **(given | parts))
+
+    @property
+    def mount(self) -> str:
+        """How the hand sits on the flange."""
+        return self.cell.robot.mount.name
 
     def friction_of(self, model: ObjectModel) -> float:
         """Return the sliding coefficient given, else the object's own, else the default."""
@@ -86,11 +95,9 @@ _CHOICES = {
     "obs_mode": OBS_MODES,
     "control_mode": CONTROL_MODES,
     "reward_mode": REWARD_MODES,
-    "mount": tuple(MOUNTS),
     "presentation": PRESENTATIONS,
     "observe": OBSERVE,
     "render_mode": (None, *RENDER_MODES),
-    "render_camera": SHOW_CAMERAS,
 }
 
 
@@ -107,17 +114,17 @@ def _check_number(name: str, value: Any, most: float) -> None:
         raise InputError(f"{name} = {value!r}: valid is a number above 0 and up to {most:g}")
 
 
-def _check_views(value: Any) -> tuple[str, ...] | int:
+def _check_views(value: Any, cameras: tuple[str, ...]) -> tuple[str, ...] | int:
     """Names of cameras, or how many of them to draw at each reset."""
     if isinstance(value, int) and not isinstance(value, bool):
-        most = max(len(CAMERA_NAMES), DEFAULT_VIEWS)  # a cell with fewer cameras has all of them look
+        most = max(len(cameras), DEFAULT_VIEWS)  # a cell with fewer cameras has all of them look
         if not 1 <= value <= most:
             raise InputError(f"views = {value}: valid are 1 to {most} cameras, or their names")
-        return min(value, len(CAMERA_NAMES))
+        return min(value, len(cameras))
     names = (value,) if isinstance(value, str) else tuple(value)
     for name in names:
-        if name not in CAMERA_NAMES:
-            raise unknown_name("view", name, CAMERA_NAMES)
+        if name not in cameras:
+            raise unknown_name("view", name, cameras)
     if not names or len(set(names)) < len(names):
-        raise InputError(f"views = {value!r}: valid are one or more of {', '.join(CAMERA_NAMES)}, each once")
+        raise InputError(f"views = {value!r}: valid are one or more of {', '.join(cameras)}, each once")
     return names

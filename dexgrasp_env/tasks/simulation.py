@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.robot.limits import HOME
-from dexgrasp_env.robot.names import ARM_BODIES, BODIES
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.scene.sensors import reading_columns
-from dexgrasp_env.sensing.cameras import default_cameras
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 
@@ -32,24 +31,24 @@ _TOUCH = 1e-4  # m of penetration between object and robot that a pose may have
 
 
 @lru_cache(maxsize=64)
-def compiled_scene(model: ObjectModel, mount: str) -> mujoco.MjModel:
+def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
     """Compile the scene of an object once; callers copy it before they write to it."""
-    return build_scene(model, mount=mount, cameras=default_cameras())
+    return build_scene(model, cell, cameras=cell.make_cameras())
 
 
 class Simulation:
     """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode.
 
-    `moment` are views of the data: positions (1, 30), velocities (1, 29) and sensors (1, n).
+    `moment` are views of the data: positions (1, n + 7), velocities (1, n + 6) and sensors (1, m) of n joints.
     """
 
-    def __init__(self, model: ObjectModel, mount: str) -> None:
-        self.object = model
-        self.base = compiled_scene(model, mount)
+    def __init__(self, model: ObjectModel, cell: Cell) -> None:
+        self.object, self.cell = model, cell
+        self.base = compiled_scene(model, cell)
         self.model = copy.copy(self.base)
         self.data = mujoco.MjData(self.model)
         self.variation = Variation()
-        self.columns = reading_columns(self.base)
+        self.columns = reading_columns(self.base, cell.robot)
         self.hull = model.solid.corners  # (V, 3) m, object frame
         self.body = int(self.base.body("object").id)
         # Views into `data`, which stays where it is.
@@ -70,9 +69,14 @@ class Simulation:
     def place(self, pose: Array) -> None:
         """Put the robot home and the object at `pose` (7,): position m and quaternion wxyz."""
         mujoco.mj_resetData(self.model, self.data)
-        self.data.qpos[:23] = HOME
-        self.data.qpos[23:30] = pose
-        self.data.ctrl[:] = HOME
+        robot = self.cell.robot
+        self.data.qpos[: robot.dof] = robot.home
+        self.data.qpos[robot.dof :] = pose
+        self.data.ctrl[:] = robot.home
+
+    def object_pose(self) -> Array:
+        """Return the object's pose (7,): position m and quaternion wxyz."""
+        return self.data.qpos[self.cell.robot.dof :].copy()
 
     def settle(self) -> None:
         """Let the object come to rest for 0.2 s; what depends on the state is current afterwards."""
@@ -92,7 +96,7 @@ class Simulation:
                 continue
             bodies = [int(self.model.geom_bodyid[geom]) for geom in (contact.geom1, contact.geom2)]
             other = self.model.body(bodies[1] if bodies[0] == self.body else bodies[0]).name
-            if self.body in bodies and other in (*ARM_BODIES, *BODIES):
+            if self.body in bodies and other in self.cell.robot.bodies:
                 raise InputError(f"object_pose: the robot's {other} is in the way: give a place free of it")
 
     def step(self, rows: Array) -> int:
@@ -101,7 +105,7 @@ class Simulation:
         Applied forces in `data` act on. A step in which MuJoCo warns is cut short.
 
         Args:
-            rows: (1, 25, 23) set-points of the physics steps, rad.
+            rows: (1, 25, n) set-points of the physics steps, rad.
 
         Returns:
             The warnings that came up, one bit each.
@@ -146,13 +150,13 @@ def warning_names(bits: int) -> str:
     return " ".join(name for k, name in enumerate(_WARNINGS) if bits >> k & 1)
 
 
-def arm_chain(model: mujoco.MjModel) -> Array:
-    """Return the poses of the arm's seven joints and of the palm, each in the frame before, (8, 7).
+def arm_chain(model: mujoco.MjModel, robot: Robot) -> Array:
+    """Return the poses of the arm's a joints and of the palm, each in the frame before, (a + 1, 7).
 
     The joints turn about z. Columns are position m and quaternion wxyz.
     """
-    rows = [np.concatenate([model.body(name).pos, model.body(name).quat]) for name in ARM_BODIES[1:]]
-    site, body = model.site("palm"), model.body("palm")
-    if any(site.pos) or model.body(int(body.parentid[0])).name != ARM_BODIES[-1]:
+    rows = [np.concatenate([model.body(name).pos, model.body(name).quat]) for name in robot.arm.bodies[1:]]
+    site, body = model.site(robot.hand.palm), model.body(robot.hand.palm)
+    if any(site.pos) or model.body(int(body.parentid[0])).name != robot.arm.bodies[-1]:
         raise RuntimeError("the palm frame is not that of a body on the arm's last link")
     return np.array([*rows, np.concatenate([body.pos, body.quat])])

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.tasks.control import ACTION_SIZE
+from dexgrasp_env.tasks.control import action_size
 from dexgrasp_env.tasks.episodes import EpisodeState, Moment
 from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv, check_actions, make_settings
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
@@ -73,7 +73,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         threads = None if threads is None else _check_count("threads", threads)
         self._physics = BatchPhysics(self._episodes.simulations, num_envs, threads)
         self.single_action_space = spaces.Box(
-            -1.0, 1.0, (ACTION_SIZE[self.settings.control_mode],), np.float32
+            -1.0, 1.0, (action_size(self.settings.control_mode, self.settings.cell.robot),), np.float32
         )
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -88,8 +88,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
 
     @property
     def targets(self) -> NDArray[np.float64]:
-        """Set-points of the servos as the agent has them, (N, 23) rad."""
-        return self._episodes.records["targets"].copy()
+        """Set-points of the servos as the agent has them, (N, n) rad."""
+        return self._episodes.commands[:, 0].copy()
 
     # -- Gymnasium -----------------------------------------------------------------------------------------------
 

@@ -16,9 +16,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.rendering import check_size
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.robot.home import HOME_ARM
 from dexgrasp_env.sensing.backends import DepthBackend, make_backend
-from dexgrasp_env.sensing.cameras import CAMERA_NAMES, default_cameras
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -60,7 +58,8 @@ class Views:
         self._renderer: mujoco.Renderer | None = None
         self._viewer: Any = None
         self._shown: tuple[Simulation, float] | None = None
-        intrinsics = default_cameras()[0].intrinsics
+        self._cameras = settings.cell.make_cameras()
+        intrinsics = self._cameras[0].intrinsics
         number = settings.views if isinstance(settings.views, int) else len(settings.views)
         self.image_shape = (number, intrinsics.height, intrinsics.width)
 
@@ -93,13 +92,14 @@ class Views:
         return {key: value.copy() for key, value in view.seen.items()}, copy.deepcopy(view.info)
 
     def due(self, qpos: Array) -> bool:
-        """Whether cameras look after a step that ends at these positions (30,): `observe` says when.
+        """Whether cameras look after a step that ends at these positions (n + 7,): `observe` says when.
 
         `step`: always. `reset`: never. `clear`: while the arm stands at home, where no camera's view is in its way.
         """
         observe = self._settings.observe
         if observe == "clear":
-            return bool(np.abs(qpos[:7] - HOME_ARM).max() < _AT_HOME)
+            arm = np.array(self._settings.cell.robot.arm.home)
+            return bool(np.abs(qpos[: len(arm)] - arm).max() < _AT_HOME)
         return observe == "step"
 
     def _choose(self, rng: Generator) -> tuple[str, ...]:
@@ -107,9 +107,10 @@ class Views:
         views = self._settings.views
         if not isinstance(views, int):
             return views
-        if views == len(CAMERA_NAMES):
-            return CAMERA_NAMES
-        return tuple(CAMERA_NAMES[k] for k in sorted(rng.permutation(len(CAMERA_NAMES))[:views]))
+        names = self._settings.cell.camera_names
+        if views == len(names):
+            return names
+        return tuple(names[k] for k in sorted(rng.permutation(len(names))[:views]))
 
     def _look(
         self, perception: Perception, simulation: Simulation, rng: Generator
@@ -129,7 +130,7 @@ class Views:
             "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
         }
         if self._settings.obs_mode == "rgbd":
-            names = [camera.name for camera in default_cameras()]
+            names = self._settings.cell.camera_names
             views["rgb"] = self._colour(simulation).render_rgb(simulation.data)[
                 [names.index(camera.name) for camera in perception.cameras]
             ]
@@ -139,8 +140,8 @@ class Views:
         """The cell of this simulation; made anew when the object's size or the cameras have changed."""
         known, size = self._perceptions.get(simulation), simulation.variation.size
         if known is None or known[:2] != (size, names):
-            cameras = tuple(camera for camera in default_cameras() if camera.name in names)
-            known = (size, names, Perception(simulation.model, cameras=cameras, sensor=self._sensor))
+            cameras = tuple(camera for camera in self._cameras if camera.name in names)
+            known = (size, names, Perception(simulation.model, cameras, sensor=self._sensor))
             self._perceptions[simulation] = known
         return known[2]
 
@@ -149,7 +150,7 @@ class Views:
         if self._colour_backend is None or self._colour_key != _shape_key(simulation):
             if self._colour_backend is not None:
                 self._colour_backend.close()
-            self._colour_backend = make_backend("gl", simulation.model, default_cameras())
+            self._colour_backend = make_backend("gl", simulation.model, self._cameras)
             self._colour_key = _shape_key(simulation)
         return self._colour_backend
 
@@ -167,7 +168,7 @@ class Views:
             self._shown = _shape_key(simulation)
         if mode == "depth_array":
             self._renderer.enable_depth_rendering()
-        camera = show_camera(self._settings.render_camera, simulation.data)
+        camera = show_camera(self._settings.render_camera, simulation.data, simulation.cell.robot)
         picture = render(self._renderer, simulation.data, camera)
         self._renderer.disable_depth_rendering()
         return picture

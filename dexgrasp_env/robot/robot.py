@@ -1,0 +1,232 @@
+"""The robot as a value: an arm, a hand and how the one sits on the other; everything of either comes from its file.
+
+Vectors of joints have the arm's joints first, then the hand's, each in the order of its file.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import chain
+from pathlib import Path
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import unknown_name
+from dexgrasp_env.files import content_hash
+
+Numbers = tuple[float, ...]
+Names = tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Joints:
+    """Names, limits and gains of joints: rad, s, Nm; gains Nm/rad and Nm s/rad."""
+
+    names: Names
+    lower: Numbers
+    upper: Numbers
+    velocity: Numbers
+    acceleration: Numbers
+    jerk: Numbers
+    torque: Numbers
+    stiffness: Numbers
+    damping: Numbers = ()  # of the servos; without it they are critically damped
+
+
+@dataclass(frozen=True)
+class Adapter:
+    """The plate between flange and hand, for pictures: along the last link's z, m; names of its look in the MJCF."""
+
+    start: float
+    end: float
+    radius: float
+    look: str
+    material: str
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm.
+
+    Attributes:
+        name: of it.
+        mjcf: its description; not a part of what it is called, its content is.
+        joints: from the base to the flange, each turning about its z axis.
+        bodies: from the base, which is fixed to the world, to the last link, which bears the hand.
+        home: rad, where every episode begins.
+        shoulder: (3,) m in the frame of the base, where `reach` counts from.
+        reach: m.
+        shaken: the two joints that a shaking turns.
+        adapter: the plate under the hand, if any.
+    """
+
+    name: str
+    mjcf: Path = field(repr=False)
+    joints: Joints
+    bodies: Names
+    home: Numbers
+    shoulder: Numbers
+    reach: float
+    shaken: tuple[int, int]
+    adapter: Adapter | None = None
+
+
+@dataclass(frozen=True)
+class Finger:
+    """A finger of the hand.
+
+    Attributes:
+        name: of it.
+        joints: names, from the palm to the tip.
+        bodies: names, from the palm to the tip.
+        tip: name of the site at the centre of the tip's sphere, and of the tip's collision geom.
+        pad: (3,) outward normal of the soft side, frame of the last body.
+    """
+
+    name: str
+    joints: Names
+    bodies: Names
+    tip: str
+    pad: Numbers
+
+
+@dataclass(frozen=True)
+class Mount:
+    """The palm frame in the frame of the arm's last link: position (3,) m and quaternion wxyz (4,)."""
+
+    name: str
+    position: Numbers
+    quat_wxyz: Numbers
+
+
+@dataclass(frozen=True)
+class Hand:
+    """A hand.
+
+    Attributes:
+        name: of it.
+        mjcf: its description; not a part of what it is called, its content is.
+        palm: the palm's body and site: z towards the fingers, +x out of the palm's face.
+        joints: all of them, finger by finger.
+        fingers: in the order of the joints.
+        grasp: names of the fingers of a grasp; the first opposes the others.
+        open: rad, the pre-shape of a grasp.
+        mounts: how the hand may sit on an arm.
+        beside_palm: the link that works closer to the palm than spheres can tell; empty where there is none.
+        self_pairs: bodies that the hand's own motion can bring together.
+    """
+
+    name: str
+    mjcf: Path = field(repr=False)
+    palm: str
+    joints: Joints
+    fingers: tuple[Finger, ...]
+    grasp: Names
+    open: Numbers
+    mounts: tuple[Mount, ...]
+    beside_palm: str = ""
+    self_pairs: tuple[tuple[str, str], ...] = ()
+
+    @property
+    def bodies(self) -> Names:
+        """The palm, then each finger's bodies."""
+        return (self.palm, *chain.from_iterable(finger.bodies for finger in self.fingers))
+
+    def finger(self, name: str) -> Finger:
+        """Return the finger of that name."""
+        return next(finger for finger in self.fingers if finger.name == name)
+
+    def mount(self, name: str) -> Mount:
+        """Return the mount of that name.
+
+        Raises:
+            InputError: if there is none.
+        """
+        for mount in self.mounts:
+            if mount.name == name:
+                return mount
+        raise unknown_name("mount", name, [mount.name for mount in self.mounts])
+
+
+def _joined(name: str) -> "cached_property[Array]":
+    """A read-only array (n,) of the arm's numbers and the hand's."""
+
+    def values(self: "Robot") -> Array:
+        return _fixed(*getattr(self.arm.joints, name), *getattr(self.hand.joints, name))
+
+    return cached_property(values)
+
+
+@dataclass(frozen=True)
+class Robot:
+    """An arm with a hand; n joints, F fingers, G of which grasp."""
+
+    name: str
+    arm: Arm
+    hand: Hand
+    mount: Mount
+
+    lower = _joined("lower")
+    upper = _joined("upper")
+    velocity = _joined("velocity")
+    acceleration = _joined("acceleration")
+    jerk = _joined("jerk")
+    torque = _joined("torque")
+    stiffness = _joined("stiffness")
+
+    @cached_property
+    def joints(self) -> Names:
+        """Names of all joints, which their actuators share, in the order of every vector of joints."""
+        return self.arm.joints.names + self.hand.joints.names
+
+    @property
+    def dof(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @property
+    def arm_dof(self) -> int:
+        """Number of the arm's joints, which come first."""
+        return len(self.arm.joints.names)
+
+    @cached_property
+    def bodies(self) -> Names:
+        """Names of all bodies: the arm's from the base, the palm, the fingers'."""
+        return self.arm.bodies + self.hand.bodies
+
+    @cached_property
+    def home(self) -> Array:
+        """Arm at home and hand open, (n,) rad."""
+        return _fixed(*self.arm.home, *self.hand.open)
+
+    @cached_property
+    def max_torque(self) -> Array:
+        """Torque limits of the hand's joints, Nm."""
+        return self.torque[self.arm_dof :]
+
+    @cached_property
+    def grasping(self) -> tuple[Finger, ...]:
+        """The G fingers of a grasp, the opposing one first."""
+        return tuple(map(self.hand.finger, self.hand.grasp))
+
+    @cached_property
+    def columns(self) -> dict[str, slice]:
+        """Where a finger's joints are in a vector of joints."""
+        first = {finger.name: self.joints.index(finger.joints[0]) for finger in self.hand.fingers}
+        return {f.name: slice(first[f.name], first[f.name] + len(f.joints)) for f in self.hand.fingers}
+
+    @cached_property
+    def tips(self) -> Names:
+        """Names of the tips' sites and geoms, in the order of the fingers."""
+        return tuple(finger.tip for finger in self.hand.fingers)
+
+    @cached_property
+    def hash(self) -> str:
+        """A hash of all that the files say, the descriptions in MJCF with their meshes' names among it."""
+        return content_hash(repr(self), self.arm.mjcf.read_text(), self.hand.mjcf.read_text())[:8]
+
+
+def _fixed(*values: float) -> Array:
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
