@@ -9,7 +9,6 @@ import pytest
 
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.report.build import write_report
-from dexgrasp.evaluation.report.document import TableBlock, as_html, as_markdown
 from dexgrasp.evaluation.report.origin import commands, describe_run
 from dexgrasp.runs.text import seconds_words
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
@@ -143,11 +142,12 @@ def test_names_that_are_no_text_are_shown_with_question_marks(folder):
     assert "my?" in (folder / "out" / "report.html").read_text()
 
 
-def test_names_are_escaped():
-    table = TableBlock(("<b>", "b"), [["<script>alert(1)</script>", "a|b"]])
-    page = parsed(as_html("<title>", [table]))
-    assert "<script>alert(1)</script>" in page.text
-    assert "a\\|b" in as_markdown([table])
+def test_names_are_escaped(folder):
+    lines = (folder / "trials.jsonl").read_text().replace("my_mesh", "<script>alert(1)</script>a|b")
+    (folder / "trials.jsonl").write_text(lines)
+    assert "<script>alert(1)</script>a\\|b" in write_report([folder], folder / "out")
+    page = parsed((folder / "out" / "report.html").read_text())
+    assert "<script>alert(1)</script>a|b" in page.text
 
 
 def test_report_command(folder, capsys):

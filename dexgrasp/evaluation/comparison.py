@@ -13,6 +13,8 @@ from dexgrasp.runs.text import left_table, text_table
 from dexgrasp_env.errors import InputError, unknown_name
 
 Row = Mapping[str, Any]
+Pairs = Sequence[tuple[Row, Row]]
+"""Trials of two agents on the same scenes."""
 
 
 def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
@@ -42,27 +44,31 @@ def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
     first, second = ({_scene(row): row for row in rows if row["agent"] == name} for name in (a, b))
     every = [(first[scene], second[scene]) for scene in first if scene in second]
     pairs = list({(_trial(x), _trial(y)): (x, y) for x, y in reversed(every)}.values())[::-1]
-    objects = list(dict.fromkeys(row["object"] for row, _ in pairs))
-    protocols = dict.fromkeys(row.get("protocol") for row, _ in every)
+    by_object, by_protocol = _grouped(pairs, "object"), _grouped(every, "protocol")
+    sets = {
+        name: [pair for member in members for pair in by_object[member]]
+        for name, members in present_sets(list(by_object)).items()
+    }
+    several = {"by_protocol": _each(by_protocol)} if len(by_protocol) > 1 else {}
     return {
         **_statistics(pairs),
         "repeated": len(every) - len(pairs),
-        "by_set": {
-            name: _statistics([p for p in pairs if p[0]["object"] in members])
-            for name, members in present_sets(objects).items()
-        },
-        "by_object": {name: _statistics([p for p in pairs if p[0]["object"] == name]) for name in objects},
-        **(
-            {
-                "by_protocol": {
-                    n: _statistics([p for p in every if p[0].get("protocol") == n]) for n in protocols
-                }
-            }
-            if len(protocols) > 1
-            else {}
-        ),
+        "by_set": _each(sets),
+        "by_object": _each(by_object),
+        **several,
         "discordant": [_discordant(p, a, b) for p in pairs if p[0]["success"] != p[1]["success"]],
     }
+
+
+def _grouped(pairs: Pairs, key: str) -> dict[Any, Pairs]:
+    found: dict[Any, list[tuple[Row, Row]]] = {}
+    for pair in pairs:
+        found.setdefault(pair[0].get(key), []).append(pair)
+    return dict(found)
+
+
+def _each(groups: Mapping[Any, Pairs]) -> dict[Any, dict[str, Any]]:
+    return {name: _statistics(pairs) for name, pairs in groups.items()}
 
 
 def _scene(row: Row) -> tuple[object, ...]:
@@ -76,24 +82,24 @@ def _trial(row: Row) -> tuple[object, ...]:
     return row["object"], row["trial"], row.get("scene_seed"), *(_scene(row) if None in played else played)
 
 
-def _statistics(pairs: Sequence[tuple[Row, Row]]) -> dict[str, Any]:
+def _statistics(pairs: Pairs) -> dict[str, Any]:
     """Return counts, rates, difference with intervals, the exact test and the sequential test's capital."""
     firsts, seconds = [x for x, _ in pairs], [y for _, y in pairs]
-    counts = mcnemar(
-        {i: bool(row["success"]) for i, row in enumerate(firsts)},
-        {i: bool(row["success"]) for i, row in enumerate(seconds)},
-    )
-    table = [int(counts[key]) for key in ("both", "only_a", "only_b", "neither")]
+    won: list[dict[object, bool]] = [
+        {i: bool(row["success"]) for i, row in enumerate(rows)} for rows in (firsts, seconds)
+    ]
+    counts = mcnemar(won[0], won[1])
+    both, only_a, only_b, neither = (int(counts[key]) for key in ("both", "only_a", "only_b", "neither"))
     n = max(len(pairs), 1)
     return {
         "scenes": len(pairs),
-        "rate_a": (table[0] + table[1]) / n,
-        "rate_b": (table[0] + table[2]) / n,
-        "difference": (table[1] - table[2]) / n,
-        "ci95": list(paired_difference_interval(*table)),
+        "rate_a": (both + only_a) / n,
+        "rate_b": (both + only_b) / n,
+        "difference": (only_a - only_b) / n,
+        "ci95": list(paired_difference_interval(both, only_a, only_b, neither)),
         "ci95_objects": list(object_difference_interval(object_counts(firsts), object_counts(seconds))),
         **counts,
-        "e_value": capital(table[1], table[2]),
+        "e_value": capital(only_a, only_b),
     }
 
 
@@ -121,15 +127,9 @@ def render_comparison(content: Mapping[str, Any]) -> str:
     header = ("", "scenes", a, b, "difference", "95 %", f"{a} alone", f"{b} alone", "p")
     parts = [text_table(header, rows), _sentence(content)]
     if content["discordant"]:
+        keys = ("object", "trial", "scene_seed", "solved_by", "reason_of_the_other")
         lines = [
-            [
-                d["object"],
-                str(d["trial"]),
-                str(d.get("scene_seed", "")),
-                d["solved_by"],
-                d["reason_of_the_other"] or "",
-            ]
-            for d in content["discordant"]
+            [str(d.get(key) if d.get(key) is not None else "") for key in keys] for d in content["discordant"]
         ]
         parts.append(left_table(("object", "trial", "scene seed", "solved by", "why not the other"), lines))
     return "\n\n".join(parts)
@@ -148,11 +148,9 @@ def _sentence(content: Mapping[str, Any]) -> str:
     if not content["scenes"]:
         return f"{a} and {b} have no scene in common."
     better, worse = (a, b) if content["difference"] > 0 else (b, a)
-    verdict = (
-        f"{better} solves more of these scenes than {worse}"
-        if content["p_value"] <= 0.05
-        else "these scenes show no difference"
-    )
+    verdict = "these scenes show no difference"
+    if content["p_value"] <= 0.05:
+        verdict = f"{better} solves more of these scenes than {worse}"
     repeated = content["repeated"]
     again = (
         f" {repeated} trials repeat others: their protocols change nothing for these two." if repeated else ""

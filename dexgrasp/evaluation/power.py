@@ -4,9 +4,9 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtri
 from scipy.stats import binom
 
-from dexgrasp.evaluation.statistics import normal_quantile
 from dexgrasp_env.errors import InputError
 
 _MOST = 200_000
@@ -23,8 +23,8 @@ def unpaired_trials(rate: float, difference: float, *, power: float = 0.8, level
     _check(rate, difference)
     a, b = rate, rate - difference
     mean = 0.5 * (a + b)
-    null = normal_quantile(1 - level / 2) * np.sqrt(2 * mean * (1 - mean))
-    other = normal_quantile(power) * np.sqrt(a * (1 - a) + b * (1 - b))
+    null = ndtri(1 - level / 2) * np.sqrt(2 * mean * (1 - mean))
+    other = ndtri(power) * np.sqrt(a * (1 - a) + b * (1 - b))
     return int(np.ceil(((null + other) / difference) ** 2))
 
 

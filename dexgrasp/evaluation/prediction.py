@@ -7,11 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp_env.arrays import Array
 
-PREDICTORS = ("load", "capacity", "closure_margin")
-"""Fields of a certificate of which more should be better."""
+PREDICTORS = {
+    "load": "load, in weights",
+    "capacity": "capacity, in weights",
+    "closure_margin": "closure margin",
+}
+"""Fields of a certificate of which more should be better -> what reports call them."""
 _BINS = 5
 _LEAST = 10
 """Trials in a bin at least."""
@@ -19,18 +22,11 @@ _RESAMPLES = 2000
 
 
 class Bin(NamedTuple):
-    """Trials with a predictor between `low` and `high`."""
+    """Trials with alike values of a predictor: their median, and how they went."""
 
-    low: float
-    high: float
     median: float
     successes: int
     trials: int
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """Wilson's, 95 %."""
-        return wilson_interval(self.successes, self.trials)
 
 
 class Prediction(NamedTuple):
@@ -74,8 +70,7 @@ def auc(values: Array, successes: NDArray[np.bool_]) -> float:
     losses = len(successes) - wins
     if not wins or not losses:
         return 0.5
-    ranks = rankdata(values)
-    return float((ranks[successes].sum() - 0.5 * wins * (wins + 1)) / (wins * losses))
+    return float((rankdata(values)[successes].sum() - 0.5 * wins * (wins + 1)) / (wins * losses))
 
 
 def _interval(values: Array, successes: NDArray[np.bool_]) -> tuple[float, float]:
@@ -88,10 +83,4 @@ def _interval(values: Array, successes: NDArray[np.bool_]) -> tuple[float, float
 def _bins(values: Array, successes: NDArray[np.bool_]) -> tuple[Bin, ...]:
     count = max(1, min(_BINS, len(values) // _LEAST))
     parts = np.array_split(np.argsort(values, kind="stable"), count)
-    return tuple(
-        Bin(
-            float(values[at].min()), float(values[at].max()), float(np.median(values[at])), int(successes[at].sum()),
-            len(at),
-        )
-        for at in parts
-    )  # fmt: skip
+    return tuple(Bin(float(np.median(values[at])), int(successes[at].sum()), len(at)) for at in parts)

@@ -28,32 +28,28 @@ def _scene(row: Row) -> tuple[Any, ...]:
 
 def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, Any]]:
     """Return trials, successes, rate and 95 % interval of each protocol, and of those made of them that are whole."""
-    found = {name: _pooled([(own, 1.0)]) for name, own in rows.items()}
-    groups = {name: names for name, names in GROUPS.items() if all(part in rows for part in names)}
-    for name, names in groups.items():
-        found[name] = _pooled([(rows[part], 1.0 / len(names)) for part in names])
-    if all(name in found for name in ROBUST):
-        members = [GROUPS.get(name, (name,)) for name in ROBUST]
-        weighted = [(rows[part], 1.0 / (len(ROBUST) * len(own))) for own in members for part in own]
-        found["robust"] = _pooled(weighted)
-    return found
+    weights = {name: {name: 1.0} for name in rows}
+    weights |= {name: dict.fromkeys(names, 1.0 / len(names)) for name, names in GROUPS.items()}
+    weights["robust"] = {
+        part: w / len(ROBUST) for name in ROBUST for part, w in weights.get(name, {name: 1.0}).items()
+    }
+    return {name: _pooled(rows, own) for name, own in weights.items() if own.keys() <= rows.keys()}
 
 
-def _pooled(parts: Sequence[tuple[Sequence[Row], float]]) -> dict[str, Any]:
-    """Return the count of parts with the mean of their rates.
+def _pooled(rows: Mapping[str, Sequence[Row]], weights: Mapping[str, float]) -> dict[str, Any]:
+    """Return the count of parts with the weighted mean of their rates.
 
     The interval is Wilson's at the number of trials that would give the mean the same variance, were they of one part:
     exact for one part.
     """
-    sizes = [len(rows) for rows, _ in parts]
-    wins = [sum(bool(row["success"]) for row in rows) for rows, _ in parts]
-    rates = [k / n if n else 0.0 for k, n in zip(wins, sizes, strict=True)]
-    rate = sum(weight * r for (_, weight), r in zip(parts, rates, strict=True))
-    variance = sum(
-        weight**2 * r * (1.0 - r) / n for (_, weight), r, n in zip(parts, rates, sizes, strict=True) if n
-    )
-    total = sum(sizes)
+    total, wins, rate, variance = 0, 0, 0.0, 0.0
+    for name, weight in weights.items():
+        n, k = len(rows[name]), sum(bool(row["success"]) for row in rows[name])
+        own = k / n if n else 0.0
+        total, wins = total + n, wins + k
+        rate += weight * own
+        variance += weight**2 * own * (1.0 - own) / n if n else 0.0
     alike = rate * (1.0 - rate) / variance if variance > 0.0 else float(total)
     trials = max(1, min(total, round(alike))) if total else 0
     interval = wilson_interval(round(rate * trials), trials)
-    return {"trials": total, "successes": sum(wins), "rate": rate, "ci95": list(interval)}
+    return {"trials": total, "successes": wins, "rate": rate, "ci95": list(interval)}

@@ -54,22 +54,14 @@ def decided_after(
     rounds: dict[int, set[Key]] = {}
     for key in planned:
         rounds.setdefault(key[2], set()).add(key)
-    pairs = list(combinations(agents, 2))
-    discordant = dict.fromkeys(pairs, (0, 0))
+    alone = {pair: [0, 0] for pair in combinations(agents, 2)}  # scenes that one of the pair alone solved
     for number, keys in sorted(rounds.items()):
-        if not pairs or not keys <= won.keys():
+        if not alone or not keys <= won.keys():
             return None
-        scenes = {(target, trial) for _, target, trial in keys}
-        discordant = {pair: _add(discordant[pair], pair, scenes, won) for pair in pairs}
-        if all(is_decided(*counts, level=level / len(pairs)) for counts in discordant.values()):
+        for (a, b), counts in alone.items():
+            outcomes = [(won[a, *scene], won[b, *scene]) for scene in {key[1:] for key in keys}]
+            counts[0] += outcomes.count((True, False))
+            counts[1] += outcomes.count((False, True))
+        if all(is_decided(a, b, level / len(alone)) for a, b in alone.values()):
             return number + 1
     return None
-
-
-def _add(
-    counts: tuple[int, int], pair: tuple[str, str], scenes: Iterable[tuple[str, int]], won: Mapping[Key, bool]
-) -> tuple[int, int]:
-    """Add a round's scenes that one of the pair alone solved."""
-    outcomes = [(won[pair[0], *scene], won[pair[1], *scene]) for scene in scenes]
-    only_a, only_b = (sum(o == which for o in outcomes) for which in ((True, False), (False, True)))
-    return counts[0] + only_a, counts[1] + only_b

@@ -7,7 +7,7 @@ interval comes from drawing objects, not trials.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.special import gammaln, ndtri
+from scipy.special import comb
 from scipy.stats import binomtest, bootstrap
 
 from dexgrasp_env.arrays import Array
@@ -148,17 +148,4 @@ def success_within(counts: Counts, tries: int) -> float | None:
     if not counts or any(n < tries for _, n in counts.values()):
         return None
     k, n = _columns(counts)
-    fails = n - k
-    possible = fails >= tries
-    log_ratio = _log_choose(np.maximum(fails, tries), tries) - _log_choose(n, tries)
-    return float(np.mean(1.0 - np.where(possible, np.exp(log_ratio), 0.0)))
-
-
-def _log_choose(n: Array, k: int) -> Array:
-    found: Array = gammaln(n + 1.0) - gammaln(k + 1.0) - gammaln(n - k + 1.0)
-    return found
-
-
-def normal_quantile(probability: float) -> float:
-    """Return the quantile of the standard normal distribution."""
-    return float(ndtri(probability))
+    return float(np.mean(1.0 - comb(n - k, tries) / comb(n, tries)))

@@ -1,7 +1,7 @@
 """The summary of an evaluation, as documented in docs: schema 1."""
 
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -42,87 +42,94 @@ def summarise(
         stopped_after: trials a cell after which it was decided; later ones, begun before that was known, do not count.
         stop_level: of the sequential test; None where there was none.
     """
-    if stopped_after is not None:
-        rows = [row for row in rows if row["trial"] < stopped_after]
-    rows = judged(rows)
-    ordered = sorted(rows, key=lambda row: (settings.agents.index(row["agent"]), row["object"], row["trial"]))
+    rows = judged([row for row in rows if stopped_after is None or row["trial"] < stopped_after])
+    ordered = sorted(rows, key=lambda row: (row["object"], row["trial"]))
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
+    asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
+    sequential = {"sequential": {"level": stop_level, "stopped_after": stopped_after}}
     return {
         "schema": SCHEMA,
         "protocol": settings.protocol,
         "seed": settings.seed,
         "versions": versions(),
-        "complete": stopped_after is not None
-        or len(rows) == len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials,
-        **(
-            {}
-            if stop_level is None
-            else {"sequential": {"level": stop_level, "stopped_after": stopped_after}}
-        ),
+        "complete": stopped_after is not None or len(rows) == asked,
+        **(sequential if stop_level is not None else {}),
         "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
-        "paired": [compare(a, by_agent[a], b, by_agent[b]) for a, b in combinations(settings.agents, 2)],
+        "paired": [
+            {"a": a, "b": b, **mcnemar(_scenes(by_agent[a]), _scenes(by_agent[b]))}
+            for a, b in combinations(settings.agents, 2)
+        ],
     }
+
+
+def _scenes(rows: Sequence[Row]) -> dict[object, bool]:
+    """Return scene -> success."""
+    return {(row.get("protocol"), row["object"], row["trial"]): row["success"] for row in rows}
 
 
 def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
     """Return one agent's part of the summary."""
-    objects = list(dict.fromkeys(row["object"] for row in rows))
-    members = {
-        name: [row for row in rows if row["object"] in names] for name, names in present_sets(objects).items()
+    by_object = grouped(rows, "object")
+    sets = {
+        name: [row for row in rows if row["object"] in members]
+        for name, members in present_sets(list(by_object)).items()
     }
-    times = [row["planning_seconds"] for row in rows if row["planning_seconds"] is not None]
+    by_protocol = {name: own for name, own in grouped(rows, "protocol").items() if name}  # 0.1.0 named none
     counts = object_counts(rows)
     return {
         **count(rows),
-        "ci95_objects": list(object_interval(counts)),
         "within_tries": {str(k): p for k in _TRIES if (p := success_within(counts, k)) is not None},
-        "by_set": {
-            name: {**count(own), "ci95_objects": list(object_interval(object_counts(own)))}
-            for name, own in members.items()
-        },
-        "by_object": {name: _bare_count([row for row in rows if row["object"] == name]) for name in objects},
-        "by_protocol": protocol_counts(by_protocol(rows)),
+        "by_set": {name: count(own) for name, own in sets.items()},
+        "by_object": {name: bare_count(own) for name, own in by_object.items()},
+        "by_protocol": protocol_counts(by_protocol),
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
-        "planning_seconds": quantiles(times, **_QUARTILES, p90=0.9),
+        "planning_seconds": quantiles(_known(rows, "planning_seconds"), **_QUARTILES, p90=0.9),
         "mean_return": _mean(rows, "total_reward"),
         "mean_length": _mean(rows, "steps"),
         "stable": sum(row["stable"] and row["success"] for row in rows),
-        "constraints": summarise_constraints(rows, members),
-        "stages": summarise_stages(rows, members),
+        "constraints": _by_set_constraints(rows, sets),
+        "stages": {name: found for name, own in {"overall": rows, **sets}.items() if (found := _stages(own))},
     }
 
 
-def _mean(rows: Sequence[Row], name: str) -> float | None:
-    values = [float(row[name]) for row in rows if row.get(name) is not None]
-    return sum(values) / len(values) if values else None
+def grouped(rows: Sequence[Row], key: str) -> dict[Any, list[Row]]:
+    """Return value of `key` -> the trials that have it, in the order in which they come; None for those without."""
+    found: dict[Any, list[Row]] = {}
+    for row in rows:
+        found.setdefault(row.get(key), []).append(row)
+    return found
+
+
+def _known(contents: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+    return [content[key] for content in contents if content.get(key) is not None]
+
+
+def _mean(rows: Sequence[Row], key: str) -> float | None:
+    values = _known(rows, key)
+    return float(sum(values)) / len(values) if values else None
 
 
 def object_counts(rows: Sequence[Row]) -> Counts:
     """Return object -> (successes, trials)."""
-    counts: dict[str, tuple[int, int]] = {}
-    for row in rows:
-        k, n = counts.get(row["object"], (0, 0))
-        counts[row["object"]] = k + bool(row["success"]), n + 1
-    return counts
-
-
-def by_protocol(rows: Sequence[Row]) -> dict[str, list[Row]]:
-    """Return the trials of each protocol; those of 0.1.0 name none."""
-    found: dict[str, list[Row]] = {}
-    for row in rows:
-        if row.get("protocol"):
-            found.setdefault(row["protocol"], []).append(row)
-    return found
+    return {
+        name: (sum(row["success"] for row in own), len(own)) for name, own in grouped(rows, "object").items()
+    }
 
 
 def count(rows: Sequence[Row]) -> dict[str, Any]:
-    """Return trials, successes, rate and its 95 % interval."""
-    bare = _bare_count(rows)
+    """Return trials, successes, rate and its 95 % intervals: of these objects, and of objects like these."""
+    bare = bare_count(rows)
     n, k = bare["trials"], bare["successes"]
-    return {**bare, "rate": k / n if n else 0.0, "ci95": list(wilson_interval(k, n))}
+    return {
+        **bare,
+        "rate": k / n if n else 0.0,
+        "ci95": list(wilson_interval(k, n)),
+        "ci95_objects": list(object_interval(object_counts(rows))),
+    }
 
 
-def _bare_count(rows: Sequence[Row]) -> dict[str, int]:
+def bare_count(rows: Sequence[Row]) -> dict[str, int]:
+    """Return trials and successes."""
     return {"trials": len(rows), "successes": sum(row["success"] for row in rows)}
 
 
@@ -138,64 +145,40 @@ def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
     return {name: members for name, members in sets.items() if members}
 
 
-def compare(a: str, rows_a: Sequence[Row], b: str, rows_b: Sequence[Row]) -> dict[str, Any]:
-    """Compare two agents scene by scene."""
-
-    def scenes(rows: Sequence[Row]) -> dict[object, bool]:
-        return {(row.get("protocol"), row["object"], row["trial"]): row["success"] for row in rows}
-
-    return {"a": a, "b": b, **mcnemar(scenes(rows_a), scenes(rows_b))}
-
-
-def summarise_constraints(rows: Sequence[Row], members: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
+def _by_set_constraints(rows: Sequence[Row], sets: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
     """Return what the grasps' certificates say, over all and by set (Tables 4 and 5); {} without certificates."""
-    if not _certificates(rows):
+    overall = _constraints(rows)
+    by_set = {name: found for name, own in sets.items() if (found := _constraints(own))}
+    return {**overall, "by_set": by_set} if overall else {}
+
+
+def _constraints(rows: Sequence[Row]) -> dict[str, Any]:
+    certificates = [own for row in rows if (own := row["details"].get("certificate"))]
+    if not certificates:
         return {}
-    groups = {name: _constraints(_certificates(own)) for name, own in members.items() if _certificates(own)}
-    return {**_constraints(_certificates(rows)), "by_set": groups}
-
-
-def _certificates(rows: Sequence[Row]) -> list[Mapping[str, Any]]:
-    found = (row["details"].get("certificate") for row in rows)
-    return [certificate for certificate in found if certificate]
-
-
-def _constraints(certificates: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    distances = [d for c in certificates for d in c.get("distances_cm") or [] if d is not None]
     content: dict[str, Any] = {
         "grasps": len(certificates),
-        "hold": sum(bool(c.get("holds")) for c in certificates),
+        "hold": sum(bool(own.get("holds")) for own in certificates),
     }
+    distances = [d for own in certificates for d in own.get("distances_cm") or [] if d is not None]
     if distances:
         low, high = DISTANCE_BOUNDS_CM
-        violation = max(0.0, low - min(distances), max(distances) - high)
-        spread = quantiles(distances, median=0.5) | {"min": min(distances), "max": max(distances)}
-        content["distance_cm"] = spread | {"max_violation": violation}
+        spread = quantiles(distances, median=0.5, min=0.0, max=1.0)
+        content["distance_cm"] = spread | {
+            "max_violation": max(0.0, low - spread["min"], spread["max"] - high)
+        }
     for key in (*_RATIOS, *_MARGINS):
-        values = [c[key] for c in certificates if c.get(key) is not None]
+        values = _known(certificates, key)
         if values:
-            content[key] = quantiles(values, **_QUARTILES) | {"min": min(values), "max": max(values)}
+            content[key] = quantiles(values, **_QUARTILES, min=0.0, max=1.0)
     return content
 
 
-def summarise_stages(rows: Sequence[Row], members: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
-    """Return times and repeats of the stages (Table 6): `stage_seconds` and `stage_repeats` of reports."""
-    groups = {"overall": list(rows), **{name: list(own) for name, own in members.items()}}
-    found = {name: _stages(own) for name, own in groups.items()}
-    return {name: content for name, content in found.items() if content}
-
-
 def _stages(rows: Sequence[Row]) -> dict[str, Any]:
-    return {
-        key: content
-        for key in ("stage_seconds", "stage_repeats")
-        if (content := _spread(rows, lambda row, key=key: row["details"].get(key) or {}))  # type: ignore[misc]
-    }
-
-
-def _spread(rows: Sequence[Row], read: Callable[[Row], Mapping[str, float]]) -> dict[str, dict[str, float]]:
-    stages = dict.fromkeys(stage for row in rows for stage in read(row))
-    values = {
-        stage: [read(row)[stage] for row in rows if read(row).get(stage) is not None] for stage in stages
-    }
-    return {stage: quantiles(own, **_QUARTILES) for stage, own in values.items()}
+    """Return times and repeats of the stages (Table 6): quartiles of what the agent reports."""
+    found = {}
+    for key in ("stage_seconds", "stage_repeats"):
+        reports = [row["details"].get(key) or {} for row in rows]
+        names = dict.fromkeys(name for report in reports for name in report)
+        found[key] = {name: quantiles(_known(reports, name), **_QUARTILES) for name in names}
+    return {key: stages for key, stages in found.items() if stages}

@@ -1,88 +1,82 @@
 """Tables 4-6: constraints that grasps satisfy, and what planning takes, the paper's figures beside ours."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dexgrasp.evaluation.report import paper
-from dexgrasp.evaluation.report.tables import T, Table
+from dexgrasp.evaluation.report.tables import Table
 from dexgrasp.runs.text import seconds_words
 
-_PLANNER = "bilevel"  # Table 6 is of the paper's planner alone
-Words = Callable[[float], str]
-_TWO_DECIMALS: Words = "{:.2f}".format
-_GROUPS = ("seen", "familiar", "novel", "overall")
+PLANNER = "bilevel"
+"""The agent whose times stand beside Table 6, which is of the paper's planner alone."""
 
 
-def constraint_tables(name: str, agent: Mapping[str, Any], table: Table[T]) -> list[tuple[str, T]]:
+def constraint_tables(name: str, agent: Mapping[str, Any]) -> list[tuple[str, Table]]:
     """Return titles and tables of one agent's constraints and times; none where the data are not there."""
-    parts = []
     constraints = agent.get("constraints") or {}
     groups = {**constraints.get("by_set", {}), "overall": constraints} if constraints else {}
+    tables = []
     if any("distance_cm" in group for group in groups.values()):
-        parts.append((f"Fingertip-object distance, cm, {name} (Table 4)", _distances(groups, table)))
+        tables.append((f"Fingertip-object distance, cm, {name} (Table 4)", _distances(groups)))
     if any("force_ratio_percent" in group for group in groups.values()):
-        parts.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups, table)))
-    stages = agent.get("stages") or {}
+        tables.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups)))
     if agent.get("planning_seconds"):
-        table_6 = " (Table 6)" if name == _PLANNER else ""
-        times = _times(name, agent["planning_seconds"], stages, table)
-        parts.append((f"Planning time, s, {name}{table_6}", times))
-    return parts
+        title = f"Planning time, s, {name}{' (Table 6)' if name == PLANNER else ''}"
+        printed = paper.SECONDS if name == PLANNER else {}
+        tables.append((title, _times(agent["planning_seconds"], agent.get("stages") or {}, printed)))
+    return tables
 
 
-def _distances(groups: Mapping[str, Any], table: Table[T]) -> T:
+def _distances(groups: Mapping[str, Any]) -> Table:
     keys = ("median", "min", "max", "max_violation")
     rows = []
     for group, content in groups.items():
         own = content.get("distance_cm")
-        printed = paper.DISTANCES_CM.get(group)
-        rows.append([group, *(f"{own[key]:.2f}" if own else "-" for key in keys), _numbers(printed)])
-    return table(["set", "median", "min.", "max.", "max. violation", "paper"], rows)
+        printed = ", ".join(f"{value:.2f}" for value in paper.DISTANCES_CM.get(group, ()))
+        rows.append([group, *(f"{own[key]:.2f}" if own else "-" for key in keys), printed])
+    return Table(("set", "median", "min.", "max.", "max. violation", "paper"), rows)
 
 
-def _ratios(groups: Mapping[str, Any], table: Table[T]) -> T:
+def _ratios(groups: Mapping[str, Any]) -> Table:
     rows = []
     for group, content in groups.items():
-        printed = paper.RATIOS.get(group, {})
         cells = []
         for kind in ("force", "torque"):
-            cells += [_quartiles(content.get(f"{kind}_ratio_percent")), _spread(printed.get(kind))]
+            printed = paper.RATIOS.get(group, {}).get(kind)
+            cells += [_quartiles(content.get(f"{kind}_ratio_percent")), _spread(printed)]
         rows.append([group, *cells])
-    return table(["set", "force ratio", "paper", "torque ratio", "paper"], rows)
+    return Table(("set", "force ratio", "paper", "torque ratio", "paper"), rows)
 
 
-def _times(name: str, total: Mapping[str, float], stages: Mapping[str, Any], table: Table[T]) -> T:
-    printed_of = paper.SECONDS if name == _PLANNER else {}
+def _times(
+    total: Mapping[str, float],
+    stages: Mapping[str, Any],
+    printed: Mapping[str, Mapping[str, Sequence[float]]],
+) -> Table:
     rows = [
         [
             "total, overall",
-            _quartiles(total, seconds_words),
+            _quartiles(total, seconds=True),
             "",
-            _spread(printed_of.get("overall", {}).get("total")),
+            _spread(printed.get("overall", {}).get("total")),
         ]
     ]
-    for group in (g for g in _GROUPS if g in stages):
-        seconds, repeats = stages[group].get("stage_seconds", {}), stages[group].get("stage_repeats", {})
-        for stage in seconds:
-            printed = printed_of.get(group, {}).get(stage)
-            rows.append(
-                [
-                    f"{stage}, {group}",
-                    _quartiles(seconds[stage], seconds_words),
-                    _quartiles(repeats.get(stage)),
-                    _spread(printed),
-                ]
-            )
-    return table(["stage, set", "seconds", "repeats", "paper, seconds"], rows)
+    for group in paper.SECONDS:
+        own = stages.get(group, {})
+        for stage, seconds in own.get("stage_seconds", {}).items():
+            repeats = own.get("stage_repeats", {}).get(stage)
+            cells = [_quartiles(seconds, seconds=True), _quartiles(repeats)]
+            rows.append([f"{stage}, {group}", *cells, _spread(printed.get(group, {}).get(stage))])
+    return Table(("stage, set", "seconds", "repeats", "paper, seconds"), rows)
 
 
-def _quartiles(values: Mapping[str, float] | None, words: Words = _TWO_DECIMALS) -> str:
-    return _spread((values["median"], values["p25"], values["p75"]), words) if values else "-"
+def _quartiles(values: Mapping[str, float] | None, *, seconds: bool = False) -> str:
+    return _spread((values["median"], values["p25"], values["p75"]), seconds=seconds) if values else "-"
 
 
-def _spread(values: Sequence[float] | None, words: Words = _TWO_DECIMALS) -> str:
-    return "{} ({}, {})".format(*map(words, values)) if values else ""
-
-
-def _numbers(values: Sequence[float] | None) -> str:
-    return ", ".join(f"{value:.2f}" for value in values) if values else ""
+def _spread(values: Sequence[float] | None, *, seconds: bool = False) -> str:
+    """Return median and quartiles as people read them; "" for None."""
+    if not values:
+        return ""
+    middle, low, high = (seconds_words(value) if seconds else f"{value:.2f}" for value in values)
+    return f"{middle} ({low}, {high})"

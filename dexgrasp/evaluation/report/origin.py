@@ -29,17 +29,10 @@ def commands(folder: Path) -> list[str]:
     if run is None or "agents" not in run or "objects" not in run:
         return [f"dexgrasp report {folder}"]
     words = ["dexgrasp evaluate --agents", *run["agents"], "--objects", *_sets(run["objects"])]
-    words += [
-        "--trials",
-        str(run["trials"]),
-        "--seed",
-        str(run["seed"]),
-        "--protocol",
-        _protocols(run).replace("+", " "),
-    ]
-    for key in ("mount", "friction", "mesh_mass"):
-        words += [f"--{key.replace('_', '-')} {run[key]}"] if run.get(key) is not None else []
-    words += [f"--mesh-scale {run['mesh_scale']}"] if run.get("mesh_scale", 1.0) != 1.0 else []
+    words += ["--trials", run["trials"], "--seed", run["seed"], "--protocol", *_protocols(run).split("+")]
+    for key, usual in (("mount", None), ("friction", None), ("mesh_mass", None), ("mesh_scale", 1.0)):
+        if run.get(key) not in (None, usual):
+            words += [f"--{key.replace('_', '-')}", run[key]]
     words += ["--cell CELL.yaml"] if _own_cell(run) else []
     return [" ".join([*map(str, words), "--out", str(folder)]), f"dexgrasp report {folder}"]
 

@@ -1,17 +1,22 @@
 """Plots of a report: success with intervals, the paper's figures beside ours; planning times by stage."""
 
 import io
-from collections.abc import Mapping, Sequence
-from typing import Any
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
 
 from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp_env.arrays import Array
 
-Counts = Mapping[str, Mapping[str, int]]
-"""Row -> {"trials", "successes"}."""
-Printed = Mapping[str, tuple[int, int]]
-"""Row -> the paper's (successes, trials)."""
+Counts = tuple[int, int]
+"""Successes and trials."""
+Spread = Sequence[float]
+"""Middle, low and high of an error bar."""
 
 _ROW, _WIDTH = 0.34, 8.2  # inches
+_LEAST_SECONDS = 1e-4  # what a logarithmic axis shows of nothing
+_STYLE = {"ms": 5, "capsize": 3, "lw": 1.3}
 _PAPER_STAGE = {
     "cvae": "proposals (CVAE)",
     "ik": "postures (IK)",
@@ -21,86 +26,116 @@ _PAPER_STAGE = {
 """Stages as Table 6 has them -> what they are here."""
 
 
+class Figure(NamedTuple):
+    """A plot: its file's stem, what it shows, and what draws it as "svg" or "png"."""
+
+    name: str
+    caption: str
+    draw: Callable[[str], bytes]
+
+
 def plot_rates(
-    names: Sequence[str], ours: Mapping[str, Counts], printed: Mapping[str, Printed], kind: str
+    names: Sequence[str],
+    ours: Mapping[str, Mapping[str, Counts]],
+    printed: Mapping[str, Mapping[str, Counts]],
+    kind: str,
 ) -> bytes:
     """Draw success rates with Wilson intervals, a row for each name, a colour for each agent.
 
     Args:
         names: rows from the top.
-        ours: agent -> counts.
-        printed: agent -> the paper's counts, drawn as hollow diamonds in the agent's colour.
+        ours: agent -> row -> counts; rows without trials stay empty.
+        printed: agent -> row -> the paper's counts, drawn as hollow diamonds in the agent's colour.
         kind: "svg" or "png".
     """
-    figure, axes = new_figure(max(2.0, 0.9 + _ROW * len(names) * (0.55 + 0.45 * len(ours))))
-    step = 0.7 / len(ours)
+    figure, axes = _new_figure(max(2.0, 0.9 + _ROW * len(names) * (0.55 + 0.45 * len(ours))))
     for i, (agent, own) in enumerate(ours.items()):
-        offset = (i - 0.5 * (len(ours) - 1)) * step
-        _draw_agent(axes, agent, f"C{i}", own, names, offset)
-        marks = [(y, printed[agent][n]) for y, n in enumerate(names) if n in printed.get(agent, {})]
+        offset = (i - 0.5 * (len(ours) - 1)) * 0.7 / len(ours)
+        shown = {y + offset: own[name] for y, name in enumerate(names) if own.get(name, (0, 0))[1]}
+        rates, ends = _bars(map(_rate, shown.values()))
+        axes.errorbar(rates, list(shown), xerr=ends, fmt="o", color=f"C{i}", label=agent, **_STYLE)
+        marks = {y + offset: printed[agent][n] for y, n in enumerate(names) if n in printed.get(agent, {})}
         if marks:
-            axes.plot(
-                [100.0 * k / n for _, (k, n) in marks], [y + offset for y, _ in marks], "D", color=f"C{i}", mfc="none",
-                ms=6.5, label=f"{agent}, paper (real robot)", zorder=3,
-            )  # fmt: skip
-    axes.set_yticks(range(len(names)), [name.replace("_", " ") for name in names])
-    axes.set(xlim=(-2, 102), ylim=(len(names) - 0.45, -0.55), xlabel="success, % (95 % interval)")
-    return finished(figure, axes, kind)
+            rates, _ = _bars(map(_rate, marks.values()))
+            words = f"{agent}, paper (real robot)"
+            axes.plot(rates, list(marks), "D", color=f"C{i}", mfc="none", ms=6.5, zorder=3, label=words)
+    axes.set_xlim(-2, 102)
+    return _of_rows(
+        figure, axes, [name.replace("_", " ") for name in names], "success, % (95 % interval)", kind
+    )
 
 
 def plot_stages(
-    agents: Mapping[str, Mapping[str, Any]], printed: Mapping[str, Sequence[float]], kind: str
+    agents: Mapping[str, Mapping[str, Spread]], printed: Mapping[str, Spread], kind: str
 ) -> bytes:
     """Draw planning times by stage: median and quartiles on a logarithmic axis.
 
     Args:
-        agents: agent -> stage -> {"median", "p25", "p75"}, s.
-        printed: stage -> the paper's median and quartiles, s.
+        agents: agent -> stage -> median and quartiles, s.
+        printed: stage -> the paper's, s.
         kind: "svg" or "png".
     """
     stages = [s for s in _PAPER_STAGE if any(s in own for own in agents.values())]
-    figure, axes = new_figure(1.1 + _ROW * len(stages) * (1 + 0.5 * len(agents)))
+    figure, axes = _new_figure(1.1 + _ROW * len(stages) * (1 + 0.5 * len(agents)))
     series = [(name, f"C{i}", own) for i, (name, own) in enumerate(agents.items())]
-    spreads = {s: {"median": v[0], "p25": v[1], "p75": v[2]} for s, v in printed.items()}
-    series += [("paper", "0.35", spreads)] if spreads else []
+    series += [("paper", "0.35", printed)] if printed else []
     for i, (name, colour, own) in enumerate(series):
-        shown = [(y + (i - 0.5 * (len(series) - 1)) * 0.22, own[s]) for y, s in enumerate(stages) if s in own]
-        middle = [max(cell["median"], 1e-4) for _, cell in shown]
-        ends = [
-            [m - min(max(c["p25"], 1e-4), m) for m, (_, c) in zip(middle, shown, strict=True)],
-            [max(c["p75"] - m, 0.0) for m, (_, c) in zip(middle, shown, strict=True)],
-        ]
-        axes.errorbar(
-            middle, [y for y, _ in shown], xerr=ends, fmt="o", color=colour, ms=5, capsize=3, label=name
-        )
-    axes.set_yticks(range(len(stages)), [_PAPER_STAGE[s] for s in stages])
-    axes.set(
-        xscale="log", ylim=(len(stages) - 0.45, -0.55), xlabel="seconds: median, 25th and 75th percentile"
-    )
-    return finished(figure, axes, kind)
+        offset = (i - 0.5 * (len(series) - 1)) * 0.22
+        shown = {y + offset: own[s] for y, s in enumerate(stages) if s in own}
+        middle, ends = _bars([max(value, _LEAST_SECONDS) for value in spread] for spread in shown.values())
+        axes.errorbar(middle, list(shown), xerr=ends, fmt="o", color=colour, label=name, **_STYLE)
+    axes.set_xscale("log")
+    names = [_PAPER_STAGE[s] for s in stages]
+    return _of_rows(figure, axes, names, "seconds: median, 25th and 75th percentile", kind)
 
 
-def _draw_agent(axes: Any, agent: str, colour: str, own: Counts, names: Sequence[str], offset: float) -> None:
-    shown = [(y + offset, own[name]) for y, name in enumerate(names) if own.get(name, {}).get("trials")]
-    rates = [100.0 * c["successes"] / c["trials"] for _, c in shown]
-    ends = [[100.0 * e for e in wilson_interval(c["successes"], c["trials"])] for _, c in shown]
-    errors = [
-        [max(r - low, 0.0) for r, (low, _) in zip(rates, ends, strict=True)],
-        [max(high - r, 0.0) for r, (_, high) in zip(rates, ends, strict=True)],
-    ]
-    places = [y for y, _ in shown]
-    axes.errorbar(rates, places, xerr=errors, fmt="o", color=colour, ms=4.5, capsize=2, lw=1.3, label=agent)
+def plot_curves(
+    series: Mapping[str, Sequence[tuple[float, Counts]]], label: str, height: float, kind: str
+) -> bytes:
+    """Draw success rates with Wilson intervals against a quantity.
+
+    Args:
+        series: agent -> (value, counts) of each point.
+        label: what the value is.
+        height: of the figure, inches.
+        kind: "svg" or "png".
+    """
+    figure, axes = _new_figure(height)
+    for i, (agent, points) in enumerate(series.items()):
+        rates, ends = _bars(_rate(counts) for _, counts in points)
+        values = [value for value, _ in points]
+        axes.errorbar(values, rates, yerr=ends, fmt="o-", color=f"C{i}", label=agent, **_STYLE)
+    axes.set(ylim=(-3, 103), xlabel=label, ylabel="success, % (95 % interval)")
+    axes.grid(axis="y", color="0.9", lw=0.8)
+    return _finished(figure, axes, kind)
 
 
-def new_figure(height: float) -> tuple[Any, Any]:
+def _rate(counts: Counts) -> Spread:
+    """Return a success rate and the ends of Wilson's interval, percent."""
+    return [100.0 * value for value in (counts[0] / counts[1], *wilson_interval(*counts))]
+
+
+def _bars(spreads: Iterable[Spread]) -> tuple[Array, Array]:
+    """Return middles (N,) and the lengths of error bars below and above (2, N)."""
+    middle, low, high = np.array(list(spreads), dtype=float).reshape(-1, 3).T
+    return middle, np.maximum([middle - low, high - middle], 0.0)
+
+
+def _new_figure(height: float) -> tuple[Any, Any]:
     """Return a figure of the report's width and its axes; `height` in inches."""
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Canvas
 
-    figure = Figure(figsize=(_WIDTH, height), layout="constrained")
+    figure = Canvas(figsize=(_WIDTH, height), layout="constrained")
     return figure, figure.add_subplot()
 
 
-def finished(figure: Any, axes: Any, kind: str) -> bytes:
+def _of_rows(figure: Any, axes: Any, names: Sequence[str], label: str, kind: str) -> bytes:
+    axes.set_yticks(range(len(names)), names)
+    axes.set(ylim=(len(names) - 0.45, -0.55), xlabel=label)
+    return _finished(figure, axes, kind)
+
+
+def _finished(figure: Any, axes: Any, kind: str) -> bytes:
     """Return a figure with grid and legend as "svg" or "png", the same bytes for the same content."""
     from matplotlib import rc_context
 
