@@ -126,7 +126,7 @@ def _real(planner: Planner, q: Array, contacts: Array, scene: Scene, others: lis
 
     if closest_point(scene.surface, contacts)[1].max() > _ON_SURFACE:
         return False
-    frames, rows, settings = body_frames(q, planner.tree), empty_rows(256), planner.settings
+    frames, rows, settings = body_frames(q, planner.tree), empty_rows(256, planner.tree), planner.settings
     tips, least = fingertips(q, planner.tree), settings.tip_radius + settings.distance[0]
     for other in others:
         if other.distance.distance(tips).min() < least:

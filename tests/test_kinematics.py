@@ -69,7 +69,7 @@ def around_the_object(rng, count):
 
 def clearances(q, tips_touch=True):
     """Rows by (kind, body, body): the least of a pair's."""
-    rows = empty_rows(160)
+    rows = empty_rows(160, robot_tree())
     n = clearance_rows(robot_tree(), body_frames(q, robot_tree()), SHAPE.obstacle, NEAR, tips_touch, rows)
     assert n < 120  # far from the room that callers give
     least = {}

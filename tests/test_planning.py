@@ -363,7 +363,7 @@ def test_clearance_rows_are_shifted_by_what_is_asked_for(proposals):
 
 def test_constraints_and_clearances_are_of_one_compilation(proposals):
     """Compiled code is cached by file: a stale copy of the clearances inside the constraints would differ here."""
-    grasp_target, rows = SUBJECTS["box"], empty_rows(160)
+    grasp_target, rows = SUBJECTS["box"], empty_rows(160, TREE)
     for q in near_contact("box", proposals, 5):
         n = clearance_rows(TREE, body_frames(q, TREE), grasp_target.distance.obstacle, 0.02, True, rows)
         at, _ = rows_at(q, grasp_target)

@@ -26,7 +26,7 @@ class Rows(NamedTuple):
     """Room for clearances and their gradients."""
 
     values: Array  # (K,) m
-    gradients: Array  # (K, 23) m/rad
+    gradients: Array  # (K, n) m/rad
     labels: NDArray[np.int64]  # (K, 3): kind, body, other body (-1 for object and table)
 
 
@@ -38,9 +38,9 @@ class Cover(NamedTuple):
     known: NDArray[np.bool_]  # (nb,): whose centres are there
 
 
-def empty_rows(count: int) -> Rows:
-    """Return room for `count` clearances."""
-    return Rows(np.empty(count), np.empty((count, 23)), np.empty((count, 3), dtype=np.int64))
+def empty_rows(count: int, tree: RobotTree) -> Rows:
+    """Return room for `count` clearances of a robot."""
+    return Rows(np.empty(count), np.empty((count, len(tree.lower))), np.empty((count, 3), dtype=np.int64))
 
 
 @njit(cache=True, error_model="numpy")
@@ -107,7 +107,7 @@ def table_clearance(
     centres, best, which = cover.centres, activation, -1
     _know(tree, frames, cover, b)
     for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
-        if centres[s, 0] < TABLE_FROM and b < 4:
+        if centres[s, 0] < TABLE_FROM and b < tree.base:
             continue
         d = centres[s, 2] - tree.sphere_radius[s]
         if d < best:
@@ -210,20 +210,20 @@ def _start(rows: Rows, n: int, value: float, kind: int, body: int, other: int) -
 def palm_clearance(
     tree: RobotTree, frames: Frames, activation: float, nearest: Array, direction: Array
 ) -> float:
-    """Return the clearance of the thumb's medial link from the palm, `activation` if beyond.
+    """Return the clearance of the link that works beside the palm from it, `activation` if beyond.
 
     It works closer to the palm than covering spheres can tell: points of its box's edges against the true box.
     `nearest` (3,) and `direction` (3,) are written with the point that has it and its gradient.
     """
     best, inside = activation, np.zeros(3)
     point, local = np.empty(3), np.empty(3)
-    R, p, palm, thumb, last, at_last = frames.R, frames.p, tree.palm, tree.thumb, 0, -1.0
-    for k in range(tree.thumb_edges.shape[0]):
+    R, p, palm, beside, last, at_last = frames.R, frames.p, tree.palm, tree.beside, 0, -1.0
+    for k in range(tree.beside_edges.shape[0]):
         # As in `object_clearance`: what lies near a point that is far enough away need not be looked at.
         room = at_last - best - ROUNDING
-        if room > 0.0 and _squared(tree.thumb_edges[k], tree.thumb_edges[last]) < room * room:
+        if room > 0.0 and _squared(tree.beside_edges[k], tree.beside_edges[last]) < room * room:
             continue
-        to_world(R[thumb], p[thumb], tree.thumb_edges[k], point)
+        to_world(R[beside], p[beside], tree.beside_edges[k], point)
         squared, deepest, axis = 0.0, -1e9, 0
         for c in range(3):
             local[c] = -tree.palm_box_centre[c]
@@ -254,8 +254,8 @@ def _palm_row(tree: RobotTree, frames: Frames, activation: float, rows: Rows, n:
     best = palm_clearance(tree, frames, activation, nearest, direction)
     if best >= activation:
         return n
-    _start(rows, n, best, SELF, tree.thumb, tree.palm)
-    add_row(rows.gradients[n], tree.thumb, nearest, direction, 1.0, tree, frames)
+    _start(rows, n, best, SELF, tree.beside, tree.palm)
+    add_row(rows.gradients[n], tree.beside, nearest, direction, 1.0, tree, frames)
     add_row(rows.gradients[n], tree.palm, nearest, direction, -1.0, tree, frames)
     return n + 1
 

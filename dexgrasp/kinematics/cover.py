@@ -7,11 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.names import GRASP_FINGERS
 
 _COLLISION_GROUP = 3
 _LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
-_TIPS = tuple(f"{finger}_tip" for finger in GRASP_FINGERS)
 
 
 @dataclass(frozen=True)
@@ -30,8 +28,8 @@ class Spheres:
         return centre, float((np.linalg.norm(self.centre - centre, axis=1) + self.radius).max())
 
 
-def body_spheres(model: mujoco.MjModel, body: int) -> Spheres:
-    """Cover the collision geoms (boxes, capsules, spheres, cylinders) of a body."""
+def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) -> Spheres:
+    """Cover the collision geoms (boxes, capsules, spheres, cylinders) of a body; `touching` names those that may touch."""
     centres, radii, tips = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, bool)]
     for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
         if model.geom_group[geom] != _COLLISION_GROUP:
@@ -41,7 +39,7 @@ def body_spheres(model: mujoco.MjModel, body: int) -> Spheres:
         mujoco.mju_quat2Mat(R, model.geom_quat[geom])
         centres.append(local @ R.reshape(3, 3).T + model.geom_pos[geom])
         radii.append(np.full(len(local), radius))
-        tips.append(np.full(len(local), model.geom(geom).name in _TIPS))
+        tips.append(np.full(len(local), model.geom(geom).name in touching))
     return Spheres(np.concatenate(centres), np.concatenate(radii), np.concatenate(tips))
 
 

@@ -25,7 +25,7 @@ def empty_frames(tree: RobotTree) -> Frames:
 
 @njit(cache=True, error_model="numpy")
 def forward(q: Array, tree: RobotTree, frames: Frames) -> None:
-    """Write the body frames for joint positions `q` (23,) rad into `frames`."""
+    """Write the body frames for joint positions `q` (n,) rad into `frames`."""
     forward_part(q, tree, frames, 0, tree.parent.shape[0])
 
 
@@ -93,7 +93,7 @@ def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[floa
 def add_row(
     row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
-    """Add sign * direction . (Jacobian of a point of a body) to `row` (23,).
+    """Add sign * direction . (Jacobian of a point of a body) to `row` (n,).
 
     The point and the direction (3,) are in the world frame.
     """
@@ -110,7 +110,7 @@ def add_row(
 def add_turn_row(
     row: Array, body: int, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
-    """Add sign * direction . (angular Jacobian of a body) to `row` (23,)."""
+    """Add sign * direction . (angular Jacobian of a body) to `row` (n,)."""
     R, b = frames.R, body
     while b >= 0:
         j = tree.joint[b]
@@ -123,9 +123,9 @@ def add_turn_row(
 
 @njit(cache=True, error_model="numpy")
 def tip_positions(tree: RobotTree, frames: Frames) -> Array:
-    """Return the tip sphere centres (3, 3) m of thumb, index, middle."""
-    tips = np.empty((3, 3))
-    for i in range(3):
+    """Return the tip sphere centres (g, 3) m of the grasping fingers."""
+    tips = np.empty((tree.tip_body.shape[0], 3))
+    for i in range(tips.shape[0]):
         b = tree.tip_body[i]
         to_world(frames.R[b], frames.p[b], tree.tip_offset[i], tips[i])
     return tips
@@ -133,16 +133,17 @@ def tip_positions(tree: RobotTree, frames: Frames) -> Array:
 
 @njit(cache=True, error_model="numpy")
 def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
-    """Return the linear Jacobians (3, 3, 23) of points (3, 3) m of the tips: finger, coordinate, joint."""
-    J = np.zeros((3, 3, 23))
-    for i in range(3):
+    """Return the linear Jacobians (g, 3, n) of points (g, 3) m of the tips: finger, coordinate, joint."""
+    g = tree.tip_body.shape[0]
+    J = np.zeros((g, 3, tree.lower.shape[0]))
+    for i in range(g):
         _add_columns(J[i], tree.tip_body[i], -1, tips[i], tree, frames)
     return J
 
 
 @njit(cache=True, error_model="numpy")
 def _add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
-    """Add the linear Jacobian of a point (3,) of a body to `J` (3, 23), of the joints below body `top`."""
+    """Add the linear Jacobian of a point (3,) of a body to `J` (3, n), of the joints below body `top`."""
     b = body
     while b > top:
         j = tree.joint[b]
@@ -156,14 +157,14 @@ def _add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, f
 
 @njit(cache=True, error_model="numpy")
 def hand_jacobian(tree: RobotTree, frames: Frames, points: Array, J: Array) -> None:
-    """Write the linear Jacobians (3, 3, 23) of points (3, 3) m of the tips by the hand's joints; 0 by the arm's."""
+    """Write the linear Jacobians (g, 3, n) of points (g, 3) m of the tips by the hand's joints; 0 by the arm's."""
     J[:] = 0.0
-    for i in range(3):
+    for i in range(J.shape[0]):
         _add_columns(J[i], tree.tip_body[i], tree.palm, points[i], tree, frames)
 
 
 def body_frames(q: Array, tree: RobotTree) -> Frames:
-    """Return the frames of all bodies at `q` (23,) rad."""
+    """Return the frames of all bodies at `q` (n,) rad."""
     bodies = len(tree.parent)
     frames = Frames(
         np.empty((bodies, 3, 3)), np.empty((bodies, 3))
@@ -173,5 +174,5 @@ def body_frames(q: Array, tree: RobotTree) -> Frames:
 
 
 def fingertips(q: Array, tree: RobotTree) -> Array:
-    """Return the tip sphere centres (3, 3) m of thumb, index, middle at `q` (23,) rad."""
+    """Return the tip sphere centres (g, 3) m of the grasping fingers at `q` (n,) rad."""
     return tip_positions(tree, body_frames(q, tree))

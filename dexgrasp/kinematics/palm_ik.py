@@ -15,7 +15,6 @@ from dexgrasp.kinematics.forward import (
 )
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HOME
 
 TURN_SCALE = 0.15
 """m a radian: how much a turn of the palm weighs against its shift."""
@@ -31,10 +30,10 @@ _POSTURE = 2e-2  # pull towards the middle of the range, in the null space only
 def solve_palm(
     q: Array, R_goal: Array, p_goal: Array, tree: RobotTree, iterations: int, tolerance: float
 ) -> float:
-    """Move the arm's part of `q` (23,), in place, so that the palm frame meets a goal; return what error is left.
+    """Move the arm's part of `q` (n,), in place, so that the palm frame meets a goal; return what error is left.
 
     Args:
-        q: (23,) rad, start and result; the hand's part is not touched.
+        q: (n,) rad, start and result; the hand's part is not touched.
         R_goal: (3, 3) palm rotation in the world frame.
         p_goal: (3,) m.
         tree: the robot.
@@ -46,7 +45,8 @@ def solve_palm(
     """
     frames = empty_frames(tree)
     R, p = frames.R, frames.p
-    e, J, point = np.empty(6), np.empty((6, 7)), np.empty(3)
+    n = tree.arm
+    e, J, point = np.empty(6), np.empty((6, n)), np.empty(3)
     error = 1e9
     for k in range(iterations + 1):
         palm = tree.palm
@@ -61,9 +61,9 @@ def solve_palm(
         if error < tolerance or k == iterations:
             return error
         palm_jacobian(tree, frames, J)
-        pull = _POSTURE * (0.5 * (tree.lower[:7] + tree.upper[:7]) - q[:7])
+        pull = _POSTURE * (0.5 * (tree.lower[:n] + tree.upper[:n]) - q[:n])
         step = damped_step(J, e, _DAMPING * min(error, 0.1), pull, _LARGEST)
-        for j in range(7):
+        for j in range(n):
             q[j] = min(max(q[j] + step[j], tree.lower[j] + 1e-3), tree.upper[j] - 1e-3)
     return error
 
@@ -72,9 +72,9 @@ def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
     """Solve the arm's part of `q` for a palm pose, in place, from a few starts; tell whether it is reached."""
     toward = np.arctan2(p[1], p[0])
     for swing, twist in _ELBOWS:
-        q[:7] = HOME[:7]
+        q[: tree.arm] = tree.home[: tree.arm]
         q[0] = np.clip(toward + swing, tree.lower[0], tree.upper[0])
-        q[6] = HOME[6] + twist
+        q[tree.arm - 1] = tree.home[tree.arm - 1] + twist
         if solve_palm(q, R, p, tree, 40, 1e-4) < _REACHED:
             return True
     return False
@@ -82,18 +82,18 @@ def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
 
 @njit(cache=True, error_model="numpy")
 def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
-    """Write the Jacobian (6, 7) of the palm frame by the arm's joints: m/rad, turns times `TURN_SCALE`."""
-    row, unit, point = np.empty(23), np.empty(3), np.empty(3)
+    """Write the Jacobian (6, a) of the palm frame by the arm's joints: m/rad, turns times `TURN_SCALE`."""
+    row, unit, point = np.empty(tree.lower.shape[0]), np.empty(3), np.empty(3)
     to_world(frames.R[tree.palm], frames.p[tree.palm], tree.palm_offset, point)
     for r in range(3):
         unit[:] = 0.0
         unit[r] = 1.0
         row[:] = 0.0
         add_row(row, tree.palm, point, unit, 1.0, tree, frames)
-        J[r] = row[:7]
+        J[r] = row[: tree.arm]
         row[:] = 0.0
         add_turn_row(row, tree.palm, unit, 1.0, tree, frames)
-        J[3 + r] = TURN_SCALE * row[:7]
+        J[3 + r] = TURN_SCALE * row[: tree.arm]
 
 
 @njit(cache=True, error_model="numpy")
@@ -111,7 +111,7 @@ def _rotation_error(goal: Array, now: Array) -> Array:
 
 
 def palm_frame(q: Array, tree: RobotTree) -> tuple[Array, Array]:
-    """Return rotation (3, 3) and position (3,) m of the palm frame at `q` (23,) rad."""
+    """Return rotation (3, 3) and position (3,) m of the palm frame at `q` (n,) rad."""
     return palm_of(body_frames(q, tree), tree)
 
 

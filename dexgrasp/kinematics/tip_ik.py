@@ -1,4 +1,4 @@
-"""Inverse kinematics from three fingertip positions, hand on arm, compiled (damped least squares).
+"""Inverse kinematics from fingertip positions, hand on arm, compiled (damped least squares).
 
 Clearances are left to the bilevel optimisation; here the tips go to their targets within the joint range, from several
 starting postures.
@@ -21,11 +21,11 @@ _POSTURE = 0.02  # share of the way back to the start in the null space, per ste
 def solve_tips(
     q: Array, targets: Array, tree: RobotTree, iterations: int, tolerance: float, fingers_only: bool = False
 ) -> float:
-    """Move `q` (23,), in place, so that the tip centres meet `targets`; return the largest miss, m.
+    """Move `q` (n,), in place, so that the tip centres meet `targets`; return the largest miss, m.
 
     Args:
-        q: (23,) rad, start and result; joints stay within their range, the ring finger stays.
-        targets: (3, 3) m, tip sphere centres of thumb, index, middle, world frame.
+        q: (n,) rad, start and result; joints stay within their range, idle fingers stay.
+        targets: (g, 3) m, tip sphere centres of the grasping fingers, world frame.
         tree: the robot.
         iterations: at most so many steps.
         tolerance: m, of the largest miss.
@@ -33,14 +33,15 @@ def solve_tips(
     """
     frames = empty_frames(tree)
     start = q.copy()
-    blocks = np.zeros((3, 3, 23))
-    J, e = np.empty((9, 23)), np.empty(9)
+    g, n = tree.tip_body.shape[0], q.shape[0]
+    blocks = np.zeros((g, 3, n))
+    J, e = np.empty((3 * g, n)), np.empty(3 * g)
     miss = 1e9
     for k in range(iterations + 1):
         forward_part(q, tree, frames, tree.palm + 1 if fingers_only and k > 0 else 0, tree.parent.shape[0])
         tips = tip_positions(tree, frames)
         miss = 0.0
-        for i in range(3):
+        for i in range(g):
             squared = 0.0
             for r in range(3):
                 e[3 * i + r] = targets[i, r] - tips[i, r]
@@ -52,12 +53,12 @@ def solve_tips(
             hand_jacobian(tree, frames, tips, blocks)
         else:
             blocks = tip_jacobian(tree, frames, tips)
-        for i in range(3):
+        for i in range(g):
             for r in range(3):
                 J[3 * i + r] = blocks[i, r]
         _freeze_blocked(J, e, q, tree)
         step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)
-        for j in range(23):
+        for j in range(n):
             q[j] = min(max(q[j] + step[j], tree.lower[j]), tree.upper[j])
     return miss
 
@@ -66,6 +67,6 @@ def solve_tips(
 def _freeze_blocked(J: Array, e: Array, q: Array, tree: RobotTree) -> None:
     """Take joints out that stand at a limit and are pushed further."""
     push = J.T @ e
-    for j in range(23):
+    for j in range(q.shape[0]):
         if (q[j] <= tree.lower[j] and push[j] < 0.0) or (q[j] >= tree.upper[j] and push[j] > 0.0):
             J[:, j] = 0.0

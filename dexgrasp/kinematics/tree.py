@@ -9,14 +9,17 @@ from numpy.typing import NDArray
 
 from dexgrasp.kinematics.cover import body_spheres, box_edges
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.active import of_process
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot
-from dexgrasp_env.robot.names import ARM_BODIES, BODIES, GRASP_FINGERS, HAND_BODIES, JOINTS
+from dexgrasp_env.robot.robot import Robot
 
 Index = NDArray[np.int64]
+_BASE_BODIES = 4  # link 0 to 3 of an arm stand over its plinth
 
 
 class RobotTree(NamedTuple):
-    """Bodies in topological order, base first; nb bodies, 23 joints, ns spheres.
+    """Bodies in topological order, base first; nb bodies, n joints of which `arm` are the arm's, g tips, ns spheres.
 
     Spheres cover the collision shapes from outside, so that a clearance computed from them never exceeds the true one.
     """
@@ -26,9 +29,9 @@ class RobotTree(NamedTuple):
     rotation: Array  # (nb, 3, 3), in the parent's frame
     joint: Index  # (nb,) column of the body's joint, -1 if fixed
     axis: Array  # (nb, 3) joint axis in the body's frame
-    ancestor: NDArray[np.bool_]  # (nb, 23): does the joint move the body
-    tip_body: Index  # (3,) thumb, index, middle
-    tip_offset: Array  # (3, 3) m, tip sphere centre in the distal link's frame
+    ancestor: NDArray[np.bool_]  # (nb, n): does the joint move the body
+    tip_body: Index  # (g,) last bodies of the grasping fingers, the opposing one first
+    tip_offset: Array  # (g, 3) m, tip sphere centre in the distal link's frame
     palm: int  # index of the palm body
     palm_offset: Array  # (3,) m, the palm frame in its body
     palm_rotation: Array  # (3, 3)
@@ -41,30 +44,32 @@ class RobotTree(NamedTuple):
     pairs: Index  # (np, 2) bodies whose distance is kept
     palm_box_centre: Array  # (3,) m, palm body frame
     palm_box_half: Array  # (3,) m
-    thumb: int  # the thumb's medial link, which works right beside the palm
-    thumb_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
-    lower: Array  # (23,) rad
-    upper: Array  # (23,) rad
+    beside: int  # the link that works right beside the palm, -1 where none does
+    beside_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
+    lower: Array  # (n,) rad
+    upper: Array  # (n,) rad
+    home: Array  # (n,) rad, arm at home and hand open
+    arm: int
+    base: int  # bodies from the base on that may be near the table beside it
 
 
-@lru_cache(maxsize=4)
-def robot_tree(mount: str = "palm_normal") -> RobotTree:
-    """Return the tree of the robot with the given mount; the same arrays at every call.
-
-    Raises:
-        InputError: if the mount is not known.
-    """
-    model = compiled_robot(mount)
-    bodies = [model.body(name).id for name in BODIES]
+@lru_cache(maxsize=8)
+def robot_tree(cell: Cell | str | None = None) -> RobotTree:
+    """Return the tree of a cell's robot where it stands; the same arrays at every call."""
+    cell = of_process(cell)
+    robot, model = cell.robot, compiled_robot(cell)
+    bodies = [model.body(name).id for name in robot.bodies]
     index = {body: i for i, body in enumerate(bodies)}
     parent = np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies])
-    joint = np.array([_joint_column(model, b) for b in bodies])
+    joint = np.array([_joint_column(model, b, robot) for b in bodies])
     quats = model.body_quat[bodies]
-    spheres = [body_spheres(model, b) for b in bodies]
+    touching = tuple(finger.tip for finger in robot.grasping)
+    spheres = [body_spheres(model, b, touching) for b in bodies]
     first = np.concatenate([[0], np.cumsum([len(s.radius) for s in spheres])])
     bounds = [s.bound() for s in spheres]
-    site = model.site("palm").id
-    tips = [model.site(f"{finger}_tip").id for finger in GRASP_FINGERS]
+    palm = robot.hand.palm
+    site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
+    beside, edges = _beside_palm(model, robot)
     return RobotTree(
         parent=parent,
         offset=model.body_pos[bodies].copy(),
@@ -73,7 +78,7 @@ def robot_tree(mount: str = "palm_normal") -> RobotTree:
         axis=np.array(
             [model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]
         ),
-        ancestor=_ancestors(parent, joint),
+        ancestor=_ancestors(parent, joint, robot.dof),
         tip_body=np.array([index[int(model.site_bodyid[s])] for s in tips]),
         tip_offset=model.site_pos[tips].copy(),
         palm=index[int(model.site_bodyid[site])],
@@ -85,20 +90,23 @@ def robot_tree(mount: str = "palm_normal") -> RobotTree:
         sphere_is_tip=np.concatenate([s.is_tip for s in spheres]),
         bound_centre=np.array([centre for centre, _ in bounds]),
         bound_radius=np.array([radius for _, radius in bounds]),
-        pairs=_body_pairs(),
-        palm_box_centre=model.geom("palm").pos.copy(),
-        palm_box_half=model.geom("palm").size.copy(),
-        thumb=BODIES.index("thumb_medial"),
-        thumb_edges=box_edges(model.geom("thumb_medial").pos, model.geom("thumb_medial").size),
-        lower=np.array([model.joint(name).range[0] for name in JOINTS]),
-        upper=np.array([model.joint(name).range[1] for name in JOINTS]),
+        pairs=_body_pairs(robot),
+        palm_box_centre=model.geom(palm).pos.copy(),
+        palm_box_half=model.geom(palm).size.copy(),
+        beside=beside,
+        beside_edges=edges,
+        lower=robot.lower.copy(),
+        upper=robot.upper.copy(),
+        home=robot.home.copy(),
+        arm=robot.arm_dof,
+        base=_BASE_BODIES,
     )
 
 
-def _joint_column(model: mujoco.MjModel, body: int) -> int:
+def _joint_column(model: mujoco.MjModel, body: int, robot: Robot) -> int:
     if not model.body_jntnum[body]:
         return -1
-    return JOINTS.index(model.joint(int(model.body_jntadr[body])).name)
+    return robot.joints.index(model.joint(int(model.body_jntadr[body])).name)
 
 
 def _matrix(quat: Array) -> Array:
@@ -107,8 +115,8 @@ def _matrix(quat: Array) -> Array:
     return out.reshape(3, 3)
 
 
-def _ancestors(parent: Index, joint: Index) -> NDArray[np.bool_]:
-    table = np.zeros((len(parent), len(JOINTS)), dtype=bool)
+def _ancestors(parent: Index, joint: Index, dof: int) -> NDArray[np.bool_]:
+    table = np.zeros((len(parent), dof), dtype=bool)
     for body in range(len(parent)):
         if parent[body] >= 0:
             table[body] = table[parent[body]]
@@ -117,31 +125,21 @@ def _ancestors(parent: Index, joint: Index) -> NDArray[np.bool_]:
     return table
 
 
-def _body_pairs() -> Index:
+def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:
+    name = robot.hand.beside_palm
+    if not name:
+        return -1, np.zeros((0, 3))
+    return robot.bodies.index(name), box_edges(model.geom(name).pos, model.geom(name).size)
+
+
+def _body_pairs(robot: Robot) -> Index:
     """Pairs that a motion of the arm or of a finger can bring together; neighbours in the chain cannot collide."""
-    fingers = ("index", "middle", "ring", "thumb")
-    links = {
-        finger: [BODIES.index(f"{finger}_{link}") for link in ("proximal", "medial", "distal")]
-        for finger in fingers
-    }
-    neighbours = [
-        ("index", "middle"),
-        ("middle", "ring"),
-        ("thumb", "index"),
-        ("thumb", "middle"),
-        ("thumb", "ring"),
-    ]
-    pairs = [(a, b) for one, two in neighbours for a in links[one] for b in links[two]]
-    pairs += [(BODIES.index("palm"), links[finger][2]) for finger in fingers]
-    pairs += [
-        (BODIES.index("thumb_distal"), BODIES.index(base))
-        for base in ("index_base", "middle_base", "thumb_base")
-    ]
-    pairs += [(BODIES.index("index_distal"), BODIES.index("thumb_base"))]
-    low = [BODIES.index(name) for name in ARM_BODIES[:5]]
-    hand = [BODIES.index(name) for name in HAND_BODIES]
-    wrist = [BODIES.index(name) for name in ARM_BODIES[6:]]
+    number = robot.bodies.index
+    pairs = [(number(a), number(b)) for a, b in robot.hand.self_pairs]
+    arm = [number(name) for name in robot.arm.bodies]
+    hand = [number(name) for name in robot.hand.bodies]
+    low, elbow, wrist = arm[:-3], arm[-3], arm[-2:]
     pairs += [(a, b) for a in low for b in hand]
     pairs += [(a, b) for a in low[:3] for b in wrist]
-    pairs += [(BODIES.index("panda_link5"), b) for b in [*hand, *low[:3]]]
+    pairs += [(elbow, b) for b in [*hand, *low[:3]]]
     return np.array(pairs)

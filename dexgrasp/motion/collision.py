@@ -80,7 +80,7 @@ class CollisionChecker:
 
     def clearances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
-        rows, frames = empty_rows(_MAX_ROWS), body_frames(q, self.tree)
+        rows, frames = empty_rows(_MAX_ROWS, self.tree), body_frames(q, self.tree)
         count = clearance_rows(self.tree, frames, self._obstacle, self.margin, False, rows)
         return rows.values[:count], rows.labels[:count]
 
@@ -194,7 +194,7 @@ def _self_contact(
     """Return a clearance between two bodies that is less than needed, infinity if there is none."""
     count, known, ways = tree.pairs.shape[0], watch.to_self, watch.ways[1]
     for k in range(-1, count):  # the first is thumb and palm, by their boxes
-        a, b = (tree.thumb, tree.palm) if k < 0 else (tree.pairs[k, 0], tree.pairs[k, 1])
+        a, b = (tree.beside, tree.palm) if k < 0 else (tree.pairs[k, 0], tree.pairs[k, 1])
         way = ways[a] + ways[b]
         if known[0, k] - (way - known[1, k]) > margin:
             continue

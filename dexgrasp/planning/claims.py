@@ -66,12 +66,12 @@ def certificate_of(
 
 def least_clearance(q: Array, target: GraspTarget, tree: RobotTree, tips_touch: bool) -> float:
     """Return the least clearance, m, at most `FAR`; a lower bound, as spheres cover the robot from outside."""
-    frames, rows = body_frames(q, tree), empty_rows(160)
+    frames, rows = body_frames(q, tree), empty_rows(160, tree)
     n = clearance_rows(tree, frames, target.distance.obstacle, FAR, tips_touch, rows)
     return float(rows.values[:n].min()) if n else FAR
 
 
 def is_clear(q: Array, target: GraspTarget, tree: RobotTree, least: float) -> bool:
     """Whether every clearance is `least`, m, or more, the tips' from the object too."""
-    rows = empty_rows(160)
+    rows = empty_rows(160, tree)
     return clearance_rows(tree, body_frames(q, tree), target.distance.obstacle, least, False, rows) == 0

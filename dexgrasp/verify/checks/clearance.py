@@ -86,7 +86,7 @@ def _self(tree: RobotTree, centres: Array) -> float:
 
 def _palm(tree: RobotTree, R: Array, p: Array) -> float:
     """The thumb's medial link against the palm's box, edge by edge."""
-    points = tree.thumb_edges @ R[tree.thumb].T + p[tree.thumb]
+    points = tree.beside_edges @ R[tree.beside].T + p[tree.beside]
     out = np.abs((points - p[tree.palm]) @ R[tree.palm] - tree.palm_box_centre) - tree.palm_box_half
     outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)
     return float(np.where(outside > 0.0, outside, out.max(1)).min()) - EDGE_ERROR
