@@ -2,8 +2,8 @@
 
 The environment has the wheel's declared dependencies and nothing else, so a file or a dependency that was left out
 shows here. With no argument it is the plain installation: environments step, and the planner says which extra it
-needs. With `[planner]` a grasp is planned, without torch. Prints a line for each thing tried; the first that fails
-ends it.
+needs. With `[planner]` a grasp is planned, without torch. With `names` it is tried beside openai-agents, whose package
+is the top-level `agents`. Prints a line for each thing tried; the first that fails ends it.
 """
 
 import importlib
@@ -12,7 +12,7 @@ import json
 import pkgutil
 import subprocess
 import sys
-from importlib.metadata import version
+from importlib.metadata import files, packages_distributions, version
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -28,11 +28,12 @@ FILES = [
 
 def main() -> None:
     """Try everything."""
-    planner = sys.argv[1:] == ["[planner]"]
-    trials = (
-        (plan_without_torch,) if planner else (check_home, check_assets, step_environment, miss_the_planner)
-    )
-    for trial in (import_all, *trials):
+    trials = {
+        "": (import_all, check_home, check_assets, step_environment, miss_the_planner),
+        "[planner]": (import_all, plan_without_torch),
+        "names": (keep_names_apart,),
+    }
+    for trial in trials["".join(sys.argv[1:])]:
         print(f"smoke: {trial.__name__}: {trial()}", flush=True)
 
 
@@ -126,6 +127,22 @@ def plan_without_torch() -> str:
     assert _output([SCRIPT, "verify", "plan/grasp.json"])
     assert importlib.util.find_spec("torch") is None
     return f"sugar_box planned in {plan['planning_seconds']:.2f} s"
+
+
+def keep_names_apart() -> str:
+    """`agents` is openai's, `dexgrasp.agents` ours, and no file of ours lies under the other's name."""
+    from dexgrasp.agents.random import RandomAgent
+
+    ours = [str(file) for file in files("dexgrasp") or ()]
+    assert not [file for file in ours if file.startswith("agents/")], ours
+    assert RandomAgent.__module__ == "dexgrasp.agents.random"
+    owners = packages_distributions().get("agents", [])
+    if owners:
+        import agents
+
+        assert owners == ["openai-agents"], owners
+        assert agents.Agent.__module__.startswith("agents."), agents.Agent
+    return f"{len(ours)} files installed, `agents` is of {' '.join(owners) or 'nobody'}"
 
 
 def _refusal(command: list[str]) -> str:
