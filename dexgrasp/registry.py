@@ -1,12 +1,14 @@
 """Agents by name."""
 
 import importlib
+import importlib.util
 import os
 import sys
+from pathlib import Path
 from typing import Any
 
 from dexgrasp.agent import Agent, Report
-from dexgrasp.runs.policy_folder import is_policy
+from dexgrasp.runs.policy_folder import is_policy, policy_files
 from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
@@ -65,6 +67,30 @@ def check_name(name: str) -> None:
         raise unknown_name("agent", name, [*AGENTS, *_OTHER_FORMS])
 
 
+def agent_files(name: str) -> list[Path]:
+    """Return the files, code apart, that what an agent does rests on: of a trained policy, or of a checkpoint."""
+    if is_policy(name):
+        return policy_files(name)
+    if name.endswith(".zip"):
+        from dexgrasp.agents.checkpoint import checkpoint_files
+
+        return checkpoint_files(name)
+    return []
+
+
+def agent_source(name: str) -> Path | None:
+    """Return the file of the module that an agent `package.module:Class` is in; None where there is none."""
+    if ":" not in name:
+        return None
+    _look_here()
+    try:
+        spec = importlib.util.find_spec(name.partition(":")[0])
+    except (ImportError, ValueError):  # make_agent says what is wrong with the name
+        return None
+    path = Path(spec.origin) if spec and spec.origin else None
+    return path if path and path.is_file() else None
+
+
 def _load(spec: str) -> Any:
     module_name, _, attribute = spec.partition(":")
     try:
@@ -89,14 +115,18 @@ def _made(spec: str, kwargs: dict[str, Any]) -> Any:
 
 
 def _import(module_name: str) -> Any:
-    """Import a module; one in the current directory is found as with `python -m`."""
-    here = os.getcwd()
-    if here not in sys.path and "" not in sys.path:
-        sys.path.append(here)
+    _look_here()
     try:
         return importlib.import_module(module_name)
     except ValueError as error:  # an empty or relative name
         raise ImportError(str(error)) from error
+
+
+def _look_here() -> None:
+    """Have modules of the current directory found, as with `python -m`."""
+    here = os.getcwd()
+    if here not in sys.path and "" not in sys.path:
+        sys.path.append(here)
 
 
 def _complete(name: str, agent: Any) -> Any:

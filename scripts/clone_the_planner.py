@@ -15,6 +15,7 @@ from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.imitation.training import train_bc
+from dexgrasp.runs.pool import Backend
 
 
 def main(argv: list[str] | None = None) -> dict[str, float]:
@@ -39,14 +40,15 @@ def main(argv: list[str] | None = None) -> dict[str, float]:
 
     demos, clone = args.out / "demos", args.out / "policy"
     settings = DemoSettings.of(args.objects, agent=args.agent, episodes=args.episodes, noise=args.noise)
-    made = generate(settings, demos, workers=args.workers)
+    backend = Backend(workers=args.workers)
+    made = generate(settings, demos, backend=backend)
     print(f"{made['episodes']} of {made['tried']} scenes became demonstrations")
 
     trained = train_bc([demos], clone, BcSettings(view=args.view, epochs=args.epochs))
     print(f"loss {trained.curve[-1]['loss']:.3f} after {trained.seconds:.0f} s; the policy is {clone}")
 
     scored = EvaluationSettings.of([str(clone), *args.beside], args.test, trials=args.trials)
-    agents = evaluate(scored, args.out / "scores", workers=args.workers)["agents"]
+    agents = evaluate(scored, args.out / "scores", backend=backend)["agents"]
     for name, figures in agents.items():
         low, high = figures["ci95"]
         print(f"{name}: {figures['successes']} of {figures['trials']}, 95 % within {low:.2f} to {high:.2f}")

@@ -63,9 +63,7 @@ def main(argv: list[str] | None = None) -> int:
         if picture.exists():
             continue
         if not video_path(run, row).is_file():
-            replay(
-                run, args.agent, row["object"], row["trial"], protocol=row["protocol"], video=True, film=_FILM
-            )
+            replay(run, args.agent, row["object"], row["trial"], protocol=row["protocol"], film=_FILM)
         imageio.imwrite(picture, strip(video_path(run, row)), quality=80)
         print(f"{picture}: {row['protocol']}, trial {row['trial']}, {row['reason']}", flush=True)
     return 0

@@ -18,7 +18,7 @@ from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import TrialStore, check_folder
-from dexgrasp.runs.folder import claim
+from dexgrasp.runs.folder import RunFolder
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.active import active_cell, use_cell
@@ -240,9 +240,10 @@ def test_runs_go_on_in_their_cell_alone(tmp_path):
     identity = EvaluationSettings.of(["random"], ["pear"]).identity()
     check_folder(tmp_path / "run", identity)
     TrialStore(tmp_path / "run", identity).close()
-    with pytest.raises(InputError, match=r"cell was \"simulated-.*is \"our lab-0"):
+    with pytest.raises(InputError, match=r"cell: simulated-.* there, our lab-0"):
         check_folder(tmp_path / "run", identity | {"cell": other})
     dataset = _identity(DatasetSettings.of(["pear"]))
-    claim(tmp_path / "data", "manifest.json", None, dataset, "dataset")
+    run = RunFolder(tmp_path / "data", "manifest.json", "dataset")
+    run.claim(dataset).close()
     with pytest.raises(InputError, match=r"cell: simulated-.* there, our lab-0"):
-        claim(tmp_path / "data", "manifest.json", dataset, dataset | {"cell": other}, "dataset")
+        run.check(dataset | {"cell": other})

@@ -5,7 +5,7 @@ import pytest
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
-from dexgrasp.evaluation.workers import Backend, run_cells
+from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp_env.errors import InputError
 
 ray = pytest.importorskip("ray")
@@ -36,14 +36,14 @@ def test_a_lost_node_loses_nothing_and_doubles_nothing(cluster, tmp_path, monkey
     finished = []
 
     def losing(*arguments):
-        for row in run_cells(*arguments):
+        for row in run_pool(*arguments):
             finished.append(row)
             if len(finished) == 2:
                 cluster.remove_node(second, allow_graceful=False)
             yield row
 
-    monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_cells", losing)
-    spread = evaluate(SETTINGS, tmp_path / "ray", workers=Backend("ray", 2, cluster.address), progress=False)
+    monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_pool", losing)
+    spread = evaluate(SETTINGS, tmp_path / "ray", backend=Backend("ray", 2, cluster.address), progress=False)
     monkeypatch.undo()
     alone = evaluate(SETTINGS, tmp_path / "one", progress=False)
     rows = read_rows(tmp_path / "ray")
@@ -54,4 +54,4 @@ def test_a_lost_node_loses_nothing_and_doubles_nothing(cluster, tmp_path, monkey
 
 def test_no_cluster_is_one_line(tmp_path):
     with pytest.raises(InputError, match=r"no Ray cluster at '127\.0\.0\.1:1'"):
-        evaluate(SETTINGS, tmp_path, workers=Backend("ray", 1, "127.0.0.1:1"), progress=False)
+        evaluate(SETTINGS, tmp_path, backend=Backend("ray", 1, "127.0.0.1:1"), progress=False)

@@ -41,7 +41,7 @@ from dexgrasp.planning.decoder import (  # noqa: E402
 from dexgrasp.planning.planner import Planner  # noqa: E402
 from dexgrasp.planning.proposals import ProposalSource  # noqa: E402
 from dexgrasp.planning.settings import PlannerSettings  # noqa: E402
-from dexgrasp.runs.folder import occupy  # noqa: E402
+from dexgrasp.runs.folder import RunFolder  # noqa: E402
 from dexgrasp.shape.target import GraspTarget  # noqa: E402
 from dexgrasp_env.errors import InputError  # noqa: E402
 
@@ -180,7 +180,10 @@ def test_damaged_metadata_of_a_checkpoint_is_refused(data, trained, tmp_path, no
 
 def test_two_trainings_may_not_write_one_folder(data, trained, tmp_path):
     out = copied(trained, tmp_path)
-    with occupy(out), pytest.raises(InputError, match="another process is writing"):
+    with (
+        RunFolder(out, "run.json", "training").claim({}),
+        pytest.raises(InputError, match="another process is writing"),
+    ):
         train(data, out, TRAINING)
     assert train(data, out, TRAINING).epoch == TRAINING.epochs
 

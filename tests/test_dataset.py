@@ -18,12 +18,14 @@ from dexgrasp.dataset.info import check_sample, summary
 from dexgrasp.dataset.rest_scene import placed, rest_scene, turn
 from dexgrasp.dataset.sampler import bearable
 from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest, write_arrays
+from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
 from dexgrasp.planning.postures import loads_on
 from dexgrasp.planning.proposals import closure_sweep
+from dexgrasp.runs.pool import Backend
+from dexgrasp.runs.shards import text_of, write_shard
 from dexgrasp_env.errors import InputError
 
 SETTINGS = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5)
@@ -101,7 +103,7 @@ def test_placing_moves_the_distance_with_the_object():
 
 
 def test_two_workers_make_the_same_files(made, tmp_path):
-    generate(SETTINGS, tmp_path / "two", workers=2, backend="threading")
+    generate(SETTINGS, tmp_path / "two", Backend(workers=2))
     assert hashes(tmp_path / "two") == hashes(made)
     one, two = (json.loads((f / "manifest.json").read_text()) for f in (made, tmp_path / "two"))
     assert one == two
@@ -111,7 +113,7 @@ def test_ray_makes_the_same_files(made, tmp_path):
     ray = pytest.importorskip("ray")
     ray.init(num_cpus=2, include_dashboard=False, log_to_driver=False)
     try:
-        generate(SETTINGS, tmp_path / "ray", workers=2, backend="ray")
+        generate(SETTINGS, tmp_path / "ray", Backend("ray", 2))
     finally:
         ray.shutdown()
     assert hashes(tmp_path / "ray") == hashes(made)
@@ -146,7 +148,7 @@ def test_a_changed_file_is_not_blessed(made, tmp_path):
     before = shard.read_bytes()
     arrays = read_arrays(shard)
     arrays["margin"] = arrays["margin"] * 0 + 7.0
-    write_arrays(shard, arrays)
+    write_again(shard, arrays)
     generate(SETTINGS, folder)
     assert shard.read_bytes() == before
 
@@ -201,6 +203,12 @@ def test_killed_generation_ends_with_the_same_files(made, tmp_path):
     assert before.items() <= hashes(made).items()
 
 
+def write_again(path, arrays):
+    """Write arrays with a seal that is right."""
+    key = text_of(arrays.pop("key"))
+    write_shard(path, arrays, key)
+
+
 def copied(made, tmp_path):
     shutil.copytree(made, tmp_path / "copy")
     return tmp_path / "copy"
@@ -235,7 +243,7 @@ def test_contacts_that_are_not_finite_are_refused(made, tmp_path):
     folder = copied(made, tmp_path)
     shard = sorted((folder / "grasps").iterdir())[0]
     arrays = read_arrays(shard)
-    write_arrays(shard, arrays | {"contacts": np.full_like(arrays["contacts"], np.nan)})
+    write_again(shard, arrays | {"contacts": np.full_like(arrays["contacts"], np.nan)})
     with pytest.raises(InputError, match="contacts holds numbers that are not finite"):
         read_arrays(shard)
     assert main(["dataset", "info", str(folder)]) == 2
@@ -265,12 +273,12 @@ def test_text_that_is_no_manifest_is_refused_in_one_line(tmp_path, content, caps
 def test_workers_end_with_a_parent_that_is_killed():
     code = (
         "import multiprocessing, os, time\n"
-        "from dexgrasp.runs.jobs import _end_with\n"
-        "def work(parent):\n"
-        "    _end_with(parent); print(os.getpid(), flush=True); time.sleep(60)\n"
+        "from dexgrasp.runs.pool import _end_with_parent\n"
+        "def work():\n"
+        "    _end_with_parent(); print(os.getpid(), flush=True); time.sleep(60)\n"
         "if __name__ == '__main__':\n"
         "    context = multiprocessing.get_context('fork')\n"
-        "    context.Process(target=work, args=(os.getpid(),)).start(); time.sleep(60)\n"
+        "    context.Process(target=work, args=()).start(); time.sleep(60)\n"
     )
     parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
     worker = int(parent.stdout.readline())
@@ -337,7 +345,7 @@ def test_bad_input_is_one_line(tmp_path, capsys):
         )
         == 2
     )
-    assert "valid are loky, threading, ray" in capsys.readouterr().err
+    assert "choose from 'processes', 'ray'" in capsys.readouterr().err
     addressed = ["--objects", "gelatin_box", "--out", str(tmp_path / "a"), "--address", "auto"]
     for command in ("dataset", "demos"):
         assert main([command, "generate", *addressed]) == 2

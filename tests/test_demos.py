@@ -130,11 +130,11 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
 def test_an_interrupted_run_goes_on_to_the_same_demonstrations(settings, folder, tmp_path, monkeypatch):
     make, calls = generation.make, []
 
-    def once(*arguments):
+    def once(job, **given):
         if calls:
             raise KeyboardInterrupt
-        calls.append(arguments)
-        make(*arguments)
+        calls.append(job)
+        make(job, **given)
 
     monkeypatch.setattr(generation, "make", once)
     with pytest.raises(KeyboardInterrupt):

@@ -20,6 +20,7 @@ from dexgrasp.evaluation.spec import TrialSpec, object_labels, plan_trials
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
+from dexgrasp.runs.pool import Backend
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import rendering_fault
 
@@ -61,7 +62,7 @@ def test_summary_has_the_documented_form(finished):
 
 
 def test_outcomes_do_not_depend_on_the_workers(finished, tmp_path):
-    evaluate(SETTINGS, tmp_path, workers=2, progress=False)
+    evaluate(SETTINGS, tmp_path, backend=Backend(workers=2), progress=False)
     assert outcomes(tmp_path) == outcomes(finished[0])
 
 
@@ -247,7 +248,7 @@ def test_fewer_trials_than_asked_for_are_no_success(tmp_path, monkeypatch, capsy
     monkeypatch.setattr(TrialRunner, "run", lambda self, spec: next(iter(())))
     with pytest.raises(RuntimeError, match="StopIteration"):
         evaluate(SETTINGS, tmp_path / "raised", progress=False)
-    monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_cells", lambda *_: iter(()))
+    monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_pool", lambda *_: iter(()))
     command = ["evaluate", "--agents", "random", "--objects", "soda", "--trials", "2"]
     assert main([*command, "--out", str(tmp_path / "lost")]) == 1
     assert "2 of 2 trials did not finish, the first: lift, random, soda, 0" in capsys.readouterr().err

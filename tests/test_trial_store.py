@@ -25,13 +25,13 @@ def test_partial_last_line_is_dropped(tmp_path):
 
 def test_another_evaluation_in_the_same_folder_is_refused(tmp_path):
     TrialStore(tmp_path, {"seed": 1, "agents": ["a"]}).close()
-    with pytest.raises(InputError, match=r"seed was 1, is 2.*--out"):
+    with pytest.raises(InputError, match=r"seed: 1 there, 2 now.*--out"):
         TrialStore(tmp_path, {"seed": 2, "agents": ["a"]})
 
 
 def test_two_writers_are_refused(tmp_path):
     store = TrialStore(tmp_path, {})
-    with pytest.raises(InputError, match="another evaluation"):
+    with pytest.raises(InputError, match="another process is writing"):
         TrialStore(tmp_path, {})
     store.close()
 

@@ -11,7 +11,7 @@ from dexgrasp.cli.options import (
     add_json,
     add_mesh,
     add_seed,
-    check_backend,
+    backend_of,
     check_mesh_options,
     positive_int,
 )
@@ -87,19 +87,20 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _generate(args: argparse.Namespace) -> int:
-    from dexgrasp.cli.output import progress_bar, resumable
+    from dexgrasp.cli.output import resumable
     from dexgrasp.dataset.generate import generate
     from dexgrasp.dataset.info import summary
     from dexgrasp.dataset.settings import DatasetSettings
+    from dexgrasp.runs.progress import progress_bar
 
-    check_backend(args)
+    backend = backend_of(args)
     settings = DatasetSettings.of(
         args.objects, grasps_per_pose=args.grasps_per_pose, seed=args.seed, chunk=args.chunk, tries=args.tries,
         mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
     )  # fmt: skip
     check_mesh_options(args, settings.objects)
     with resumable(f"finished files are kept in {args.out}"), progress_bar("file", "dataset") as bar:
-        generate(settings, args.out, args.workers, args.backend, bar, address=args.address)
+        generate(settings, args.out, backend, bar)
     return _print(args, summary(args.out))
 
 

@@ -10,7 +10,7 @@ from dexgrasp.cli.options import (
     add_json,
     add_scene,
     add_seed,
-    check_backend,
+    backend_of,
     number,
     positive_int,
 )
@@ -101,20 +101,19 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _generate(args: argparse.Namespace) -> int:
-    from dexgrasp.cli.output import progress_bar, resumable
+    from dexgrasp.cli.output import resumable
     from dexgrasp.demos.generate import generate
     from dexgrasp.demos.settings import DemoSettings
+    from dexgrasp.runs.progress import progress_bar
 
-    check_backend(args)
+    backend = backend_of(args)
     more = {} if args.mount is None else {"mount": args.mount}
     settings = DemoSettings.of(
         args.objects, agent=args.agent, episodes=args.episodes, seed=args.seed, obs_mode=args.obs_mode,
         control_mode=args.control_mode, observe=args.observe, noise=args.noise, friction=args.friction, **more,
     )  # fmt: skip
     with resumable(f"finished files are kept in {args.out}"), progress_bar("file", "demos") as bar:
-        generate(
-            settings, args.out, tuple(args.formats), args.workers, args.backend, bar, address=args.address
-        )  # fmt: skip
+        generate(settings, args.out, tuple(args.formats), backend, bar)
     return _info(argparse.Namespace(folder=args.out, json=args.json))
 
 
@@ -141,8 +140,9 @@ def _shown(value: Any) -> str:
 
 
 def _replay(args: argparse.Namespace) -> int:
-    from dexgrasp.cli.output import print_json, progress_bar
+    from dexgrasp.cli.output import print_json
     from dexgrasp.demos.info import replay_all
+    from dexgrasp.runs.progress import progress_bar
 
     with progress_bar("episode", "replay") as bar:
         figures = replay_all(args.folder, args.episodes, bar)

@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dexgrasp.cli.options import (
-    add_backend,
     add_film,
+    add_jobs,
     add_json,
     add_mesh,
     add_scene,
     add_seed,
-    check_backend,
+    backend_of,
     check_mesh_options,
     natural_int,
     positive_int,
@@ -67,14 +67,7 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
         "--protocol", nargs="+", default=["lift"], metavar="P",
         help="how to score: see dexgrasp list protocols (default lift)",
     )  # fmt: skip
-    parser.add_argument(
-        "--workers",
-        type=positive_int,
-        default=1,
-        metavar="W",
-        help="processes (default 1); the outcome does not depend on it",
-    )
-    add_backend(parser)
+    add_jobs(parser)
     parser.add_argument(
         "--out", type=Path, metavar="DIR", help="folder for the results (default runs/<from the settings>)"
     )
@@ -117,13 +110,13 @@ def add_statistics(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Evaluate, print tables or JSON; 3 if a worker died, with what was finished kept."""
     from dexgrasp.cli.output import note
-    from dexgrasp.evaluation.evaluate import evaluate
+    from dexgrasp.evaluation.evaluate import LostTrialsError, evaluate
     from dexgrasp.evaluation.settings import EvaluationSettings
     from dexgrasp.evaluation.video import Film
-    from dexgrasp.evaluation.workers import Backend, LostTrialsError, WorkerDiedError
     from dexgrasp.registry import check_name
+    from dexgrasp.runs.pool import WorkerDiedError
 
-    check_backend(args)
+    backend = backend_of(args)
     settings = EvaluationSettings.of(
         args.agents, args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol), mount=args.mount,
         friction=args.friction, mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
@@ -139,7 +132,7 @@ def run(args: argparse.Namespace) -> int:
         evaluate(
             settings,
             folder,
-            workers=Backend(args.backend, args.workers, args.address),
+            backend=backend,
             videos=args.video,
             film=Film(args.camera, args.size),
             stop_level=args.stop_early,

@@ -3,9 +3,12 @@
 import argparse
 import math
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from dexgrasp_env.errors import InputError
+
+if TYPE_CHECKING:
+    from dexgrasp.runs.pool import Backend
 
 Number = TypeVar("Number", int, float)
 
@@ -117,34 +120,32 @@ def add_cell(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def add_backend(parser: argparse.ArgumentParser, local: str = "processes") -> None:
-    """Add `--backend` and `--address`; `local` is the name of the way that needs no cluster."""
-    parser.add_argument(
-        "--backend", choices=(local, "ray"), default=local,
-        help=f"where it runs: {local} of this machine, or ray, tasks on a cluster (default {local})",
-    )  # fmt: skip
-    _add_address(parser)
-
-
 def add_jobs(parser: argparse.ArgumentParser) -> None:
-    """Add `--workers`, `--backend` and `--address` of work by `dexgrasp.runs.jobs`, which checks the backend's name."""
-    parser.add_argument("--workers", type=positive_int, default=1, metavar="W", help="processes (default 1)")
-    parser.add_argument("--backend", default="loky", help="loky (processes), threading, or ray for a cluster")
-    _add_address(parser)
+    """Add `--workers`, `--backend` and `--address`."""
+    from dexgrasp.runs.pool import BACKENDS
 
-
-def _add_address(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--workers", type=positive_int, default=1, metavar="W",
+        help="processes (default 1); what comes out does not depend on it",
+    )  # fmt: skip
+    parser.add_argument(
+        "--backend", choices=BACKENDS, default=BACKENDS[0],
+        help=f"where it runs: processes of this machine, or ray, tasks on a cluster (default {BACKENDS[0]})",
+    )  # fmt: skip
     parser.add_argument(
         "--address", metavar="A",
         help="with --backend ray: the cluster, auto or host:port (default a new one here, of --workers processes)",
     )  # fmt: skip
 
 
-def check_backend(args: argparse.Namespace) -> None:
-    """Refuse an address without Ray.
+def backend_of(args: argparse.Namespace) -> "Backend":
+    """Return where the options of `add_jobs` say that it runs.
 
     Raises:
-        InputError: in one line.
+        InputError: for an address without Ray, or Ray without its extra.
     """
+    from dexgrasp.runs.pool import Backend
+
     if args.address is not None and args.backend != "ray":
         raise InputError("--address is of a Ray cluster: add --backend ray")
+    return Backend(args.backend, args.workers, args.address)

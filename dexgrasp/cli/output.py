@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
@@ -62,25 +62,13 @@ def note(message: str) -> None:
 @contextmanager
 def resumable(kept: str) -> Iterator[None]:
     """Let what interrupts the work say that `kept` is there, and that the same command goes on."""
+    from dexgrasp.runs.pool import WorkerDiedError
+
     try:
         yield
-    except KeyboardInterrupt:
-        raise KeyboardInterrupt(f"{kept}: the same command goes on from there") from None
-
-
-@contextmanager
-def progress_bar(unit: str, of: str, **options: Any) -> Iterator[Callable[..., None]]:
-    """Show a bar; what it gives is called with how many are done, of how many, and figures to show beside them."""
-    from tqdm import tqdm
-
-    with tqdm(unit=unit, desc=of, **({"delay": 0.5} | options)) as bar:  # what is refused at once needs none
-
-        def show(done: int, total: int, **figures: str) -> None:
-            bar.total = total
-            bar.set_postfix(figures, refresh=False)
-            bar.update(done - bar.n)
-
-        yield show
+    except (KeyboardInterrupt, WorkerDiedError) as stop:
+        said = f"{stop}; {kept}" if isinstance(stop, WorkerDiedError) else kept
+        raise KeyboardInterrupt(f"{said}: the same command goes on from there") from None
 
 
 _COLOURS = {"good": 32, "look": 33, "bad": 31}  # green, yellow, red of the terminal's own palette

@@ -31,7 +31,7 @@ def check(args: argparse.Namespace) -> None:
 
 def bar() -> AbstractContextManager[Callable[..., None]]:
     """Show how far a set is, once it takes 3 seconds."""
-    from dexgrasp.cli.output import progress_bar
+    from dexgrasp.runs.progress import progress_bar
 
     return progress_bar("step", "grasps", delay=3, leave=False)
 

@@ -40,10 +40,8 @@ def run(args: argparse.Namespace) -> int:
     from dexgrasp.evaluation.replay import replay
     from dexgrasp.evaluation.video import Film
 
-    found = replay(
-        args.folder, args.agent, args.object, args.trial, protocol=args.protocol, video=args.video,
-        film=Film(args.camera, args.size),
-    )  # fmt: skip
+    film = Film(args.camera, args.size) if args.video else None
+    found = replay(args.folder, args.agent, args.object, args.trial, protocol=args.protocol, film=film)
     if found.stale:
         note(f"note: the evaluation was made with other {' and '.join(found.stale)}")
     if args.json:

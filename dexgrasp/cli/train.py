@@ -67,10 +67,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _cvae(args: argparse.Namespace) -> int:
-    from dexgrasp.cli.output import progress_bar, resumable
+    from dexgrasp.cli.output import resumable
     from dexgrasp.cvae.curves import draw_curves, write_curve
     from dexgrasp.cvae.training import CvaeProgress, TrainingSettings, train
     from dexgrasp.planning.decoder import NetworkSettings
+    from dexgrasp.runs.progress import progress_bar
 
     settings = TrainingSettings(
         seed=args.seed, threads=args.threads, held_out_object=args.held_out_object, kl_weight=args.kl_weight,

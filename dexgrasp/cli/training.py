@@ -94,8 +94,9 @@ def _train_one(
     args: argparse.Namespace, settings: "Settings", out: Path, trials: "Trials | None", unit: str,
     train: Callable[..., "Progress"],
 ) -> dict[str, Any]:  # fmt: skip
-    from dexgrasp.cli.output import progress_bar, resumable
+    from dexgrasp.cli.output import resumable
     from dexgrasp.imitation.curves import draw
+    from dexgrasp.runs.progress import progress_bar
 
     kept = resumable(f"the last checkpoint is kept in {out}")
     with kept, progress_bar(unit, f"{args.train_command}, seed {settings.seed}") as bar:

@@ -16,7 +16,7 @@ from dexgrasp.dataset.shards import read_manifest
 from dexgrasp.planning.decoder import NetworkSettings
 from dexgrasp.runs.device import torch_device
 from dexgrasp.runs.epochs import Progress, fitting_epochs, run_epochs
-from dexgrasp.runs.folder import claim_training, occupy
+from dexgrasp.runs.folder import RunFolder
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
@@ -88,8 +88,9 @@ def train(
     place = torch_device(device)
     torch.set_num_threads(settings.threads)
     parts = split(read_dataset(data), settings.held_out_object, settings.held_out_poses, seed=settings.seed)
-    with occupy(out):
-        key = _claim(data, out, settings, minutes)
+    key = str(read_manifest(data)["key"])
+    run = {"schema": 1, "dataset": key, "minutes": minutes, "settings": asdict(settings)}
+    with RunFolder(out, "run.json", "training").claim(run):
         return _train(parts, out, settings, key, minutes, place, progress, stop_after)
 
 
@@ -182,14 +183,6 @@ def _fitting(poses: list[PoseSplit], settings: TrainingSettings, minutes: float,
     return fitting_epochs(
         minutes, STEPS_PER_EPOCH, lambda step: _step(model, optimiser, poses, step, settings, 0.0, place)
     )
-
-
-def _claim(data: Path, out: Path, settings: TrainingSettings, minutes: float | None) -> str:
-    """Write what is trained on what into `out`, or check that it is the same."""
-    key = str(read_manifest(data)["key"])
-    run = {"schema": 1, "dataset": key, "minutes": minutes, "settings": asdict(settings)}
-    claim_training(out, "run.json", run)
-    return key
 
 
 def _resume(out: Path, model: Cvae, optimiser: torch.optim.Adam) -> CvaeProgress | None:

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.dataset.sampler import COUNTS
-from dexgrasp.dataset.shards import FIELDS, Arrays, file_hash, read_arrays, read_manifest, text
+from dexgrasp.dataset.shards import FIELDS, file_hash, read_arrays, read_manifest
+from dexgrasp.runs.shards import Arrays, text_of
 from dexgrasp_env.errors import InputError
 
 Array = NDArray[Any]
@@ -24,7 +25,7 @@ class PoseGrasps:
         name: of the object.
         pose: index of the rest pose.
         scene: arrays of the rest pose: `cloud`, `points`, `normals`, `hull`, `centre`, `mass` (see
-            shards.write_pose).
+            shards.pose_arrays).
         grasps: arrays of `shards.FIELDS`, n grasps each.
         counts: how many were tried, placed, reached, feasible, holding.
         blocked: why postures were not feasible.
@@ -87,6 +88,6 @@ def _pose(folder: Path, path: str, shards: list[str], name: str, pose: int, key:
     counts, blocked = Counter[str](), Counter[str]()
     for part in parts:
         counts.update(dict(zip(COUNTS, part["counts"].tolist(), strict=True)))
-        blocked.update(json.loads(text(part["blocked"])))
+        blocked.update(json.loads(text_of(part["blocked"])))
     grasps = {name: np.concatenate([part[name] for part in parts]) for name in FIELDS}
     return PoseGrasps(name, pose, read_arrays(folder / path, key), grasps, dict(counts), dict(blocked))

@@ -1,24 +1,23 @@
-"""Files of a dataset: shards and rest poses as npz without pickle, written whole or not at all, and the manifest."""
+"""What the files of a dataset hold: shards, rest poses, and the manifest."""
 
 import hashlib
-import io
 import json
 import re
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.dataset.rest_scene import RestScene
 from dexgrasp.dataset.sampler import COUNTS, Found
 from dexgrasp.dataset.settings import SCHEMA
+from dexgrasp.runs.shards import Arrays, bytes_of, read_shard
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Layout, content_hash, fits, read_json_object, read_npz, write_atomically
+from dexgrasp_env.files import Layout, fits, read_json_object
 
+MANIFEST = "manifest.json"
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
-Arrays = dict[str, NDArray[Any]]
 FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
     "q": ((23,), "float32", "rad, joints of arm and hand, at the placement"),
     "placement": ((3,), "float32", "x m, y m, yaw rad of the rest frame in the world frame"),
@@ -38,78 +37,38 @@ FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
 """Field -> shape of one grasp, type, meaning."""
 
 
-def shard_path(folder: Path, name: str, pose: int, chunk: int) -> Path:
-    """Return where a shard lies."""
-    return folder / "grasps" / f"{name}-pose{pose:02d}-{chunk:04d}.npz"
-
-
-def pose_path(folder: Path, name: str, pose: int) -> Path:
-    """Return where a rest pose lies."""
-    return folder / "poses" / f"{name}-pose{pose:02d}.npz"
-
-
-def write_shard(path: Path, found: Found, key: str) -> None:
-    """Write the grasps of a shard with their counts; `key` names what they were made from."""
-    n, arrays = len(found), {}
-    for name, (shape, kind, _) in FIELDS.items():
-        arrays[name] = np.asarray(found.fields.get(name, []), dtype=kind).reshape(n, *shape)
+def shard_arrays(found: Found) -> Arrays:
+    """Return the grasps of a shard with their counts."""
+    arrays: Arrays = {
+        name: np.asarray(found.fields.get(name, []), dtype=kind).reshape(len(found), *shape)
+        for name, (shape, kind, _) in FIELDS.items()
+    }
     arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
-    arrays["blocked"] = _text(json.dumps(dict(sorted(found.blocked.items()))))
-    arrays["key"] = _text(key)
-    write_arrays(path, arrays)
+    arrays["blocked"] = bytes_of(json.dumps(dict(sorted(found.blocked.items()))))
+    return arrays
 
 
-def write_pose(path: Path, scene: RestScene, key: str) -> None:
-    """Write a rest pose: cloud, hull, candidates."""
-    write_arrays(path, {
+def pose_arrays(scene: RestScene) -> Arrays:
+    """Return a rest pose: cloud, hull, candidates."""
+    return {
         "cloud": scene.cloud.astype("float32"), "points": scene.points.astype("float32"),
         "normals": scene.normals.astype("float32"),
         "hull": np.asarray(scene.grasp_target.hull.vertices), "centre": scene.grasp_target.centre,
         "mass": np.array(scene.grasp_target.mass), "quat_wxyz": scene.quat_wxyz, "height": np.array(scene.height),
         "probability": np.array(scene.probability), "triples": np.array([scene.decided, len(scene.triples)]),
-        "key": _text(key),
-    })  # fmt: skip
-
-
-def write_arrays(path: Path, arrays: Arrays) -> None:
-    """Write arrays as npz, sealed with a hash of them all; the same arrays give the same bytes."""
-    buffer = io.BytesIO()
-    np.savez_compressed(buffer, **arrays, seal=_text(_seal(arrays)))  # type: ignore[arg-type]
-    write_atomically(path, buffer.getvalue())
+    }  # fmt: skip
 
 
 def read_arrays(path: Path, key: str | None = None) -> Arrays:
-    """Read an npz file of a dataset whole.
+    """Read a file of a dataset whole.
 
     Raises:
-        InputError: missing, cut off, damaged, changed, numbers that are not finite, or of another dataset (`key`).
+        InputError: as `read_shard`, and where numbers are not finite or arrays are others.
     """
-    try:
-        arrays = read_npz(path)
-        seal = arrays.pop("seal", None)  # 0.1.0 wrote none
-        if seal is not None and text(seal) != _seal(arrays):
-            raise ValueError("changed")
-    except FileNotFoundError:
-        raise InputError(
-            f"{path} is missing: run `dexgrasp dataset generate` again, it makes what is not there"
-        ) from None
-    except (OSError, ValueError):
-        raise InputError(
-            f"{path} is cut off or damaged: run `dexgrasp dataset generate` with the same settings again, "
-            "it makes it anew"
-        ) from None
-    fault = _fault(arrays)
-    if fault:
-        raise InputError(
-            f"{path} is damaged ({fault}): run `dexgrasp dataset generate` again, it makes it anew"
-        )
-    if key is not None and arrays["key"].tobytes() != key.encode():
-        raise InputError(f"{path} belongs to another dataset: remove it, or use another folder")
+    arrays = read_shard(path, key)
+    if fault := _fault(arrays):
+        raise InputError(f"{path} is damaged ({fault}): the command that made it makes it anew")
     return arrays
-
-
-def _seal(arrays: Arrays) -> str:
-    return content_hash(*(part for name in sorted(arrays) for part in (name, arrays[name])))
 
 
 def _fault(arrays: Arrays) -> str:
@@ -146,7 +105,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: no dataset, damaged, or of another schema.
     """
-    path = folder / "manifest.json"
+    path = folder / MANIFEST
     again = "run `dexgrasp dataset generate` with the same settings again"
     missing = f"{folder} holds no dataset (no {path.name}): make one with `dexgrasp dataset generate`"
     manifest = read_json_object(path, again, missing)
@@ -175,12 +134,3 @@ def _manifest_fault(manifest: dict[str, Any]) -> str | None:
 def file_hash(path: Path) -> str:
     """Return the SHA-256 of a file, 64 digits."""
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def text(array: NDArray[Any]) -> str:
-    """Read text kept as bytes."""
-    return array.tobytes().decode()
-
-
-def _text(value: str) -> NDArray[np.uint8]:
-    return np.frombuffer(value.encode(), dtype=np.uint8)

@@ -3,16 +3,19 @@
 import json
 import shutil
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dexgrasp.demos.parts import part_arrays, read_part
 from dexgrasp.demos.rollout import Episode, Recorder
 from dexgrasp.demos.settings import SCHEMA, DemoSettings
-from dexgrasp.demos.shards import read_shard, write_shard
-from dexgrasp.runs.folder import claim, occupy
-from dexgrasp.runs.jobs import check_backend, run_jobs
+from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.pool import Backend
+from dexgrasp.runs.progress import Show, silent
+from dexgrasp.runs.shards import is_shard, make_missing, write_shard
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
@@ -29,60 +32,61 @@ class Job:
     target: str
     first: int
 
+    @property
+    def file(self) -> str:
+        """Its name in the folder of the demonstrations."""
+        return f"{_PARTS}/{object_name(self.target)}-{self.first:05d}.npz"
+
 
 def generate(
-    settings: DemoSettings, folder: Path, formats: tuple[str, ...] = ("minari",), workers: int = 1,
-    backend: str = "loky", progress: Callable[[int, int], None] | None = None, *, address: str | None = None,
+    settings: DemoSettings, folder: Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
+    progress: Show = silent,
 ) -> dict[str, Any]:  # fmt: skip
-    """Make demonstrations, or what is missing of them; they do not depend on workers, backend or interruptions.
+    """Make demonstrations, or what is missing of them; they do not depend on the backend or on interruptions.
 
     Args:
         settings: what they are made of.
         folder: where; one that holds demonstrations of other settings is refused.
         formats: `minari` (in `data/`), `lerobot` (in `lerobot/`).
-        workers: processes.
-        backend: loky (processes), threading, or ray (a cluster whose nodes share `folder`).
+        backend: where the work is done; the nodes of a cluster share `folder`.
         progress: called with files done and files in all.
-        address: of the cluster, "auto" or host:port; None for a new one on this machine.
 
     Returns:
         What `demos.json` holds.
 
     Raises:
-        InputError: other settings in `folder`, an unknown backend or format, two objects of one name.
+        InputError: other settings or another process in `folder`, an unknown format, two objects of one name, no
+            cluster.
     """
-    check_backend(backend)
     _check(settings, formats)
     key = content_hash(json.dumps(settings.as_json(), sort_keys=True))
-    with occupy(folder):
-        old = read_about(folder) if (folder / ABOUT).exists() else None
-        new = {"schema": SCHEMA, "settings": settings.as_json(), "formats": list(formats)}
-        claim(folder, ABOUT, old, new, "set of demonstrations", {"complete": False})
-        if old is not None and old.get("complete"):
-            return old
-        jobs = _jobs(settings)
-        left = [job for job in jobs if read_shard(_path(folder, job), key) is None]
-        if progress:
-            progress(len(jobs) - len(left), len(jobs))
-        work = run_jobs(make, left, (settings, folder.resolve(), key), workers, backend, address)
-        for done, _ in enumerate(work, start=len(jobs) - len(left) + 1):
-            if progress:
-                progress(done, len(jobs))
-        return _finish(settings, folder, formats, jobs, key, new)
+    about = {"schema": SCHEMA, "settings": settings.as_json(), "formats": list(formats)}
+    with RunFolder(folder, ABOUT, "set of demonstrations").claim(about, complete=False):
+        there = read_about(folder)
+        if there.get("complete"):
+            return there
+        jobs = [
+            Job(target, first)
+            for target in settings.objects
+            for first in range(0, settings.episodes, settings.chunk)
+        ]
+        work = partial(make, settings=settings, folder=folder.resolve(), key=key)
+        make_missing(work, jobs, lambda job: is_shard(folder / job.file, key), backend, progress)
+        about |= _converted(settings, folder, formats, [folder / job.file for job in jobs], key)
+        write_json(folder / ABOUT, about)
+        shutil.rmtree(folder / _PARTS)
+    return about
 
 
 def make(job: Job, settings: DemoSettings, folder: Path, key: str) -> None:
     """Make one file, whole or not at all."""
     recorder = Recorder(settings, job.target)
-    episodes, failures = [], []
-    for trial in range(job.first, min(job.first + settings.chunk, settings.episodes)):
-        episode, failure = recorder.record(trial)
-        if episode is None:
-            failures.append(failure)
-        else:
-            episodes.append(episode)
+    last = min(job.first + settings.chunk, settings.episodes)
+    outcomes = [recorder.record(trial) for trial in range(job.first, last)]
     recorder.close()
-    write_shard(_path(folder, job), episodes, failures, key)
+    episodes = [episode for episode, _ in outcomes if episode is not None]
+    failures = [failure for episode, failure in outcomes if episode is None]
+    write_shard(folder / job.file, part_arrays(episodes, failures), key)
 
 
 def read_about(folder: Path) -> dict[str, Any]:
@@ -99,14 +103,6 @@ def read_about(folder: Path) -> dict[str, Any]:
     return about
 
 
-def _jobs(settings: DemoSettings) -> list[Job]:
-    return [
-        Job(target, first)
-        for target in settings.objects
-        for first in range(0, settings.episodes, settings.chunk)
-    ]
-
-
 def _check(settings: DemoSettings, formats: tuple[str, ...]) -> None:
     for name in formats:
         if name not in FORMATS:
@@ -117,31 +113,20 @@ def _check(settings: DemoSettings, formats: tuple[str, ...]) -> None:
         raise InputError(f"two objects are called {twice[0]!r}: rename one of the files")
 
 
-def _path(folder: Path, job: Job) -> Path:
-    return folder / _PARTS / f"{object_name(job.target)}-{job.first:05d}.npz"
-
-
-def _finish(
-    settings: DemoSettings,
-    folder: Path,
-    formats: tuple[str, ...],
-    jobs: list[Job],
-    key: str,
-    about: dict[str, Any],
+def _converted(
+    settings: DemoSettings, folder: Path, formats: tuple[str, ...], parts: list[Path], key: str
 ) -> dict[str, Any]:
-    """Write the data sets anew from the parts, then what is said of them; the parts go last."""
+    """Write the data sets anew from the parts; return what is said of them."""
     failures: Counter[str] = Counter()
     kept: Counter[str] = Counter()
 
     def episodes() -> Iterator[Episode]:
         failures.clear()
         kept.clear()
-        for job in jobs:
-            found = read_shard(_path(folder, job), key)
-            if found is None:
-                raise InputError(f"{_path(folder, job)} is gone or damaged: the same command makes it again")
-            failures.update(found[1])
-            for episode in found[0]:
+        for path in parts:
+            found, reasons = read_part(path, key)
+            failures.update(reasons)
+            for episode in found:
                 kept[episode.about["object"]] += 1
                 yield episode
 
@@ -151,10 +136,7 @@ def _finish(
         else:
             from dexgrasp.demos.lerobot_format import write_lerobot as write
         write(folder, settings, episodes())
-    done = about | {
+    return {
         "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
         "kept": dict(kept), "failures": dict(failures.most_common()),
     }  # fmt: skip
-    write_json(folder / ABOUT, done)
-    shutil.rmtree(folder / _PARTS)
-    return done

@@ -1,6 +1,5 @@
 """What a folder of demonstrations holds, and whether its actions still do what they did."""
 
-from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from dexgrasp.demos.generate import read_about
 from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.rollout import Episode
 from dexgrasp.demos.settings import ENV_ID, DemoSettings
+from dexgrasp.runs.progress import Show, silent
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -39,9 +39,7 @@ def summary(folder: Path) -> dict[str, Any]:
     return figures
 
 
-def replay_all(
-    folder: Path, number: int | None = None, progress: Callable[[int, int], None] | None = None
-) -> dict[str, Any]:
+def replay_all(folder: Path, number: int | None = None, progress: Show = silent) -> dict[str, Any]:
     """Play recorded actions again from their scenes; an episode that succeeds again is as good as it was.
 
     Args:
@@ -68,8 +66,7 @@ def replay_all(
             env = gym.make(ENV_ID, objects=[target], **settings.env_arguments, disable_env_checker=True)
         if not _succeeds(env, episode):
             failed.append({"episode": done - 1, **{k: episode.about[k] for k in ("object", "scene_seed")}})
-        if progress:
-            progress(done, total)
+        progress(done, total)
     return {"schema": 1, "replayed": total, "successes": total - len(failed), "failed": failed}
 
 

@@ -1,20 +1,20 @@
 """Trials made again from what their lines say: to watch them, and to see that they come out the same."""
 
 import dataclasses
-import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.evaluation.protocol import TrialSeeds
-from dexgrasp.evaluation.rows import trial_name
+from dexgrasp.evaluation.rows import Key, row_key, trial_name
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.spec import TrialSpec, plan_trials
 from dexgrasp.evaluation.store import read_rows, read_run
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
-from dexgrasp.evaluation.workers import Backend, run_cells
+from dexgrasp.runs.pool import Backend, run_pool
+from dexgrasp.runs.progress import Show, warn
 from dexgrasp_env.errors import InputError
 
 Row = Mapping[str, Any]
@@ -49,8 +49,7 @@ def replay(
     trial: int,
     *,
     protocol: str | None = None,
-    video: bool = False,
-    film: Film = Film(),
+    film: Film | None = None,
 ) -> Replay:
     """Make a trial of an evaluation again, from the seeds that its line holds.
 
@@ -60,8 +59,7 @@ def replay(
         target: the object's name there.
         trial: number.
         protocol: needed where the evaluation has several.
-        video: whether to record it, into `videos/` of the folder.
-        film: what the video is taken with.
+        film: what a video is taken with, into `videos/` of the folder; None for no video.
 
     Raises:
         InputError: if the folder holds no such trial, or its agent or object cannot be had any more.
@@ -69,41 +67,35 @@ def replay(
     row = _find(read_rows(folder), agent, target, trial, protocol)
     run = read_run(folder)
     settings = EvaluationSettings.of_run(run)
-    spec = _spec_of(row, settings)
-    if video:
+    spec, path = _specs([row], settings)[row_key(row)], None
+    if film:
         check_rendering()
-        spec = dataclasses.replace(spec, video=str(video_path(folder, row)), film=film)
+        path = video_path(folder, row)
+        spec = dataclasses.replace(spec, video=str(path), film=film)
     runner = TrialRunner(settings)
     again, grasp = runner.run(spec)
     runner.close()
     now = settings.identity()
     stale = tuple(key for key in ("cell", "code", "files", "versions") if run.get(key) != now[key])
-    return Replay(row, again, grasp, changes(row, again), stale, Path(spec.video) if spec.video else None)
+    return Replay(row, again, grasp, changes(row, again), stale, path)
 
 
 def record(
-    settings: EvaluationSettings,
-    rows: Sequence[Row],
-    folder: Path,
-    film: Film,
-    backend: Backend,
-    runner: TrialRunner,
-) -> Iterator[Row]:
-    """Make trials again and record them; yield each line as its video is there. Videos that are there are kept."""
-    left = [row for row in rows if not video_path(folder, row).is_file()]
-    specs = {_name(row): (row, _spec_of(row, settings)) for row in left}
-    recorded = [
-        dataclasses.replace(spec, video=str(video_path(folder, row)), film=film)
-        for row, spec in specs.values()
+    runner: TrialRunner, rows: Sequence[Row], folder: Path, film: Film, backend: Backend, show: Show
+) -> None:
+    """Make trials again and record them, but for those whose videos are there; `show` is told how many are."""
+    left = {row_key(row): row for row in rows if not video_path(folder, row).is_file()}
+    specs = [
+        dataclasses.replace(spec, video=str(video_path(folder, left[key])), film=film)
+        for key, spec in _specs(list(left.values()), runner.settings).items()
     ]
-    for again, _ in run_cells(settings, recorded, backend, runner):
-        row = specs[_name(again)][0]
+    for done, (again, _) in enumerate(run_pool(runner.run, specs, backend), start=1):
+        row = left[row_key(again)]
         if changed := changes(row, again):
-            print(
-                f"note: the video of {_name(row)} shows another outcome than trials.jsonl ({', '.join(changed)})",
-                file=sys.stderr,
+            warn(
+                f"note: the video of {trial_name(row)} shows another outcome than trials.jsonl ({', '.join(changed)})"
             )
-        yield again
+        show(done, len(specs))
 
 
 def video_path(folder: Path, row: Row) -> Path:
@@ -114,10 +106,6 @@ def video_path(folder: Path, row: Row) -> Path:
 def changes(row: Row, again: Row) -> tuple[str, ...]:
     """Return what came out otherwise, to the last bit."""
     return tuple(key for key in _COMPARED if key in row and row[key] != again[key])
-
-
-def _name(row: Row) -> str:
-    return trial_name(row)
 
 
 def _find(rows: Sequence[Row], agent: str, target: str, trial: int, protocol: str | None) -> Row:
@@ -135,11 +123,15 @@ def _find(rows: Sequence[Row], agent: str, target: str, trial: int, protocol: st
     return found[0]
 
 
-def _spec_of(row: Row, settings: EvaluationSettings) -> TrialSpec:
-    key = (row.get("protocol"), row["agent"], row["object"], row["trial"])
-    for spec in plan_trials(settings):
-        if (spec.protocol, spec.agent, spec.label, spec.trial) == key:
-            if "agent_seed" not in row or "scene_seed" not in row:
-                return spec
-            return dataclasses.replace(spec, seeds=TrialSeeds(row["scene_seed"], row["agent_seed"]))
-    raise InputError(f"trial {_name(row)} is not of the evaluation that run.json describes")
+def _specs(rows: Sequence[Row], settings: EvaluationSettings) -> dict[Key, TrialSpec]:
+    """Return what the trials of lines are of, with the seeds that these hold."""
+    planned = {spec.key: spec for spec in plan_trials(settings)}
+    found = {}
+    for row in rows:
+        spec = planned.get(row_key(row))
+        if spec is None:
+            raise InputError(f"trial {trial_name(row)} is not of the evaluation that run.json describes")
+        if "agent_seed" in row and "scene_seed" in row:
+            spec = dataclasses.replace(spec, seeds=TrialSeeds(row["scene_seed"], row["agent_seed"]))
+        found[spec.key] = spec
+    return found

@@ -5,6 +5,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+Key = tuple[str, str, str, int]
+"""Protocol, agent, object, trial."""
+
 _NUMBER = (int, float)
 _FIELDS: dict[str, tuple[type, ...]] = {
     "agent": (str,), "object": (str,), "trial": (int,), "success": (bool,), "stable": (bool,),
@@ -58,6 +61,11 @@ def _details_fault(details: Mapping[str, Any]) -> str | None:
         ):
             return f"{name} of the certificate is no number"
     return None
+
+
+def row_key(row: Mapping[str, Any]) -> Key:
+    """Return what tells a trial from the others of its evaluation."""
+    return row.get("protocol") or "", row["agent"], row["object"], row["trial"]
 
 
 def trial_name(row: Mapping[str, Any]) -> str:

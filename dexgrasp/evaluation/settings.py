@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol, parts
+from dexgrasp.registry import agent_files, agent_source
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -124,12 +125,8 @@ class EvaluationSettings:
 
     def _files(self) -> list[Path]:
         """Return the files that outcomes rest on: meshes, checkpoints and what lies beside these."""
-        from dexgrasp.agents.checkpoint import checkpoint_files
-        from dexgrasp.runs.policy_folder import is_policy, policy_files
-
         named = [path for name in self.objects for path in target_files(name)]
-        for agent in self.agents:
-            named += policy_files(agent) if is_policy(agent) else checkpoint_files(agent)
+        named += [path for name in self.agents for path in agent_files(name)]
         return [path for path in dict.fromkeys(map(expand, named)) if path.is_file()]
 
     def default_folder(self) -> Path:
@@ -153,18 +150,9 @@ def code_hash(agents: Sequence[str] = ()) -> str:
     files = sorted({path.resolve() for root in roots for path in root.rglob("*.py")})
     digest = hashlib.sha256()
     assets = sorted(path for path in asset_path().rglob("*") if path.is_file() and path.suffix != ".md")
-    for path in [*files, *assets, *_agent_sources(agents)]:
+    for path in [*files, *assets, *filter(None, map(agent_source, agents))]:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _agent_sources(agents: Sequence[str]) -> list[Path]:
-    modules = [name.partition(":")[0] for name in agents if ":" in name]
-    try:
-        specs = [importlib.util.find_spec(module) for module in modules]
-    except (ImportError, ValueError):  # make_agent says what is wrong with the name
-        return []
-    return [Path(spec.origin) for spec in specs if spec and spec.origin and Path(spec.origin).is_file()]
 
 
 def _package_folder(name: str) -> Path:

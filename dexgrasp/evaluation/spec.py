@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, TrialSeeds
+from dexgrasp.evaluation.rows import Key
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.video import Film
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -34,6 +35,11 @@ class TrialSpec:
     video: str | None = None
     film: Film = Film()
     seeds: TrialSeeds | None = None
+
+    @property
+    def key(self) -> Key:
+        """What tells the trial from the others of its evaluation."""
+        return self.protocol, self.agent, self.label, self.trial
 
 
 def plan_trials(settings: EvaluationSettings) -> list[TrialSpec]:

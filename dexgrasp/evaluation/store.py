@@ -4,16 +4,18 @@
 `summary.json` what comes out.
 """
 
-import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.evaluation.rows import row_fault, trial_name
+from dexgrasp.evaluation.rows import Key, row_fault, row_key, trial_name
+from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.lines import Lines, read_lines
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import lock, parse_json, read_json_object, write_atomically
+from dexgrasp_env.files import read_json_object, write_json
 
-Key = tuple[str, str, str, int]  # protocol, agent, object, trial
+Row = dict[str, Any]
+_RUN, _TRIALS = "run.json", "trials.jsonl"
 
 
 class TrialStore:
@@ -27,43 +29,31 @@ class TrialStore:
                 written to.
         """
         self.folder = folder
+        self._lock = _run_folder(folder).claim(identity)
         try:
-            folder.mkdir(parents=True, exist_ok=True)
-            self._file = (folder / "trials.jsonl").open("ab+")
-            lock(
-                self._file, f"another evaluation is writing to {folder}: wait for it, or choose another --out"
-            )
-            self._file.seek(0)
-            content = self._file.read()
-            _check_identity(folder / "run.json", identity, has_trials=b"\n" in content)
-            pairs = list(_whole_lines(content, folder))
-            # Cut off what a killed writer left unfinished.
-            self._file.truncate(pairs[-1][1] if pairs else 0)
-        except OSError as error:
-            raise InputError(f"cannot write to {folder}: {error.strerror or error}") from None
-        self.rows = _once_each(row for row, _ in pairs)
+            self._lines = Lines(folder / _TRIALS, "trial", row_fault)
+        except BaseException:
+            self._lock.close()
+            raise
+        self.rows = _once_each(self._lines.rows)
 
     @property
     def finished(self) -> set[Key]:
         """The trials that are there."""
         return {row_key(row) for row in self.rows}
 
-    def append(self, row: dict[str, Any], grasp: Mapping[str, Any] | None = None) -> None:
+    def append(self, row: Row, grasp: Mapping[str, Any] | None = None) -> None:
         """Add a finished trial and its grasp; both are in their files when this returns."""
         if grasp is not None:
             row["grasp"] = f"grasps/{trial_name(row)}.json"
-            self.write_json(row["grasp"], grasp)
-        self._file.write((json.dumps(row, allow_nan=False) + "\n").encode())
-        self._file.flush()
+            write_json(self.folder / row["grasp"], grasp)
+        self._lines.append(row)
         self.rows.append(row)
-
-    def write_json(self, name: str, content: Mapping[str, Any]) -> None:
-        """Write a file of the folder as a whole."""
-        write_atomically(self.folder / name, (json.dumps(content, indent=2, allow_nan=False) + "\n").encode())
 
     def close(self) -> None:
         """Let go of the folder."""
-        self._file.close()
+        self._lines.close()
+        self._lock.close()
 
 
 def check_folder(folder: Path, identity: Mapping[str, Any]) -> None:
@@ -72,31 +62,24 @@ def check_folder(folder: Path, identity: Mapping[str, Any]) -> None:
     Raises:
         InputError: naming what is different.
     """
-    if (folder / "run.json").is_file():
-        _check_identity(folder / "run.json", identity, has_trials=True)
+    _run_folder(folder).check(identity)
 
 
-def row_key(row: Mapping[str, Any]) -> Key:
-    """Return what tells a trial from the others of its evaluation."""
-    return row.get("protocol") or "", row["agent"], row["object"], row["trial"]
-
-
-def read_rows(folder: Path) -> list[dict[str, Any]]:
+def read_rows(folder: Path) -> list[Row]:
     """Read the finished trials of a folder without touching it, each once.
 
     Raises:
         InputError: if it holds no evaluation, or a damaged one.
     """
-    path = folder / "trials.jsonl"
+    path = folder / _TRIALS
     try:
-        content = path.read_bytes()
+        return _once_each(read_lines(path, "trial", row_fault))
     except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
         raise InputError(
-            f"{folder} holds no evaluation (no trials.jsonl): name the --out of `dexgrasp evaluate`"
+            f"{folder} holds no evaluation (no {_TRIALS}): name the --out of `dexgrasp evaluate`"
         ) from None
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    return _once_each(row for row, _ in _whole_lines(content, folder))
 
 
 def read_run(folder: Path) -> dict[str, Any]:
@@ -105,48 +88,16 @@ def read_run(folder: Path) -> dict[str, Any]:
     Raises:
         InputError: if there is no run.json, or it is not one.
     """
-    return read_json_object(folder / "run.json", "choose another --out")
+    return read_json_object(folder / _RUN, "choose another --out")
 
 
-def _once_each(rows: Iterator[dict[str, Any]]) -> list[dict[str, Any]]:
+def _run_folder(folder: Path) -> RunFolder:
+    return RunFolder(folder, _RUN, "evaluation", pieces=_TRIALS)
+
+
+def _once_each(rows: Iterable[Row]) -> list[Row]:
     """Copies of a line, as merged files have them, count once: the first."""
-    found: dict[Key, dict[str, Any]] = {}
+    found: dict[Key, Row] = {}
     for row in rows:
         found.setdefault(row_key(row), row)
     return list(found.values())
-
-
-def _check_identity(path: Path, identity: Mapping[str, Any], *, has_trials: bool) -> None:
-    if not path.exists():
-        if has_trials:
-            raise InputError(
-                f"{path.parent} holds trials, but no run.json says of what: choose another --out"
-            )
-        write_atomically(path, (json.dumps(identity, indent=2) + "\n").encode())
-        return
-    before = read_json_object(path, "choose another --out")
-    changed = [key for key in identity if before.get(key) != json.loads(json.dumps(identity[key]))]
-    if changed:
-        was = "; ".join(f"{key} was {_short(before.get(key))}, is {_short(identity[key])}" for key in changed)
-        raise InputError(f"{path.parent} holds another evaluation ({was}): choose another --out")
-
-
-def _short(value: object) -> str:
-    text = json.dumps(value)
-    return text if len(text) <= 120 else text[:117] + "..."
-
-
-def _whole_lines(data: bytes, folder: Path) -> Iterator[tuple[dict[str, Any], int]]:
-    """Yield the rows with the offset of their ends; a last line without its newline is not there."""
-    end = 0
-    for number, line in enumerate(data.split(b"\n")[:-1], start=1):
-        end += len(line) + 1
-        where = f"{folder / 'trials.jsonl'} line {number}"
-        try:
-            row = parse_json(line)
-        except ValueError:
-            raise InputError(f"{where} is not JSON: remove it or choose another --out") from None
-        fault = row_fault(row)
-        if fault:
-            raise InputError(f"{where} is no trial ({fault}): remove it or choose another --out")
-        yield row, end

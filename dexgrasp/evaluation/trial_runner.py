@@ -1,6 +1,5 @@
 """A place to run trials at: makes agents and environments once and uses them again."""
 
-import os
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import asdict
@@ -16,6 +15,7 @@ from dexgrasp.evaluation.spec import TrialSpec
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.video import Film, Video
 from dexgrasp.registry import make_agent
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 
 _MOST_ENVS = 4  # each holds a compiled scene
@@ -25,7 +25,7 @@ class TrialRunner:
     """Runs cells one after the other; every process has its own."""
 
     def __init__(self, settings: EvaluationSettings) -> None:
-        self._settings = settings
+        self.settings = settings
         self._agents: dict[str, Any] = {}
         self._envs: dict[tuple[str, str, str, Film | None], gym.Env[Any, Any]] = {}
 
@@ -35,7 +35,7 @@ class TrialRunner:
         Line, grasp and versions are all that it takes to make the trial again.
         """
         agent, env = self.agent(spec.agent), self._env(spec)
-        seeds = spec.seeds or trial_seeds(self._settings.seed, spec.target, spec.trial)
+        seeds = spec.seeds or trial_seeds(self.settings.seed, spec.target, spec.trial)
         video = Video(Path(spec.video)) if spec.video else None
         with nullcontext() if video is None else video:
             outcome, grasp = run_trial(env, agent, seeds, frames=video)
@@ -77,7 +77,7 @@ class TrialRunner:
     def _env_arguments(self, spec: TrialSpec) -> dict[str, Any]:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
         chosen: Mapping[str, Any] = agent_settings(spec.agent, self.agent(spec.agent))
-        scene = self._settings.scene(spec.protocol)
+        scene = self.settings.scene(spec.protocol)
         return {"id": get_protocol(spec.protocol).env_id, "objects": [spec.target], **scene, **chosen}
 
     def close(self) -> None:
@@ -86,11 +86,21 @@ class TrialRunner:
             env.close()
         self._envs.clear()
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle what it runs trials of, for another process, where it makes its own agents and environments."""
+        return _runner_elsewhere, (self.settings, self.settings.identity())
 
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
+def _runner_elsewhere(settings: EvaluationSettings, identity: dict[str, Any]) -> TrialRunner:
+    """Return a runner on another machine.
 
-def thread_limits(workers: int) -> dict[str, str]:
-    """Environment variables that give each of `workers` processes its share of the processors."""
-    share = str(max(1, (os.cpu_count() or 1) // workers))
-    return {name: os.environ.get(name, share) for name in _THREADS}
+    Raises:
+        InputError: where that has other code or files.
+    """
+    here = settings.identity()
+    if other := [key for key, value in identity.items() if here[key] != value]:
+        raise InputError(
+            f"a node of the cluster has other {', '.join(other)} than this machine: install the same dexgrasp there, "
+            "and give meshes and checkpoints by paths that every node has"
+        )
+    return TrialRunner(settings)

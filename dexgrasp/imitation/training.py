@@ -16,7 +16,7 @@ from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.imitation.trials import Trials, due_success
 from dexgrasp.runs.device import torch_device
 from dexgrasp.runs.epochs import Progress, fitting_epochs, progress_of, run_epochs
-from dexgrasp.runs.folder import claim_training, occupy
+from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.policy_folder import ABOUT, write_policy
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.extras import from_extra
@@ -57,8 +57,8 @@ def train_bc(
     place = torch_device(device)
     torch.set_num_threads(settings.threads)
     rows, modes = read_rows(data, settings.view)
-    with occupy(out):
-        _claim(out, rows, settings, minutes, trials)
+    run = _identity(rows, settings, minutes, trials)
+    with RunFolder(out, RUN, "training").claim(run):
         return _Training(rows, modes, out, settings, place).run(minutes, trials, progress, stop_after)
 
 
@@ -174,14 +174,11 @@ def _env(modes: dict[str, str], view: str) -> dict[str, str]:
     return {**seen, "control_mode": joints}
 
 
-def _claim(out: Path, rows: Rows, settings: BcSettings, minutes: float | None, trials: Trials | None) -> None:
-    """Write what is trained on what into `out`, or check that it is the same."""
-    run = {
-        "schema": 1,
-        "policy": ABOUT,
-        "data": rows.key,
-        "minutes": minutes,
-        "settings": settings.as_json(),
+def _identity(
+    rows: Rows, settings: BcSettings, minutes: float | None, trials: Trials | None
+) -> dict[str, Any]:
+    """Return what is trained on what."""
+    return {
+        "schema": 1, "policy": ABOUT, "data": rows.key, "minutes": minutes, "settings": settings.as_json(),
         "trials": None if trials is None else asdict(trials),
-    }
-    claim_training(out, RUN, run)
+    }  # fmt: skip

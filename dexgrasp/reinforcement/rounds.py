@@ -17,7 +17,7 @@ import numpy as np
 from dexgrasp.imitation.trials import Trials, due_success
 from dexgrasp.reinforcement.checkpoint import load_learner, save_learner
 from dexgrasp.runs.epochs import Progress, progress_of, run_epochs
-from dexgrasp.runs.folder import claim_training, occupy
+from dexgrasp.runs.folder import RunFolder
 from dexgrasp_env.files import content_hash
 
 RUN, CHECKPOINT = "training.json", "checkpoint.safetensors"
@@ -73,7 +73,6 @@ def run_rounds(
         "schema": 1, "clone": hashed, "settings": settings.as_json(),
         "trials": None if trials is None else asdict(trials),
     }  # fmt: skip
-    with occupy(out):
-        claim_training(out, RUN, run)
-        with closing(make(out, settings, base)) as training:
-            return training.run(trials, progress, stop_after)
+    claimed = RunFolder(out, RUN, "training").claim(run)
+    with claimed, closing(make(out, settings, base)) as training:
+        return training.run(trials, progress, stop_after)

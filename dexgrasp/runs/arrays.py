@@ -1,14 +1,16 @@
 """Files of arrays that networks are kept in: safetensors, nothing that runs when it is read."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 
+A = TypeVar("A")
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
 """Weights (in, out) and biases (out,) of a linear layer."""
 
@@ -33,10 +35,16 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
 
 
+def below(arrays: Mapping[str, A], prefix: str) -> dict[str, A]:
+    """Return what has names that begin with a prefix, by the rest of these."""
+    return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+
+
 def layers_of(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:
     """Weights, transposed, and biases of the linear layers of a module, in their order."""
-    own = {key.removeprefix(f"{name}.") for key in arrays if key.startswith(f"{name}.")}
-    keys = sorted({key.rpartition(".")[0] for key in own}, key=lambda key: int(key or 0))
+    keys = sorted(
+        {key.rpartition(".")[0] for key in below(arrays, f"{name}.")}, key=lambda key: int(key or 0)
+    )
     prefixes = [f"{name}.{key}".rstrip(".") for key in keys]
     if not prefixes:
         raise KeyError(name)

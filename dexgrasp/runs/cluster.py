@@ -7,7 +7,6 @@ from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.extras import require_extra
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -19,31 +18,32 @@ _RETRIES = 10
 
 
 def run_on_cluster(
-    function: Callable[[T], R], tasks: Iterable[T], *, address: str | None = None, workers: int = 1
+    do: Callable[[bytes, T], R], packed: bytes, tasks: Iterable[T], address: str | None, workers: int
 ) -> Iterator[R]:
-    """Yield what a function makes of each task, in the order in which they are finished.
+    """Yield what `do(packed, task)` makes of each task, in the order in which they are finished.
 
     Args:
-        function: at the top of a module that every node has; must give the same whenever and wherever it runs.
-        tasks: its arguments, small.
+        do: at the top of a module that every node has; must give the same whenever and wherever it runs.
+        packed: what every task is given; sent once.
+        tasks: small.
         address: of a running cluster: "auto" for the one that this machine belongs to, or host:port; None for the
             cluster that is connected already, else a new one on this machine alone.
         workers: processes of a new cluster.
 
     Raises:
-        InputError: without the extra, or where no cluster answers.
+        InputError: where no cluster answers.
         Exception: whatever the function raises; tasks in flight are cancelled then.
     """
-    require_extra("cluster", "backend 'ray'")
     import ray
 
     connected = _connect(address, workers)
-    remote = ray.remote(function).options(num_cpus=1, max_retries=_RETRIES)
+    remote = ray.remote(do).options(num_cpus=1, max_retries=_RETRIES)
+    sent = ray.put(packed)
     most = _AHEAD * max(1, int(ray.cluster_resources().get("CPU", 1)))
     waiting: list[Any] = []
     try:
         for task in tasks:
-            waiting.append(remote.remote(task))
+            waiting.append(remote.remote(sent, task))
             if len(waiting) >= most:
                 done, waiting = ray.wait(waiting)
                 yield from map(_result, done)

@@ -1,80 +1,96 @@
-"""The folder of a dataset or a training: claimed by what it is made of, and by one writer at a time."""
+"""The folder of long work: one writer at a time, and a file that says what its finished pieces are of."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import lock, read_json_object, write_json
 
-LOCK = ".lock"
+_SHOWN = 120  # characters of a setting in a message
 
 
-def claim(
-    folder: Path,
-    name: str,
-    old: Mapping[str, Any] | None,
-    new: Mapping[str, Any],
-    kind: str,
-    beside: Mapping[str, Any] | None = None,
-) -> None:
-    """Write `new` into the file `name` of an empty or new folder, or check that it agrees with what is there.
+@dataclass(frozen=True)
+class RunFolder:
+    """A folder that work goes on in after it was stopped.
 
-    Args:
-        folder: where.
-        name: of the file that says what the folder is made of.
-        old: what that file says, None where it is not there; of it only the keys of `new` count.
-        new: what the folder is to be made of, as JSON can hold it.
-        kind: "dataset" or "training", for messages.
-        beside: what a new file holds more.
-
-    Raises:
-        InputError: other contents, a file in the way, a folder that holds something else.
+    Attributes:
+        path: of the folder.
+        about: name of the file in it that says what the work is of.
+        kind: of work, for messages.
+        pieces: pattern of the files that belong to nobody where that file is missing.
     """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: --out must be a folder")
-    if old is not None:
-        changed = difference(old, json.loads(json.dumps(new)))
-        if changed:
-            raise InputError(f"{folder} holds a {kind} of other settings ({changed}): choose another --out")
-    elif folder.is_dir() and any(path.name != LOCK for path in folder.iterdir()):
-        raise InputError(f"{folder} is not empty and holds no {kind}: choose another --out")
-    else:
-        write_json(folder / name, {**new, **(beside or {})})
+
+    path: Path
+    about: str
+    kind: str
+    pieces: str = "*"
+
+    def check(self, identity: Mapping[str, Any]) -> None:
+        """Refuse a folder that cannot be `identity`'s, without touching it: before anything that takes time.
+
+        Args:
+            identity: all that the pieces depend on, as JSON can hold it; other keys of the file do not count.
+
+        Raises:
+            InputError: naming what is different, or what is in the way.
+        """
+        if self.path.exists() and not self.path.is_dir():
+            raise InputError(f"{self.path} is a file: --out must be a folder")
+        file = self.path / self.about
+        if file.exists():
+            old = read_json_object(file, "choose another --out")
+            if changed := "; ".join(_differences(old, json.loads(json.dumps(identity)))):
+                raise InputError(
+                    f"{self.path} holds another {self.kind}, of other settings ({changed}): choose another --out"
+                )
+        elif any(not path.name.startswith(".") for path in self.path.glob(self.pieces)):
+            raise InputError(
+                f"{self.path} is not empty and holds no {self.kind} (no {self.about}): choose another --out"
+            )
+
+    def claim(self, identity: Mapping[str, Any], **beside: Any) -> IO[bytes]:
+        """Make the folder, lock it, and check or write what it is of.
+
+        Args:
+            identity: as for `check`.
+            **beside: what a new file holds more.
+
+        Returns:
+            The lock: it goes when this file is closed, or the process ends.
+
+        Raises:
+            InputError: as `check`; where another process holds the folder, or it cannot be written to.
+        """
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            file = (self.path / ".lock").open("ab")
+        except FileExistsError:
+            raise InputError(f"{self.path} is a file: --out must be a folder") from None
+        except OSError as error:
+            raise InputError(f"cannot write to {self.path}: {error.strerror or error}") from None
+        try:
+            lock(file, f"another process is writing to {self.path}: wait for it, or choose another --out")
+            self.check(identity)
+            if not (self.path / self.about).exists():
+                write_json(self.path / self.about, {**identity, **beside})
+        except BaseException:
+            file.close()
+            raise
+        return file
 
 
-def claim_training(folder: Path, name: str, run: Mapping[str, Any]) -> None:
-    """Claim a folder for a training; `name` is the file that says what is trained on what.
-
-    Raises:
-        InputError: another training, a damaged file, a folder that holds something else.
-    """
-    path = folder / name
-    old = read_json_object(path, "choose another --out") if path.exists() else None
-    claim(folder, name, old, run, "training")
-
-
-def difference(old: Any, new: Any, name: str = "") -> str:
-    """Return the first thing that differs, as "name: what there, what now"; empty where nothing does."""
+def _differences(old: Any, new: Any, name: str = "") -> Iterator[str]:
+    """Yield what differs, as "name: what there, what now"; below the top, keys that are gone differ as well."""
     if isinstance(old, Mapping) and isinstance(new, Mapping):
-        for key in new:
-            if found := difference(old.get(key), new[key], str(key)):
-                return found
-        more = [key for key in old if key not in new] if name else []
-        return f"{more[0]}: there, not now" if more else ""
-    return "" if old == new else f"{name}: {str(old)[:60]} there, {str(new)[:60]} now"
+        for key in [*new, *(old.keys() - new.keys() if name else ())]:
+            yield from _differences(old.get(key), new.get(key), str(key))
+    elif old != new:
+        yield f"{name}: {_short(old)} there, {_short(new)} now"
 
 
-def occupy(folder: Path) -> IO[bytes]:
-    """Make the folder and lock it; the lock goes when the file returned is closed or the process ends.
-
-    Raises:
-        InputError: if another process holds it, or a file is in the way.
-    """
-    if folder.exists() and not folder.is_dir():
-        raise InputError(f"{folder} is a file: --out must be a folder")
-    folder.mkdir(parents=True, exist_ok=True)
-    file = (folder / LOCK).open("ab")
-    lock(file, f"another process is writing to {folder}: wait for it, or choose another --out")
-    return file
+def _short(value: Any) -> str:
+    text = value if isinstance(value, str) else json.dumps(value)
+    return text if len(text) <= _SHOWN else text[: _SHOWN - 3] + "..."

@@ -1,12 +1,9 @@
 """Grasp files under protocols: a row for each grasp and protocol, and a summary with intervals."""
 
-import multiprocessing
-import sys
 import time
 import zlib
 from collections import Counter
-from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -15,6 +12,8 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.evaluation.statistics import object_interval, wilson_interval
+from dexgrasp.runs.pool import Backend, run_pool
+from dexgrasp.runs.progress import progress_bar
 from dexgrasp.scoring.candidate import Candidate
 from dexgrasp.scoring.metrics import contact_metrics, diversity
 from dexgrasp.scoring.protocols import get_grasp_protocol
@@ -60,7 +59,7 @@ def score_files(
         options: how to read the files.
         seed: of the protocols' draws, the same for every grasp.
         workers: processes.
-        progress: whether to draw a progress bar on standard error.
+        progress: whether to say on standard error how far it is.
 
     Returns:
         `rows`, one for each grasp and protocol, `metrics`, one for each grasp, and `protocols`, their summaries.
@@ -75,7 +74,7 @@ def score_files(
     tasks = [ScoreTask(p, i, names, options, seed) for p, own in found.items() for i in range(len(own))]
     if not tasks:
         raise InputError("no grasps to score")
-    results = list(_with_bar(_results(tasks, workers), len(tasks), progress))
+    results = _results(tasks, workers, progress)
     rows = [row for result in results for row in result["rows"]]
     metrics = [result["metrics"] for result in results]
     return {
@@ -114,27 +113,17 @@ def score_grasp(task: ScoreTask) -> dict[str, Any]:
     return {"rows": rows, "metrics": {**about, **contact_metrics(candidate)}}
 
 
-def _results(tasks: Sequence[ScoreTask], workers: int) -> Iterator[dict[str, Any]]:
-    workers = min(workers, len(tasks))
-    if workers <= 1:
-        yield from map(score_grasp, tasks)
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context) as pool:
-        try:
-            yield from pool.map(score_grasp, tasks)
-        except BaseException:
-            pool.shutdown(wait=False, cancel_futures=True)
-            raise
+def _results(tasks: Sequence[ScoreTask], workers: int, progress: bool) -> list[dict[str, Any]]:
+    found: dict[int, dict[str, Any]] = {}
+    with progress_bar("grasp", "score", shown=progress) as show:
+        for k, result in run_pool(_numbered, list(enumerate(tasks)), Backend(workers=workers)):
+            found[k] = result
+            show(len(found), len(tasks))
+    return [found[k] for k in range(len(tasks))]
 
 
-def _with_bar(results: Iterator[dict[str, Any]], total: int, progress: bool) -> Iterator[dict[str, Any]]:
-    from tqdm import tqdm
-
-    with tqdm(total=total, disable=not progress, unit="grasp", file=sys.stderr) as bar:
-        for result in results:
-            bar.update()
-            yield result
+def _numbered(task: tuple[int, ScoreTask]) -> tuple[int, dict[str, Any]]:
+    return task[0], score_grasp(task[1])
 
 
 def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:

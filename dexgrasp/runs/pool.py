@@ -1,0 +1,150 @@
+"""Work in parallel: in processes of this machine, or on a Ray cluster. What comes out does not depend on which."""
+
+import multiprocessing
+import os
+import pickle
+import threading
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from multiprocessing import connection
+from typing import Any, TypeVar
+
+from dexgrasp.runs.cluster import run_on_cluster
+from dexgrasp.runs.interrupt import not_inherited
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import require_extra
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+BACKENDS = ("processes", "ray")
+_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
+
+
+class WorkerDiedError(RuntimeError):
+    """A worker process was killed or crashed."""
+
+
+@dataclass(frozen=True)
+class Backend:
+    """Where work is done.
+
+    Attributes:
+        name: one of `BACKENDS`.
+        workers: processes; with 1 everything runs in this one. Of a new Ray cluster where no address is given.
+        address: of the cluster: "auto" for the one that this machine belongs to, or host:port; None for a new one.
+    """
+
+    name: str = "processes"
+    workers: int = 1
+    address: str | None = None
+
+    def __post_init__(self) -> None:
+        """Check the name.
+
+        Raises:
+            InputError: for an unknown one, or ray without its extra.
+        """
+        if self.name not in BACKENDS:
+            raise InputError(f"backend {self.name!r}: valid are {', '.join(BACKENDS)}")
+        if self.name == "ray":
+            require_extra("cluster", "backend 'ray'")
+
+
+def run_pool(work: Callable[[T], R], tasks: Sequence[T], backend: Backend) -> Iterator[R]:
+    """Yield what `work` makes of each task, in the order in which they are finished.
+
+    Args:
+        work: with one worker it is called itself; every other process keeps a copy, which pickle makes, for all of its
+            tasks. Must give the same wherever and whenever it runs.
+        tasks: its arguments, small.
+        backend: where.
+
+    Raises:
+        InputError: where no cluster answers.
+        WorkerDiedError: if a process went away.
+        Exception: whatever `work` raises.
+    """
+    workers = max(1, min(backend.workers, len(tasks)))
+    if backend.name == "ray":
+        packed = pickle.dumps(work)
+        yield from run_on_cluster(_do, packed, tasks, backend.address, workers)
+    elif workers == 1:
+        for task in tasks:  # a StopIteration of a task would end a map() as if all were done
+            yield work(task)
+    else:
+        yield from _in_processes(pickle.dumps(work), tasks, workers)
+
+
+def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator[Any]:
+    context = multiprocessing.get_context("spawn")
+    with _environment(_thread_limits(workers)):
+        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
+        try:
+            yield from _as_finished(pool, packed, tasks, ahead=2 * workers)
+        except BrokenProcessPool:
+            raise WorkerDiedError(
+                "a worker process died (killed, out of memory, or a crash in native code)"
+            ) from None
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+            for child in multiprocessing.active_children():
+                child.terminate()
+
+
+def _as_finished(pool: ProcessPoolExecutor, packed: bytes, tasks: Sequence[Any], ahead: int) -> Iterator[Any]:
+    waiting: set[Future[Any]] = set()
+    for number, task in enumerate(tasks, start=1):
+        with not_inherited():  # submitting starts the processes
+            waiting.add(pool.submit(_do, packed, task))
+        while waiting and (len(waiting) >= ahead or number == len(tasks)):
+            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+            yield from (future.result() for future in done)
+
+
+def _do(packed: bytes, task: Any) -> Any:
+    return _unpacked(packed)(task)
+
+
+@lru_cache(maxsize=1)
+def _unpacked(packed: bytes) -> Callable[[Any], Any]:
+    """Return this process's copy of what does the work; `packed` is of the process that started it."""
+    work: Callable[[Any], Any] = pickle.loads(packed)
+    return work
+
+
+def _end_with_parent() -> None:
+    """End this process soon after the one that started it is gone, even if that is killed: there is nothing to do."""
+
+    def watch() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None:
+            connection.wait([parent.sentinel])
+            os._exit(1)
+
+    threading.Thread(target=watch, daemon=True).start()
+
+
+def _thread_limits(workers: int) -> dict[str, str]:
+    """Environment variables that give each of `workers` processes its share of the processors."""
+    share = str(max(1, (os.cpu_count() or 1) // workers))
+    return {name: os.environ.get(name, share) for name in _THREADS}
+
+
+@contextmanager
+def _environment(variables: dict[str, str]) -> Iterator[None]:
+    """Set environment variables for the processes that start meanwhile."""
+    before = {name: os.environ.get(name) for name in variables}
+    os.environ.update(variables)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                os.environ.pop(name, None)
+            else:
+                os.environ[name] = value

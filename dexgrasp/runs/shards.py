@@ -1,0 +1,98 @@
+"""Finished pieces as files of arrays: npz without pickle, sealed with a hash, each written whole or not at all."""
+
+import io
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.runs.pool import Backend, run_pool
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash, read_npz, write_atomically
+
+T = TypeVar("T")
+Arrays = dict[str, NDArray[Any]]
+
+
+def make_missing(
+    work: Callable[[T], object], pieces: Sequence[T], is_there: Callable[[T], bool], backend: Backend,
+    show: Callable[[int, int], object],
+) -> bool:  # fmt: skip
+    """Have every piece made that is not there yet, in any order; return whether any was.
+
+    Args:
+        work: makes one, whole or not at all; see `run_pool`.
+        pieces: all there are to be.
+        is_there: whether one is finished.
+        backend: where the work is done.
+        show: called with pieces done and pieces in all.
+    """
+    left = [piece for piece in pieces if not is_there(piece)]
+    show(len(pieces) - len(left), len(pieces))
+    for done, _ in enumerate(run_pool(work, left, backend), start=len(pieces) - len(left) + 1):
+        show(done, len(pieces))
+    return bool(left)
+
+
+def write_shard(path: Path, arrays: Mapping[str, NDArray[Any]], key: str) -> None:
+    """Write arrays; the same arrays give the same bytes.
+
+    Args:
+        path: of the file.
+        arrays: under names other than `key` and `seal`.
+        key: names what they were made from.
+    """
+    kept = {**arrays, "key": bytes_of(key)}
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, **kept, seal=bytes_of(_seal(kept)))  # type: ignore[arg-type]
+    write_atomically(path, buffer.getvalue())
+
+
+def read_shard(path: Path, key: str | None = None) -> Arrays:
+    """Read what `write_shard` wrote.
+
+    Args:
+        path: of the file.
+        key: what it must be made from; None for anything.
+
+    Raises:
+        InputError: missing, cut off, damaged, changed, or made from something else.
+    """
+    try:
+        arrays = read_npz(path)
+        seal = arrays.pop("seal", None)  # 0.1.0 wrote none
+        if seal is not None and text_of(seal) != _seal(arrays):
+            raise ValueError("changed")
+        made_from = text_of(arrays["key"])
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing: the command that made the others makes it") from None
+    except (OSError, ValueError, LookupError):
+        raise InputError(f"{path} is cut off or damaged: the command that made it makes it anew") from None
+    if key not in (None, made_from):
+        raise InputError(f"{path} was made from other settings: remove it, or use another folder")
+    return arrays
+
+
+def is_shard(path: Path, key: str) -> bool:
+    """Whether a file is there, whole, and made from what `key` names."""
+    try:
+        read_shard(path, key)
+        return True
+    except InputError:
+        return False
+
+
+def bytes_of(text: str) -> NDArray[np.uint8]:
+    """Return text as an array of its bytes."""
+    return np.frombuffer(text.encode(), dtype=np.uint8)
+
+
+def text_of(array: NDArray[Any]) -> str:
+    """Return the text that `bytes_of` was given."""
+    return array.tobytes().decode()
+
+
+def _seal(arrays: Arrays) -> str:
+    return content_hash(*(part for name in sorted(arrays) for part in (name, arrays[name])))
