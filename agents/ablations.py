@@ -15,15 +15,14 @@ from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.physics.closure import TOLERANCE
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.certifier import Certifier
+from dexgrasp.planning.certifier import Candidate, Certifier
 from dexgrasp.planning.claims import certificate_of
 from dexgrasp.planning.constraints import FIXED_ROWS
 from dexgrasp.planning.cvae_source import CvaeProposals
-from dexgrasp.planning.holding import Hold
-from dexgrasp.planning.plan import Plan
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, oriented_postures
 from dexgrasp.planning.proposals import Proposals
+from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.setpoints import OPENINGS, grasp_motion
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution
@@ -41,12 +40,10 @@ PRESS = 4.0
 NO_IK, COLLISION, NO_CLOSURE, TOO_WEAK = "ik_not_converged", "collision", "eq4_infeasible", "dynamics"
 
 
-class CvaeAgent(BilevelAgent):
-    """Agent `cvae`: the first latent that IK reaches, free of collision and feasible in Eq. 4, as it is.
+class LatentAgent(BilevelAgent):
+    """An agent with less of a planner, that neither grasps again nor turns what it holds."""
 
-    No margin, no weight, no torque limits, no refinement; the approach must exist, as nothing can be carried out
-    without. It presses with balanced forces of Eq. 4.
-    """
+    planner: ClassVar[type["LatentPlanner"]]
 
     def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
         """Prepare.
@@ -58,25 +55,10 @@ class CvaeAgent(BilevelAgent):
         Raises:
             InputError: without the shipped weights.
         """
-        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0, turns=False)
+        super().__init__("cvae", settings, mount, regrasps=0, turns=False)
 
     def _make(self, mount: str) -> Planner:
-        return RawPlanner(self.settings, mount)
-
-
-class CvaeKinematicsAgent(BilevelAgent):
-    """Agent `cvae_kinematics`: latents made kinematically feasible by the optimiser until one bears the weight.
-
-    Force closure is not part of the optimisation: what does not bear the assumed weight within friction cones and
-    torque limits is rejected, and the next latent tried.
-    """
-
-    def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
-        """Prepare; arguments and errors are those of `CvaeAgent`."""
-        super().__init__("cvae", settings, mount, with_closure=False, regrasps=0, turns=False)
-
-    def _make(self, mount: str) -> Planner:
-        return KinematicPlanner(self.settings, mount)
+        return self.planner(self.settings, mount)
 
 
 class LatentPlanner(Planner):
@@ -84,64 +66,86 @@ class LatentPlanner(Planner):
 
     patience: ClassVar[int] = 0
 
-    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+    def __init__(self, settings: PlannerSettings, mount: str = "palm_normal") -> None:
         """Prepare; of `settings`, what bounds and ranks the search does not count."""
         plain = replace(settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf)
         super().__init__(plain, CvaeProposals(ranked=False), mount, with_closure=False)
 
-    def _postures(
+    def starts(
         self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
     ) -> Iterator[Posture]:
+        """Yield what IK finds for each latent, in the order drawn: from its own palm, then from those above."""
         for k in range(len(proposals.contacts)):
-            yield from self._at_decoded_palm(k, proposals)
+            yield from self._at_decoded_palm(k, proposals, target)
             yield from oriented_postures(k, proposals, target, self.tree, settings)
 
-    def _at_decoded_palm(self, k: int, proposals: Proposals) -> Iterator[Posture]:
+    def _at_decoded_palm(self, k: int, proposals: Proposals, target: GraspTarget) -> Iterator[Posture]:
         """Yield the posture that IK finds from the palm of a latent, if the arm reaches that."""
         if proposals.palms is None:
             return
         q, palm = HOME.copy(), proposals.palms[k]
         if reach_palm(q, np.ascontiguousarray(palm[:3, :3]), palm[:3, 3].copy(), self.tree):
             tips = proposals.contacts[k] + self.settings.tip_height * proposals.normals[k]
-            yield Posture(q, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
-
-
-class KinematicPlanner(LatentPlanner):
-    """Kinematics by the optimiser, dynamics by rejection."""
-
-    def __init__(self, settings: PlannerSettings, mount: str) -> None:
-        """Prepare."""
-        super().__init__(settings, mount)
-        self.certifier = RejectingCertifier(self.tree, self.settings, mount, with_closure=False)
+            yield Posture(q, target, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
 
 
 class RejectingCertifier(Certifier):
     """Refuses grasps whose forces do not bear the whole of the assumed weight."""
 
-    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
-        """Return the grasp, or None and note in `plan` that it is too weak."""
-        if not hold.holds:
-            plan.block(TOO_WEAK, 1.0 - hold.share)
+    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+        """Return the grasp, or None and note in `log` that it is too weak."""
+        if not candidate.hold.holds:
+            log.block(TOO_WEAK, 1.0 - candidate.hold.share)
             return None
-        return super().certify(solution, hold, target, plan)
+        return super().certify(candidate, log)
+
+
+class KinematicPlanner(LatentPlanner):
+    """Kinematics by the optimiser, dynamics by rejection."""
+
+    certifies = RejectingCertifier
+
+
+class CvaeKinematicsAgent(LatentAgent):
+    """Agent `cvae_kinematics`: latents made kinematically feasible by the optimiser until one bears the weight.
+
+    Force closure is not part of the optimisation: what does not bear the assumed weight within friction cones and
+    torque limits is rejected, and the next latent tried.
+    """
+
+    planner = KinematicPlanner
+
+
+class UncheckedCertifier(Certifier):
+    """Presses with balanced forces of Eq. 4 that nobody has checked; the certificate tells what is true of them."""
+
+    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+        """Return the grasp, whatever it is worth."""
+        target, q, at = candidate.start.target, candidate.solution.q, candidate.solution.evaluation
+        forces = solve_wrench_qp(at.contacts, at.normals, self.settings.friction, f_min=PRESS).forces
+        motion = grasp_motion(q, at.normals, forces, target, self.tree, self.settings, OPENINGS[0])
+        certificate = certificate_of(q, forces, target, self.tree, self.settings, with_capacity=False)
+        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, self.mount)
 
 
 class RawPlanner(LatentPlanner):
     """Takes latents as IK reaches them; nothing is refined."""
 
-    def __init__(self, settings: PlannerSettings, mount: str) -> None:
+    certifies = UncheckedCertifier
+
+    def __init__(self, settings: PlannerSettings, mount: str = "palm_normal") -> None:
         """Prepare."""
         super().__init__(replace(settings, iterations=0), mount)
-        self.certifier = UncheckedCertifier(self.tree, self.settings, mount, with_closure=False)
 
-    def _refine(self, posture: Posture, target: GraspTarget) -> Solution:
-        solution = super()._refine(posture, target)
-        blocking = self._blocking(posture, solution)
+    def refine(self, start: Posture) -> Solution:
+        """Return the posture as it is, and what rejects it."""
+        solution = super().refine(start)
+        blocking = self._blocking(start, solution)
         return replace(solution, feasible=blocking is None, blocking=blocking)
 
-    def _blocking(self, posture: Posture, solution: Solution) -> str | None:
+    def _blocking(self, start: Posture, solution: Solution) -> str | None:
         at, settings = solution.evaluation, self.settings
-        if -posture.score > MISS:
+        if -start.score > MISS:
             return NO_IK
         if (at.values[FIXED_ROWS:] + settings.clearance < 0.0).any():
             return COLLISION
@@ -149,13 +153,11 @@ class RawPlanner(LatentPlanner):
         return None if balanced else NO_CLOSURE
 
 
-class UncheckedCertifier(Certifier):
-    """Presses with balanced forces of Eq. 4 that nobody has checked; the certificate tells what is true of them."""
+class CvaeAgent(LatentAgent):
+    """Agent `cvae`: the first latent that IK reaches, free of collision and feasible in Eq. 4, as it is.
 
-    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
-        """Return the grasp, whatever it is worth."""
-        q, at = solution.q, solution.evaluation
-        forces = solve_wrench_qp(at.contacts, at.normals, self.settings.friction, f_min=PRESS).forces
-        motion = grasp_motion(q, at.normals, forces, target, self.tree, self.settings, OPENINGS[0])
-        certificate = certificate_of(q, forces, target, self.tree, self.settings, with_capacity=False)
-        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, self.mount)
+    No margin, no weight, no torque limits, no refinement; the approach must exist, as nothing can be carried out
+    without. It presses with balanced forces of Eq. 4.
+    """
+
+    planner = RawPlanner

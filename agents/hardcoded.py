@@ -15,9 +15,10 @@ from dexgrasp.kinematics.palm_ik import solve_palm
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import ActionScript, make_script
-from dexgrasp.planning.seen import points_of, start_of
+from dexgrasp.planning.seen import start_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.tasks.control import normalise
 
 _RING = (0.0, -0.15, 0.0, 0.0)  # out of the way
@@ -82,7 +83,7 @@ class HardcodedAgent(Agent):
         start = start_of(observation)
         self._step, self._script, self._rest = 0, None, normalise(start).astype(np.float32)
         self.report = Report()
-        points = points_of(observation)
+        points = Scene.of_observation(observation).target.points
         if len(points) < _MIN_POINTS:
             self.report.failure = "no_cloud"
             return

@@ -6,8 +6,12 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
 
+import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 Observation = Mapping[str, NDArray[Any]]
 
@@ -59,3 +63,58 @@ class Agent(ABC):
     @abstractmethod
     def act(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action, within the environment's action space."""
+
+
+def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, Any]:
+    """Return what an agent may know at reset: nothing of the object but what perception says."""
+    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    known = {
+        "action_space": env.action_space,
+        "control_period": CONTROL_PERIOD,
+        "mount": settings.mount,
+        "obs_mode": settings.obs_mode,
+        "control_mode": settings.control_mode,
+        "observe": settings.observe,
+    }
+    return known | {key: value for key, value in info.items() if key.startswith("perception")}
+
+
+_MEMBERS = ("reset", "act")
+
+
+def complete(name: str, agent: Any) -> Any:
+    """Check a user's object for what every agent needs, and give it what it may leave out.
+
+    Returned as it is where it has all, so that duck-typed agents need not import anything of ours.
+
+    Args:
+        name: that it was asked for by.
+        agent: the object.
+
+    Raises:
+        InputError: if it is no agent.
+    """
+    for member in _MEMBERS:
+        if not callable(getattr(agent, member, None)):
+            raise InputError(f"agent {name!r} has no method {member}(): valid agents have reset() and act()")
+    if isinstance(agent, Agent):
+        return agent
+    for member, default in {"env_settings": {}, "seed": _no_seed, "report": Report()}.items():
+        if not hasattr(agent, member):
+            try:
+                setattr(agent, member, default)
+            except (AttributeError, TypeError):
+                raise InputError(f"agent {name!r} has no {member}, and cannot be given one") from None
+    return agent
+
+
+def _no_seed(seed: int) -> None:
+    """Stand in for `Agent.seed` of agents without randomness."""
+
+
+def report_of(agent: Agent) -> Report:
+    """Return what an agent says, and what a report of a user's own class leaves out."""
+    own, default = agent.report, Report()
+    if isinstance(own, Report):
+        return own
+    return Report(**{name: getattr(own, name, value) for name, value in vars(default).items()})

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.agent import Agent, Report
+from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.policy_folder import is_policy, policy_files
 from dexgrasp_env.errors import InputError, unknown_name
 
@@ -28,7 +28,6 @@ _OTHER_FORMS = (
     "the folder of a trained policy",
     "a checkpoint's path ending in .zip",
 )
-_MEMBERS = ("reset", "act")
 
 
 def make_agent(name: str, **kwargs: Any) -> Agent:
@@ -54,7 +53,26 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
 
         return LearnedAgent(name, **kwargs)
     check_name(name)
-    return _complete(name, _made(name, kwargs))
+    return complete(name, _made(name, kwargs))
+
+
+def agent_for(name: str, friction: float | None) -> Agent:
+    """Make an agent for surfaces of some friction: one that plans grasps counts on its usual share of it.
+
+    Args:
+        name: see `make_agent`.
+        friction: coefficient; None leaves the agent with what it counts on by default.
+
+    Raises:
+        InputError: as `make_agent`.
+    """
+    from dexgrasp.planning.result import PlansGrasps
+    from dexgrasp.planning.settings import PlannerSettings
+
+    agent = make_agent(name)
+    if friction is None or not isinstance(agent, PlansGrasps):
+        return agent
+    return make_agent(name, settings=PlannerSettings.for_friction(friction))
 
 
 def check_name(name: str) -> None:
@@ -127,26 +145,3 @@ def _look_here() -> None:
     here = os.getcwd()
     if here not in sys.path and "" not in sys.path:
         sys.path.append(here)
-
-
-def _complete(name: str, agent: Any) -> Any:
-    """Check a user's object for what every agent needs, and give it what it may leave out.
-
-    Returned as it is where it has all, so that duck-typed agents need not import anything of ours.
-    """
-    for member in _MEMBERS:
-        if not callable(getattr(agent, member, None)):
-            raise InputError(f"agent {name!r} has no method {member}(): valid agents have reset() and act()")
-    if isinstance(agent, Agent):
-        return agent
-    for member, default in {"env_settings": {}, "seed": _no_seed, "report": Report()}.items():
-        if not hasattr(agent, member):
-            try:
-                setattr(agent, member, default)
-            except (AttributeError, TypeError):
-                raise InputError(f"agent {name!r} has no {member}, and cannot be given one") from None
-    return agent
-
-
-def _no_seed(seed: int) -> None:
-    """Stand in for `Agent.seed` of agents without randomness."""

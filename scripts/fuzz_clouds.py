@@ -25,8 +25,8 @@ from json_log import JsonLog
 
 from dexgrasp import plan_cloud
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.recorded import find_object
 from dexgrasp_env.perception.scan import cloud_of
-from dexgrasp_env.perception.scene import find_object
 
 Points = NDArray[np.float64]
 Damage = Callable[[Points, Generator], Points]

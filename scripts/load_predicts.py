@@ -19,13 +19,15 @@ import sys
 from copy import deepcopy
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from tqdm import tqdm
 
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.physics.strength import GRAVITY
-from dexgrasp.planning.attempt import Attempt, attempt_target
+from dexgrasp.planning.look import Look, look_at
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_json
 from dexgrasp_env.objects.load import resolve_targets
@@ -41,28 +43,30 @@ _EDGES = (0.0, 2.0, 4.0, 6.0, 8.0, 12.0, np.inf)  # N
 
 def grasp_row(target: str, seed: int, pushes: int) -> dict[str, Any]:
     """Plan, lift and push one object; return a line of pushes.jsonl."""
-    attempt = attempt_target(target, "bilevel", seed)
-    row: dict[str, Any] = {"object": attempt.name, "seed": seed, "planned": attempt.grasp is not None}
-    if attempt.grasp is not None:
-        certificate = attempt.grasp.certificate
-        env: Any = attempt.env.unwrapped
+    agent = BilevelAgent()
+    look = look_at(target, agent, seed)
+    agent.reset(look.observation, look.info)
+    grasp, name = agent.result.grasp if agent.result else None, look.subject.identity.name
+    row: dict[str, Any] = {"object": name, "seed": seed, "planned": grasp is not None}
+    if grasp is not None:
+        certificate, env = grasp.certificate, look.env.unwrapped
         row |= {
             "load": certificate.load, "capacity": certificate.capacity, "assumed_mass": certificate.mass,
             "mass": float(env.simulation.object.mass),
         }  # fmt: skip
-        observation = _lifted(attempt)
-        row["lifted"] = observation is not None
-        row["pushes"] = [] if observation is None else _pushes(attempt, observation, pushes)
-    attempt.env.close()
+        observation = _lifted(look, agent)
+        row["lifted"], rng = observation is not None, np.random.default_rng([seed, len(name)])
+        pushed = None if observation is None else Pushed(env, agent, observation, certificate)
+        row["pushes"] = [] if pushed is None else pushed.pushes(pushes, rng)
+    look.env.close()
     return row
 
 
-def _lifted(attempt: Attempt) -> Any:
+def _lifted(look: Look, agent: BilevelAgent) -> Any:
     """Carry the grasp out until the object is held; return the observation then, None if it never is."""
-    env: Any = attempt.env.unwrapped
-    observation = attempt.observation
+    observation = look.observation
     for _ in range(_STEPS):
-        observation, _, over, _, info = env.step(attempt.agent.act(observation))
+        observation, _, over, _, info = look.env.unwrapped.step(agent.act(observation))
         if info["is_success"]:
             return observation
         if over:
@@ -70,36 +74,41 @@ def _lifted(attempt: Attempt) -> Any:
     return None
 
 
-def _pushes(attempt: Attempt, observation: Any, count: int) -> list[dict[str, Any]]:
-    """Push in `count` directions from the same state."""
-    env: Any = attempt.env.unwrapped
-    state, rng = env.get_state(), np.random.default_rng([attempt.seed, len(attempt.name)])
-    assert attempt.grasp is not None
-    certificate = attempt.grasp.certificate
-    claim = max((certificate.load - 1.0) * certificate.mass * GRAVITY, _LEAST_CLAIM)
-    rows = []
-    for _ in range(count):
-        direction = rng.standard_normal(3)
-        direction /= np.linalg.norm(direction)
-        env.set_state(state)
-        push = _push(attempt, observation, direction, claim)
-        rows.append({"direction": direction.tolist(), "claim": claim, "push": push, "ratio": push / claim})
-    return rows
+class Pushed(NamedTuple):
+    """A held object to push."""
 
+    env: Any
+    agent: BilevelAgent
+    observation: Any
+    certificate: Certificate
 
-def _push(attempt: Attempt, observation: Any, direction: Array, claim: float) -> float:
-    """Return the largest force, N, that the grasp bore; the most if it never failed."""
-    env: Any = attempt.env.unwrapped
-    data, body = env.data, env.simulation.body
-    before, force, agent = _in_hand(data, body), 0.0, deepcopy(attempt.agent)  # it remembers what it felt
-    for k in range(1, round(_MOST / _GROWTH) + 1):
-        data.xfrc_applied[body, :3] = k * _GROWTH * claim * direction
-        observation, _, over, _, _ = env.step(agent.act(observation))
-        if over or np.linalg.norm(_in_hand(data, body) - before) > _SLIP:
-            break
-        force = k * _GROWTH * claim
-    data.xfrc_applied[:] = 0.0
-    return force
+    def pushes(self, count: int, rng: np.random.Generator) -> list[dict[str, Any]]:
+        """Push in `count` directions from the same state."""
+        state, certificate = self.env.get_state(), self.certificate
+        claim = max((certificate.load - 1.0) * certificate.mass * GRAVITY, _LEAST_CLAIM)
+        rows = []
+        for _ in range(count):
+            direction = rng.standard_normal(3)
+            direction /= np.linalg.norm(direction)
+            self.env.set_state(state)
+            push = self._push(direction, claim)
+            rows.append(
+                {"direction": direction.tolist(), "claim": claim, "push": push, "ratio": push / claim}
+            )
+        return rows
+
+    def _push(self, direction: Array, claim: float) -> float:
+        """Return the largest force, N, that the grasp bore; the most if it never failed."""
+        data, body, observation = self.env.data, self.env.simulation.body, self.observation
+        before, force, agent = _in_hand(data, body), 0.0, deepcopy(self.agent)  # it remembers what it felt
+        for k in range(1, round(_MOST / _GROWTH) + 1):
+            data.xfrc_applied[body, :3] = k * _GROWTH * claim * direction
+            observation, _, over, _, _ = self.env.step(agent.act(observation))
+            if over or np.linalg.norm(_in_hand(data, body) - before) > _SLIP:
+                break
+            force = k * _GROWTH * claim
+        data.xfrc_applied[:] = 0.0
+        return force
 
 
 def _in_hand(data: Any, body: int) -> Array:

@@ -151,16 +151,17 @@ def matters(mutation: Mutation) -> bool:
 
 
 def _planned(out: Path) -> list[Path]:
-    from dexgrasp.planning.attempt import plan_target
+    from dexgrasp.agents.bilevel import BilevelAgent
+    from dexgrasp.planning.look import look_at
 
-    paths = []
+    agent, paths = BilevelAgent(), []
     for seed, name in enumerate(OBJECTS):
-        attempt = plan_target(name, "bilevel", seed)
-        result = attempt.as_json()
-        attempt.env.close()
-        if result["success"]:
+        look = look_at(name, agent, seed)
+        found = agent.plan(look.observation, look.info)
+        look.env.close()
+        for content in found.contents(look.subject.identity, "bilevel", look.subject.pose):
             paths.append(out / f"{name}.json")
-            write_grasp(paths[-1], result["grasp"])
+            write_grasp(paths[-1], content)
     return paths
 
 

@@ -33,10 +33,9 @@ from dexgrasp.dataset.sampler import REACH
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.physics.closure import closure_sweep
-from dexgrasp.planning.holding import firmest_hold
-from dexgrasp.planning.plan import Clock, Plan
 from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, graspable_points
+from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
@@ -160,18 +159,18 @@ def search(model: ObjectModel, friction: float, factor: float, postures: int, se
             rounds += 1
             scene = Scene(model, factor * model.mass, rng)
             for target, others in scene.wholes():
-                plan = Plan()
+                log = SearchLog()
                 proposals = planner.source.propose(target, planner.settings, rng)
-                for at in planner.solutions(proposals, target, planner.settings, plan, Clock(plan)):
+                starts = planner.starts(proposals, target, planner.settings)
+                for _, at, hold in planner.candidates(starts, log):
                     if scene.parts and not _real(planner, at.q, at.evaluation.contacts, scene, others):
                         continue
                     reached += 1
                     bar.update()
-                    hold = firmest_hold(at.q, target, planner.tree, planner.settings)
                     best = max(best, hold.merit if hold.holds else hold.share)
                     if best >= 1.0:
                         break
-                tried += plan.tried
+                tried += log.tried
                 if best >= 1.0 or reached >= postures:
                     break
     return {

@@ -19,7 +19,8 @@ from dexgrasp.shape.view import UNIT, WRITTEN, View
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.perception.plane import Plane
-from dexgrasp_env.perception.segment import SegmentedCloud, segment
+from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.sensing.cameras import default_cameras
@@ -61,7 +62,7 @@ def shape_of(number: int, rng: Generator) -> trimesh.Trimesh:
     return load_target(f"varied-{number}").mesh if rng.random() < _VARIED else random_shape(rng)
 
 
-def views_of(mesh: trimesh.Trimesh, rng: Generator) -> Iterator[tuple[SegmentedCloud, Array]]:
+def views_of(mesh: trimesh.Trimesh, rng: Generator) -> Iterator[tuple[Scene, Array]]:
     """Yield clouds of one camera each, and the corners (V, 3) m of the whole hull, of an object at rest."""
     transforms, odds = trimesh.poses.compute_stable_poses(mesh.convex_hull, n_samples=1)
     model = _scene(mesh)
@@ -85,12 +86,12 @@ def views_of(mesh: trimesh.Trimesh, rng: Generator) -> Iterator[tuple[SegmentedC
             yield segment(depths[k : k + 1], believed[k : k + 1], rng), hull + shift
 
 
-def example(cloud: SegmentedCloud, hull: Array, mirror: bool) -> tuple[Array, Array]:
+def example(scene: Scene, hull: Array, mirror: bool) -> tuple[Array, Array]:
     """Return features (391,) and what the support of the seen side lacks (361,), in units of `OUTPUT`."""
     side = _MIRROR if mirror else np.ones(3)
-    assert cloud.plane is not None
-    plane = Plane(cloud.plane.normal * side, cloud.plane.offset, cloud.plane.rms, 0)
-    view = View.of(cloud.valid_points * side, cloud.valid_normals * side, plane)
+    assert scene.plane is not None
+    plane = Plane(scene.plane.normal * side, scene.plane.offset, scene.plane.rms, 0)
+    view = View.of(scene.target.points * side, scene.target.normals * side, plane)
     whole = (((hull * side - view.origin) @ view.R.T / UNIT) @ WRITTEN.T).max(0)
     return view.features(), (whole - view.seen()) * UNIT / OUTPUT
 

@@ -4,22 +4,28 @@ import json
 import subprocess
 import sys
 import textwrap
+from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
 import pytest
 
 from dexgrasp import make_agent
+from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.evaluation.protocol import TrialSeeds
-from dexgrasp.evaluation.trial import public_info, run_trial
+from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.motion.guarded import GuardedExecution
-from dexgrasp.planning.attempt import attempt_target, plan_target
-from dexgrasp.planning.seen import target_from_cloud
+from dexgrasp.motion.carrying import GuardedCarry
+from dexgrasp.motion.guarded import GuardedGrasp
+from dexgrasp.planning.look import look_at
+from dexgrasp.planning.result import PlansGrasps
+from dexgrasp.planning.seen import plan_scene
 from dexgrasp.planning.sources import make_source
+from dexgrasp.shape.completion import target_of
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.limits import LOWER, UPPER
 from dexgrasp_env.tasks.control import denormalise
 
@@ -28,12 +34,12 @@ COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
 
 @pytest.fixture(scope="module")
 def attempt():
-    made = attempt_target("sugar_box", seed=0)
-    made.agent = BilevelAgent(proposals="surface")
-    made.agent.seed(0)
-    made.agent.reset(made.observation, {})
-    yield made
-    made.env.close()
+    """An agent that has planned, and what it looked at."""
+    agent = BilevelAgent(proposals="surface")
+    look = look_at("sugar_box", agent, seed=0)
+    agent.reset(look.observation, {})
+    yield SimpleNamespace(agent=agent, **look._asdict())
+    look.env.close()
 
 
 @pytest.fixture(scope="module")
@@ -65,20 +71,21 @@ def test_reports_a_plan(attempt):
 def test_plans_on_what_was_seen_not_on_the_truth(attempt):
     """The hull is the cloud's: near the true box, but not it; nothing of pose or mass is in the public info."""
     true = attempt.env.unwrapped.simulation.object.mesh.copy()
-    true.apply_transform(attempt.T_world_object)
-    seen = attempt.grasp_target.hull.vertices
+    true.apply_transform(attempt.subject.pose.T_world_object)
+    target = attempt.agent.result.target
+    seen = target.hull.vertices
     np.testing.assert_allclose(seen.min(0), true.bounds[0], atol=0.02)
     np.testing.assert_allclose(seen.max(0), true.bounds[1], atol=0.02)
-    assert attempt.grasp_target.mass != attempt.env.unwrapped.simulation.object.mass
+    assert target.mass != attempt.env.unwrapped.simulation.object.mass
     info = public_info(attempt.env, {"object_height": 1.0, "perception_failure": None})
     assert "object_height" not in info
 
 
 def test_lifts_the_sugar_box(attempt):
     """One whole episode; also: the same observation gives the same plan, and every action is in the space."""
-    env, first = attempt.env, attempt.agent.plan.grasp
+    env, first = attempt.env, attempt.agent.result.grasp
     attempt.agent.reset(attempt.observation, {})
-    np.testing.assert_array_equal(attempt.agent.plan.grasp.q, first.q)
+    np.testing.assert_array_equal(attempt.agent.result.grasp.q, first.q)
     observation, steps = attempt.observation, 0
     while True:
         action = attempt.agent.act(observation)
@@ -111,22 +118,19 @@ def test_grasps_again_what_was_lost():
     assert info["is_success"]
 
 
-class Blind(BilevelAgent):
-    """Finds no grasp in its first `blind` plans."""
-
-    blind = 1
-
-    def _carried_out(self, plan, target):
-        self.blind -= 1
-        if self.blind >= 0:
-            plan.grasp, plan.reason = None, "closure_margin"
-        return super()._carried_out(plan, target)
-
-
 @pytest.mark.parametrize(("blind", "reason", "steps"), [(1, None, 100), (9, "no_grasp:closure_margin", 7)])
-def test_looks_again_where_there_is_no_grasp(blind, reason, steps):
-    agent = Blind()
-    agent.blind = blind
+def test_looks_again_where_there_is_no_grasp(blind, reason, steps, monkeypatch):
+    """The first `blind` plans find no grasp."""
+    plans = []
+
+    def blinded(*arguments, **options):
+        plans.append(plan_scene(*arguments, **options))
+        if len(plans) <= blind:
+            plans[-1].found, plans[-1].shortfall = [], "closure_margin"
+        return plans[-1]
+
+    monkeypatch.setattr("dexgrasp.agents.bilevel.plan_scene", blinded)
+    agent = BilevelAgent()
     env = gym.make("DexGrasp/Lift-v1", objects="gelatin_box", **agent.env_settings)
     outcome, grasp = run_trial(env, agent, TrialSeeds(1, 1))
     assert outcome.reason == reason
@@ -134,16 +138,19 @@ def test_looks_again_where_there_is_no_grasp(blind, reason, steps):
     assert outcome.steps >= steps
     assert outcome.steps < 300
     assert outcome.details["regrasps"] == min(blind, 2)
+    assert outcome.planning_seconds >= sum(plan.log.seconds["bilevel"] for plan in plans[: blind + 1])
 
 
 def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):
     agent = BilevelAgent()
     agent.reset(attempt.observation, {"observe": "reset"})
-    agent._execution._lost_steps = 99
-    assert agent._execution.lost
+    carrying = GuardedCarry(agent._state.motion)
+    carrying._lost_steps = 99
+    assert carrying.lost
+    agent._state = agent._state._replace(motion=carrying)
     agent.act(attempt.observation)
     assert "regrasps" not in agent.report.details
-    assert isinstance(agent._execution, GuardedExecution)
+    assert agent._state.motion is carrying
 
 
 def failures():
@@ -179,7 +186,7 @@ def failures():
 def test_says_why_there_is_no_plan(change, info, reason, attempt, agent):
     agent.reset({**attempt.observation, **change}, info)
     assert agent.report.failure == reason
-    assert agent.plan is None
+    assert not agent.result.found
     with pytest.raises(InputError, match="no plan") as caught:
         agent.act(attempt.observation)
     assert "\n" not in str(caught.value)
@@ -197,10 +204,9 @@ def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
 
 def test_points_that_are_not_numbers_are_left_out(attempt):
     cloud, mask = attempt.observation["cloud"].copy(), attempt.observation["cloud_mask"].copy()
-    whole, _ = target_from_cloud(attempt.observation)
+    whole = target_of(Scene.of_observation(attempt.observation))
     cloud[np.flatnonzero(mask)[::7]] = np.nan
-    holed, failure = target_from_cloud({**attempt.observation, "cloud": cloud})
-    assert failure is None
+    holed = target_of(Scene.of_observation({**attempt.observation, "cloud": cloud}))
     assert np.abs(holed.hull.bounds - whole.hull.bounds).max() < 0.01
 
 
@@ -212,22 +218,21 @@ def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
     fresh.seed(0)
     fresh.reset(attempt.observation, {})
     assert fresh.report.failure is None
-    np.testing.assert_array_equal(fresh.plan.grasp.q, attempt.agent.plan.grasp.q)
+    np.testing.assert_array_equal(fresh.result.grasp.q, attempt.agent.result.grasp.q)
 
 
 def test_the_mount_follows_the_environment(attempt, agent):
     agent.reset(attempt.observation, {"mount": "fingers_along"})
-    assert agent.plan is not None
-    assert agent.plan.grasp is None or agent.plan.grasp.mount == "fingers_along"
+    assert agent.result.grasp is None or agent.result.grasp.mount == "fingers_along"
     agent.reset(attempt.observation, {"mount": "palm_normal"})
-    assert agent.plan.grasp.mount == "palm_normal"
+    assert agent.result.grasp.mount == "palm_normal"
 
 
 def test_unknown_sources_and_agents_without_plans():
     with pytest.raises(InputError, match="valid are auto, surface, cvae, uniform"):
         make_source("psychic")
-    with pytest.raises(InputError, match="no certified plans"):
-        plan_target("pear", "hardcoded")
+    assert not isinstance(make_agent("hardcoded"), PlansGrasps)
+    assert all(isinstance(make_agent(name), PlansGrasps) for name in ("bilevel", "cvae", "cvae_kinematics"))
 
 
 # Guarded execution
@@ -238,8 +243,8 @@ def closing(attempt, blocked):
 
     Returns the set-points of the close, and the shares at which the fingers end.
     """
-    grasp, script = attempt.agent.plan.grasp, attempt.agent.plan.script
-    execution = GuardedExecution(script, grasp.normals, grasp.forces, robot_tree())
+    grasp, script = attempt.agent.result.grasp, attempt.agent.result.script
+    execution = GuardedGrasp(script, grasp, robot_tree())
     first = dict(script.phases)
     start = script.targets[first["close"] - 1]
     end = script.targets[first["squeeze"] - 1]
@@ -248,7 +253,7 @@ def closing(attempt, blocked):
         np.testing.assert_allclose(denormalise(execution.action(q)), script.targets[len(targets)], atol=1e-5)
         targets.append(0)
     closed = []
-    for _ in range(90):
+    while not execution.done:
         target = denormalise(execution.action(q))
         closed.append(target)
         q = target.copy()
@@ -306,7 +311,7 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
     from dexgrasp_env.robot.model import robot_spec
 
     start, end, targets, _ = closing(attempt, (0.6, 0.9, 1.1))
-    grasp = attempt.agent.plan.grasp
+    grasp = attempt.agent.result.grasp
     stand = targets[-1].copy()
     for finger, columns in enumerate(COLUMNS):
         stand[columns] = start[columns] + (0.6, 0.9, 1.1)[finger] * (end - start)[columns]
@@ -328,8 +333,8 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
 
 
 def test_the_arm_alone_moves_in_the_lift(attempt):
-    *_, targets, execution = closing(attempt, (0.9, 0.9, 0.9))
-    q = targets[-1].copy()
+    *_, targets, held = closing(attempt, (0.9, 0.9, 0.9))
+    q, execution = targets[-1].copy(), GuardedCarry(held)
     lifted = np.array([denormalise(execution.action(q)) for _ in range(200)])
     np.testing.assert_allclose(lifted[:, 7:], np.broadcast_to(lifted[0, 7:], lifted[:, 7:].shape), atol=1e-6)
     rise = tips(lifted[-1])[:, 2].mean() - tips(targets[0])[:, 2].mean()
@@ -346,15 +351,16 @@ def test_works_without_torch_and_the_same_in_another_process(attempt):
                     raise ModuleNotFoundError(f"No module named {name!r}", name=name)
 
         sys.meta_path.insert(0, Absent())
-        from dexgrasp.planning.attempt import attempt_target
+        from dexgrasp.planning.look import look_at
         from dexgrasp.agents.bilevel import BilevelAgent
-        made = attempt_target("sugar_box", seed=0)
-        assert made.agent.report.failure is None, made.agent.report
-        made.agent.act(made.observation)
+        agent = BilevelAgent()
+        look = look_at("sugar_box", agent, seed=0)
+        agent.reset(look.observation, {})
+        assert agent.report.failure is None, agent.report
+        agent.act(look.observation)
         agent = BilevelAgent(proposals="surface")
-        agent.seed(0)
-        agent.reset(made.observation, {})
-        print(agent.plan.grasp.q.tobytes().hex())
+        agent.reset(look.observation, {})
+        print(agent.result.grasp.q.tobytes().hex())
     """)
     out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.split()[-1] == attempt.agent.plan.grasp.q.tobytes().hex()
+    assert out.stdout.split()[-1] == attempt.agent.result.grasp.q.tobytes().hex()

@@ -9,7 +9,8 @@ import trimesh
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.motion.guarded import GuardedExecution
+from dexgrasp.motion.carrying import GuardedCarry
+from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.turn import rotation, turn_arm
 from dexgrasp.physics.strength import capacity_of, hold_residual, torque_fraction
 from dexgrasp.planning.carry import ENOUGH, plan_turn
@@ -91,15 +92,21 @@ def test_an_arm_that_cannot_turn_is_told(heavy):
     assert turn_arm(stretched, np.array([0.0, -1.2, 0.0]), centre, corners, TREE) is None
 
 
+def carried(motion, turn):
+    """Return what follows on a motion: what has been taken hold of is carried."""
+    return GuardedCarry(motion, turn) if isinstance(motion, GuardedGrasp) and motion.done else motion
+
+
 def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
     first = dict(script.phases)
 
     def played(turn):
-        execution = GuardedExecution(script, grasp.normals, grasp.forces, TREE, turn=lambda: turn)
+        execution = GuardedGrasp(script, grasp, TREE)
         touching, q, out = script.targets[first["squeeze"] - 1][7:], script.start, []
         for step in range(len(script.targets) + 40):
+            execution = carried(execution, turn)
             target = denormalise(execution.action(q))
             # The joints follow at once, but the fingers are where they touch.
             q = np.concatenate([target[:7], touching if step >= first["close"] else target[7:]])
@@ -124,11 +131,10 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
 def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
-    execution = GuardedExecution(
-        script, grasp.normals, grasp.forces, TREE, turn=lambda: turn if turned else None
-    )
+    execution = GuardedGrasp(script, grasp, TREE)
     touching, q = script.targets[dict(script.phases)["squeeze"] - 1], script.start
     for step in range(len(script.targets) + 60):
+        execution = carried(execution, turn if turned else None)
         q = denormalise(execution.action(q))
         if step >= dict(script.phases)["close"]:
             q[7:] = touching[7:]

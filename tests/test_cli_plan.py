@@ -8,7 +8,7 @@ import pytest
 import trimesh
 
 from dexgrasp.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
-from dexgrasp.planning import attempt
+from dexgrasp.planning import look
 from dexgrasp_env.rendering import rendering_fault
 
 CERTIFICATE = {
@@ -228,8 +228,8 @@ def test_demo_without_gl_still_grasps(capsys, tmp_path, monkeypatch):
 def test_demo_end_to_end(capsys, tmp_path, monkeypatch):
     import imageio.v3 as imageio
 
-    small = functools.partial(attempt.attempt_target, render_size=(96, 128))  # drawing in software is slow
-    monkeypatch.setattr(attempt, "attempt_target", small)
+    small = functools.partial(look.look_at, render_size=(96, 128))  # drawing in software is slow
+    monkeypatch.setattr(look, "look_at", small)
     assert main(["demo", "--out", str(tmp_path)]) == OK
     out = capsys.readouterr().out
     assert "sugar_box: lifted" in out

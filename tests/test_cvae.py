@@ -283,7 +283,7 @@ def test_what_the_ablations_reject_and_what_not():
     )
     heavy = GraspTarget.of(target.hull, mass=60.0)
     raw = RawPlanner(PlannerSettings(), "palm_normal").plan(target, 0)
-    assert set(raw.blocked) <= {COLLISION, NO_CLOSURE, NO_IK}
+    assert set(raw.log.blocked) <= {COLLISION, NO_CLOSURE, NO_IK}
     assert raw.grasp is not None
     assert raw.grasp.certificate.closure_residual < 1e-6
     assert raw.grasp.certificate.min_clearance_m >= 0.0
@@ -295,7 +295,7 @@ def test_what_the_ablations_reject_and_what_not():
     refused.source = Given(proposals)
     plan = refused.plan(heavy, 0)
     assert plan.grasp is None
-    assert TOO_WEAK in plan.blocked
+    assert TOO_WEAK in plan.log.blocked
 
 
 class Given(ProposalSource):

@@ -12,7 +12,7 @@ import trimesh
 from dexgrasp.grasp.file import read_grasp, write_grasp
 from dexgrasp.grasp.identity import surface_hash
 from dexgrasp.grasp.thresholds import FROZEN
-from dexgrasp.planning.planned import object_identity
+from dexgrasp.planning.look import subject_of
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME
@@ -162,7 +162,7 @@ def test_what_has_a_size_of_its_own_has_scale_1(tmp_path):
     for target, heeds in targets.items():
         env = gym.make("DexGrasp/Lift-v1", objects=[target], mesh_scale=0.9)
         env.reset(seed=0)
-        identity = object_identity(env)
+        identity = subject_of(env).identity
         env.close()
         assert identity.scale == (0.9 if heeds else 1.0)
         assert surface_hash(identity.load()) == identity.content_hash

@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.grasp.file import record_of
-from dexgrasp.planning.attempt import plan_target
+from dexgrasp.planning.look import look_at
 from dexgrasp.verify.verify import verify
 
 
@@ -23,9 +24,11 @@ def script():
 
 @pytest.fixture(scope="module")
 def content():
-    attempt = plan_target("pear", seed=0)
-    attempt.env.close()
-    return attempt.as_json()["grasp"]
+    agent = BilevelAgent()
+    look = look_at("pear", agent)
+    look.env.close()
+    found = agent.plan(look.observation, look.info)
+    return found.as_json(look.subject.identity, "bilevel", look.subject.pose)["grasp"]
 
 
 def test_the_file_as_planned_is_verified(content):

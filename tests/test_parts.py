@@ -5,10 +5,11 @@ import pytest
 import trimesh
 from planned import hammer
 
-from dexgrasp.shape.completion import target_of_cloud
+from dexgrasp.shape.completion import target_of
 from dexgrasp.shape.hull import cloud_corners, cloud_hull
 from dexgrasp.shape.parts import MOST_PARTS, parts_within
 from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 TABLE = Plane(np.array([0, 0, 1.0]), 0.0, 0.0005, 100)
 
@@ -38,7 +39,7 @@ def test_a_hammer_comes_apart_into_what_it_is():
     assert 2 <= len(parts) <= MOST_PARTS
     held = sum(trimesh.convex.convex_hull(part).volume for part in parts)
     assert held < 1.25 * true.volume < 0.75 * cloud_hull(points, TABLE).volume
-    target = target_of_cloud(points, normals, TABLE)
+    target = target_of(Scene(ObjectCloud(points, normals), TABLE))
     assert np.linalg.norm(target.centre - true.center_mass) < 0.006
     inside = np.array([0.54, 0.04, 0.02])  # beside the handle: air, though within the hull
     assert target.distance.distance(inside)[0] > 0.015
@@ -63,7 +64,7 @@ def test_what_is_convex_or_hollow_stays_whole(solid):
     points, normals = cloud(solid, noise=0.001)
     assert len(parts_of(points)) == 1
     np.testing.assert_array_equal(parts_of(points)[0], cloud_hull(points, TABLE).vertices)
-    target = target_of_cloud(points, normals, TABLE)
+    target = target_of(Scene(ObjectCloud(points, normals), TABLE))
     assert target.parts == (target.hull,)
 
 
@@ -76,7 +77,7 @@ def test_the_same_cloud_gives_the_same_parts():
 def test_a_side_that_was_guessed_is_one_hull():
     points, normals = cloud(*hammer())
     seen = normals[:, 0] < -0.5
-    target = target_of_cloud(points[seen], normals[seen], TABLE)
+    target = target_of(Scene(ObjectCloud(points[seen], normals[seen]), TABLE))
     assert target.spread is not None
     assert len(target.parts) == 1
 

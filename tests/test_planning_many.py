@@ -40,9 +40,9 @@ def found():
 
 def test_every_grasp_is_verified_and_bears_the_weight(found):
     planner, target, grasps, _ = found
-    assert len(grasps.plans) == COUNT
-    assert grasps.search.reason is None
-    for plan in grasps.plans:
+    assert len(grasps.found) == COUNT
+    assert grasps.reason is None
+    for plan in grasps.found:
         assert plan.grasp.certificate.load >= 1.0
         content = grasp_json("box", plan.grasp, target, planner.settings, script=plan.script, agent="bilevel")
         assert [check.name for check in verify(record_of(content)) if not check.holds] == []
@@ -50,7 +50,7 @@ def test_every_grasp_is_verified_and_bears_the_weight(found):
 
 def test_firmest_first_and_progress_to_the_end(found):
     _, _, grasps, steps = found
-    loads = [plan.grasp.certificate.load for plan in grasps.plans]
+    loads = [plan.grasp.certificate.load for plan in grasps.found]
     assert loads == sorted(loads, reverse=True)
     done, of = zip(*steps, strict=True)
     assert list(done) == sorted(done)
@@ -59,7 +59,7 @@ def test_firmest_first_and_progress_to_the_end(found):
 
 def test_grasps_stand_farther_apart_than_those_that_come_first(found):
     planner, target, grasps, _ = found
-    chosen = _least_gap(planner, [plan.grasp for plan in grasps.plans])
+    chosen = _least_gap(planner, [plan.grasp for plan in grasps.found])
     first = []
     for seed in range(COUNT):
         first.append(Planner().plan(target, seed, HOME).grasp)
@@ -78,13 +78,13 @@ def _least_gap(planner, grasps):
 def test_the_same_seed_gives_the_same_set(found):
     planner, target, grasps, _ = found
     again = plan_many(planner, target, COUNT, 3, HOME)
-    assert all((a.grasp.q == b.grasp.q).all() for a, b in zip(grasps.plans, again.plans, strict=True))
+    assert all((a.grasp.q == b.grasp.q).all() for a, b in zip(grasps.found, again.found, strict=True))
 
 
 def test_out_of_reach_ends_with_a_reason():
     grasps = plan_many(Planner(), GraspTarget.of(box(x=1.4), mass=0.2), 3, 0, HOME)
-    assert grasps.plans == []
-    assert grasps.search.reason == "no_reachable_posture"
+    assert grasps.found == []
+    assert grasps.reason == "no_grasp:no_reachable_posture"
     assert grasps.diversity == []
 
 
@@ -125,7 +125,7 @@ def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):
     [
         (["pear", "--count", "0"], "not a whole number above 0"),
         (["pear", "--count", "99999"], "valid are whole numbers from 1 to 10000"),
-        (["pear", "--count", "2", "--agent", "hardcoded"], "plans no sets of grasps"),
+        (["pear", "--count", "2", "--agent", "hardcoded"], "makes no certified plans"),
     ],
 )
 def test_bad_counts_are_one_line(arguments, words, capsys):

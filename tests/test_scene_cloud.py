@@ -7,10 +7,10 @@ import pytest
 
 from dexgrasp.cli.plan_cloud import scan_name
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception import scene
+from dexgrasp_env.perception import recorded
 from dexgrasp_env.perception.depth_folder import read_cameras
+from dexgrasp_env.perception.recorded import find_object
 from dexgrasp_env.perception.scan import cloud_of, read_scan
-from dexgrasp_env.perception.scene import find_object
 
 
 @pytest.fixture
@@ -47,7 +47,7 @@ def find(points, **options):
 def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):
     found = find(scene_points(rng, (0.5, 0.1)))
     assert found.reason is None
-    low, high = found.cloud.valid_points.min(0), found.cloud.valid_points.max(0)
+    low, high = found.target.points.min(0), found.target.points.max(0)
     assert np.abs(0.5 * (low + high)[:2] - [0.5, 0.1]).max() < 0.003
     assert np.abs((high - low)[:2] - BOX[:2]).max() < 0.005
     assert 0.0 < low[2] < 0.012
@@ -55,36 +55,36 @@ def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):
 
 def test_the_same_cloud_and_seed_give_the_same_points(rng):
     points = scene_points(rng, (0.5, 0.1))
-    assert np.array_equal(find(points).cloud.points, find(points).cloud.points)
+    assert np.array_equal(find(points).target.points, find(points).target.points)
 
 
 def test_what_is_wrong_is_named(rng):
     good = scene_points(rng, (0.5, 0.1))
     cases = {
-        scene.EMPTY: good[:5],
-        scene.UNIT: 1000.0 * good,
-        scene.UPSIDE_DOWN: good * [1.0, 1.0, -1.0],
-        scene.TABLE_HEIGHT: good + np.array([0.0, 0.0, 0.12]),
-        scene.NO_OBJECT: table(rng),
-        scene.NO_TABLE: box(rng, (0.5, 0.1)) + np.array([0.0, 0.0, 0.2]),
-        scene.SEVERAL: scene_points(rng, (0.5, 0.15), (0.5, -0.15)),
-        scene.OUT_OF_REACH: scene_points(rng, (0.82, 0.46)),
+        recorded.EMPTY: good[:5],
+        recorded.UNIT: 1000.0 * good,
+        recorded.UPSIDE_DOWN: good * [1.0, 1.0, -1.0],
+        recorded.TABLE_HEIGHT: good + np.array([0.0, 0.0, 0.12]),
+        recorded.NO_OBJECT: table(rng),
+        recorded.NO_TABLE: box(rng, (0.5, 0.1)) + np.array([0.0, 0.0, 0.2]),
+        recorded.SEVERAL: scene_points(rng, (0.5, 0.15), (0.5, -0.15)),
+        recorded.OUT_OF_REACH: scene_points(rng, (0.82, 0.46)),
     }
     for reason, points in cases.items():
         found = find(points)
         assert found.reason == reason, (reason, found.reason)
-        assert scene.WORDS[reason] in found.sentence
+        assert recorded.WORDS[reason] in found.sentence
 
 
 def test_a_table_at_another_height_is_where_the_cell_has_it(rng, monkeypatch):
     points, up = scene_points(rng, (0.5, 0.15), (0.5, -0.15)), np.array([0.0, 0.0, 0.08])
     beside = find(points, near=(0.5, -0.15, 0.03))
     assert "the cell has 0 m" in find(points + up).sentence
-    raised = replace(scene.active_cell(), table_height=0.08)
-    monkeypatch.setattr(scene, "active_cell", lambda: raised)
+    raised = replace(recorded.active_cell(), table_height=0.08)
+    monkeypatch.setattr(recorded, "active_cell", lambda: raised)
     found = find(points + up, near=(0.5, -0.15, 0.11))
     assert found.reason is None  # the object is in the world, whose z = 0 is the table's top
-    assert np.abs(found.cloud.valid_points.mean(0) - beside.cloud.valid_points.mean(0)).max() < 0.002
+    assert np.abs(found.target.points.mean(0) - beside.target.points.mean(0)).max() < 0.002
     assert "the cell has 0.08 m" in find(points).sentence
     # What is said is in the frame of the base: middles are 2.5 cm above the table.
     assert find(points + up).sentence.count("0.11)") == 2
@@ -94,8 +94,8 @@ def test_a_point_near_the_object_chooses_it(rng):
     points = scene_points(rng, (0.5, 0.15), (0.5, -0.15))
     found = find(points, near=(0.5, -0.15, 0.03))
     assert found.reason is None
-    assert found.cloud.valid_points[:, 1].mean() < -0.1
-    assert find(points, near=(0.3, -0.4, 0.3)).reason == scene.NOTHING_NEAR
+    assert found.target.points[:, 1].mean() < -0.1
+    assert find(points, near=(0.3, -0.4, 0.3)).reason == recorded.NOTHING_NEAR
 
 
 def test_flying_pixels_and_holes_leave_the_object(rng):
@@ -104,7 +104,7 @@ def test_flying_pixels_and_holes_leave_the_object(rng):
     kept = points[~((np.abs(points[:, 0] - 0.5) < 0.01) & (points[:, 2] > 0.01))]  # a stripe is missing
     found = find(np.concatenate([kept, flying]))
     assert found.reason is None
-    assert np.abs(np.ptp(found.cloud.valid_points, axis=0)[:2] - BOX[:2]).max() < 0.02
+    assert np.abs(np.ptp(found.target.points, axis=0)[:2] - BOX[:2]).max() < 0.02
 
 
 def test_files_give_the_points_that_were_written(rng, tmp_path):

@@ -9,15 +9,14 @@ import pytest
 import dexgrasp_env  # noqa: F401
 from dexgrasp.planning.from_cloud import plan_cloud
 from dexgrasp.planning.holding import narrowed_friction
-from dexgrasp.planning.seen import normals_of, points_of
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.completion import completed_corners, target_of_cloud
+from dexgrasp.shape.completion import NoTarget, completed_corners, target_of
 from dexgrasp.shape.hull import cloud_corners
 from dexgrasp.shape.network import read_network
 from dexgrasp.shape.view import ONE_SIDED, one_sidedness
 from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 LEVEL = fibonacci_directions(200)
 LEVEL = LEVEL[np.abs(LEVEL[:, 2]) < 0.5]
@@ -29,17 +28,17 @@ class Look:
     def __init__(self, name, views, seed):
         env = gym.make("DexGrasp/Lift-v1", objects=name, obs_mode="pointcloud", observe="reset", views=views)
         observation, info = env.reset(seed=seed)
-        self.points, self.normals = points_of(observation), normals_of(observation)
-        self.plane = Plane.from_array(observation["table_plane"])
+        self.scene = Scene.of_observation(observation, info)
+        self.points, self.plane = self.scene.target.points, self.scene.plane
         simulation = env.unwrapped.simulation
         T = simulation.data.body("object")
         self.true = simulation.hull @ T.xmat.reshape(3, 3).T + T.xpos
-        self.eyes = info["perception_T_world_camera"][:, :3, 3]
+        self.eyes = self.scene.cameras[:, :3, 3]
         env.close()
 
     @property
     def cloud(self):
-        return self.points, self.normals, self.plane
+        return self.scene.target, self.plane
 
     def off(self, corners, directions=LEVEL):
         """How far a hull reaches beyond the true one in directions, m."""
@@ -85,7 +84,7 @@ def test_the_far_side_is_less_certain_than_the_near_one_and_says_by_how_much(one
 
 
 def test_contacts_on_a_guessed_face_may_rely_on_less_friction(one_view):
-    target, settings = target_of_cloud(*one_view.cloud), PlannerSettings()
+    target, settings = target_of(one_view.scene), PlannerSettings()
     tips = target.centre + 0.2 * LEVEL
     distance, normals = target.distance.distance_gradient(tips)
     tips -= (distance - settings.tip_radius)[:, None] * normals
@@ -126,8 +125,9 @@ def test_one_sidedness_of_a_ball_and_of_half_of_it():
 def test_clouds_without_volume_or_table_are_not_completed():
     points = np.random.default_rng(0).normal(size=(50, 3)) * 0.02 + [0.5, 0.0, 0.05]
     normals = np.tile([1.0, 0.0, 0.0], (50, 1))
-    assert completed_corners(points, normals, None)[1] is None
-    assert target_of_cloud(points[:3], normals[:3], None) is None
+    assert completed_corners(ObjectCloud(points, normals), None)[1] is None
+    with pytest.raises(NoTarget, match="empty_cloud"):
+        target_of(Scene(ObjectCloud(points[:3], normals[:3])))
 
 
 def test_weights_that_are_none_are_refused(tmp_path):

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dexgrasp.shape.hull import cloud_hull
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import gather
-from dexgrasp_env.perception.segment import SegmentedCloud
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.camera import Camera
 
 if TYPE_CHECKING:
@@ -53,7 +53,7 @@ class Accuracy:
 
 
 def measure_accuracy(
-    cloud: SegmentedCloud,
+    scene: Scene,
     mesh: "trimesh.Trimesh",
     T_world_object: Array,
     true_depths: NDArray[Any],
@@ -64,7 +64,7 @@ def measure_accuracy(
     """Judge a cloud.
 
     Args:
-        cloud: what was segmented.
+        scene: what was seen.
         mesh: the true surface, object frame.
         T_world_object: (4, 4) true pose.
         true_depths: (cameras, H, W) m without sensor errors.
@@ -72,14 +72,14 @@ def measure_accuracy(
         cameras: the true cameras.
         object_geoms: ids of the object's visible geoms.
     """
-    if cloud.reason is not None:
+    if scene.reason is not None:
         nan = float("nan")
-        return Accuracy(nan, nan, nan, nan, 0, 0, 0, nan, cloud.reason)
-    points = cloud.valid_points.astype(float)
+        return Accuracy(nan, nan, nan, nan, 0, 0, 0, nan, scene.reason)
+    points = scene.target.points
     distance = surface_distance(points, mesh, T_world_object)
     of_object = np.isin(geoms, object_geoms)
     visible = gather(np.where(of_object, true_depths, np.inf), cameras).points
-    elsewhere = ~of_object.ravel()[cloud.pixels[cloud.mask]]
+    elsewhere = ~of_object.ravel()[scene.target.pixels]
     stray = (distance > OFF_OBJECT) & elsewhere
     return Accuracy(
         median=float(np.median(distance)),
@@ -89,7 +89,7 @@ def measure_accuracy(
         false_points=int((distance > FALSE_POINT).sum()),
         stray_points=int(stray.sum()),
         table_points=int((stray & (points[:, 2] < TABLE_BAND)).sum()),
-        hull_volume=hull_volume_ratio(cloud, mesh),
+        hull_volume=hull_volume_ratio(scene, mesh),
         reason=None,
     )
 
@@ -115,9 +115,9 @@ def covered_share(points: Array, visible: Array, radius: float = COVER_RADIUS) -
     return float((cKDTree(points).query(visible[first])[0] <= radius).mean())
 
 
-def hull_volume_ratio(cloud: SegmentedCloud, mesh: "trimesh.Trimesh") -> float:
+def hull_volume_ratio(scene: Scene, mesh: "trimesh.Trimesh") -> float:
     """Return the volume of the cloud's completed hull over that of the true hull."""
-    hull = cloud_hull(cloud.valid_points, cloud.plane)
+    hull = cloud_hull(scene.target.points, scene.plane)
     return float("nan") if hull is None else float(hull.volume / mesh.convex_hull.volume)
 
 

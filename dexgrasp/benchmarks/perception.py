@@ -85,12 +85,12 @@ def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) ->
     model, data, shape = _scene(name, rng, pose)
     perception = Perception(model, sensor=sensor)
     perception.reset(rng)
-    cloud = perception.observe(data, rng).cloud
+    scene = perception.observe(data, rng).scene
     geoms = object_geoms(model)
     visible = geoms[np.isin(model.geom_group[geoms], VISUAL_GROUPS)]
     T = pose_matrix(data.body("object").xpos, data.body("object").xquat)
     depths, ids = perception.backend.render(data), perception.backend.segment(data)
-    return asdict(measure_accuracy(cloud, shape.mesh, T, depths, ids, perception.cameras, visible))
+    return asdict(measure_accuracy(scene, shape.mesh, T, depths, ids, perception.cameras, visible))
 
 
 def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:

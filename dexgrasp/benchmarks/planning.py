@@ -15,7 +15,7 @@ from tqdm import tqdm
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.evaluation.statistics import wilson_interval
-from dexgrasp.grasp.file import grasp_json, record_of
+from dexgrasp.grasp.file import record_of
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
@@ -51,7 +51,7 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
     cpu = time.process_time()
     agent.reset(observation, {"perception_failure": info["perception_failure"]})
     cpu = time.process_time() - cpu
-    report, plan = agent.report, agent.plan
+    report, plan = agent.report, agent.result
     row: dict[str, Any] = {
         "object": name,
         "seconds": report.planning_seconds,
@@ -59,24 +59,10 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
         "failure": report.failure,
     }
     row["stages"] = report.details.get("stages", {})
-    if (
-        report.failure is None
-        and plan is not None
-        and plan.grasp is not None
-        and agent.grasp_target is not None
-    ):
-        content = grasp_json(
-            name,
-            plan.grasp,
-            agent.grasp_target,
-            agent.settings,
-            script=plan.script,
-            agent="bilevel",
-            seed=seed,
-        )
-        record = record_of(content)
+    if plan is not None and plan.grasp is not None:
+        record = record_of(plan.contents(name)[0])
         row["broken"] = [check.name for check in verify(record) if not check.holds]
-        row["margin"], row["tried"] = plan.grasp.certificate.closure_margin, plan.tried
+        row["margin"], row["tried"] = plan.grasp.certificate.closure_margin, plan.log.tried
     return row
 
 

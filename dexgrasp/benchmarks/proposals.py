@@ -12,16 +12,17 @@ import numpy as np
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.metrics import ferrari_canny
-from dexgrasp.planning.planner import Plan, Planner
+from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource
-from dexgrasp.planning.seen import target_from_cloud
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
 from dexgrasp.planning.sqp import solve
+from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
+from dexgrasp_env.perception.scene import Scene
 
 SOURCES = ("cvae", "surface", "uniform")
 SETS = ("seen", "familiar", "novel")
@@ -117,17 +118,20 @@ def _perceived(name: str, seed: int) -> GraspTarget | None:
     )
     try:
         observation, _ = env.reset(seed=seed)
-        return target_from_cloud(observation)[0]
+        return target_of(Scene.of_observation(observation))
+    except NoTarget:
+        return None
     finally:
         env.close()
 
 
 def _attempt(planner: Planner, scene: str, target: GraspTarget, seed: int) -> Attempt:
     began = time.perf_counter()
-    plan: Plan = planner.plan(target, seed)
+    plan = planner.plan(target, seed)
     seconds = time.perf_counter() - began
     good = plan.grasp is not None and _verified(plan.grasp, target, planner.settings)
-    return Attempt(scene, good, plan.tried, seconds, plan.seconds.get("proposals", 0.0), plan.grasp)
+    proposing = plan.log.seconds.get("proposals", 0.0)
+    return Attempt(scene, good, plan.log.tried, seconds, proposing, plan.grasp)
 
 
 def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> bool:

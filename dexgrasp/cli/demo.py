@@ -4,9 +4,14 @@ import argparse
 import time
 from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dexgrasp.cli.options import add_film, add_json, add_mesh, add_scene, add_seed
+
+if TYPE_CHECKING:
+    from dexgrasp.agent import Agent
+    from dexgrasp.planning.look import Look
+    from dexgrasp.planning.result import PlanResult
 
 _EPILOG = """examples:
   dexgrasp demo                                       the sugar box
@@ -46,7 +51,8 @@ def run(args: argparse.Namespace) -> int:
     from dexgrasp.cli.output import make_folder, note, print_json, say_when_compiling
     from dexgrasp.cli.plan import check_target, describe, scene_settings, write_results
     from dexgrasp.evaluation.video import Film
-    from dexgrasp.planning.attempt import attempt_target
+    from dexgrasp.planning import look
+    from dexgrasp.registry import agent_for
     from dexgrasp_env.files import jsonable
     from dexgrasp_env.rendering import rendering_fault
 
@@ -57,49 +63,59 @@ def run(args: argparse.Namespace) -> int:
     missing = "left out" if args.no_video else rendering_fault()
     if missing is None:
         settings |= Film(args.camera, args.size).env_settings
-    began = time.perf_counter()
-    attempt = attempt_target(args.object, args.agent, args.seed, **settings)
-    result = attempt.as_json()
-    _cloud_picture(args.out / "cloud.png", attempt)
-    if result["grasp"] is not None:
-        write_results(args.out, attempt, result)
-    if not args.json and result["grasp"] is not None:
-        print(describe(result))
+    began, agent = time.perf_counter(), agent_for(args.agent, args.friction)
+    seen = look.look_at(args.object, agent, args.seed, **settings)
+    agent.reset(seen.observation, seen.info)
+    found, name = _result(agent), seen.subject.identity.name
+    result = found.as_json(seen.subject.identity, args.agent, seen.subject.pose)
+    _cloud_picture(args.out / "cloud.png", seen, found)
+    if found.success:
+        write_results(args.out, found, result)
+        if not args.json:
+            print(describe(result))
+    failure = agent.report.failure
     outcome = (
-        _execute(attempt, args.out)
-        if result["reason"] is None
-        else {"is_success": False, "failure": result["reason"]}
+        _execute(agent, seen, args.out) if failure is None else {"is_success": False, "failure": failure}
     )
     outcome["seconds"] = time.perf_counter() - began
-    attempt.env.close()
+    seen.env.close()
     if missing is not None and not args.no_video:
         note(f"no video and no demo.png: {missing}")
     if args.json:
-        print_json(
-            jsonable(
-                result | {"outcome": outcome, "success": bool(outcome["is_success"]), "out": str(args.out)}
-            )
-        )
+        whole = {"outcome": outcome, "success": bool(outcome["is_success"]), "out": str(args.out)}
+        print_json(jsonable(result | whole))
     else:
-        print(_outcome_text(attempt.name, outcome, args.out))
+        print(_outcome_text(name, outcome, args.out))
     return 0 if outcome["is_success"] else 1
 
 
-def _execute(attempt: Any, folder: Path) -> dict[str, Any]:
+def _result(agent: "Agent") -> "PlanResult":
+    """Return what an agent planned; of one that certifies nothing, its report."""
+    from dexgrasp.agent import report_of
+    from dexgrasp.planning.result import PlanResult, PlansGrasps
+
+    if isinstance(agent, PlansGrasps) and agent.result is not None:
+        return agent.result
+    report = report_of(agent)
+    return PlanResult(shortfall=report.failure, planning_seconds=report.planning_seconds or 0.0)
+
+
+def _execute(agent: "Agent", seen: "Look", folder: Path) -> dict[str, Any]:
     """Carry the plan out; record a video and the moments of the episode where rendering works."""
     from tqdm import tqdm
 
     from dexgrasp.evaluation.video import Video
 
-    env, observation = attempt.env, attempt.observation
+    env, observation = seen.env, seen.observation
     video = Video(folder / "demo.mp4") if env.unwrapped.render_mode else None
-    frames, info, steps = [], {}, 0
+    frames, info, steps = [], dict[str, Any](), 0
+    limit = None if env.spec is None else env.spec.max_episode_steps
     with (
-        tqdm(total=env.spec.max_episode_steps, desc="executing", unit="step", leave=False) as bar,
+        tqdm(total=limit, desc="executing", unit="step", leave=False) as bar,
         nullcontext() if video is None else video,
     ):
         while True:
-            observation, _, terminated, truncated, info = env.step(attempt.agent.act(observation))
+            observation, _, terminated, truncated, info = env.step(agent.act(observation))
             steps += 1
             bar.update()
             picture = None if video is None else video.add(env)
@@ -132,25 +148,20 @@ def _contact_sheet(path: Path, frames: list[Any]) -> None:
     imageio.imwrite(path, np.concatenate([np.concatenate(picks[:3], 1), np.concatenate(picks[3:], 1)], 0))
 
 
-def _cloud_picture(path: Path, attempt: Any) -> None:
+def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
     """What was seen over what is there; only for agents that see points."""
     from dexgrasp_env.perception.picture import cloud_picture
+    from dexgrasp_env.perception.scene import Scene
 
-    if "cloud" not in attempt.observation:
+    if "cloud" not in seen.observation:
         return
-    points = attempt.observation["cloud"][attempt.observation["cloud_mask"].astype(bool)]
+    points = Scene.of_observation(seen.observation).target.points
     if not len(points):
         return
-    true = attempt.env.unwrapped.simulation.object.mesh
-    planned = None if attempt.grasp_target is None else attempt.grasp_target.surface
-    cloud_picture(
-        path,
-        points,
-        planned,
-        true,
-        attempt.T_world_object,
-        f"{attempt.name}: {len(points)} points from four cameras",
-    )
+    true: Any = seen.env.unwrapped
+    planned = None if found.target is None else found.target.surface
+    title = f"{seen.subject.identity.name}: {len(points)} points from four cameras"
+    cloud_picture(path, points, planned, true.simulation.object.mesh, seen.subject.pose.T_world_object, title)
 
 
 def _outcome_text(name: str, outcome: dict[str, Any], folder: Path) -> str:

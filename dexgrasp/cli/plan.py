@@ -3,12 +3,17 @@
 import argparse
 import os
 import sys
+from contextlib import nullcontext
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dexgrasp.cli.options import add_json, add_mesh, add_scene, add_seed, check_mesh_options
-from dexgrasp.cli.plan_cloud import add_cloud, run_cloud
-from dexgrasp.cli.plan_many import add_count, bar, check, describe_set, write_set
+from dexgrasp.cli.plan_cloud import add_cloud, plan_scan, read_cloud
+from dexgrasp.cli.plan_many import add_count, bar, check_count, describe_set, write_set
+
+if TYPE_CHECKING:
+    from dexgrasp.planning.look import Look
+    from dexgrasp.planning.result import PlanResult, Progress
 
 _EPILOG = """examples:
   dexgrasp plan sugar_box                             a box of the catalogue, as four depth cameras see it
@@ -49,11 +54,28 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Plan, print, and write what was asked for."""
     from dexgrasp.cli.output import make_folder, note, print_json, say_when_compiling
-    from dexgrasp_env.errors import InputError
     from dexgrasp_env.files import jsonable
 
-    if args.cloud is not None:
-        return run_cloud(args)
+    if args.count is not None:
+        check_count(args)
+    scan = read_cloud(args) if args.cloud is not None else None
+    if scan is None:
+        _check_named(args)
+    if args.out is not None:
+        make_folder(args.out)
+    say_when_compiling()
+    with bar() if args.count is not None else nullcontext() as progress:
+        found, content = _plan(args, progress) if scan is None else plan_scan(args, scan, progress)
+    if args.out is not None and (found.success or args.count is not None):
+        note(write_results(args.out, found, content))
+    print_json(jsonable(content)) if args.json else print(describe(content, found.sentence))
+    return 0 if found.success else 1
+
+
+def _check_named(args: argparse.Namespace) -> None:
+    """Let a mistake in the names show before anything heavy is imported, which takes a second."""
+    from dexgrasp_env.errors import InputError
+
     if args.target is None:
         raise InputError(
             "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
@@ -63,26 +85,35 @@ def run(args: argparse.Namespace) -> int:
             "--mass and --object-near are of --cloud: of a TARGET the planner is told nothing (--mesh-mass is a mesh's)"
         )
     check_target(args.target, args)
-    if args.count is not None:
-        check(args)
-    if args.out is not None:
-        make_folder(args.out)
-    say_when_compiling()
-    _import_mujoco()
-    if args.count is not None:
-        return _run_many(args)
-    from dexgrasp.planning.attempt import plan_target  # mistakes are told before this, which takes a second
 
-    attempt = plan_target(args.target, args.agent, args.seed, **scene_settings(args))
-    result = attempt.as_json()
-    if args.out is not None and result["success"]:
-        write_results(args.out, attempt, result)
-        note(f"wrote {args.out / 'grasp.json'} and {args.out / 'grasp.png'}")
-    if args.json:
-        print_json(jsonable(result))
-    else:
-        print(describe(result))
-    return 0 if result["success"] else 1
+
+def _plan(args: argparse.Namespace, progress: "Progress | None") -> "tuple[PlanResult, dict[str, Any]]":
+    """Plan for a named object; return what came of it, and the same as JSON."""
+    look, found = plan_target(args, args.agent, args.count, progress)
+    return found, found.as_json(look.subject.identity, args.agent, look.subject.pose)
+
+
+def plan_target(
+    args: argparse.Namespace, agent_name: str, count: int | None = None, progress: "Progress | None" = None
+) -> "tuple[Look, PlanResult]":
+    """Let an agent look at the object that is named, and plan.
+
+    Raises:
+        InputError: for an unknown agent, or one that plans no grasps.
+    """
+    _import_mujoco()
+    from dexgrasp.planning.look import look_at
+    from dexgrasp.planning.result import PlansGrasps
+    from dexgrasp.registry import agent_for
+    from dexgrasp_env.errors import InputError
+
+    agent = agent_for(agent_name, args.friction)
+    if not isinstance(agent, PlansGrasps):
+        raise InputError(
+            f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
+        )
+    look = look_at(args.target, agent, args.seed, **scene_settings(args))
+    return look, agent.plan(look.observation, look.info, count, progress)
 
 
 def _import_mujoco() -> None:
@@ -92,30 +123,6 @@ def _import_mujoco() -> None:
         import mujoco  # noqa: F401
 
         del os.environ["MUJOCO_GL"]
-
-
-def _run_many(args: argparse.Namespace) -> int:
-    from dexgrasp.planning.attempt_set import plan_target_set
-
-    with bar() as progress:
-        found = plan_target_set(
-            args.target, args.count, args.agent, args.seed, progress, **scene_settings(args)
-        )
-    return finish_set(args, found.as_json())
-
-
-def finish_set(args: argparse.Namespace, result: dict[str, Any]) -> int:
-    """Write and print a set of grasps; return the exit code."""
-    from dexgrasp.cli.output import note, print_json
-    from dexgrasp_env.files import jsonable
-
-    if args.out is not None:
-        note(write_set(args.out, result))
-    if args.json:
-        print_json(jsonable(result))
-    else:
-        print(describe_set(result))
-    return 0 if result["success"] else 1
 
 
 def check_target(target: str, args: argparse.Namespace) -> None:
@@ -144,25 +151,29 @@ def scene_settings(args: argparse.Namespace) -> dict[str, Any]:
     return settings
 
 
-def write_results(folder: Path, attempt: Any, result: dict[str, Any]) -> None:
-    """Write grasp.json and grasp.png."""
+def write_results(folder: Path, found: "PlanResult", content: dict[str, Any]) -> str:
+    """Write grasp.json and grasp.png, or the files of a set; return a line that says so."""
     from dexgrasp.grasp.file import write_grasp
     from dexgrasp.grasp.picture import grasp_picture
 
-    write_grasp(folder / "grasp.json", result["grasp"])
-    grasp_picture(
-        folder / "grasp.png",
-        attempt.grasp,
-        attempt.grasp_target,
-        f"{attempt.name}: planned from what was seen",
-    )
+    if found.asked is not None:
+        return write_set(folder, content)
+    write_grasp(folder / "grasp.json", content["grasp"])
+    if found.grasp is not None and found.target is not None:
+        title = f"{content['object']}: planned from what was seen"
+        grasp_picture(folder / "grasp.png", found.grasp, found.target, title)
+    return f"wrote {folder / 'grasp.json'} and {folder / 'grasp.png'}"
 
 
-def describe(result: dict[str, Any]) -> str:
-    """Return the outcome as people read it."""
+def describe(result: dict[str, Any], unseen: str = "") -> str:
+    """Return the outcome as people read it; `unseen` says why no object was."""
     from dexgrasp.cli.output import coloured
     from dexgrasp.evaluation.reasons import explain
 
+    if "asked" in result:
+        return describe_set(result)
+    if unseen:
+        return f"{result['object']}: no object [{result['reason']}]\n  {unseen}"
     head = f"{result['object']}: "
     seconds = f"{1000 * (result['planning_seconds'] or 0.0):.0f} ms"
     if not result["success"]:

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 from dexgrasp.cli.options import positive_float
 
 if TYPE_CHECKING:
-    from dexgrasp.planning.from_cloud import CloudPlan
+    from dexgrasp.planning.result import PlanResult, Progress
+    from dexgrasp_env.perception.cloud import Cloud
 
 
 def add_cloud(parser: argparse.ArgumentParser) -> None:
@@ -27,56 +28,32 @@ def add_cloud(parser: argparse.ArgumentParser) -> None:
     group.add_argument("--mass", type=positive_float, metavar="KG", help="of the object, where it is known")
 
 
-def run_cloud(args: argparse.Namespace) -> int:
-    """Plan on a cloud, print, and write what was asked for."""
-    from dexgrasp.cli.output import make_folder, note, print_json, say_when_compiling
-    from dexgrasp.cli.plan import describe, finish_set
-    from dexgrasp.cli.plan_many import bar, check
-    from dexgrasp.planning.from_cloud import default_planner, plan_cloud
+def read_cloud(args: argparse.Namespace) -> "Cloud":
+    """Check the options that go with a cloud, and read it."""
     from dexgrasp_env.errors import InputError
-    from dexgrasp_env.files import jsonable
     from dexgrasp_env.perception.scan import read_scan
 
     if args.target is not None:
         raise InputError("give a TARGET or --cloud, not both")
     if args.agent != "bilevel" or args.mesh_mass is not None or args.mesh_scale not in (None, 1.0):
         raise InputError("--agent, --mesh-scale and --mesh-mass do not apply to --cloud (its mass is --mass)")
-    if args.count is not None:
-        check(args)
-    scene = read_scan(args.cloud)
-    if args.out is not None:
-        make_folder(args.out)
-    say_when_compiling()
+    return read_scan(args.cloud)
+
+
+def plan_scan(
+    args: argparse.Namespace, scan: "Cloud", progress: "Progress | None"
+) -> "tuple[PlanResult, dict[str, Any]]":
+    """Plan on a cloud; return what came of it, and the same as JSON."""
+    from dexgrasp.planning.from_cloud import default_planner, scene_of
+    from dexgrasp.planning.seen import plan_scene
+    from dexgrasp_env.robot.limits import HOME
+
     planner = default_planner(args.mount or "palm_normal", args.friction)
-    options = {"near": args.object_near, "mass": args.mass, "seed": args.seed, "planner": planner}
-    if args.count is not None:
-        with bar() as progress:
-            many = plan_cloud(scene, count=args.count, progress=progress, **options)
-        return finish_set(args, many.as_json(scan_name(args.cloud)))
-    found = plan_cloud(scene, **options)
-    result = found.as_json(scan_name(args.cloud))
-    if args.out is not None and result["success"]:
-        _write(args.out, found, result)
-        note(f"wrote {args.out / 'grasp.json'} and {args.out / 'grasp.png'}")
-    if args.json:
-        print_json(jsonable(result))
-    elif found.seen.reason is not None:
-        print(f"{result['object']}: no object [{found.reason}]\n  {found.sentence}")
-    else:
-        print(describe(result))
-    return 0 if result["success"] else 1
+    scene = scene_of(scan, near=args.object_near, seed=args.seed, mount=planner.mount)
+    found = plan_scene(planner, scene, args.seed, HOME, mass=args.mass, count=args.count, progress=progress)
+    return found, found.as_json(scan_name(args.cloud))
 
 
 def scan_name(path: Path) -> str:
     """Return what a scan is called: a file without its suffix, a folder whole (`scan0.08` has none)."""
     return path.resolve().name if path.is_dir() else path.stem
-
-
-def _write(folder: Path, found: "CloudPlan", result: dict[str, Any]) -> None:
-    from dexgrasp.grasp.file import write_grasp
-    from dexgrasp.grasp.picture import grasp_picture
-
-    write_grasp(folder / "grasp.json", result["grasp"])
-    if found.grasp is not None and found.target is not None:
-        title = f"{result['object']}: planned from a cloud"
-        grasp_picture(folder / "grasp.png", found.grasp, found.target, title)

@@ -22,11 +22,11 @@ def add_count(parser: argparse.ArgumentParser) -> None:
     )  # fmt: skip
 
 
-def check(args: argparse.Namespace) -> None:
+def check_count(args: argparse.Namespace) -> None:
     """Refuse a count that is too large, before anything is done."""
-    from dexgrasp.planning.many import check_count
+    from dexgrasp.planning import many
 
-    check_count(args.count)
+    many.check_count(args.count)
 
 
 def bar() -> AbstractContextManager[Callable[..., None]]:

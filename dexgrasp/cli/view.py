@@ -71,19 +71,16 @@ def _films(args: argparse.Namespace) -> list[Any]:
 
 
 def _planned(args: argparse.Namespace) -> list[Any]:
-    import numpy as np
-
     from dexgrasp.cli.output import note
-    from dexgrasp.cli.plan import scene_settings
+    from dexgrasp.cli.plan import plan_target
     from dexgrasp.grasp.file import record_of
-    from dexgrasp.planning.attempt import plan_target
     from dexgrasp.viewer.from_record import film_of
+    from dexgrasp_env.perception.scene import Scene
 
-    attempt = plan_target(args.target, "bilevel", args.seed, **scene_settings(args))
-    result = attempt.as_json()
-    if not result["success"]:
-        note(f"{result['object']}: no grasp ({result['reason']}), so there is nothing to show")
+    look, found = plan_target(args, "bilevel")
+    name, pose = look.subject
+    if not found.success:
+        note(f"{name.name}: no grasp ({found.reason}), so there is nothing to show")
         return []
-    seen = attempt.observation
-    cloud = np.asarray(seen["cloud"], dtype=float)[np.asarray(seen["cloud_mask"], dtype=bool)]
-    return [film_of(record_of(result["grasp"]), cloud)]
+    seen = Scene.of_observation(look.observation).target.points
+    return [film_of(record_of(content), seen) for content in found.contents(name, "bilevel", pose)]

@@ -8,14 +8,12 @@ from numpy.typing import NDArray
 
 from dexgrasp.dataset.dataset import PoseGrasps
 from dexgrasp.dataset.rest_scene import turn
-from dexgrasp.planning.decoder import SCALE
+from dexgrasp.planning.decoder import CROPPED, SCALE, centre_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
 
 SPLITS = ("train", "test", "held_out_poses", "held_out_object")
-CROPPED = 0.002
-"""m: points of a cloud below are left out, as no camera sees the underside."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,11 +168,6 @@ def _made(
         [SCALE * tips.reshape(len(at), 9), SCALE * palm, rotation[:, :, 0], rotation[:, :, 1]], axis=1
     )
     return np.concatenate([SCALE * (points - centre), normals], axis=1), grasp
-
-
-def centre_of(points: Array) -> Array:
-    """Return what is subtracted from a cloud (N, 3): its mean in x and y, nothing in z."""
-    return np.array([*points[:, :2].mean(0), 0.0])
 
 
 def _batch(made: list[tuple[Array, Array]], noise: Array) -> Batch:

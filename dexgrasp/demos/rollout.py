@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.agent import public_info, report_of
 from dexgrasp.demos.convert import to_action, with_noise
 from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
-from dexgrasp.evaluation.trial import public_info
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.arrays import Array
@@ -82,8 +82,7 @@ class Recorder:
         episode = replay(self.demo_env, seeds.scene, path, self._tree)
         if episode is None:
             return None, NOT_REPLAYED
-        report = getattr(self._agent, "report", None)
-        details = {} if report is None else jsonable(report.details)
+        details = jsonable(report_of(self._agent).details)
         episode.once = {key: seen[key] for key in CAMERA_KEYS if key in seen} | episode.once
         episode.about = {
             "object": object_name(self._target),

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from dexgrasp.agent import Agent
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
 
@@ -133,13 +134,13 @@ def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
     return TrialSeeds(int(scene), int(agent))
 
 
-def agent_settings(name: str, agent: object) -> dict[str, Any]:
+def agent_settings(name: str, agent: Agent) -> dict[str, Any]:
     """Return the environment settings that an agent asks for.
 
     Raises:
         InputError: if it asks for something that is the protocol's to choose.
     """
-    settings = dict(getattr(agent, "env_settings", {}))
+    settings = dict(agent.env_settings)
     for key in settings:
         if key not in AGENT_KEYS:
             raise InputError(

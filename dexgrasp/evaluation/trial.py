@@ -9,12 +9,12 @@ from typing import Any, Protocol
 import gymnasium as gym
 import numpy as np
 
+from dexgrasp.agent import Agent, complete, public_info, report_of
 from dexgrasp.evaluation.protocol import TrialSeeds
-from dexgrasp.planning.planned import object_pose, planned_grasp
-from dexgrasp_env.arrays import Array
+from dexgrasp.planning.look import Subject, subject_of
+from dexgrasp.planning.result import PlansGrasps
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 NOT_HELD = {
     "untouched": "not_touched",
@@ -74,74 +74,72 @@ class AgentError(Exception):
 
 
 def run_trial(
-    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, frames: FrameSink | None = None
+    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, name: str = "", frames: FrameSink | None = None
 ) -> tuple[Outcome, dict[str, Any] | None]:
     """Run one episode; stops as soon as it is decided.
 
     An agent's exception or a wrong action fails the trial, not the evaluation.
 
+    Args:
+        env: the protocol's.
+        agent: see `dexgrasp.agent`; its class's name stands in for a missing `name`.
+        seeds: of scene and agent.
+        name: of the agent.
+        frames: takes pictures.
+
     Returns:
         How it went, and the grasp as a grasp file holds it, for agents that certify theirs.
     """
-    outcome, start = Outcome(), time.perf_counter()
-    grasp: dict[str, Any] | None = None
-    report_before = getattr(agent, "report", None)
+    name = name or f"{type(agent).__module__}:{type(agent).__name__}"
+    agent = complete(name, agent)
+    outcome, start, report_before = Outcome(), time.perf_counter(), agent.report
+    subject: Subject | None = None
     try:
-        observation, pose = _begin(env, agent, seeds, outcome, frames)
-        grasp = planned_grasp(env, agent, pose, seed=seeds.agent)
+        observation, subject = _begin(env, agent, seeds, outcome, frames)
         _go_on(env, agent, observation, outcome, frames)
-        # A grasp that was found at a later look is of the same pose: nothing was touched before.
-        grasp = grasp or planned_grasp(env, agent, pose, seed=seeds.agent)
     except AgentError as error:
         cause = error.__cause__ or error
         outcome.reason = f"agent_error: {type(cause).__name__}"
         outcome.error = "".join(traceback.format_exception(cause))
-    report = getattr(agent, "report", None)
     # An agent that failed before it reported still bears the report of the trial before.
-    if report is not None and not (outcome.error and report is report_before):
+    if not (outcome.error and agent.report is report_before):
+        report = report_of(agent)
         outcome.planning_seconds = jsonable(report.planning_seconds)
         outcome.details = jsonable(report.details)
     outcome.seconds = time.perf_counter() - start
-    return outcome, grasp
-
-
-def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, Any]:
-    """Return what an agent may know at reset: nothing of the object but what perception says."""
-    settings = env.unwrapped.settings  # type: ignore[attr-defined]
-    known = {
-        "action_space": env.action_space,
-        "control_period": CONTROL_PERIOD,
-        "mount": settings.mount,
-        "obs_mode": settings.obs_mode,
-        "control_mode": settings.control_mode,
-        "observe": settings.observe,
-    }
-    return known | {key: value for key, value in info.items() if key.startswith("perception")}
+    # A grasp that was found at a later look is of the same pose: nothing was touched before.
+    return outcome, None if subject is None else _certified(agent, name, subject)
 
 
 def _begin(
-    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None
-) -> tuple[Any, Array]:
-    """Let the agent see the scene and plan; return the observation and the object's pose (4, 4)."""
+    env: gym.Env[Any, Any], agent: Agent, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None
+) -> tuple[Any, Subject]:
+    """Let the agent see the scene and plan; return the observation and the object as it lies."""
     observation, info = env.reset(seed=seeds.scene)
     _record(env, frames)
-    pose = object_pose(env)
-    if hasattr(agent, "seed"):
-        _ask(agent.seed, seeds.agent)
+    subject = subject_of(env)
+    _ask(agent.seed, seeds.agent)
     _ask(agent.reset, observation, public_info(env, info))
     outcome.reason = _given_up(agent)
-    return observation, pose
+    return observation, subject
 
 
-def _given_up(agent: Any) -> str | None:
+def _certified(agent: Agent, name: str, subject: Subject) -> dict[str, Any] | None:
+    """Return the grasp that an agent has planned as a grasp file holds it, None for one that certifies nothing."""
+    if not isinstance(agent, PlansGrasps) or agent.result is None:
+        return None
+    contents = agent.result.contents(subject.identity, name, subject.pose)
+    return contents[0] if contents else None
+
+
+def _given_up(agent: Agent) -> str | None:
     """Why an agent has no plan and will have none, or None."""
-    report = getattr(agent, "report", None)
-    failure = getattr(report, "failure", None)
-    return str(failure) if failure and not getattr(report, "again", False) else None
+    report = report_of(agent)
+    return str(report.failure) if report.failure and not report.again else None
 
 
 def _go_on(
-    env: gym.Env[Any, Any], agent: Any, observation: Any, outcome: Outcome, frames: FrameSink | None
+    env: gym.Env[Any, Any], agent: Agent, observation: Any, outcome: Outcome, frames: FrameSink | None
 ) -> None:
     if outcome.reason is not None:
         return

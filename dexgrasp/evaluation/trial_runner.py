@@ -38,7 +38,7 @@ class TrialRunner:
         seeds = spec.seeds or trial_seeds(self.settings.seed, spec.target, spec.trial)
         video = Video(Path(spec.video)) if spec.video else None
         with nullcontext() if video is None else video:
-            outcome, grasp = run_trial(env, agent, seeds, frames=video)
+            outcome, grasp = run_trial(env, agent, seeds, name=spec.agent, frames=video)
         row = {
             "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
             "scene_seed": seeds.scene, "agent_seed": seeds.agent, "env": self._env_arguments(spec),

@@ -1,4 +1,24 @@
-"""Why a grasp cannot be carried out."""
+"""What carries something out, a control step at a time; and why a grasp cannot be carried out."""
+
+from abc import ABC, abstractmethod
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.tasks.control import normalise
+
+
+class Motion(ABC):
+    """Set-points one after the other, from what the joints feel."""
+
+    def action(self, joint_positions: Array) -> NDArray[np.float32]:
+        """Return the next `joint_position` action for measured joint positions (23,) rad."""
+        return normalise(self._next(np.asarray(joint_positions, dtype=float))).astype(np.float32)
+
+    @abstractmethod
+    def _next(self, q: Array) -> Array:
+        """Return the next set-points (23,) rad."""
 
 
 class NoPath(Exception):  # noqa: N818  (it is an outcome, not a defect)

@@ -1,25 +1,22 @@
 """Back from a grasp that was lost: open the hand, take the arm home, where the cameras see past it."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.motion.motion import Motion
 from dexgrasp.motion.timing import time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.home import HOME
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import normalise
 
 _SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
 _MARGIN = 0.004  # m that the robot keeps from the table and from itself
 
 
-class Retreat:
+class Retreat(Motion):
     """Goes home and stays there; where the object lies now nobody knows, so nothing keeps clear of it."""
-
-    lost = False
 
     def __init__(self, start: Array, tree: RobotTree) -> None:
         """Plan the way.
@@ -47,8 +44,7 @@ class Retreat:
         """Whether the robot stands at home."""
         return self._step >= len(self._targets)
 
-    def action(self, joint_positions: Array) -> NDArray[np.float32]:
-        """Return the next `joint_position` action; the last one is held."""
+    def _next(self, q: Array) -> Array:
         target = self._targets[min(self._step, len(self._targets) - 1)]
         self._step += 1
-        return normalise(target).astype(np.float32)
+        return target

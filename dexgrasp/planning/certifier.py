@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from itertools import product
+from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -11,7 +12,8 @@ from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.strength import capacity_of
 from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear
 from dexgrasp.planning.holding import UNBALANCED, Hold
-from dexgrasp.planning.plan import Plan
+from dexgrasp.planning.postures import Posture
+from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.setpoints import OPENINGS, RISES, first_motion
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution
@@ -24,6 +26,17 @@ _TIPS_MEET = (
 _OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 
 
+Start = TypeVar("Start", bound=Posture)
+
+
+class Candidate(NamedTuple, Generic[Start]):
+    """A feasible configuration, where it was started from, and its squeeze."""
+
+    start: Start
+    solution: Solution
+    hold: Hold
+
+
 class Certifier:
     """Certifies configurations of one robot."""
 
@@ -32,24 +45,25 @@ class Certifier:
         self.tree, self.settings, self.mount = tree, settings, mount
         self._with_closure = with_closure
 
-    def certify(self, solution: Solution, hold: Hold, target: GraspTarget, plan: Plan) -> Grasp | None:
-        """Return the grasp of a feasible configuration and its squeeze, or None and note in `plan` what it lacks."""
-        settings, at = self.settings, solution.evaluation
+    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+        """Return the grasp of a feasible configuration and its squeeze, or None and note in `log` what it lacks."""
+        start, solution, hold = candidate
+        settings, at, target = self.settings, solution.evaluation, start.target
         if self._with_closure and at.contacts[:, 2].min() < settings.contact_height:
-            plan.block("contact_height", settings.contact_height - float(at.contacts[:, 2].min()))
+            log.block("contact_height", settings.contact_height - float(at.contacts[:, 2].min()))
             return None
         if hold.share == 0.0 and self._with_closure:
-            plan.block(f"holding_forces: {UNBALANCED}", 1.0)
+            log.block(f"holding_forces: {UNBALANCED}", 1.0)
             return None
         # Firm grasps are many. One that is not is worth another way to open.
         rises = RISES[:1] if hold.merit >= settings.firm_load else RISES
         motion = self._open(solution.q, at.normals, hold.forces, target, rises)
         if motion is None:
-            plan.block("pregrasp_clearance")
+            log.block("pregrasp_clearance")
             return None
         missed = fingertips(motion.grasp, self.tree) - (at.contacts + settings.tip_radius * at.normals)
         if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
-            plan.block("surface_out_of_reach", farthest)
+            log.block("surface_out_of_reach", farthest)
             return None
         certificate = certificate_of(
             solution.q, hold.forces, target, self.tree, self.settings, with_capacity=False

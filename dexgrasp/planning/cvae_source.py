@@ -7,8 +7,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp.cvae.batches import CROPPED, centre_of
-from dexgrasp.planning.decoder import SCALE, Decoder, read_decoder
+from dexgrasp.planning.decoder import CROPPED, SCALE, Decoder, centre_of, read_decoder
 from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource
 from dexgrasp.planning.ranking import most_robust
 from dexgrasp.planning.settings import PlannerSettings

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.runs.arrays import Layer, layers_of, read_arrays
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 SCHEMA = 1
@@ -15,6 +16,14 @@ SCALE = 10.0
 """Units a metre inside the network."""
 GRASP = 18
 """Numbers of a grasp: fingertips (9), palm position (3), first two columns of the palm's rotation (6)."""
+
+CROPPED = 0.002
+"""m: points of a cloud below are left out, as no camera sees the underside."""
+
+
+def centre_of(points: Array) -> Array:
+    """Return what is subtracted from a cloud (N, 3): its mean in x and y, nothing in z."""
+    return np.array([*points[:, :2].mean(0), 0.0])
 
 
 @dataclass(frozen=True)

@@ -7,18 +7,18 @@ certificate and approach; where that fails, the next farthest takes its place.
 """
 
 import time
-from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterator
+from dataclasses import replace
 from itertools import islice
-from typing import Any
 
 import numpy as np
 
-from dexgrasp.grasp.variety import component_shares, grasp_features, hand_points
-from dexgrasp.planning.holding import firmest_hold
-from dexgrasp.planning.plan import Clock, Plan
-from dexgrasp.planning.planner import NO_POSTURE, Candidate, Planner
+from dexgrasp.grasp.variety import hand_points
+from dexgrasp.planning.certifier import Candidate
+from dexgrasp.planning.planner import NO_POSTURE, Planner, Search
+from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.proposals import ProposalSource, SurfaceProposals
+from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -31,47 +31,11 @@ _SPARE = 1.3  # triples a configuration that is wanted: not all become feasible
 _DRY = 0.1  # of what is wanted: a source that brings less in a round has no more
 _APART = 0.005  # m between two hands that are not the same
 
-Progress = Callable[[int, int], None]
-
-
-@dataclass
-class GraspSet:
-    """Grasps of one scene.
-
-    Attributes:
-        plans: one a grasp, each with its script where an approach was asked for; by load, firmest first.
-        search: the search as a whole: seconds by stage, what blocked; its reason says why there are fewer than asked.
-        cpu_seconds: processor time of all.
-    """
-
-    plans: list[Plan] = field(default_factory=list)
-    search: Plan = field(default_factory=Plan)
-    cpu_seconds: float = 0.0
-
-    @property
-    def diversity(self) -> list[float]:
-        """Share of variance in the first 1 to 5 principal components of palm pose and joints; lower is more varied."""
-        return component_shares(
-            np.array([grasp_features(p.grasp) for p in self.plans if p.grasp is not None])
-        )
-
-    @property
-    def per_second(self) -> float:
-        """Grasps a second of one core."""
-        return len(self.plans) / max(self.cpu_seconds, 1e-9)
-
-    def as_json(self, contents: Sequence[dict[str, Any] | None], asked: int) -> dict[str, Any]:
-        """Return what `dexgrasp plan --count K --json` prints of a set, given its grasps as files hold them."""
-        return {
-            "asked": asked, "count": len(contents), "grasps_per_cpu_second": self.per_second,
-            "diversity": self.diversity, "grasps": list(contents),
-        }  # fmt: skip
-
 
 def plan_many(
     planner: Planner, target: GraspTarget, count: int, seed: int = 0, start: Array | None = None,
     progress: Progress | None = None,
-) -> GraspSet:  # fmt: skip
+) -> PlanResult:  # fmt: skip
     """Return up to `count` grasps that differ, each certified, bearing the assumed weight, and within reach.
 
     Args:
@@ -87,9 +51,9 @@ def plan_many(
     """
     check_count(count)
     began = time.process_time()
-    found = _Search(planner, target, seed, start).run(count, _rising(progress))
-    found.cpu_seconds = time.process_time() - began
-    return found
+    result = _Search(planner, target, seed, start, count).run(count, _rising(progress))
+    result.cpu_seconds = time.process_time() - began
+    return result
 
 
 def _rising(progress: Progress | None) -> Progress:
@@ -121,7 +85,7 @@ class _Pool:
     """Configurations that hold, and how far each one's hand is from the nearest that was chosen."""
 
     def __init__(self) -> None:
-        self._all: list[Candidate] = []
+        self._all: list[Candidate[Posture]] = []
         self._points = np.empty((256, 18))  # m
         self._gaps = np.empty(256)  # m; infinite while nothing is chosen, -1 for what has been taken
         self._chosen: list[Array] = []
@@ -129,7 +93,7 @@ class _Pool:
     def __len__(self) -> int:
         return int((self._gaps[: len(self._all)] >= 0.0).sum())
 
-    def add(self, candidate: Candidate, points: Array) -> bool:
+    def add(self, candidate: Candidate[Posture], points: Array) -> bool:
         """Add a candidate with its hand's points (6, 3), unless one like it was here before."""
         n, flat = len(self._all), points.ravel()
         if n and _distance(self._points[:n], flat).min() < _APART:
@@ -141,7 +105,7 @@ class _Pool:
         self._gaps[n] = _distance(np.array(self._chosen), flat).min() if self._chosen else np.inf
         return True
 
-    def take(self) -> tuple[int, Candidate]:
+    def take(self) -> tuple[int, Candidate[Posture]]:
         """Take out the farthest from what is chosen; of several such, as at the beginning, the firmest."""
         gaps = self._gaps[: len(self._all)]
         ties = np.flatnonzero(gaps == gaps.max())
@@ -163,73 +127,46 @@ def _distance(points: Array, to: Array) -> Array:
     return np.asarray(np.sqrt(((points - to) ** 2).sum(1) / 6.0))
 
 
-class _Search:
-    def __init__(self, planner: Planner, target: GraspTarget, seed: int, start: Array | None) -> None:
-        self._planner, self._target, self._start = planner, target, start
-        self._rng = np.random.default_rng(seed)
-        self._sources: list[ProposalSource] = [planner.source, SurfaceProposals()]
-        self._pool, self._found = _Pool(), GraspSet()
-        self._clock = Clock(self._found.search)
+class _Search(Search):
+    """Collects configurations that hold, and chooses among them."""
 
-    def run(self, count: int, progress: Progress) -> GraspSet:
+    def run(self, count: int, progress: Progress) -> PlanResult:
         """Collect and choose in turns, until there are enough or nothing new comes."""
-        plans, search, room = self._found.plans, self._found.search, round(_POOL * count)
-        while left := count - len(plans):
-            if len(self._pool) < left and self._sources:
-                for _ in self._collect(round(_POOL * left) - len(self._pool)):
-                    progress(min(len(self._pool) + len(plans), room), room + count)
+        result, room = self.result, round(_POOL * count)
+        pool, sources = _Pool(), list[ProposalSource]([self.planner.source, SurfaceProposals()])
+        while left := count - len(result.found):
+            if len(pool) < left and sources:
+                for _ in self._collect(pool, sources, round(_POOL * left) - len(pool)):
+                    progress(min(len(pool) + len(result.found), room), room + count)
                 continue
-            if not len(self._pool):
-                search.reason = search.commonest() or search.reason or NO_POSTURE
+            if not len(pool):
+                result.shortfall = self.log.commonest() or result.shortfall or NO_POSTURE
                 break
-            self._take()
-            progress(room + len(plans), room + count)
-        if len(plans) == count:
-            search.reason = None
-        plans.sort(key=lambda plan: -_load(plan))
-        return self._found
+            self._choose(pool)
+            progress(room + len(result.found), room + count)
+        if len(result.found) == count:
+            result.shortfall = None
+        result.found.sort(key=lambda planned: -planned.grasp.certificate.load)
+        return result
 
-    def _collect(self, wanted: int) -> Iterator[Candidate]:
-        """Put configurations that hold into the pool and yield them; a source that brings nothing new is left."""
-        planner, search, new = self._planner, self._found.search, 0
-        size = int(np.clip(_SPARE * wanted, *_ROUND))
-        settings = replace(planner.settings, triples=size, postures=size)
-        proposals = self._sources[0].propose(self._target, settings, self._rng)
-        search.rounds, search.reason = search.rounds + 1, proposals.failure
-        self._clock.lap("proposals")
-        solutions = planner.solutions(proposals, self._target, settings, search, self._clock)
-        for solution in islice(solutions, wanted):
-            hold = firmest_hold(solution.q, self._target, planner.tree, planner.settings)
-            candidate = Candidate(solution, hold)
-            self._clock.lap("certificate")
-            if self._holds(candidate):
+    def _collect(self, pool: "_Pool", sources: list[ProposalSource], wanted: int) -> Iterator[None]:
+        """Put configurations that hold into the pool, one a step; a source that brings nothing new is left."""
+        new, size = 0, int(np.clip(_SPARE * wanted, *_ROUND))
+        settings = replace(self.planner.settings, triples=size, postures=size)
+        for candidate in islice(self.round(sources[0], settings), wanted):
+            if not candidate.hold.holds:
+                self.log.block("holding_forces")
+                continue
+            at = candidate.solution
+            if pool.add(candidate, hand_points(at.q, at.evaluation.contacts, self.planner.tree)):
                 new += 1
-                yield candidate
+                yield
         if new < _DRY * min(wanted, size):
-            del self._sources[0]
+            del sources[0]
 
-    def _holds(self, candidate: Candidate) -> bool:
-        """Whether a candidate holds and is like no other: it is in the pool then."""
-        if not candidate.hold.holds:
-            self._found.search.block("holding_forces")
-            return False
-        at = candidate.solution
-        return self._pool.add(candidate, hand_points(at.q, at.evaluation.contacts, self._planner.tree))
-
-    def _take(self) -> None:
+    def _choose(self, pool: "_Pool") -> None:
         """Choose the farthest candidate if it can be certified and carried out."""
-        k, candidate = self._pool.take()
-        search, plan = self._found.search, Plan()
-        grasp = self._planner.certifier.certify(candidate.solution, candidate.hold, self._target, search)
-        self._clock.lap("certificate")
-        if grasp is None or not grasp.certificate.holds:
-            return
-        if self._planner.carry_out(grasp, self._target, self._start, plan, self._clock):
-            self._pool.choose(k)
-            self._found.plans.append(plan)
-        for reason, (_, violation) in plan.blocked.items():
-            search.block(reason, violation)
-
-
-def _load(plan: Plan) -> float:
-    return 0.0 if plan.grasp is None else plan.grasp.certificate.load
+        k, candidate = pool.take()
+        grasp = self.certified(candidate)
+        if grasp is not None and grasp.certificate.holds and self.carried_out(grasp):
+            pool.choose(k)

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator
 from itertools import islice, product
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
@@ -11,27 +11,18 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.motion.soundness import check_way
-from dexgrasp.planning.certifier import Certifier
+from dexgrasp.planning.certifier import Candidate, Certifier, Start
 from dexgrasp.planning.holding import Hold, firmest_hold
-from dexgrasp.planning.plan import Clock, Plan
-from dexgrasp.planning.postures import Posture, atlas_postures, oriented_postures
+from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
+from dexgrasp.planning.result import Planned, PlanResult, SearchLog
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HOME
 
-__all__ = ["Plan", "Planner", "warm_up"]
-
 NO_POSTURE, BUDGET = "no_reachable_posture", "time_budget"
-
-
-class Candidate(NamedTuple):
-    """A feasible configuration and its squeeze."""
-
-    solution: Solution
-    hold: Hold
 
 
 def _holds(hold: Hold) -> bool:
@@ -43,13 +34,15 @@ class Planner:
 
     Attributes:
         patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight.
+        certifies: what makes a certifier of it.
     """
 
     patience: ClassVar[int] = 4
+    certifies: ClassVar[type[Certifier]] = Certifier
 
     def __init__(
         self, settings: PlannerSettings | None = None, source: ProposalSource | None = None,
-        mount: str = "palm_normal", *, starts: str = "atlas", with_closure: bool = True,
+        mount: str = "palm_normal", *, with_closure: bool = True,
     ) -> None:  # fmt: skip
         """Prepare.
 
@@ -57,15 +50,14 @@ class Planner:
             settings: thresholds and budgets.
             source: of contact triples; all triples of the surface by default.
             mount: of the hand.
-            starts: `atlas` or `oriented` (section 3.3), how a proposal becomes starting postures.
             with_closure: False leaves force closure out (the ablation CVAE + kinematics).
         """
         self.settings, self.mount = settings or PlannerSettings(), mount
         self.tree: RobotTree = robot_tree(mount)
-        self.source, self._starts, self._with_closure = source or SurfaceProposals(), starts, with_closure
-        self.certifier = Certifier(self.tree, self.settings, mount, with_closure)
+        self.source, self._with_closure = source or SurfaceProposals(), with_closure
+        self.certifier = self.certifies(self.tree, self.settings, mount, with_closure)
 
-    def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> Plan:
+    def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
 
         Args:
@@ -73,117 +65,126 @@ class Planner:
             seed: of the proposals.
             start: (23,) rad, set-points the robot approaches from; None plans the grasp alone.
         """
-        plan, rng = Plan(), np.random.default_rng(seed)
-        clock = Clock(plan)
-        pool: list[Candidate] = []
-        breadths = self.settings.breadths
+        search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
+        result, breadths = search.result, self.settings.breadths
         for k, breadth in enumerate((*breadths, *breadths[-1:] * self.patience)):
             patient = k >= len(breadths)
-            if patient and (not pool or self._any(pool, _holds, target, start, plan, clock)):
+            if patient and (not pool or search.take(pool, _holds)):
                 break
-            if self._out_of_time(plan):
+            if self._out_of_time(result.log):
                 break
-            settings = self.settings.broadened(breadth)
-            proposals = self.source.propose(target, settings, rng)
-            plan.rounds += 1
-            clock.lap("proposals")
-            plan.reason = proposals.failure
-            if self._firm(proposals, target, settings, start, plan, clock, pool, patient):
-                return plan
-        if plan.grasp is None and not self._any(pool, lambda _: True, target, start, plan, clock):
-            plan.reason = plan.commonest() or plan.reason or NO_POSTURE
-        return plan
+            if self._firm(search, self.settings.broadened(breadth), pool, patient):
+                break
+        if result.found or search.take(pool, lambda _: True):
+            result.shortfall = None
+        else:
+            result.shortfall = result.log.commonest() or result.shortfall or NO_POSTURE
+        return result
 
     def _firm(
-        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, start: Array | None, plan: Plan,
-        clock: Clock, pool: list[Candidate], patient: bool,
-    ) -> bool:  # fmt: skip
-        """Whether proposals gave a firm grasp that can be carried out; what is feasible but weaker goes to `pool`.
+        self, search: "Search", settings: PlannerSettings, pool: list[Candidate[Posture]], patient: bool
+    ) -> bool:
+        """Whether a round gave a firm grasp that can be carried out; what is feasible but weaker goes to `pool`.
 
         Postures come firmest first, so that a batch without a firm one is the last that is looked at, unless `patient`.
         """
-        firm = self.settings.firm_load
-        solutions = self.solutions(proposals, target, settings, plan, clock)
-        for batch in iter(lambda: list(islice(solutions, settings.candidates)), []):
-            held = [Candidate(at, firmest_hold(at.q, target, self.tree, self.settings)) for at in batch]
-            clock.lap("certificate")
-            pool += held
-            if self._any(pool, lambda hold: hold.merit >= firm, target, start, plan, clock):
+        firm, candidates = self.settings.firm_load, search.round(self.source, settings)
+        for batch in iter(lambda: list(islice(candidates, settings.candidates)), []):
+            pool += batch
+            if search.take(pool, lambda hold: hold.merit >= firm):
                 return True
-            if not patient and max(candidate.hold.merit for candidate in held) < firm:
+            if not patient and max(candidate.hold.merit for candidate in batch) < firm:
                 return False
         return False
 
-    def _any(
-        self,
-        pool: list[Candidate],
-        enough: Callable[[Hold], bool],
-        target: GraspTarget,
-        start: Array | None,
-        plan: Plan,
-        clock: Clock,
-    ) -> bool:
-        """Whether a candidate that is good enough can be carried out; the first goes into `plan`, failures out."""
+    def candidates(self, starts: Iterator[Start], log: SearchLog) -> Iterator[Candidate[Start]]:
+        """Yield what is feasible of starting postures until they or the time run out; note what blocked the others."""
+        for start in log.laps("postures", starts):
+            if self._out_of_time(log):
+                return
+            log.tried += 1
+            solution = self.refine(start)
+            log.lap("bilevel")
+            if not solution.feasible:
+                log.block(str(solution.blocking), solution.violation)
+                continue
+            hold = firmest_hold(solution.q, start.target, self.tree, self.settings)
+            log.lap("certificate")
+            yield Candidate(start, solution, hold)
+
+    def starts(
+        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
+    ) -> Iterator[Posture]:
+        """Yield the postures that proposals are refined from, the likeliest first."""
+        return atlas_postures(proposals, target, self.tree, settings)
+
+    def refine(self, start: Posture) -> Solution:
+        """Return where the optimiser ends from a posture."""
+        return solve(start.q, self.tree, start.target, self.settings, with_margin=self._with_closure)
+
+    def _out_of_time(self, log: SearchLog) -> bool:
+        over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
+        if over:
+            log.block(BUDGET)
+        return over
+
+
+class Search:
+    """One search of a planner for grasps of an object.
+
+    Attributes:
+        planner: whose it is.
+        result: what has been found.
+        log: of the result.
+    """
+
+    def __init__(
+        self, planner: Planner, target: GraspTarget, seed: int, start: Array | None, asked: int | None = None
+    ) -> None:
+        """Prepare; the arguments are those of `Planner.plan`, `asked` the number of grasps wanted."""
+        self.planner, self._target, self._start = planner, target, start
+        self._rng = np.random.default_rng(seed)
+        self.result = PlanResult(target, planner.settings, seed, asked)
+        self.log = self.result.log
+
+    def round(self, source: ProposalSource, settings: PlannerSettings) -> Iterator[Candidate[Posture]]:
+        """Yield the feasible configurations of one round of proposals, with their squeeze."""
+        proposals = source.propose(self._target, settings, self._rng)
+        self.log.rounds += 1
+        self.log.lap("proposals")
+        self.result.shortfall = proposals.failure
+        yield from self.planner.candidates(self.planner.starts(proposals, self._target, settings), self.log)
+
+    def take(self, pool: list[Candidate[Posture]], enough: Callable[[Hold], bool]) -> bool:
+        """Whether a candidate that is good enough can be carried out; it is found then, and failures leave the pool."""
         # What holds the weight comes before what does not, though its merit with less friction may be lower.
         pool.sort(key=lambda candidate: (not candidate.hold.holds, -candidate.hold.merit))
         while pool and enough(pool[0].hold):
-            solution, hold = pool.pop(0)
-            grasp = self.certifier.certify(solution, hold, target, plan)
-            clock.lap("certificate")
-            if grasp is not None and self.carry_out(grasp, target, start, plan, clock):
+            grasp = self.certified(pool.pop(0))
+            if grasp is not None and self.carried_out(grasp):
                 return True
         return False
 
-    def solutions(
-        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings, plan: Plan, clock: Clock
-    ) -> Iterator[Solution]:
-        """Yield feasible configurations until postures or time run out; note in `plan` what blocked the others."""
-        for posture in clock.laps("postures", self._postures(proposals, target, settings)):
-            if self._out_of_time(plan):
-                return
-            plan.tried += 1
-            solution = self._refine(posture, target)
-            clock.lap("bilevel")
-            if solution.feasible:
-                yield solution
-            else:
-                plan.block(str(solution.blocking), solution.violation)
+    def certified(self, candidate: Candidate[Posture]) -> Grasp | None:
+        """Return the grasp of a candidate, or None where something is missing, which is noted."""
+        grasp = self.planner.certifier.certify(candidate, self.log)
+        self.log.lap("certificate")
+        return grasp
 
-    def _refine(self, posture: Posture, target: GraspTarget) -> Solution:
-        return solve(posture.q, self.tree, target, self.settings, with_margin=self._with_closure)
-
-    def carry_out(
-        self, grasp: Grasp, target: GraspTarget, start: Array | None, plan: Plan, clock: Clock
-    ) -> bool:
-        """Whether the grasp can be approached; its script goes into `plan`."""
+    def carried_out(self, grasp: Grasp) -> bool:
+        """Whether a grasp can be approached; it is found then."""
+        script, planner = None, self.planner
         try:
-            if start is not None:
-                plan.script = make_script(start, grasp.motion, target.distance, self.mount)
-                check_way(plan.script, self.tree)
-            plan.grasp, plan.reason = self.certifier.complete(grasp, target), None
+            if self._start is not None:
+                script = make_script(self._start, grasp.motion, self._target.distance, planner.mount)
+                check_way(script, planner.tree)
+            self.result.found.append(Planned(planner.certifier.complete(grasp, self._target), script))
             return True
         except NoPath as blocked:
-            plan.block(blocked.reason)
+            self.log.block(blocked.reason)
             return False
         finally:
-            clock.lap("approach")
-
-    def _postures(
-        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
-    ) -> Iterator[Posture]:
-        if not len(proposals.contacts):
-            return
-        if self._starts == "atlas":
-            yield from atlas_postures(proposals, target, self.tree, settings)
-            return
-        for k in range(len(proposals.contacts)):
-            yield from oriented_postures(k, proposals, target, self.tree, settings)
-
-    def _out_of_time(self, plan: Plan) -> bool:
-        over = self.settings.seconds is not None and plan.total_seconds > self.settings.seconds
-        if over:
-            plan.block(BUDGET)
-        return over
+            self.log.lap("approach")
 
 
 _WARM: set[tuple[str, type]] = set()  # mounts and kinds of source that this process has planned with

@@ -31,9 +31,17 @@ _POSE = 0.2  # load that a unit of a placement's score is worth
 
 @dataclass(frozen=True)
 class Posture:
-    """A start for the optimiser: joints (23,) rad, the proposal it came from, and its score."""
+    """A start for the optimiser.
+
+    Attributes:
+        q: (23,) rad.
+        target: the object.
+        proposal: which it came from.
+        score: the higher, the likelier.
+    """
 
     q: Array
+    target: GraspTarget
     proposal: int
     score: float
 
@@ -60,7 +68,7 @@ def atlas_postures(
         q[7:] = hand_atlas().joints[placed.which[k]]
         if reach_palm(q, placed.rotations[k], placed.positions[k], tree):
             found += 1
-            yield Posture(q, int(placed.triple[k]) // len(orders), float(merit[k]))
+            yield Posture(q, target, int(placed.triple[k]) // len(orders), float(merit[k]))
 
 
 def loads_on(
@@ -151,5 +159,5 @@ def oriented_postures(
         if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):
             continue
         miss = solve_tips(q, targets, tree, 60, 1e-3)
-        postures.append(Posture(q, proposal, -float(miss)))
+        postures.append(Posture(q, target, proposal, -float(miss)))
     return sorted(postures, key=lambda posture: -posture.score)

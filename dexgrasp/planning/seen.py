@@ -1,18 +1,59 @@
-"""What planning takes from an observation, checked: start, points, the target."""
+"""From what is seen to a plan: the one way of agents, of `plan` and of clouds of one's own."""
+
+import time
 
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.shape.completion import target_of_cloud
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.planning.many import check_count, plan_many
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.result import PlanResult, Progress
+from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.limits import LOWER, UPPER
 
-NO_CLOUD, NO_HULL = "empty_cloud", "cloud_has_no_volume"
-_LONGEST = 1.001  # of a unit vector in single precision
 _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
+
+
+def plan_scene(
+    planner: Planner, scene: Scene, seed: int, start: Array, *,
+    mass: float | None = None, count: int | None = None, progress: Progress | None = None,
+) -> PlanResult:  # fmt: skip
+    """Plan a grasp of the object in a scene, or several that differ.
+
+    Args:
+        planner: who plans.
+        scene: what is seen.
+        seed: of everything that is drawn; the same scene and seed give the same grasp.
+        start: (23,) rad, set-points the robot approaches from.
+        mass: kg where it is known; None assumes one from the volume.
+        count: grasps asked for; None plans one.
+        progress: called with steps done and steps in all, where there is a count.
+
+    Raises:
+        InputError: for a count out of range.
+    """
+    if count is not None:
+        check_count(count)
+    began = time.perf_counter()
+    try:
+        target = target_of(scene, mass)
+    except NoTarget as none:
+        seconds = time.perf_counter() - began
+        return PlanResult(
+            settings=planner.settings, seed=seed, asked=count, shortfall=none.reason, sentence=scene.sentence,
+            planning_seconds=seconds,
+        )  # fmt: skip
+    hull_seconds = time.perf_counter() - began
+    if count is None:
+        result = planner.plan(target, seed, start)
+    else:
+        result = plan_many(planner, target, count, seed, start, progress)
+    result.log.seconds = {"hull": hull_seconds} | result.log.seconds
+    result.planning_seconds = time.perf_counter() - began
+    return result
 
 
 def start_of(observation: Observation) -> Array:
@@ -25,44 +66,3 @@ def start_of(observation: Observation) -> Array:
     if start.shape != LOWER.shape or not ((start > LOWER - _BEYOND) & (start < UPPER + _BEYOND)).all():
         raise InputError(f"joint_targets must be {len(LOWER)} set-points within the joint ranges, in rad")
     return start
-
-
-def target_from_cloud(observation: Observation) -> tuple[GraspTarget | None, str | None]:
-    """Return the object of a point-cloud observation, or the reason why there is none."""
-    points = points_of(observation)
-    if len(points) < 4:
-        return None, NO_CLOUD
-    plane = Plane.from_array(observation["table_plane"])
-    target = target_of_cloud(points, normals_of(observation), plane)
-    return target, NO_HULL if target is None else None
-
-
-def points_of(observation: Observation) -> Array:
-    """Return the points (N, 3) m of the cloud that count and are numbers.
-
-    Raises:
-        InputError: where the observation has no cloud.
-    """
-    return _counted(observation, "cloud")
-
-
-def normals_of(observation: Observation) -> Array:
-    """Return the normals (N, 3) of `points_of`, zeros where one is not a number, none longer than 1.
-
-    Raises:
-        InputError: where the observation has no cloud.
-    """
-    normals = np.nan_to_num(_counted(observation, "cloud_normals"), posinf=0.0, neginf=0.0)
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
-    return np.where(length > _LONGEST, normals / np.maximum(length, 1.0), normals)
-
-
-def _counted(observation: Observation, key: str) -> Array:
-    """Rows (N, 3) of a part of the cloud for the points that count."""
-    if not {"cloud", "cloud_mask", key} <= observation.keys():
-        raise InputError(
-            "this agent plans from a point cloud: make the environment with obs_mode='pointcloud'"
-        )
-    points = np.asarray(observation["cloud"], dtype=float)
-    mask = np.asarray(observation["cloud_mask"], dtype=bool)
-    return np.asarray(observation[key], dtype=float)[mask & np.isfinite(points).all(axis=1)]

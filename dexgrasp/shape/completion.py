@@ -1,9 +1,6 @@
-"""The hull of a cloud, the side that no camera saw completed, with how far it may be off."""
-
-from typing import Any
+"""From a scene to the planner's target: the hull of its cloud, the side that no camera saw completed, its parts."""
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.shape.hull import cloud_corners
 from dexgrasp.shape.network import CompletionNetwork, shipped_network
@@ -13,46 +10,59 @@ from dexgrasp.shape.view import ONE_SIDED, UNIT, WRITTEN, View, one_sidedness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
+NO_CLOUD, NO_VOLUME = "empty_cloud", "cloud_has_no_volume"
+_LEAST_POINTS = 4
 _LEAST_INSIDE = 0.003 / UNIT  # radius of the largest ball inside, below which there is no volume to speak of
 
 
-def target_of_cloud(
-    points: NDArray[Any], normals: NDArray[Any], plane: Plane | None, mass: float | None = None
-) -> GraspTarget | None:
-    """Return the object that a cloud shows, or None where its points span no volume to speak of.
+class NoTarget(Exception):  # noqa: N818  (it is an outcome, not a defect)
+    """A scene that shows nothing to grasp; `reason` says why in a word that can be counted."""
+
+    def __init__(self, reason: str) -> None:
+        super().__init__(reason)
+        self.reason = reason
+
+
+def target_of(scene: Scene, mass: float | None = None) -> GraspTarget:
+    """Return the object that a scene shows.
 
     Args:
-        points: (N, 3) m, of the object alone, world frame.
-        normals: (N, 3) out of the object.
-        plane: the table, on which it stands.
+        scene: what is seen; the plane is the table on which the object stands.
         mass: kg; assumed if None.
+
+    Raises:
+        NoTarget: with the scene's reason, or where its points span no volume to speak of.
     """
-    hull, spread = completed_corners(points, normals, plane)
+    if scene.reason is not None:
+        raise NoTarget(scene.reason)
+    if len(scene.target) < _LEAST_POINTS:
+        raise NoTarget(NO_CLOUD)
+    hull, spread = completed_corners(scene.target, scene.plane)
     if hull is None:
-        return None
-    parts = [hull] if spread is not None else parts_within(hull, points, plane)
+        raise NoTarget(NO_VOLUME)
+    parts = [hull] if spread is not None else parts_within(hull, scene.target.points, scene.plane)
     try:
         return GraspTarget.of_corners(parts, mass=mass, spread=spread)
     except InputError:
-        return None
+        raise NoTarget(NO_VOLUME) from None
 
 
 def completed_corners(
-    points: NDArray[Any], normals: NDArray[Any], plane: Plane | None, network: CompletionNetwork | None = None
+    cloud: ObjectCloud, plane: Plane | None, network: CompletionNetwork | None = None
 ) -> tuple[Array | None, Spread | None]:
     """Return the corners (N, 3) m of the hull of what a cloud shows, and the spread of one that was completed.
 
     A cloud whose normals do not all point one way shows the object all round: they are `cloud_corners`.
 
     Args:
-        points: (N, 3) m, world frame.
-        normals: (N, 3) out of the object.
+        cloud: of the object alone.
         plane: the table; None completes nothing.
         network: that completes; the shipped one by default.
     """
-    points, normals = np.asarray(points, dtype=float), np.asarray(normals, dtype=float)
-    if plane is None or len(points) < 4 or one_sidedness(normals) < ONE_SIDED:
+    points, normals = cloud.points, cloud.normals
+    if plane is None or len(points) < _LEAST_POINTS or one_sidedness(normals) < ONE_SIDED:
         return cloud_corners(points, plane), None
     view = View.of(points, normals, plane)
     support, spread = (network or shipped_network()).complete(view)

@@ -1,235 +1,113 @@
-"""One object out of the cloud of a whole scene, or the reason why there is none.
+"""What is seen of a table: the object that is meant, what stands around it, the table, the cameras.
 
-For clouds that come from a file or from a user's own cameras: unlike in `segment`, nothing is known of the images they
-were made from, and a wrong unit or frame is likelier than noise. What comes in, and what is said of it, is in the frame
-of the robot's base; what goes out is in the world's.
+Simulated cameras, recorded clouds and observations of the environment all end in a `Scene`; planning begins with one.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
-from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud, crop, remove_outliers
-from dexgrasp_env.perception.plane import Plane, fit_plane
-from dexgrasp_env.perception.robot import RobotShape
-from dexgrasp_env.perception.segment import SegmentationSettings, SegmentedCloud, finish
-from dexgrasp_env.robot.active import active_cell
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.cloud import pad
+from dexgrasp_env.perception.plane import Plane
 
-if TYPE_CHECKING:
-    import mujoco
+_LONGEST = 1.001  # of a unit vector in single precision
 
-EMPTY = "empty_cloud"
-UNIT = "unit_is_not_metres"
-NO_TABLE = "plane_not_found"
-UPSIDE_DOWN = "upside_down"
-TABLE_HEIGHT = "table_not_at_base_height"
-NO_OBJECT = "no_object_on_the_table"
-NOTHING_NEAR = "nothing_near_the_point"
-SEVERAL = "several_objects"
-OUT_OF_REACH = "out_of_reach"
 
-WORDS = {
-    EMPTY: "the cloud holds too few points to be a scene",
-    UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001",
-    NO_TABLE: "no level plane that could be the table: is the cloud in the robot base frame, z up?",
-    UPSIDE_DOWN: "the points lie below the table: z must point up in the robot base frame",
-    TABLE_HEIGHT: "the table is not at the height above the robot's base that the cell has it at (table_height)",
-    NO_OBJECT: "nothing stands on the table within the workspace",
-    NOTHING_NEAR: "no object near the point that was named",
-    SEVERAL: "several objects are in the workspace: name a point near the one that is meant",
-    OUT_OF_REACH: "the object stands outside the workspace of the arm",
-}
-"""Reason -> what it means and what to do."""
-
-_VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
-_ROOM = 2.0  # m around the base: what is farther is no business of the arm
-_LARGEST = 5.0  # m from the base: beyond, the unit is wrong
-_HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, to say where it is
-_TABLE_OFF = 0.02  # m that the table may be off the cell's
-_BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
-_RIVAL = 0.35  # of the largest cluster's points: a smaller one is a remnant, not another object
-_NEAR = 0.08  # m from the named point to the object
+def _none() -> Array:
+    return np.zeros((0, 3))
 
 
 @dataclass(frozen=True, eq=False)
-class SceneObject:
-    """The object that was found in a scene.
+class ObjectCloud:
+    """The points of one object.
 
     Attributes:
-        cloud: the object as the simulated cameras' pipeline returns it, or its reason.
-        detail: figures for the reason: where the table is, where the objects are.
+        points: (N, 3) m, world frame.
+        normals: (N, 3) out of the object, none longer than 1; zeros where they are unknown.
+        pixels: (N,) of each point in the flattened (cameras, H, W) images; empty where there are none.
     """
 
-    cloud: SegmentedCloud
-    detail: str = ""
+    points: Array = field(default_factory=_none)
+    normals: Array = field(default_factory=_none)
+    pixels: NDArray[np.int32] = field(default_factory=lambda: np.zeros(0, np.int32))
 
-    @property
-    def reason(self) -> str | None:
-        """None, or why there is no object, a key of `WORDS`."""
-        return self.cloud.reason
+    def __post_init__(self) -> None:
+        points, normals = (np.asarray(values, dtype=float) for values in (self.points, self.normals))
+        if points.ndim != 2 or points.shape[1:] != (3,) or normals.shape != points.shape:
+            raise InputError(f"points {points.shape} and normals {normals.shape}: valid are (N, 3) both")
+        if not np.isfinite(points).all():
+            raise InputError("the points of an object must be finite numbers")
+        normals = np.nan_to_num(normals, posinf=0.0, neginf=0.0)
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
+        normals = np.where(length > _LONGEST, normals / np.maximum(length, 1.0), normals)
+        object.__setattr__(self, "points", points)
+        object.__setattr__(self, "normals", normals)
 
-    @property
-    def sentence(self) -> str:
-        """The reason for people."""
-        said = WORDS.get(str(self.reason), str(self.reason))
-        return f"{said} ({self.detail})" if self.detail else said
+    def __len__(self) -> int:
+        return len(self.points)
 
 
-def find_object(
-    scene: Cloud,
-    rng: Generator,
-    *,
-    near: Sequence[float] | Array | None = None,
-    settings: SegmentationSettings | None = None,
-    robot: RobotShape | None = None,
-    data: "mujoco.MjData | None" = None,
-) -> SceneObject:
-    """Return the one object that stands on the table of a scene.
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """A table as it is seen, or the reason why nothing can be said of it.
 
-    Args:
-        scene: points in the frame of the robot's base, m; robot and table may be in it.
-        rng: draws the plane hypotheses and the subset.
-        near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
-        settings: of the pipeline.
-        robot: its shape, to remove its points; None removes none.
-        data: current kinematics of the robot; needed with `robot`.
-
-    Returns:
-        The object in the world, or why there is none.
+    Attributes:
+        target: the object that is meant; no points where there is a reason.
+        plane: the table, or None.
+        reason: why there is no target, in a word that can be counted; None with one.
+        sentence: the same for people, with figures; empty where the word is all there is.
+        neighbours: other objects, each by itself.
+        rest: what belongs to no object, e.g. walls.
+        cameras: (K, 4, 4) T_world_camera as they are believed to be; none where they are unknown.
     """
-    s = settings or SegmentationSettings()
-    if len(scene) < s.min_points:
-        return _none(s, EMPTY, f"{len(scene)} points")
-    if float(np.median(np.abs(scene.points).max(axis=1))) > _LARGEST:
-        return _none(s, UNIT, f"median distance from the base {np.median(np.abs(scene.points)):.0f}")
-    scene = _thinned(crop(scene, (-_ROOM,) * 3, (_ROOM,) * 3))
-    if len(scene) < s.min_points:
-        return _none(s, EMPTY, f"{len(scene)} points within {_ROOM:g} m of the base")
-    base = active_cell().base
-    scene = replace(scene, points=scene.points + base)
-    plane, reason, detail = _find_table(scene, rng, s)
-    if plane is None:
-        return _none(s, reason, detail)
-    above = scene.select(plane.heights(scene.points) > max(0.004, s.clearance_sigmas * plane.rms))
-    if robot is not None and data is not None:
-        above = above.select(~robot.contains(above.points, data, s.robot_margin))
-    above = remove_outliers(above, s.outlier_radius, s.outlier_neighbours)
-    chosen, reason, detail = _choose(above, None if near is None else np.asarray(near, dtype=float) + base, s)
-    if chosen is None:
-        return _none(s, reason, detail)
-    return SceneObject(finish(_seen_from_outside(chosen), plane, s, rng))
 
+    target: ObjectCloud = field(default_factory=ObjectCloud)
+    plane: Plane | None = None
+    reason: str | None = None
+    sentence: str = ""
+    neighbours: tuple[ObjectCloud, ...] = ()
+    rest: ObjectCloud = field(default_factory=ObjectCloud)
+    cameras: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
 
-def _thinned(cloud: Cloud) -> Cloud:
-    """One point a voxel, the first of each."""
-    cells = np.floor(cloud.points / _VOXEL).astype(np.int64)
-    _, first = np.unique(cells, axis=0, return_index=True)
-    return cloud.select(np.sort(first))
+    def __post_init__(self) -> None:
+        if np.shape(self.cameras)[1:] != (4, 4):
+            raise InputError(f"cameras {np.shape(self.cameras)}: valid are poses (K, 4, 4)")
 
+    @classmethod
+    def of_observation(cls, observation: Mapping[str, Any], info: Mapping[str, Any] | None = None) -> "Scene":
+        """Return what an observation of a cloud shows, points that are not numbers left out.
 
-def _find_table(cloud: Cloud, rng: Generator, s: SegmentationSettings) -> tuple[Plane | None, str, str]:
-    """Return the table, or the reason why there is none and its figures."""
-    local = crop(cloud, (*s.crop_low[:2], -np.inf), (*s.crop_high[:2], np.inf))
-    pool = local if len(local) > s.min_points else cloud
-    plane = fit_plane(pool.points, rng, height=s.table_height, tolerance=0.010, min_inliers=100)
-    if plane is None or _below(pool, plane, s) > _BELOW:
-        # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
-        plane = fit_plane(
-            pool.points,
-            rng,
-            height=s.table_height,
-            height_tolerance=_HEIGHTS,
-            tolerance=0.010,
-            min_inliers=100,
+        Args:
+            observation: of obs_mode `pointcloud`; normals and plane may be missing.
+            info: the public info at reset; None where there is none.
+
+        Raises:
+            InputError: where the observation has no cloud.
+        """
+        if not {"cloud", "cloud_mask"} <= observation.keys():
+            raise InputError(
+                "this agent plans from a point cloud: make the environment with obs_mode='pointcloud'"
+            )
+        points, known = np.asarray(observation["cloud"], dtype=float), info or {}
+        normals = np.asarray(observation.get("cloud_normals", np.zeros_like(points)), dtype=float)
+        counts = np.asarray(observation["cloud_mask"], dtype=bool) & np.isfinite(points).all(axis=1)
+        return cls(
+            ObjectCloud(points[counts], normals[counts]),
+            Plane.from_array(observation.get("table_plane", np.zeros(5))),
+            known.get("perception_failure") or None,
+            cameras=np.asarray(known.get("perception_T_world_camera", np.zeros((0, 4, 4))), dtype=float),
         )
-    if plane is None:
-        return None, NO_TABLE, ""
-    below = _below(pool, plane, s)
-    if below > _BELOW:
-        return None, UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table"
-    if abs(plane.offset - s.table_height) > _TABLE_OFF:
-        return None, TABLE_HEIGHT, _heights(plane)
-    return plane, "", ""
 
-
-def _below(cloud: Cloud, plane: Plane, s: SegmentationSettings) -> float:
-    """Share of what is off a plane that lies under it; 0 where next to nothing is off it."""
-    heights = plane.heights(cloud.points)
-    off = heights[np.abs(heights) > 0.015]
-    return float((off < 0).mean()) if len(off) >= s.min_points else 0.0
-
-
-def _heights(found: Plane) -> str:
-    cell = active_cell()
-    return f"found at z = {found.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
-
-
-def _choose(cloud: Cloud, near: Array | None, s: SegmentationSettings) -> tuple[Cloud | None, str, str]:
-    """Return the cluster that is meant, or the reason and its figures."""
-    clusters = [c for c in _clusters(cloud, s.link) if len(c) >= s.min_points]
-    if not clusters:
-        return None, NO_OBJECT, f"{len(cloud)} points above the table"
-    if near is not None:
-        gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in clusters]
-        best = int(np.argmin(gaps))
-        if gaps[best] > _NEAR:
-            return None, NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away"
-        return _reachable(clusters[best], s)
-    inside = [c for c in clusters if _in_reach(_middle(c), s)]
-    if not inside:
-        return None, OUT_OF_REACH, _places(clusters)
-    inside.sort(key=len, reverse=True)
-    rivals = [c for c in inside if len(c) >= _RIVAL * len(inside[0])]
-    if len(rivals) > 1:
-        return None, SEVERAL, _places(rivals)
-    return inside[0], "", ""
-
-
-def _clusters(cloud: Cloud, link: float) -> list[Cloud]:
-    if not len(cloud):
-        return []
-    from dexgrasp_env.perception.kernels import cluster
-
-    labels = cluster(np.ascontiguousarray(cloud.points), link)
-    return [cloud.select(labels == k) for k in range(int(labels.max()) + 1)]
-
-
-def _reachable(cloud: Cloud, s: SegmentationSettings) -> tuple[Cloud | None, str, str]:
-    if not _in_reach(_middle(cloud), s):
-        return None, OUT_OF_REACH, _places([cloud])
-    return cloud, "", ""
-
-
-def _in_reach(point: Array, s: SegmentationSettings) -> bool:
-    low, high = np.array(s.crop_low[:2]), np.array(s.crop_high[:2])
-    return bool((point[:2] >= low).all() and (point[:2] <= high).all())
-
-
-def _middle(cloud: Cloud) -> Array:
-    return 0.5 * (cloud.points.min(0) + cloud.points.max(0))
-
-
-def _places(clouds: list[Cloud]) -> str:
-    return "at " + ", ".join(
-        "({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - active_cell().base)) for c in clouds[:4]
-    )
-
-
-def _seen_from_outside(cloud: Cloud) -> Cloud:
-    """Views from the object's middle outwards: a merged cloud does not say who saw a point."""
-    out = cloud.points - _middle(cloud)
-    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    return Cloud(cloud.points, out, cloud.depth, cloud.camera, cloud.pixel)
-
-
-def _none(s: SegmentationSettings, reason: str, detail: str = "") -> SceneObject:
-    empty: NDArray[np.float32] = np.zeros((s.count, 3), np.float32)
-    nothing = SegmentedCloud(
-        empty, empty.copy(), np.zeros(s.count, bool), None, reason, 0, np.full(s.count, -1, np.int32)
-    )
-    return SceneObject(nothing, detail)
+    def as_observation(self, count: int) -> dict[str, NDArray[Any]]:
+        """Return the arrays that `of_observation` reads, `count` rows of points, the mask saying which hold one."""
+        return {
+            "cloud": pad(self.target.points.astype(np.float32), count),
+            "cloud_normals": pad(self.target.normals.astype(np.float32), count),
+            "cloud_mask": (np.arange(count) < len(self.target)).astype(np.int8),
+            "table_plane": Plane.to_array(self.plane).astype(np.float32),
+        }

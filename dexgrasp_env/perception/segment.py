@@ -1,6 +1,6 @@
-"""Depth images to the segmented cloud of one object, or the reason why there is none."""
+"""Depth images to the scene with one object, or the reason why there is none."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -14,7 +14,6 @@ from dexgrasp_env.perception.cloud import (
     downsample,
     gather,
     largest_cluster,
-    pad,
     remove_flying,
     remove_outliers,
 )
@@ -29,6 +28,7 @@ from dexgrasp_env.perception.plane import (
     table_clearance,
 )
 from dexgrasp_env.perception.robot import RobotShape, remove_robot
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.camera import Camera
 
 if TYPE_CHECKING:
@@ -77,39 +77,6 @@ class SegmentationSettings:
             raise InputError(f"crop box is empty: low {self.crop_low} must be below high {self.crop_high}")
 
 
-@dataclass(frozen=True, eq=False)
-class SegmentedCloud:
-    """The object as seen; all arrays have `count` rows.
-
-    Attributes:
-        points: (N, 3) m, world frame, zeros where the mask is false.
-        normals: (N, 3) unit, out of the object.
-        mask: (N,) which rows hold a point.
-        plane: the table, or None.
-        reason: None, or one of `REASONS`.
-        n_raw: points of the object before downsampling.
-        pixels: (N,) index of each point's pixel in the flattened (cameras, H, W) images, -1 where none.
-    """
-
-    points: NDArray[np.float32]
-    normals: NDArray[np.float32]
-    mask: NDArray[np.bool_]
-    plane: Plane | None
-    reason: str | None
-    n_raw: int
-    pixels: NDArray[np.int32] = field(default_factory=lambda: np.empty(0, np.int32))
-
-    @property
-    def valid_points(self) -> NDArray[np.float32]:
-        """The points without padding, (M, 3) m."""
-        return self.points[self.mask]
-
-    @property
-    def valid_normals(self) -> NDArray[np.float32]:
-        """The normals of these, (M, 3)."""
-        return self.normals[self.mask]
-
-
 def segment(
     depths: NDArray[Any],
     cameras: tuple[Camera, ...],
@@ -117,8 +84,8 @@ def segment(
     settings: SegmentationSettings | None = None,
     robot: RobotShape | None = None,
     data: "mujoco.MjData | None" = None,
-) -> SegmentedCloud:
-    """Return the object's cloud from depth images.
+) -> Scene:
+    """Return the scene that depth images show.
 
     Args:
         depths: (cameras, H, W) m along the optical axis; NaN, inf and values <= 0 are no measurement.
@@ -129,20 +96,31 @@ def segment(
         data: current kinematics of the robot; needed with `robot`.
 
     Returns:
-        A cloud. Whatever the images hold, no exception: `reason` says why it is empty.
+        A scene. Whatever the images hold, no exception: `reason` says why there is no object in it.
     """
     s = settings or SegmentationSettings()
     depths = np.asarray(depths)
     if depths.shape[0] != len(cameras):
         raise InputError(f"{depths.shape[0]} depth images for {len(cameras)} cameras: valid is one each")
-    everything = gather(remove_flying(depths), cameras)
+    found = _object(gather(remove_flying(depths), cameras), len(cameras), rng, s, robot, data)
+    return replace(found, cameras=np.stack([camera.T_world_camera for camera in cameras]))
+
+
+def _object(
+    everything: Cloud,
+    views: int,
+    rng: Generator,
+    s: SegmentationSettings,
+    robot: RobotShape | None,
+    data: "mujoco.MjData | None",
+) -> Scene:
     if not len(everything):
-        return _nothing(s, None, OUT_OF_VIEW, 0)
+        return Scene(reason=OUT_OF_VIEW)
     sparse = everything.select(slice(None, None, s.stride))
     plane = fit_plane(sparse.points, rng, height=s.table_height, tolerance=0.010)
     if plane is None:
-        return _nothing(s, None, NO_PLANE, 0)
-    corrections = view_corrections(sparse, plane, len(cameras))
+        return Scene(reason=NO_PLANE)
+    corrections = view_corrections(sparse, plane, views)
     table = level_views(sparse, corrections)
     plane = refine_plane(table.points, plane.normal, plane.offset, 0.010) or plane
     found = level_views(crop(everything, s.crop_low, s.crop_high), corrections)
@@ -163,25 +141,11 @@ def _isolate(
     return largest_cluster(remove_outliers(cloud, s.outlier_radius, s.outlier_neighbours), s.link)
 
 
-def finish(cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator) -> SegmentedCloud:
-    """Return an isolated object as `count` smoothed points, or the reason why it is none."""
+def finish(cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator) -> Scene:
+    """Return the scene with an isolated object as `count` smoothed points, or the reason why it is none."""
     if len(cloud) < s.min_points:
-        return _nothing(s, plane, TOO_FEW if len(cloud) else OUT_OF_VIEW, len(cloud))
+        return Scene(plane=plane, reason=TOO_FEW if len(cloud) else OUT_OF_VIEW)
     chosen = cloud.select(downsample(cloud.points, s.count, rng))
     points, normals = smooth(cloud, chosen, plane.rms, s.smoothing_radius)
-    return SegmentedCloud(
-        points=pad(points.astype(np.float32), s.count),
-        normals=pad(normals.astype(np.float32), s.count),
-        mask=np.arange(s.count) < len(chosen),
-        plane=plane,
-        reason=None,
-        n_raw=len(cloud),
-        pixels=pad(chosen.pixel + 1, s.count) - 1,
-    )
-
-
-def _nothing(s: SegmentationSettings, plane: Plane | None, reason: str, n_raw: int) -> SegmentedCloud:
-    empty = np.zeros((s.count, 3), np.float32)
-    return SegmentedCloud(
-        empty, empty.copy(), np.zeros(s.count, bool), plane, reason, n_raw, np.full(s.count, -1, np.int32)
-    )
+    # In single precision, as observations hold them.
+    return Scene(ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel), plane)

@@ -8,7 +8,8 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.perception.robot import RobotShape
-from dexgrasp_env.perception.segment import SegmentationSettings, SegmentedCloud, segment
+from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.perception.segment import SegmentationSettings, segment
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.sensing.cameras import default_cameras
@@ -26,12 +27,12 @@ class Observation:
     Attributes:
         depths: (cameras, H, W) m as measured, inf where nothing.
         cameras: where the calibration believes the cameras to be.
-        cloud: the object, or the reason why there is none.
+        scene: what that shows.
     """
 
     depths: NDArray[np.float32]
     cameras: tuple[Camera, ...]
-    cloud: SegmentedCloud
+    scene: Scene
 
 
 class Perception:
@@ -75,8 +76,8 @@ class Perception:
     def observe(self, data: "mujoco.MjData", rng: Generator) -> Observation:
         """Measure and segment. `data` needs current kinematics."""
         depths = self.measure(data, rng)
-        cloud = segment(depths, self.believed, rng, self.settings, self.robot, data)
-        return Observation(depths, self.believed, cloud)
+        scene = segment(depths, self.believed, rng, self.settings, self.robot, data)
+        return Observation(depths, self.believed, scene)
 
     def render_rgb(self, data: "mujoco.MjData") -> NDArray[np.uint8]:
         """Return colour images, (cameras, H, W, 3); only with the backend "gl"."""

@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.rendering import check_size
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.backends import DepthBackend, make_backend
@@ -117,14 +116,9 @@ class Views:
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": ""}
         if self._settings.obs_mode == "pointcloud":
-            cloud = perception.observe(simulation.data, rng).cloud
-            info["perception_failure"] = cloud.reason or ""
-            return {
-                "cloud": cloud.points.astype(np.float32),
-                "cloud_normals": cloud.normals.astype(np.float32),
-                "cloud_mask": cloud.mask.astype(np.int8),
-                "table_plane": Plane.to_array(cloud.plane).astype(np.float32),
-            }, info
+            scene = perception.observe(simulation.data, rng).scene
+            info["perception_failure"] = scene.reason or ""
+            return scene.as_observation(perception.settings.count), info
         depth = perception.measure(simulation.data, rng)
         views: dict[str, NDArray[Any]] = {
             "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
