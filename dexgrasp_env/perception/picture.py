@@ -26,7 +26,7 @@ def cloud_picture(
 
     Args:
         path: file to write.
-        points: (M, 3) m, world frame; see `SegmentedCloud.valid_points`.
+        points: (M, 3) m, world frame; see `ObjectCloud`.
         hull: the cloud's hull in the same frame, or None.
         true_mesh: the true surface in the object frame, or None to leave it out.
         T_world_object: (4, 4) its pose.
