@@ -29,7 +29,7 @@ class Spheres:
 
 
 def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) -> Spheres:
-    """Cover the collision geoms (boxes, capsules, spheres, cylinders) of a body; those named in `touching` may touch."""
+    """Cover the collision geoms (boxes, capsules, spheres, cylinders) of a body; what `touching` names may touch."""
     centres, radii, tips = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, bool)]
     for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
         if model.geom_group[geom] != _COLLISION_GROUP:
