@@ -5,8 +5,8 @@ import pytest
 
 from dexgrasp.benchmarks.wrench import add_noise, agreement, sample_box, sample_can
 from dexgrasp.physics.closure import closure_count, closure_decide, closure_sweep
-from dexgrasp.physics.conic import conic_residual
 from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.verify.cones import conic_residual
 from dexgrasp_env.errors import InputError
 
 
