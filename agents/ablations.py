@@ -27,7 +27,7 @@ from dexgrasp.planning.setpoints import OPENINGS, grasp_motion
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.cell import Cell
 
 from .bilevel import BilevelAgent
 
@@ -45,20 +45,20 @@ class LatentAgent(BilevelAgent):
 
     planner: ClassVar[type["LatentPlanner"]]
 
-    def __init__(self, settings: PlannerSettings | None = None, mount: str = "palm_normal") -> None:
+    def __init__(self, settings: PlannerSettings | None = None, cell: Cell | None = None) -> None:
         """Prepare.
 
         Args:
             settings: of the planner.
-            mount: of the hand.
+            cell: as for `BilevelAgent`.
 
         Raises:
             InputError: without the shipped weights.
         """
-        super().__init__("cvae", settings, mount, regrasps=0, turns=False)
+        super().__init__("cvae", settings, cell, regrasps=0, turns=False)
 
-    def _make(self, mount: str) -> Planner:
-        return self.planner(self.settings, mount)
+    def _make(self, cell: Cell) -> Planner:
+        return self.planner(self.settings, cell)
 
 
 class LatentPlanner(Planner):
@@ -66,10 +66,10 @@ class LatentPlanner(Planner):
 
     patience: ClassVar[int] = 0
 
-    def __init__(self, settings: PlannerSettings, mount: str = "palm_normal") -> None:
+    def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
         """Prepare; of `settings`, what bounds and ranks the search does not count."""
         plain = replace(settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf)
-        super().__init__(plain, CvaeProposals(ranked=False), mount, with_closure=False)
+        super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)
 
     def starts(
         self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
@@ -83,7 +83,7 @@ class LatentPlanner(Planner):
         """Yield the posture that IK finds from the palm of a latent, if the arm reaches that."""
         if proposals.palms is None:
             return
-        q, palm = HOME.copy(), proposals.palms[k]
+        q, palm = self.tree.home.copy(), proposals.palms[k]
         if reach_palm(q, np.ascontiguousarray(palm[:3, :3]), palm[:3, 3].copy(), self.tree):
             tips = proposals.contacts[k] + self.settings.tip_height * proposals.normals[k]
             yield Posture(q, target, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
@@ -125,7 +125,7 @@ class UncheckedCertifier(Certifier):
         forces = solve_wrench_qp(at.contacts, at.normals, self.settings.friction, f_min=PRESS).forces
         motion = grasp_motion(q, at.normals, forces, target, self.tree, self.settings, OPENINGS[0])
         certificate = certificate_of(q, forces, target, self.tree, self.settings, with_capacity=False)
-        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, self.mount)
+        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, self.cell)
 
 
 class RawPlanner(LatentPlanner):
@@ -133,9 +133,9 @@ class RawPlanner(LatentPlanner):
 
     certifies = UncheckedCertifier
 
-    def __init__(self, settings: PlannerSettings, mount: str = "palm_normal") -> None:
+    def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
         """Prepare."""
-        super().__init__(replace(settings, iterations=0), mount)
+        super().__init__(replace(settings, iterations=0), cell)
 
     def refine(self, start: Posture) -> Solution:
         """Return the posture as it is, and what rejects it."""

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.agent import Agent, Observation
+from dexgrasp.agent import Agent, Observation, cell_of
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import NoPath
@@ -17,8 +17,10 @@ from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.seen import plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.robot.cell import Cell, default_cell
 
 
 class State(NamedTuple):
@@ -46,7 +48,7 @@ class BilevelAgent(Agent):
         self,
         proposals: str = "auto",
         settings: PlannerSettings | None = None,
-        mount: str = "palm_normal",
+        cell: Cell | None = None,
         *,
         regrasps: int = 2,
         turns: bool = True,
@@ -57,22 +59,22 @@ class BilevelAgent(Agent):
             proposals: `surface` (all triples of surface points), `cvae` (learned), or `auto`: `cvae`, and `surface` for
                 objects that are not convex or of which the network finds no triple in closure.
             settings: thresholds and budgets of the planner.
-            mount: of the hand.
+            cell: of the robot, where an episode says none; the simulated one by default.
             regrasps: how often to look and plan again in an episode where the object was lost or no grasp found.
             turns: whether to turn an object that is barely held, once it is lifted (see `planning.carry`).
         """
         self.settings = settings or PlannerSettings()
         self.result: PlanResult | None = None
         self._proposals = proposals
-        self._planner = self._make(mount)
+        self._planner = self._make(cell or default_cell())
         self._regrasps, self._turns = regrasps, turns
         self._seed = 0
         self._state: State | None = None
 
-    def _make(self, mount: str) -> Planner:
+    def _make(self, cell: Cell) -> Planner:
         source = make_source(self._proposals)
-        warm_up(mount, source)
-        return Planner(self.settings, source, mount)
+        warm_up(cell, source)
+        return Planner(self.settings, source, cell)
 
     def seed(self, seed: int) -> None:
         """Seed the proposals of the next episode."""
@@ -96,9 +98,9 @@ class BilevelAgent(Agent):
         Raises:
             InputError: for a count out of range, or an observation that shows no cloud or no robot.
         """
-        if (mount := str(info.get("mount", self._planner.mount))) != self._planner.mount:
-            self._planner = self._make(mount)
-        scene, start = Scene.of_observation(observation, info), start_of(observation)
+        if (cell := cell_of(info, self._planner.cell)) != self._planner.cell:
+            self._planner = self._make(cell)
+        scene, start = Scene.of_observation(observation, info), self._start(observation)
         return plan_scene(self._planner, scene, self._seed, start, count=count, progress=progress)
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
@@ -134,21 +136,24 @@ class BilevelAgent(Agent):
                 return self._look_again(state, observation)
         return state
 
+    def _start(self, observation: Observation) -> Array:
+        return start_of(observation, self._planner.cell.robot)
+
     def _grasp(self, plan: PlanResult) -> GuardedGrasp:
         grasp, script = plan.found[0]
         assert script is not None  # every plan here begins where the robot stands
-        return GuardedGrasp(script, grasp, self._planner.tree)
+        return GuardedGrasp(script, grasp)
 
     def _carry(self, held: GuardedGrasp, plan: PlanResult) -> GuardedCarry:
         turn = None
         if self._turns and plan.target is not None:
-            turn = plan_turn(held.grasp, held.script, plan.target, held.tree, self.settings)
+            turn = plan_turn(held.grasp, held.script, plan.target, self.settings)
         return GuardedCarry(held, turn)
 
     def _way_home(self, observation: Observation) -> Retreat | None:
         """Return the way home, where the cameras look again; None where there is none."""
         try:
-            return Retreat(start_of(observation), self._planner.tree)
+            return Retreat(self._start(observation), self._planner.cell)
         except NoPath:
             return None
 
@@ -156,7 +161,7 @@ class BilevelAgent(Agent):
         """Plan from what the cameras see now that the hand is out of their way; without a grasp, stay."""
         looks = state.looks - 1
         tries = self._regrasps - looks
-        scene, start = Scene.of_observation(observation), start_of(observation)
+        scene, start = Scene.of_observation(observation), self._start(observation)
         plan = plan_scene(self._planner, scene, self._seed + tries, start)
         self.report.details["regrasps"] = tries
         if self.report.failure:  # the first grasp is still to be found

@@ -2,13 +2,13 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
@@ -20,12 +20,18 @@ from dexgrasp.planning.seen import start_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import normalise
 
-_RING = (0.0, -0.15, 0.0, 0.0)  # out of the way
-_OPEN = (-0.149, 0.858, 0.0, 0.044, 0.064, 0.857, 0.0, 0.068, *_RING, 1.38, 0.35, -0.1, 0.2)
-_CLOSED = (-0.099, 0.773, 0.936, -0.227, 0.059, 0.768, 0.969, -0.227, *_RING, 1.38, 0.35, 0.45, 0.2)
-_FIRM = (-0.099, 0.773, 0.936, -0.227, 0.059, 0.768, 0.969, -0.227, *_RING, 1.38, 0.35, 0.85, 0.2)
+# Joints by finger, rad; the ring finger is out of the way.
+_RING = {"ring": (0.0, -0.15, 0.0, 0.0)}
+_AROUND = {"index": (-0.099, 0.773, 0.936, -0.227), "middle": (0.059, 0.768, 0.969, -0.227)} | _RING
+_OPEN = {
+    "index": (-0.149, 0.858, 0.0, 0.044), "middle": (0.064, 0.857, 0.0, 0.068), **_RING, "thumb": (1.38, 0.35, -0.1, 0.2)
+}  # fmt: skip
+_CLOSED = _AROUND | {"thumb": (1.38, 0.35, 0.45, 0.2)}
+_FIRM = _AROUND | {"thumb": (1.38, 0.35, 0.85, 0.2)}
+Posture = Mapping[str, tuple[float, ...]]
 _TILT = 0.2  # rad, thumb up: the thumb is the longer
 _MIN_POINTS = 20
 _HULL_FACES = 80
@@ -43,18 +49,18 @@ class HardcodedSettings:
         v_offset: of the palm from the cloud's mean.
         z_offset: of the palm above the cloud's highest point.
         least_z: of the palm above the table, so that the fingertips clear it.
-        hand_open: (16,) rad, wide around the object.
-        hand_closed: (16,) rad, index and middle where they stay, the thumb half way.
-        hand_firm: (16,) rad, thumb set-point inside any object: its servo saturates.
+        hand_open: rad by finger, wide around the object.
+        hand_closed: rad by finger, index and middle where they stay, the thumb half way.
+        hand_firm: rad by finger, thumb set-point inside any object: its servo saturates.
     """
 
     u_offset: float = 0.010
     v_offset: float = -0.028
     z_offset: float = 0.045
     least_z: float = 0.137
-    hand_open: tuple[float, ...] = _OPEN
-    hand_closed: tuple[float, ...] = _CLOSED
-    hand_firm: tuple[float, ...] = _FIRM
+    hand_open: Posture = field(default_factory=lambda: _OPEN)
+    hand_closed: Posture = field(default_factory=lambda: _CLOSED)
+    hand_firm: Posture = field(default_factory=lambda: _FIRM)
 
 
 class HardcodedAgent(Agent):
@@ -75,21 +81,23 @@ class HardcodedAgent(Agent):
     def __init__(self, settings: HardcodedSettings | None = None) -> None:
         self.settings = settings or HardcodedSettings()
         self._script: ActionScript | None = None
-        self._rest = np.zeros(23, np.float32)
+        self._rest = np.zeros(0, np.float32)
+        self._cell = default_cell()
         self._step = 0
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud; stand still for the episode where that fails."""
         began = time.perf_counter()
-        start = start_of(observation)
-        self._step, self._script, self._rest = 0, None, normalise(start).astype(np.float32)
+        self._cell = cell_of(info, default_cell())
+        start = start_of(observation, self._cell.robot)
+        self._step, self._script, self._rest = 0, None, self._action(start)
         self.report = Report()
         points = Scene.of_observation(observation).target.points
         if len(points) < _MIN_POINTS:
             self.report.failure = "no_cloud"
             return
         try:
-            self._script, details = self._plan(start, points, info.get("mount", "palm_normal"))
+            self._script, details = self._plan(start, points)
             self.report.details = details
         except NoPath as blocked:
             self.report.failure = blocked.reason
@@ -102,18 +110,21 @@ class HardcodedAgent(Agent):
         """Return the next action of the script."""
         if self._script is None:
             return self._rest
-        action = self._script.action(self._step)
+        action = self._action(self._script.at(self._step))
         self._step += 1
         return action
 
-    def _plan(self, start: Array, points: Array, mount: str) -> tuple[ActionScript, dict[str, Any]]:
-        tree, obstacle = robot_tree(mount), _obstacle(points)
+    def _action(self, targets: Array) -> NDArray[np.float32]:
+        return normalise(targets, self._cell.robot).astype(np.float32)
+
+    def _plan(self, start: Array, points: Array) -> tuple[ActionScript, dict[str, Any]]:
+        tree, obstacle = robot_tree(self._cell), _obstacle(points)
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
         for axis, arm in self._reachable(tree, start, points):
             pregrasp, grasp, squeeze = (np.concatenate([arm, hand]) for hand in self._hands())
             motion = GraspMotion(pregrasp, grasp, squeeze)
             try:
-                script = make_script(start, motion, obstacle, mount, margin=0.002)
+                script = make_script(start, motion, obstacle, self._cell, margin=0.002)
             except NoPath as reason:
                 blocked = reason
                 continue
@@ -122,18 +133,32 @@ class HardcodedAgent(Agent):
 
     def _hands(self) -> list[Array]:
         s = self.settings
-        return [np.array(hand) for hand in (s.hand_open, s.hand_closed, s.hand_firm)]
+        return [self._hand(posture) for posture in (s.hand_open, s.hand_closed, s.hand_firm)]
+
+    def _hand(self, posture: Posture) -> Array:
+        """Return a posture as the hand's joints (h,) rad.
+
+        Raises:
+            InputError: for a hand with fingers that the posture was not tuned for.
+        """
+        fingers = self._cell.robot.hand.fingers
+        if any(len(posture.get(finger.name, ())) != len(finger.joints) for finger in fingers):
+            raise InputError(
+                f"agent 'hardcoded' has postures of the fingers {', '.join(posture)}, with four joints each: "
+                f"the hand {self._cell.robot.hand.name!r} has {', '.join(finger.name for finger in fingers)}"
+            )
+        return np.concatenate([posture[finger.name] for finger in fingers])
 
     def _reachable(self, tree: RobotTree, start: Array, points: Array) -> list[tuple[Array, Array]]:
-        """Grip axes (3,) and arm configurations (7,) of the two wrist turns, nearer to the start first."""
-        found = []
+        """Grip axes (3,) and arm configurations (a,) of the two wrist turns, nearer to the start first."""
+        found, arm = [], tree.arm
         for axis in (short_axis(points), -short_axis(points)):
             R, p = self._palm_goal(points, axis)
             q = start.copy()
-            q[7:] = self.settings.hand_open
+            q[tree.arm :] = self._hand(self.settings.hand_open)
             q[0] = np.arctan2(p[1], p[0])
             if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
-                found.append((float(np.abs(q[:7] - start[:7]).max()), axis, q[:7].copy()))
+                found.append((float(np.abs(q[:arm] - start[:arm]).max()), axis, q[:arm].copy()))
         return [(axis, arm) for _, axis, arm in sorted(found, key=lambda item: item[0])]
 
     def _palm_goal(self, points: Array, axis: Array) -> tuple[Array, Array]:

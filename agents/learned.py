@@ -7,7 +7,7 @@ from typing import Any, ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.imitation.clone import KIND as CLONE
 from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.reinforcement.actor import KIND as ACTOR
@@ -18,6 +18,7 @@ from dexgrasp.runs.policy_folder import read_policy
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
+from dexgrasp_env.robot.cell import default_cell
 
 
 class LearnedAgent(Agent):
@@ -46,7 +47,7 @@ class LearnedAgent(Agent):
             self.report.failure = str(info["perception_failure"])
             return
         try:
-            self._run = self._policy.begin(observation)
+            self._run = self._policy.begin(observation, cell_of(info, default_cell()))
         except InputError as error:
             self.report.failure = str(error)
 

@@ -35,10 +35,10 @@ class Teacher(HardcodedAgent):
         for axis in self._axes(tree, start, points):
             R, p = self._palm_goal(points, axis)
             q = start.copy()
-            q[7:] = self.settings.hand_open
+            q[tree.arm :] = self._hand(self.settings.hand_open)
             q[0] = np.arctan2(p[1], p[0])
             if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
-                found.append((axis, q[:7].copy()))
+                found.append((axis, q[: tree.arm].copy()))
         return found
 
     def _axes(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 Observation = Mapping[str, NDArray[Any]]
@@ -65,6 +66,12 @@ class Agent(ABC):
         """Return the next action, within the environment's action space."""
 
 
+def cell_of(info: Mapping[str, Any], default: Cell) -> Cell:
+    """Return the cell that an episode is in; where its info tells of none, the default's with the mount it tells of."""
+    cell = info.get("cell")
+    return cell if isinstance(cell, Cell) else default.mounted(info.get("mount"))
+
+
 def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, Any]:
     """Return what an agent may know at reset: nothing of the object but what perception says."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
@@ -72,6 +79,7 @@ def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, An
         "action_space": env.action_space,
         "control_period": CONTROL_PERIOD,
         "mount": settings.mount,
+        "cell": settings.cell,
         "obs_mode": settings.obs_mode,
         "control_mode": settings.control_mode,
         "observe": settings.observe,

@@ -8,8 +8,9 @@ from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
-from dexgrasp_env.tasks.control import MAX_STEP, normalise
+from dexgrasp_env.tasks.control import max_step, normalise
 
 _PALM = 6  # entries of an `ee_delta` action that are the palm's
 
@@ -19,43 +20,42 @@ def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree) -> 
 
     Args:
         control_mode: one of `CONTROL_MODES`.
-        now: (23,) rad, set-points before the step.
-        wanted: (23,) rad, set-points after it. `ee_delta` follows the palm and the hand: the arm's posture is its own.
+        now: (n,) rad, set-points before the step.
+        wanted: (n,) rad, set-points after it. `ee_delta` follows the palm and the hand: the arm's posture is its own.
         tree: the robot.
     """
     if control_mode == "joint_position":
-        return normalise(wanted).astype(np.float32)
+        return normalise(wanted, tree).astype(np.float32)
     if control_mode == "joint_delta":
-        return np.clip((wanted - now) / MAX_STEP, -1.0, 1.0).astype(np.float32)
+        return np.clip((wanted - now) / max_step(tree), -1.0, 1.0).astype(np.float32)
     (R, p), (R_wanted, p_wanted) = palm_frame(now, tree), palm_frame(wanted, tree)
     turn = rotation_vector(R_wanted @ R.T)
     palm = np.concatenate([(p_wanted - p) / PALM_STEP, turn / PALM_TURN])
-    return np.clip(np.concatenate([palm, normalise(wanted)[7:]]), -1.0, 1.0).astype(np.float32)
+    return np.clip(np.concatenate([palm, normalise(wanted, tree)[tree.arm :]]), -1.0, 1.0).astype(np.float32)
 
 
-def with_noise(control_mode: str, action: Array, noise: Array) -> Array:
+def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> Array:
     """Return an action with noise on what it commands.
 
     Args:
         control_mode: one of `CONTROL_MODES`.
         action: (n,) of that mode.
-        noise: (23,) shares of the way that each joint may go in a control step.
+        noise: (n,) shares of the way that each joint may go in a control step.
+        robot: that moves.
     """
     if control_mode == "joint_delta":
         return np.clip(action + noise, -1.0, 1.0)
-    joints = normalise_step(noise)
+    joints = normalise_step(noise, robot)
     if control_mode == "joint_position":
         return np.clip(action + joints, -1.0, 1.0)
     if control_mode == "ee_delta":
-        return np.clip(action + np.concatenate([noise[:_PALM], joints[7:]]), -1.0, 1.0)
+        return np.clip(action + np.concatenate([noise[:_PALM], joints[robot.hand_columns]]), -1.0, 1.0)
     raise InputError(f"control_mode {control_mode!r} is unknown")
 
 
-def normalise_step(shares: Array) -> Array:
-    """Shares (23,) of the joints' steps as changes of `joint_position` actions."""
-    from dexgrasp_env.robot.limits import LOWER, UPPER
-
-    return 2.0 * shares * MAX_STEP / (UPPER - LOWER)
+def normalise_step(shares: Array, robot: Robot) -> Array:
+    """Shares (n,) of the joints' steps as changes of `joint_position` actions."""
+    return 2.0 * shares * max_step(robot) / (robot.upper - robot.lower)
 
 
 def rotation_vector(R: Array) -> Array:

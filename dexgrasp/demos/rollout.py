@@ -15,9 +15,11 @@ from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
-from dexgrasp_env.tasks.control import MAX_STEP
+from dexgrasp_env.tasks.control import max_step
 
 _LINGER = 10  # control steps that a replay may take longer than the rollout
 NOT_REPLAYED = "not_replayed"
@@ -67,7 +69,8 @@ class Recorder:
         self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
         arguments = settings.env_arguments | {"objects": [target]}
         self.demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
-        self._tree: RobotTree = robot_tree(settings.mount)
+        self._cell: Cell = self.demo_env.unwrapped.settings.cell  # type: ignore[attr-defined]
+        self._tree: RobotTree = robot_tree(self._cell)
 
     def record(self, trial: int) -> tuple[Episode | None, str]:
         """Record the demonstration of a scene.
@@ -96,20 +99,20 @@ class Recorder:
         return episode, ""
 
     def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, str]:
-        """Return set-points (T + 1, 23), the first observation, and why it failed."""
-        env, agent = self._env, self._agent
+        """Return set-points (T + 1, n), the first observation, and why it failed."""
+        env, agent, robot = self._env, self._agent, self._cell.robot
         rng = _noise_rng(seeds.agent)
         first, info = env.reset(seed=seeds.scene)
         agent.seed(seeds.agent)
         agent.reset(first, public_info(env, info))
         if agent.report.failure:
-            return np.zeros((0, 23)), first, str(agent.report.failure)
+            return np.zeros((0, robot.dof)), first, str(agent.report.failure)
         mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
         observation, path, over = first, [_targets(env)], False
         while not over:
             action = np.asarray(agent.act(observation), dtype=float)
             if self._settings.noise:
-                action = with_noise(mode, action, self._settings.noise * rng.standard_normal(23))
+                action = with_noise(mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot)
             observation, _, terminated, truncated, info = env.step(action)
             path.append(_targets(env))
             over = terminated or truncated or info["is_success"]
@@ -122,16 +125,17 @@ class Recorder:
         self.demo_env.close()
 
 
-def intended(targets: Array, noise: float, agent_seed: int) -> Array:
+def intended(targets: Array, noise: float, agent_seed: int, robot: Robot) -> Array:
     """Return what an agent of a joint mode meant set-points to be: without the noise that was put on its commands.
 
     Args:
-        targets: (T + 1, 23) rad, set-points of an episode.
+        targets: (T + 1, n) rad, set-points of an episode.
         noise: of the settings.
         agent_seed: of the episode.
+        robot: that moved.
     """
-    drawn = _noise_rng(agent_seed).standard_normal((len(targets) - 1, 23))
-    return np.concatenate([targets[:1], targets[1:] - noise * drawn * MAX_STEP])
+    drawn = _noise_rng(agent_seed).standard_normal((len(targets) - 1, robot.dof))
+    return np.concatenate([targets[:1], targets[1:] - noise * drawn * max_step(robot)])
 
 
 def _noise_rng(agent_seed: int) -> np.random.Generator:
@@ -139,7 +143,7 @@ def _noise_rng(agent_seed: int) -> np.random.Generator:
 
 
 def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> Episode | None:
-    """Follow set-points (T + 1, 23) in another mode from the same scene; None where that does not succeed."""
+    """Follow set-points (T + 1, n) in another mode from the same scene; None where that does not succeed."""
     mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
     actions: list[NDArray[np.float32]] = []
 

@@ -12,7 +12,6 @@ from dexgrasp.grasp.values import convex_parts
 from dexgrasp.verify.checks.check import Check, at_least, at_most
 from dexgrasp.verify.checks.scene import Scene
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.cell import SIMULATED, Cell
 from dexgrasp_env.robot.robot import Joints
 
@@ -40,17 +39,17 @@ _STEP = 0.02  # s between states that are looked at for collisions
 _CLEAR = 1e-4  # m: deeper than this is a collision
 
 
-def check_trajectory(recording: Recording, cell: Cell | None = None) -> list[Check]:
+def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
     """Check everything that can be known of a trajectory before a robot moves; all of it must hold.
 
     Args:
         recording: as read.
-        cell: in which it is to be carried out; the process's unless one is given.
+        cell: in which it is to be carried out.
 
     Raises:
         InputError: if the files name a mount that the cell has not.
     """
-    cell = (of_process(None) if cell is None else cell).mounted(recording.facts.get("mount"))
+    cell = cell.mounted(recording.facts.get("mount"))
     planned = str(recording.facts.get("cell", SIMULATED))
     arm, hand, apart = recording.arm, recording.hand, abs(recording.arm.times[-1] - recording.hand.times[-1])
     return [

@@ -17,7 +17,6 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import FRICTION
@@ -44,7 +43,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS)
     record.check_cell()
-    cell = of_process(record.grasp.mount)
+    cell = record.grasp.cell
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
@@ -80,7 +79,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, 
     torque = np.einsum("frj,fr->j", J, grasp.forces)  # presses with the planned forces
     return {
         "object": record.object.name,
-        "mount": grasp.mount,
+        "mount": cell.robot.mount.name,
         "cell": cell.stamp,
         "open": grasp.motion.pregrasp[hand].tolist(),
         "closed": grasp.motion.squeeze[hand].tolist(),

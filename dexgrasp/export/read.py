@@ -10,7 +10,6 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object
-from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Names
 
@@ -34,17 +33,17 @@ class Recording:
     facts: dict[str, Any]
 
 
-def read_trajectory(path: Path, cell: Cell | None = None) -> Recording:
+def read_trajectory(path: Path, cell: Cell) -> Recording:
     """Read a folder with `arm.csv` and `hand.csv`, one of the two files, or a `trajectory.json`.
 
     Args:
         path: of the folder or file.
-        cell: whose robot's joints it must be of; the process's unless one is given.
+        cell: whose robot's joints it must be of.
 
     Raises:
         InputError: saying what is missing, malformed, or cut off.
     """
-    robot = of_process(cell).robot
+    robot = cell.robot
     names = {"arm": robot.arm.joints.names, "hand": robot.hand.joints.names}
     if path.is_dir() and (path / "trajectory.json").is_file() and not (path / "arm.csv").is_file():
         path = path / "trajectory.json"

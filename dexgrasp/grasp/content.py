@@ -66,7 +66,7 @@ def grasp_json(
         hull_offset=None if pose is None else pose.hull_offset(target),
         phases=() if script is None else (_approach(script), _lift(script, grasp)),
         origin=origin or Origin(),
-        conventions=conventions(grasp.mount),
+        conventions=conventions(grasp.cell),
     )
     made = {"version": __version__, "created": datetime.now(UTC).isoformat(timespec="seconds")}
     return as_json(record) | made
@@ -90,7 +90,7 @@ def _approach(script: ActionScript) -> Phase:
 def _lift(script: ActionScript, grasp: Grasp) -> Phase:
     first = dict(script.phases)
     rows = np.concatenate([grasp.motion.squeeze[None], script.targets[first["lift"] : first["hold"]]])
-    palms = [palm_frame(q, robot_tree(grasp.mount)) for q in rows]
+    palms = [palm_frame(q, robot_tree(grasp.cell)) for q in rows]
     strayed = stray(np.array([p for _, p in palms]), np.array([R for R, _ in palms]))
     return Phase("lift", _times(rows), rows, strayed)
 

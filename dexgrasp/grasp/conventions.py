@@ -3,15 +3,13 @@
 from collections.abc import Mapping
 from typing import Any
 
-from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.cell import Cell
 
 STATED = ("frame", "units", "outside_certificate", "cell", "robot", "table_height", "joint_names")
 
 
-def conventions(cell: Cell | str | None = None) -> dict[str, Any]:
-    """Return what a grasp file states for a cell, or for the process's with a mount of that name."""
-    cell = of_process(cell)
+def conventions(cell: Cell) -> dict[str, Any]:
+    """Return what a grasp file states for a cell."""
     return {
         "frame": "robot_base",
         "units": {"length": "m", "angle": "rad", "force": "N", "mass": "kg", "time": "s"},

@@ -7,6 +7,7 @@ from dexgrasp.grasp.older import of_schema_2
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.grasp.schema import SCHEMA, parse
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.files import read_json_object, write_json
 
 _LARGEST = 64 << 20  # bytes of a file that is read
@@ -17,8 +18,12 @@ def write_grasp(path: Path, content: dict[str, Any]) -> None:
     write_json(path, content)
 
 
-def read_grasp(path: Path) -> GraspRecord:
+def read_grasp(path: Path, cell: Cell | None = None) -> GraspRecord:
     """Read a grasp file.
+
+    Args:
+        path: of the file.
+        cell: in which the grasp is to be; the simulated one by default. `GraspRecord.check_cell` tells whether it is.
 
     Raises:
         InputError: if it is missing, not JSON, of another schema, or a field is missing or malformed.
@@ -28,10 +33,10 @@ def read_grasp(path: Path) -> GraspRecord:
             raise InputError(f"{path} is not a grasp file: it has more than {_LARGEST >> 20} MiB")
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from error
-    return record_of(read_json_object(path, "it is no grasp file"), str(path))
+    return record_of(read_json_object(path, "it is no grasp file"), str(path), cell)
 
 
-def record_of(content: Any, source: str = "this object") -> GraspRecord:
+def record_of(content: Any, source: str = "this object", cell: Cell | None = None) -> GraspRecord:
     """Return the grasp of a JSON object, as `grasp_json` or `plan --json` make it; errors as in `read_grasp`."""
     if isinstance(content, dict) and isinstance(content.get("grasp"), dict):
         content = content["grasp"]  # the output of `plan --json`
@@ -40,8 +45,9 @@ def record_of(content: Any, source: str = "this object") -> GraspRecord:
         raise InputError(
             f"{source} is not a grasp of schema {SCHEMA} (or 2), as `dexgrasp plan --out` writes it"
         )
+    cell = cell or default_cell()
     try:
-        return parse(content if schema == SCHEMA else of_schema_2(content))
+        return parse(content if schema == SCHEMA else of_schema_2(content, cell), cell)
     except KeyError as error:
         raise InputError(f"{source} is not a usable grasp: {error} is missing") from None
     except (TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:

@@ -7,7 +7,7 @@ import numpy as np
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.names import GRASP_FINGERS
+from dexgrasp_env.robot.cell import Cell
 
 
 @dataclass(frozen=True)
@@ -50,8 +50,8 @@ class Grasp:
         forces: (N, 3) N on the object, that hold it.
         certificate: residuals and margins of every constraint.
         motion: set-points of pregrasp, grasp and squeeze.
-        mount: of the hand.
-        fingers: whose tips make the contacts, in their order.
+        cell: of the robot.
+        fingers: whose tips make the contacts, in their order; those of the hand's file by default.
     """
 
     q: Array
@@ -60,5 +60,9 @@ class Grasp:
     forces: Array
     certificate: Certificate
     motion: GraspMotion
-    mount: str
-    fingers: tuple[str, ...] = GRASP_FINGERS
+    cell: Cell
+    fingers: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Name the fingers."""
+        object.__setattr__(self, "fingers", self.fingers or self.cell.robot.hand.grasp)

@@ -5,12 +5,12 @@ from typing import Any
 
 from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.values import items
-from dexgrasp_env.robot.cell import SIMULATED
+from dexgrasp_env.robot.cell import SIMULATED, Cell
 
 _CONTACT = ("finger", "point", "normal", "force")
 
 
-def of_schema_2(old: dict[str, Any]) -> dict[str, Any]:
+def of_schema_2(old: dict[str, Any], cell: Cell) -> dict[str, Any]:
     """Return the content of a file of schema 2 in schema 3.
 
     A file without a cell, or its table, was written before there were others. One for the simulated cell states no
@@ -20,14 +20,14 @@ def of_schema_2(old: dict[str, Any]) -> dict[str, Any]:
         KeyError, TypeError, ValueError, AttributeError: with what is missing or malformed.
     """
     stamp = old.get("cell", SIMULATED)
-    cell, _, version = ("", "", "") if stamp == SIMULATED else stamp.rpartition("-")
-    robot = {"name": cell, "hash": version} if cell else conventions(old["mount"])["robot"]
+    name, _, version = ("", "", "") if stamp == SIMULATED else stamp.rpartition("-")
+    robot = {"name": name, "hash": version} if name else conventions(cell.mounted(old["mount"]))["robot"]
     rows = zip(old["finger_order"], old["contacts"], old["normals"], old["forces"], strict=True)
     approach, lift = old["approach"], old["lift"]
     phases = None if approach is None else [{"name": "approach"} | approach, {"name": "lift"} | lift]
     return old | {
         "schema": 3,
-        "cell": cell or SIMULATED,
+        "cell": name or SIMULATED,
         "robot": robot,
         "table_height": old.get("table_height", 0.0),
         "parts": _parts(old["hull_vertices"], old.get("part_sizes")),

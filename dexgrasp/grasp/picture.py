@@ -9,7 +9,6 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_BODIES
 
 _COLOURS = ("#d1495b", "#2e6f95", "#3a7d44")  # thumb, index, middle
 _VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
@@ -56,11 +55,11 @@ def _hand_triangles(grasp: Grasp) -> Array:
     from dexgrasp_env.robot.model import compiled_robot
     from dexgrasp_env.scene.shapes import geom_mesh
 
-    model = compiled_robot(grasp.mount)
+    model = compiled_robot(grasp.cell)
     data = mujoco.MjData(model)
-    data.qpos[:23] = grasp.q
+    data.qpos[:] = grasp.q
     mujoco.mj_kinematics(model, data)
-    hand = {model.body(name).id for name in HAND_BODIES}
+    hand = {model.body(name).id for name in grasp.cell.robot.hand.bodies}
     triangles = []
     for geom in range(model.ngeom):
         if int(model.geom_bodyid[geom]) in hand and model.geom_contype[geom]:
@@ -79,7 +78,7 @@ def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array) -> None:
     solid(_patch(low, high), _TABLE, "none")
     solid(hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
     solid(target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
-    for i, finger in enumerate(GRASP_FINGERS):
+    for i, finger in enumerate(grasp.fingers):
         p, n, f = grasp.contacts[i], grasp.normals[i], grasp.forces[i]
         solid(_cone(p, n, grasp.certificate.friction), (*_rgb(_COLOURS[i]), 0.25), "none")
         axes.scatter(*p, color=_COLOURS[i], s=28, depthshade=False)

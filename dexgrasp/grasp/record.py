@@ -21,7 +21,7 @@ class Phase:
     Attributes:
         name: `approach`, from home to the pregrasp, or `lift`, from the squeeze up.
         times: (T,) s.
-        setpoints: (T, 23) rad.
+        setpoints: (T, n) rad.
         measure: what the file says of the way: `bend` of an approach, rad, `stray` of a lift, m (see `path`).
     """
 
@@ -85,7 +85,7 @@ class GraspRecord:
     neighbours: tuple[Neighbour, ...] = ()
     holds_probability: float | None = None
     origin: Origin = Origin()
-    conventions: Mapping[str, Any] = field(default_factory=conventions)
+    conventions: Mapping[str, Any] = field(default_factory=dict)
 
     @property
     def hull(self) -> Array:
@@ -107,7 +107,7 @@ class GraspRecord:
         Raises:
             InputError: naming both cells.
         """
-        here = conventions(self.grasp.mount)
+        here = conventions(self.grasp.cell)
         if any(self.conventions[name] != here[name] for name in ("cell", "robot", "table_height")):
             raise InputError(
                 f"the grasp was planned for cell {place(self.conventions)}, and this is {place(here)}: "

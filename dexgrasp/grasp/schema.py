@@ -19,8 +19,7 @@ from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp.grasp.values import array, convex_parts, items, number, positive, word
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import shifted
-from dexgrasp_env.robot.active import of_process
-from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.robot.cell import Cell
 
 SCHEMA = 3
 MEASURES = {"approach": "bend", "lift": "stray"}
@@ -38,7 +37,7 @@ def as_json(record: GraspRecord) -> dict[str, Any]:
         "schema": SCHEMA,
         **vars(record.origin),
         **{name: record.conventions[name] for name in STATED},
-        "mount": grasp.mount,
+        "mount": grasp.cell.robot.mount.name,
         "object": record.object.as_json(base),
         "T_world_object": None if pose is None else shifted(pose, -base).tolist(),
         "hull_offset": None if offset is None else offset.tolist(),
@@ -68,13 +67,13 @@ def _phase_json(phase: Phase) -> dict[str, Any]:
     return {"name": phase.name, **rows, MEASURES[phase.name]: phase.measure}
 
 
-def parse(content: dict[str, Any]) -> GraspRecord:
-    """Return the record of a JSON object of schema 3.
+def parse(content: dict[str, Any], cell: Cell) -> GraspRecord:
+    """Return the record of a JSON object of schema 3, of a grasp in a cell.
 
     Raises:
         KeyError, TypeError, ValueError: with what is missing or malformed.
     """
-    robot = of_process(word("mount", content["mount"])).robot
+    cell = cell.mounted(word("mount", content["mount"]))
     stated = {name: content[name] for name in STATED}
     for name in ("name", "hash"):
         word(f"robot {name}", stated["robot"][name])
@@ -87,13 +86,13 @@ def parse(content: dict[str, Any]) -> GraspRecord:
         )
     script, chance = content["script"], content["holds_probability"]
     phases = (
-        () if script is None else tuple(_phase(p, robot.dof) for p in items("phases", script["phases"], 2, 2))
+        () if script is None else tuple(_phase(p, cell.robot.dof) for p in items("phases", script["phases"], 2, 2))
     )
     if phases and tuple(phase.name for phase in phases) != tuple(MEASURES):
         raise ValueError(f"the phases of a script are {', '.join(MEASURES)}, in this order")
     return GraspRecord(
         object=identity,
-        grasp=_grasp(content, base, robot),
+        grasp=_grasp(content, base, cell),
         parts=tuple(part + base for part in convex_parts("parts", content["parts"])),
         centre=array("centre", content["centre"], (3,)) + base,
         thresholds=_thresholds(content["thresholds"]),
@@ -109,7 +108,8 @@ def parse(content: dict[str, Any]) -> GraspRecord:
     )
 
 
-def _grasp(content: dict[str, Any], base: Array, robot: Robot) -> Grasp:
+def _grasp(content: dict[str, Any], base: Array, cell: Cell) -> Grasp:
+    robot = cell.robot
     contacts = items("contacts", content["contacts"], 2, _MOST_CONTACTS)
     points, normals, forces = (
         np.array([array(f"{key} of a contact", contact[key], (3,)) for contact in contacts])
@@ -129,7 +129,7 @@ def _grasp(content: dict[str, Any], base: Array, robot: Robot) -> Grasp:
         forces=forces,
         certificate=_certificate(content["certificate"], len(contacts)),
         motion=motion,
-        mount=robot.mount.name,
+        cell=cell,
         fingers=fingers,
     )
 

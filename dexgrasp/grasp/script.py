@@ -3,10 +3,8 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.tasks.control import normalise
 
 
 @dataclass(frozen=True)
@@ -14,18 +12,18 @@ class ActionScript:
     """Set-points of an episode.
 
     Attributes:
-        targets: (T, 23) rad, one a control step.
+        targets: (T, n) rad, one a control step.
         phases: names and first steps: approach, close, squeeze, lift, hold.
-        start: (23,) rad, set-points before the first step.
+        start: (n,) rad, set-points before the first step.
     """
 
     targets: Array
     phases: tuple[tuple[str, int], ...]
     start: Array
 
-    def action(self, step: int) -> NDArray[np.float32]:
-        """Return the `joint_position` action (23,) of a step from 0 on; the last one is held."""
-        return normalise(self.targets[min(step, len(self.targets) - 1)]).astype(np.float32)
+    def at(self, step: int) -> Array:
+        """Return the set-points (n,) rad of a step from 0 on; the last are held."""
+        return np.asarray(self.targets[min(step, len(self.targets) - 1)])
 
     def phase(self, step: int) -> str:
         """Return the name of the phase that a step belongs to."""

@@ -31,9 +31,10 @@ def component_shares(features: Array) -> list[float]:
 
 
 def grasp_features(grasp: Grasp) -> Array:
-    """Return palm position, m, its rotation vector, rad, and the hand's joints, rad: (22,), world frame."""
-    R, p = palm_frame(grasp.q, robot_tree(grasp.mount))
-    return np.concatenate([p, Rotation.from_matrix(R).as_rotvec(), grasp.q[7:]])
+    """Return palm position, m, its rotation vector, rad, and the hand's joints, rad: (6 + h,), world frame."""
+    tree = robot_tree(grasp.cell)
+    R, p = palm_frame(grasp.q, tree)
+    return np.concatenate([p, Rotation.from_matrix(R).as_rotvec(), grasp.q[tree.arm :]])
 
 
 def hand_points(q: Array, contacts: Array, tree: RobotTree) -> Array:

@@ -11,8 +11,9 @@ from dexgrasp.imitation.features import VIEWS, Observation, Scene, features, fir
 from dexgrasp.runs.policy_folder import Arrays, read_policy
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import LOWER, UPPER
-from dexgrasp_env.tasks.control import MAX_STEP, normalise
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.tasks.control import max_step, normalise
 
 KIND = "clone"
 CONTROL_MODES = ("joint_delta", "joint_position")
@@ -38,7 +39,8 @@ class Clone:
             self._encoder = read_layers(arrays, "encoder") if self.view == "cloud" else []
             widths = [len(self._mean) + (self._encoder[-1][1].size if self._encoder else 0)]
             fits = all(w.shape == (b.size, n) for w, b, n in _with_inputs(self._trunk, widths[0]))
-            fits &= self._trunk[-1][1].size == 23 * self.chunk == self._unit.size
+            self.joints = self._unit.size // self.chunk
+            fits &= self._trunk[-1][1].size == self.joints * self.chunk == self._unit.size
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise InputError(f"the policy is incomplete ({error})") from None
         if not fits or self.view not in VIEWS or self.env.get("control_mode") not in CONTROL_MODES:
@@ -58,13 +60,13 @@ class Clone:
             raise InputError(f"{folder} holds a policy of kind {about.get('kind')!r}, not {KIND!r}")
         return cls(about, arrays)
 
-    def begin(self, first: Observation) -> "CloneRun":
-        """Start an episode.
+    def begin(self, first: Observation, cell: Cell) -> "CloneRun":
+        """Start an episode in a cell.
 
         Raises:
-            InputError: where there is nothing to look at.
+            InputError: where there is nothing to look at, or the robot is another.
         """
-        return CloneRun(self, first)
+        return CloneRun(self, first, cell.robot)
 
     def look(self, first: Observation) -> tuple[Scene, NDArray[np.float32]]:
         """Return what is remembered of the first observation, and the code (K,) of its cloud.
@@ -78,7 +80,7 @@ class Clone:
         return scene, np.maximum(_through(self._encoder, scene.points), 0.0).max(axis=0)
 
     def predict(self, looks: Array, codes: NDArray[np.float32]) -> Array:
-        """Return the set-points of the next steps relative to now, (n, chunk, 23) rad.
+        """Return the set-points of the next steps relative to now, (n, chunk, joints) rad.
 
         Args:
             looks: (n, F) features.
@@ -86,30 +88,32 @@ class Clone:
         """
         scaled = np.clip((looks - self._mean) / self._scale, -FARTHEST, FARTHEST).astype(np.float32)
         out = _through(self._trunk, np.concatenate([scaled, codes], axis=-1)) * self._unit
-        return out.reshape(len(looks), self.chunk, 23).astype(float)
+        return out.reshape(len(looks), self.chunk, self.joints).astype(float)
 
 
 class CloneRun:
     """A clone in one episode."""
 
-    def __init__(self, clone: Clone, first: Observation) -> None:
+    def __init__(self, clone: Clone, first: Observation, robot: Robot) -> None:
         """Look at the first observation.
 
         Raises:
-            InputError: where there is nothing to look at.
+            InputError: where there is nothing to look at, or the robot is another.
         """
-        self._clone = clone
+        if robot.dof != clone.joints:
+            raise InputError(f"the policy moves {clone.joints} joints: {robot.name} has {robot.dof}")
+        self._clone, self._robot = clone, robot
         self._scene, self._code = clone.look(first)
-        self._step, self._wanted = 0, np.zeros((0, 23))
+        self._step, self._wanted = 0, np.zeros((0, clone.joints))
 
     def set_points(self, observation: Observation) -> Array:
-        """Return the set-points (23,) rad for the end of the next control step."""
+        """Return the set-points (n,) rad for the end of the next control step."""
         at = self._step % self._clone.execute
         now = np.asarray(observation["joint_targets"], dtype=float)
         if at == 0:
             looks = features(self._clone.view, self._scene, observation, self._step)
             chunk = self._clone.predict(looks[None], self._code[None])[0]
-            self._wanted = np.clip(now + chunk, LOWER, UPPER)
+            self._wanted = np.clip(now + chunk, self._robot.lower, self._robot.upper)
         self._step += 1
         return self._wanted[at]
 
@@ -117,9 +121,9 @@ class CloneRun:
         """Return the next action, in the clone's control mode."""
         wanted = self.set_points(observation)
         if self._clone.env["control_mode"] == "joint_position":
-            return normalise(wanted).astype(np.float32)
+            return normalise(wanted, self._robot).astype(np.float32)
         now = np.asarray(observation["joint_targets"], dtype=float)
-        return np.clip((wanted - now) / MAX_STEP, -1.0, 1.0).astype(np.float32)
+        return np.clip((wanted - now) / max_step(self._robot), -1.0, 1.0).astype(np.float32)
 
 
 Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]

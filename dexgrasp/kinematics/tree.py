@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from dexgrasp.kinematics.cover import body_spheres, box_edges
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.robot.robot import Robot
@@ -48,15 +47,20 @@ class RobotTree(NamedTuple):
     beside_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
     lower: Array  # (n,) rad
     upper: Array  # (n,) rad
+    velocity: Array  # (n,) rad/s
+    acceleration: Array  # (n,) rad/s^2
     home: Array  # (n,) rad, arm at home and hand open
+    moved: Index  # columns of the joints that a grasp moves: all but those of idle fingers
+    fingers: Index  # (g, 2) columns of the grasping fingers: first, and one past the last
+    torque: Array  # (n - arm,) Nm, limits of the hand
+    stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos
     arm: int
     base: int  # bodies from the base on that may be near the table beside it
 
 
 @lru_cache(maxsize=8)
-def robot_tree(cell: Cell | str | None = None) -> RobotTree:
+def robot_tree(cell: Cell) -> RobotTree:
     """Return the tree of a cell's robot where it stands; the same arrays at every call."""
-    cell = of_process(cell)
     robot, model = cell.robot, compiled_robot(cell)
     bodies = [model.body(name).id for name in robot.bodies]
     index = {body: i for i, body in enumerate(bodies)}
@@ -97,7 +101,13 @@ def robot_tree(cell: Cell | str | None = None) -> RobotTree:
         beside_edges=edges,
         lower=robot.lower.copy(),
         upper=robot.upper.copy(),
+        velocity=robot.velocity.copy(),
+        acceleration=robot.acceleration.copy(),
         home=robot.home.copy(),
+        moved=_moved(robot),
+        fingers=np.array([[own.start, own.stop] for own in (robot.columns[f.name] for f in robot.grasping)]),
+        torque=robot.torque[robot.hand_columns].copy(),
+        stiffness=robot.stiffness[robot.hand_columns].copy(),
         arm=robot.arm_dof,
         base=_BASE_BODIES,
     )
@@ -123,6 +133,11 @@ def _ancestors(parent: Index, joint: Index, dof: int) -> NDArray[np.bool_]:
         if joint[body] >= 0:
             table[body, joint[body]] = True
     return table
+
+
+def _moved(robot: Robot) -> Index:
+    idle = [robot.columns[f.name] for f in robot.hand.fingers if f.name not in robot.hand.grasp]
+    return np.delete(np.arange(robot.dof), np.r_[tuple(idle)] if idle else [])
 
 
 def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:

@@ -18,12 +18,12 @@ _PALM_ERROR = 0.002  # m
 
 
 def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, seed: int = 1) -> Array:
-    """Return waypoints (n, 23) rad from `start` to `pregrasp`, free by the checker; straight lines join them.
+    """Return waypoints (m, n) rad from `start` to `pregrasp`, free by the checker; straight lines join them.
 
     Args:
         checker: of the scene; both ends are told to it (`CollisionChecker.allow`).
-        start: (23,) rad.
-        pregrasp: (23,) rad.
+        start: (n,) rad.
+        pregrasp: (n,) rad.
         seed: of the sampling planner, above 0.
 
     Raises:
@@ -47,7 +47,7 @@ def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, seed
 
 
 def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
-    """Yield free straight motions of the palm that end at the pregrasp, (n, 23) each."""
+    """Yield free straight motions of the palm that end at the pregrasp, (m, n) each."""
     R, _ = palm_frame(pregrasp, checker.tree)
     for back, up in _HOVERS:
         shift = np.array([0.0, 0.0, up]) - back * R[:, 0]
@@ -61,7 +61,7 @@ def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
 def _sampled(
     checker: CollisionChecker, start: Array, pregrasp: Array, descents: list[Array], seed: int, contact: str
 ) -> Array:
-    opened = np.concatenate([start[:7], pregrasp[7:]])
+    opened = np.concatenate([start[: checker.tree.arm], pregrasp[checker.tree.arm :]])
     checker.allow(opened)
     blocked = checker.first_contact(np.stack([start, opened]))
     if blocked is not None:

@@ -17,13 +17,13 @@ def shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array | None = N
     """Follow a path of the palm, fingers still, from `q` on.
 
     Args:
-        q: (23,) rad.
+        q: (n,) rad.
         tree: the robot.
-        shifts: (n, 3) m, palm positions relative to the one at `q`, about a centimetre from one to the next.
-        turns: (n, 3, 3) its rotations since then, in the world frame; None to keep it as it is.
+        shifts: (m, 3) m, palm positions relative to the one at `q`, about a centimetre from one to the next.
+        turns: (m, 3, 3) its rotations since then, in the world frame; None to keep it as it is.
 
     Returns:
-        Configurations (n, 23) rad, within the joint range, and the largest error of the palm, m (a radian
+        Configurations (m, n) rad, within the joint range, and the largest error of the palm, m (a radian
         counts as 0.15 m).
     """
     shifts = np.ascontiguousarray(shifts, dtype=float)
@@ -39,11 +39,11 @@ def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple
     frames, palm = empty_frames(tree), tree.palm
     R, p = frames.R, frames.p
     start, point = np.empty(3), np.empty(3)
-    J, e = np.empty((6, 7)), np.empty(6)
+    J, e, arm = np.empty((6, tree.arm)), np.empty(6), tree.arm
     forward(q, tree, frames)
     to_world(R[palm], p[palm], tree.palm_offset, start)
     turn = R[palm].copy()
-    path, now, worst = np.empty((shifts.shape[0], 23)), q.copy(), 0.0
+    path, now, worst = np.empty((shifts.shape[0], q.shape[0])), q.copy(), 0.0
     for i in range(shifts.shape[0]):
         error = 0.0
         for step in range(_CORRECTIONS + 1):
@@ -60,8 +60,8 @@ def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple
                 break
             palm_jacobian(tree, frames, J)
             # No pull to a posture: the path must follow from where it starts, not drift.
-            change = damped_step(J, e, _DAMPING, np.zeros(7), np.inf)
-            for j in range(7):
+            change = damped_step(J, e, _DAMPING, np.zeros(arm), np.inf)
+            for j in range(arm):
                 now[j] = min(max(now[j] + change[j], tree.lower[j]), tree.upper[j])
         worst = max(worst, error)
         path[i] = now

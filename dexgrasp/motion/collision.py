@@ -25,9 +25,9 @@ from dexgrasp.kinematics.clearance import (
     table_clearance,
 )
 from dexgrasp.kinematics.forward import Frames, body_frames, empty_frames, forward
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.names import BODIES
+from dexgrasp_env.robot.cell import Cell
 
 _MAX_ROWS = 256  # more than there are bodies and pairs of them
 _CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
@@ -53,22 +53,22 @@ class CollisionChecker:
     Clearances are lower bounds from covering spheres: what is called free is free.
     """
 
-    def __init__(self, tree: RobotTree, obstacle: ConvexDistance | None, margin: float = 0.004) -> None:
+    def __init__(self, cell: Cell, obstacle: ConvexDistance | None, margin: float = 0.004) -> None:
         """Prepare.
 
         Args:
-            tree: the robot.
+            cell: of the robot.
             obstacle: the object in the world frame; None when there is none, or the hand holds it.
             margin: clearance to keep, m.
         """
-        self.tree, self.margin = tree, margin
+        self.tree, self.margin, self._names = robot_tree(cell), margin, cell.robot.bodies
         self._obstacle = NOTHING if obstacle is None else obstacle.obstacle
-        bodies = len(tree.parent)
+        bodies = len(self.tree.parent)
         # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
         self._needed = np.full((bodies, bodies + 2), margin)
 
     def allow(self, q: Array) -> None:
-        """Let a path begin or end at `q` (23,) though bodies are nearer there than the margin.
+        """Let a path begin or end at `q` (n,) though bodies are nearer there than the margin.
 
         They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm).
         """
@@ -85,7 +85,7 @@ class CollisionChecker:
         return rows.values[:count], rows.labels[:count]
 
     def free(self, q: Array) -> bool:
-        """Whether `q` (23,) rad is free."""
+        """Whether `q` (n,) rad is free."""
         return self.first_contact(np.asarray(q)[None]) is None
 
     def free_line(self, start: Array, goal: Array) -> bool:
@@ -93,7 +93,7 @@ class CollisionChecker:
         return self.first_contact(np.stack([start, goal])) is None
 
     def first_contact(self, path: Array, slack: float = 0.0) -> Contact | None:
-        """Return the first contact along a polyline of configurations (n, 23) rad, or None.
+        """Return the first contact along a polyline of configurations (k, n) rad, or None.
 
         Args:
             path: its corners.
@@ -106,12 +106,12 @@ class CollisionChecker:
         )
         if index < 0:
             return None
-        other = BODIES[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
-        return Contact(index, (BODIES[label[1]], other), value)
+        other = self._names[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
+        return Contact(index, (self._names[label[1]], other), value)
 
 
 def densify(path: Array, step: float) -> Array:
-    """Return points (m, 23) on a polyline (n, 23), corners included, no joint moving over `step` rad."""
+    """Return points (m, n) on a polyline (k, n), corners included, no joint moving over `step` rad."""
     path = np.atleast_2d(np.asarray(path, dtype=float))
     way = np.diff(path, axis=0)
     counts = np.maximum(np.ceil(np.abs(way).max(axis=1) / step), 1).astype(int)

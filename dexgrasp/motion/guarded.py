@@ -12,14 +12,11 @@ import numpy as np
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import Motion
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_STIFFNESS, HAND_TORQUE
-from dexgrasp_env.robot.names import FINGER_COLUMNS, GRASP_FINGERS
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-COLUMNS = [FINGER_COLUMNS[finger] for finger in GRASP_FINGERS]
 _TOUCH_LAG = 0.0018  # m that a tip stays behind its set-point when it has touched: about 2 N
 _CLOSE_SPEED = 0.03  # m/s of the tips
 _OVERTRAVEL = 0.016  # m past where the surface is believed to be
@@ -34,28 +31,27 @@ class GuardedGrasp(Motion):
 
     Attributes:
         script, grasp, tree: see `__init__`.
-        targets: (23,) rad, the last set-points of the fingers.
-        spans: (2,) m, distances of index and middle tip from the thumb's at the end.
+        targets: (n,) rad, the last set-points of the fingers.
+        spans: (g - 1,) m, distances of the other tips from the opposing one's at the end.
     """
 
-    def __init__(self, script: ActionScript, grasp: Grasp, tree: RobotTree) -> None:
+    def __init__(self, script: ActionScript, grasp: Grasp) -> None:
         """Prepare.
 
         Args:
             script: whose approach is followed; from the close on feedback replaces its fingers.
             grasp: with the forces to press with.
-            tree: the robot.
         """
-        self.script, self.grasp, self.tree = script, grasp, tree
+        self.script, self.grasp, self.tree = script, grasp, robot_tree(grasp.cell)
         first = dict(script.phases)
         self._approach_end = first["close"]
         self._open = script.targets[self._approach_end - 1] if self._approach_end else script.targets[0]
         self._closed = script.targets[first["squeeze"] - 1]
-        way = fingertips(self._closed, tree) - fingertips(self._open, tree)
+        way = fingertips(self._closed, self.tree) - fingertips(self._open, self.tree)
         self._travel = np.maximum(np.linalg.norm(way, axis=1), 1e-3)  # m of the tips
-        self._progress, self._touched = np.zeros(3), np.zeros(3, bool)
+        self._progress, self._touched = np.zeros(len(way)), np.zeros(len(way), bool)
         self._step = self._close_count = self._settled = self._squeeze_count = 0
-        self.targets, self.spans = self._open.copy(), np.zeros(2)
+        self.targets, self.spans = self._open.copy(), np.zeros(len(way) - 1)
 
     @property
     def done(self) -> bool:
@@ -77,7 +73,7 @@ class GuardedGrasp(Motion):
         moving = ~self._touched & (self._progress < limit)
         self._progress[moving] += _CLOSE_SPEED * CONTROL_PERIOD / self._travel[moving]
         self._progress = np.minimum(self._progress, limit)
-        for finger, columns in enumerate(COLUMNS):
+        for finger, columns in enumerate(finger_columns(self.tree)):
             way = self._closed[columns] - self._open[columns]
             self.targets[columns] = self._open[columns] + self._progress[finger] * way
         # A joint cannot follow beyond its range, and what lags there has touched nothing.
@@ -89,9 +85,9 @@ class GuardedGrasp(Motion):
     def _squeeze(self, q: Array) -> Array:
         self._squeeze_count += 1
         torques = pressing_torques(q, self.grasp.normals, self.grasp.forces, self.tree)
-        lag = min(1.0, self._squeeze_count / _RAMP_STEPS) * torques / HAND_STIFFNESS
+        lag = lag_of(min(1.0, self._squeeze_count / _RAMP_STEPS) * torques, self.tree)
         self.targets = self.targets.copy()
-        for columns in COLUMNS:
+        for columns in finger_columns(self.tree):
             self.targets[columns] += _GAIN * (q + lag - self.targets)[columns]
         self.targets = np.clip(self.targets, self.tree.lower, self.tree.upper)
         if self.done:
@@ -99,15 +95,27 @@ class GuardedGrasp(Motion):
         return self.targets
 
 
+def finger_columns(tree: RobotTree) -> list[slice]:
+    """Return where the joints of the grasping fingers are in a vector of joints."""
+    return [slice(first, end) for first, end in tree.fingers.tolist()]
+
+
+def lag_of(torques: Array, tree: RobotTree) -> Array:
+    """Return how far set-points are ahead of joints that press with torques (n,) Nm, rad; 0 for the arm."""
+    lag = np.zeros_like(torques)
+    lag[tree.arm :] = torques[tree.arm :] / tree.stiffness
+    return lag
+
+
 def pressing_torques(q: Array, normals: Array, forces: Array, tree: RobotTree) -> Array:
-    """Return the torques (23,) Nm with which fingers at `q` (23,) press with forces (3, 3) N; 0 for the arm."""
+    """Return the torques (n,) Nm with which fingers at `q` (n,) press with forces (g, 3) N; 0 for the arm."""
     frames = body_frames(q, tree)
-    J = tip_jacobian(tree, frames, fingertips(q, tree) - _TIP_DEPTH * normals)[:, :, 7:]
+    J = tip_jacobian(tree, frames, fingertips(q, tree) - _TIP_DEPTH * normals)[:, :, tree.arm :]
     torque = np.einsum("frj,fr->j", J, forces)
-    return np.concatenate([np.zeros(7), np.clip(torque, -HAND_TORQUE, HAND_TORQUE)])
+    return np.concatenate([np.zeros(tree.arm), np.clip(torque, -tree.torque, tree.torque)])
 
 
 def tip_spans(q: Array, tree: RobotTree) -> Array:
-    """Return the distances (2,) m of index and middle tip from the thumb's."""
+    """Return the distances (g - 1,) m of the other tips from the opposing one's."""
     thumb, *fingers = fingertips(q, tree)
     return np.linalg.norm(np.array(fingers) - thumb, axis=1)

@@ -5,20 +5,27 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.tasks.control import normalise
 
 
 class Motion(ABC):
-    """Set-points one after the other, from what the joints feel."""
+    """Set-points one after the other, from what the joints feel.
+
+    Attributes:
+        tree: of the robot that moves.
+    """
+
+    tree: RobotTree
 
     def action(self, joint_positions: Array) -> NDArray[np.float32]:
-        """Return the next `joint_position` action for measured joint positions (23,) rad."""
-        return normalise(self._next(np.asarray(joint_positions, dtype=float))).astype(np.float32)
+        """Return the next `joint_position` action for measured joint positions (n,) rad."""
+        return normalise(self._next(np.asarray(joint_positions, dtype=float)), self.tree).astype(np.float32)
 
     @abstractmethod
     def _next(self, q: Array) -> Array:
-        """Return the next set-points (23,) rad."""
+        """Return the next set-points (n,) rad."""
 
 
 class NoPath(Exception):  # noqa: N818  (it is an outcome, not a defect)

@@ -2,13 +2,13 @@
 
 import numpy as np
 
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import Motion
 from dexgrasp.motion.timing import time_path
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.home import HOME
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 _SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
@@ -18,24 +18,24 @@ _MARGIN = 0.004  # m that the robot keeps from the table and from itself
 class Retreat(Motion):
     """Goes home and stays there; where the object lies now nobody knows, so nothing keeps clear of it."""
 
-    def __init__(self, start: Array, tree: RobotTree) -> None:
+    def __init__(self, start: Array, cell: Cell) -> None:
         """Plan the way.
 
         Args:
-            start: (23,) rad, the set-points now.
-            tree: the robot.
+            start: (n,) rad, the set-points now.
+            cell: of the robot.
 
         Raises:
             NoPath: where the table or the robot itself is in the way.
         """
-        checker = CollisionChecker(tree, None, _MARGIN)
+        checker, home = CollisionChecker(cell, None, _MARGIN), cell.robot.home
+        tree = self.tree = robot_tree(cell)
         start = np.clip(start, tree.lower, tree.upper)
-        opened = np.concatenate([start[:7], HOME[7:]])
-        opening = time_path(
-            np.stack([start, opened])
-        )  # unchecked: pressing fingers are set inside one another
-        way = time_path(plan_approach(checker, opened, HOME), checker)
-        still = np.repeat(HOME[None], round(_SETTLE / CONTROL_PERIOD), axis=0)
+        opened = np.concatenate([start[: tree.arm], home[tree.arm :]])
+        # Unchecked: pressing fingers are set inside one another.
+        opening = time_path(np.stack([start, opened]), tree)
+        way = time_path(plan_approach(checker, opened, home), tree, checker)
+        still = np.repeat(home[None], round(_SETTLE / CONTROL_PERIOD), axis=0)
         self._targets = np.clip(np.concatenate([opening, way, still]), tree.lower, tree.upper)
         self._step = 0
 

@@ -18,17 +18,18 @@ def plan_arm(checker: CollisionChecker, start: Array, goal: Array, seed: int) ->
 
     Args:
         checker: of the scene.
-        start: (23,) rad; its fingers are those of `goal`.
-        goal: (23,) rad.
+        start: (n,) rad; its fingers are those of `goal`.
+        goal: (n,) rad.
         seed: above 0.
 
     Returns:
-        Waypoints (n, 23) rad, or None when the tries are used up.
+        Waypoints (m, n) rad, or None when the tries are used up.
     """
-    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, goal[7:]])), start, goal, checker, seed)
+    hand = goal[checker.tree.arm :]
+    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, hand])), start, goal, checker, seed)
     if arm is None:
         return None
-    path = np.concatenate([arm, np.repeat(goal[None, 7:], len(arm), axis=0)], axis=1)
+    path = np.concatenate([arm, np.repeat(hand[None], len(arm), axis=0)], axis=1)
     # The trees were grown at a coarser resolution than paths are checked with.
     return shorten(checker, path, seed) if checker.first_contact(path) is None else None
 
@@ -43,17 +44,18 @@ def _rrt_connect(
     util.setLogLevel(util.LOG_NONE)
     try:
         util.RNG.setSeed(seed)
-        space = base.RealVectorStateSpace(7)
-        bounds = base.RealVectorBounds(7)
-        for j in range(7):
+        dof = checker.tree.arm
+        space = base.RealVectorStateSpace(dof)
+        bounds = base.RealVectorBounds(dof)
+        for j in range(dof):
             bounds.setLow(j, float(checker.tree.lower[j]))
             bounds.setHigh(j, float(checker.tree.upper[j]))
         space.setBounds(bounds)
         setup = geometric.SimpleSetup(space)
-        setup.setStateValidityChecker(lambda state: free(np.array([state[j] for j in range(7)])))
+        setup.setStateValidityChecker(lambda state: free(np.array([state[j] for j in range(dof)])))
         ends = [space.allocState(), space.allocState()]
         for state, q in zip(ends, (start, goal), strict=True):
-            for j in range(7):
+            for j in range(dof):
                 state[j] = float(q[j])
         setup.setStartAndGoalStates(*ends)
         information = setup.getSpaceInformation()
@@ -66,13 +68,13 @@ def _rrt_connect(
         if not setup.haveExactSolutionPath():
             return None
         states = setup.getSolutionPath().getStates()
-        return np.array([[state[j] for j in range(7)] for state in states])
+        return np.array([[state[j] for j in range(dof)] for state in states])
     finally:
         util.setLogLevel(level)
 
 
 def shorten(checker: CollisionChecker, path: Array, seed: int) -> Array:
-    """Cut corners of a free polyline (n, 23) where the straight line between two of its points is free."""
+    """Cut corners of a free polyline (m, n) where the straight line between two of its points is free."""
     rng = np.random.default_rng(seed)
     for _ in range(_SHORTCUTS):
         if len(path) < 3:

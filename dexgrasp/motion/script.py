@@ -13,8 +13,9 @@ from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.timing import smooth_step, time_path
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import MAX_STEP
+from dexgrasp_env.tasks.control import max_step
 
 _SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
 _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
@@ -23,16 +24,16 @@ _LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
 
 
 def make_script(
-    start: Array, motion: GraspMotion, obstacle: ConvexDistance | None, mount: str = "palm_normal", *,
+    start: Array, motion: GraspMotion, obstacle: ConvexDistance | None, cell: Cell, *,
     speed: float = 0.65, margin: float = 0.004, seed: int = 1,
 ) -> ActionScript:  # fmt: skip
     """Plan the approach and put all phases together; the same arguments give the same script bit for bit.
 
     Args:
-        start: (23,) rad, the set-points now.
+        start: (n,) rad, the set-points now.
         motion: the grasp.
         obstacle: the object in the world frame, or None to approach as if there were none.
-        mount: how the hand sits on the flange.
+        cell: of the robot.
         speed: share of the velocity and acceleration limits that the approach uses, above 0 and up to 1.
         margin: clearance to keep on the approach, m.
         seed: of the sampling planner, above 0.
@@ -40,17 +41,17 @@ def make_script(
     Raises:
         NoPath: `approach_blocked` or `lift_out_of_reach`, with what is in the way.
     """
-    tree = robot_tree(mount)
+    tree = robot_tree(cell)
     start = np.asarray(start, dtype=float)
     lift = _lift(tree, motion)  # cheap, so that it fails first
-    checker = CollisionChecker(tree, obstacle, margin)
+    checker = CollisionChecker(cell, obstacle, margin)
     waypoints = plan_approach(checker, start, motion.pregrasp, seed)
     # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
-    approach = np.clip(time_path(waypoints, checker, speed), tree.lower, tree.upper)
+    approach = np.clip(time_path(waypoints, tree, checker, speed), tree.lower, tree.upper)
     pieces = {
         "approach": np.concatenate([approach, _still(motion.pregrasp, _SETTLE)]),
-        "close": _ramp(motion.pregrasp, motion.grasp, _CLOSE),
-        "squeeze": _ramp(motion.grasp, motion.squeeze, _SQUEEZE),
+        "close": _ramp(motion.pregrasp, motion.grasp, _CLOSE, tree),
+        "squeeze": _ramp(motion.grasp, motion.squeeze, _SQUEEZE, tree),
         "lift": lift,
         "hold": _still(lift[-1], _HOLD),
     }
@@ -66,20 +67,20 @@ def _still(q: Array, seconds: float) -> Array:
     return np.repeat(q[None], round(seconds / CONTROL_PERIOD), axis=0)
 
 
-def _ramp(a: Array, b: Array, seconds: float) -> Array:
+def _ramp(a: Array, b: Array, seconds: float, tree: RobotTree) -> Array:
     """Go from `a` to `b` evenly, slower where a joint's velocity limit asks for it."""
-    count = max(round(seconds / CONTROL_PERIOD), int(np.ceil((np.abs(b - a) / MAX_STEP).max())))
+    count = max(round(seconds / CONTROL_PERIOD), int(np.ceil((np.abs(b - a) / max_step(tree)).max())))
     return a + np.arange(1, count + 1)[:, None] / count * (b - a)
 
 
 def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
-    """Raise the palm straight up from the squeeze, (n, 23)."""
+    """Raise the palm straight up from the squeeze, (m, n)."""
     count = round(_LIFT / CONTROL_PERIOD)
     up = motion.lift_height * smooth_step(np.arange(1, count + 1) / count)
     path, error = shift_palm(motion.squeeze, tree, up[:, None] * np.array([0.0, 0.0, 1.0]))
     if error > _LIFT_ERROR:
         raise NoPath("lift_out_of_reach", f"the palm strays {1000 * error:.0f} mm from the way up")
-    fast = (np.abs(np.diff(path, axis=0, prepend=motion.squeeze[None])) / MAX_STEP).max()
+    fast = (np.abs(np.diff(path, axis=0, prepend=motion.squeeze[None])) / max_step(tree)).max()
     if fast > 1.0:
         raise NoPath("lift_out_of_reach", f"a joint would move at {fast:.1f} times its limit")
     jerk = jerkiness(np.concatenate([motion.squeeze[None], path]))

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.spline import NaturalSpline
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import ACCELERATION, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 _BLENDS = (0.3, 0.15, 0.06)  # rad along the path: how far before a corner the turn begins, widest first
@@ -16,13 +16,16 @@ _ROOM = 0.99  # of the limits: the solver keeps them to rounding
 _CUT = 0.001  # m
 
 
-def time_path(path: Array, checker: CollisionChecker | None = None, speed: float = 0.65) -> Array:
-    """Return set-points (T, 23) rad, one a control step, from rest to rest along a polyline.
+def time_path(
+    path: Array, tree: RobotTree, checker: CollisionChecker | None = None, speed: float = 0.65
+) -> Array:
+    """Return set-points (T, n) rad, one a control step, from rest to rest along a polyline.
 
     Corners are rounded where the checker finds the rounded path free; otherwise the motion halts at them.
 
     Args:
-        path: (n, 23) rad; its first point is where the robot stands and is not repeated in the result.
+        path: (m, n) rad; its first point is where the robot stands and is not repeated in the result.
+        tree: the robot.
         checker: of the scene, or None where roundings need no check.
         speed: share of the limits to use, above 0 and up to 1.
     """
@@ -33,23 +36,23 @@ def time_path(path: Array, checker: CollisionChecker | None = None, speed: float
         rounded, at = round_corners(path, blend)
         if checker is not None and checker.first_contact(rounded) is not None:
             continue
-        timed = _time_smooth(rounded, at, speed)
+        timed = _time_smooth(rounded, at, tree, speed)
         # Set-points go straight between control steps, so they cut the roundings a little.
         if checker is None or checker.first_contact(np.concatenate([path[:1], timed]), _CUT) is None:
             return timed
     legs = [path[i : i + 2] for i in range(len(path) - 1)]
-    return np.concatenate([_time_smooth(*round_corners(leg, 0.0), speed) for leg in legs])
+    return np.concatenate([_time_smooth(*round_corners(leg, 0.0), tree, speed) for leg in legs])
 
 
 def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
     """Round the corners of a polyline by parabolas that begin and end `blend` rad from them, or half way.
 
     Args:
-        path: (n, 23) rad, no two successive points alike.
+        path: (k, n) rad, no two successive points alike.
         blend: rad along the path.
 
     Returns:
-        Points (m, 23) of the rounded path, and where they are, (m,) rad along the polyline. In that measure,
+        Points (m, n) of the rounded path, and where they are, (m,) rad along the polyline. In that measure,
         unlike in the length of the rounded path, the second derivative is bounded even at reversals.
     """
     legs = np.linalg.norm(np.diff(path, axis=0), axis=1)
@@ -72,42 +75,43 @@ def _without_repeats(path: Array) -> Array:
     return path[keep]
 
 
-def _time_smooth(points: Array, at: Array, speed: float) -> Array:
+def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     """Time a smooth path as fast as limits allow; by a slow smooth law where that fails."""
     curve = NaturalSpline(at, points)
-    velocity, acceleration = _ROOM * speed * VELOCITY, _ROOM * speed * ACCELERATION
+    velocity, acceleration = _ROOM * speed * tree.velocity, _ROOM * speed * tree.acceleration
     squared = fastest_squared_speeds(at, curve(at, 1), curve(at, 2), velocity, acceleration)
     places = places_at(at, squared, CONTROL_PERIOD) if len(squared) else squared
     if len(places):
         samples = curve(places)
         samples[-1] = points[-1]
-        if np.isfinite(samples).all() and _gentle(points[0], samples, speed):
+        if np.isfinite(samples).all() and _gentle(points[0], samples, tree, speed):
             return samples
-    return _slow(points, at, speed)
+    return _slow(points, at, tree, speed)
 
 
-def within_limits(start: Array, samples: Array) -> bool:
-    """Whether set-points (T, 23) that follow `start` (23,) keep the velocity limits of the control step."""
+def within_limits(start: Array, samples: Array, tree: RobotTree) -> bool:
+    """Whether set-points (T, n) that follow `start` (n,) keep the velocity limits of the control step."""
     steps = np.abs(np.diff(np.concatenate([start[None], samples]), axis=0))
-    return bool((steps <= VELOCITY * CONTROL_PERIOD + 1e-9).all())
+    return bool((steps <= tree.velocity * CONTROL_PERIOD + 1e-9).all())
 
 
-def _gentle(start: Array, samples: Array, speed: float) -> bool:
+def _gentle(start: Array, samples: Array, tree: RobotTree, speed: float) -> bool:
     """Whether set-points, from rest to rest, keep the limits of velocity and acceleration."""
     rest = np.concatenate([start[None], start[None], samples, samples[-1:]])
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2
-    return within_limits(start, samples) and bool((change <= _EXCESS * speed * ACCELERATION).all())
+    slow = bool((change <= _EXCESS * speed * tree.acceleration).all())
+    return slow and within_limits(start, samples, tree)
 
 
-def _slow(points: Array, at: Array, speed: float) -> Array:
+def _slow(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     """Quintic time law along the path, stretched until every set-point keeps the limits."""
     span = np.abs(np.diff(points, axis=0)).sum(axis=0)
-    duration = max(float((2.0 * span / (speed * VELOCITY)).max()), 4 * CONTROL_PERIOD)
+    duration = max(float((2.0 * span / (speed * tree.velocity)).max()), 4 * CONTROL_PERIOD)
     while True:
         count = int(np.ceil(duration / CONTROL_PERIOD))
         when = smooth_step(np.arange(1, count + 1) / count) * at[-1]
         samples = np.stack([np.interp(when, at, column) for column in points.T], axis=1)
-        if _gentle(points[0], samples, speed):
+        if _gentle(points[0], samples, tree, speed):
             return samples
         duration *= 1.2
 

@@ -5,11 +5,12 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.timing import smooth_step, within_limits
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 _SECONDS = 1.15  # s a radian
@@ -20,7 +21,7 @@ _STRAY = 0.005  # m that the palm may be off its way; a radian counts as 0.15 m
 class Turn(NamedTuple):
     """What follows the lift."""
 
-    arm: Array  # (n, 7) rad, set-points of the arm, one a control step
+    arm: Array  # (m, a) rad, set-points of the arm, one a control step
     forces: (
         Array  # (3, 3) N on the object, to press with at its end; in the axes that the grasp has before it
     )
@@ -35,18 +36,19 @@ def rotation(vector: Array) -> Array:
     return turned
 
 
-def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, tree: RobotTree) -> Array | None:
-    """Return set-points (n, 7) rad that turn hand and object, None where the arm or the table is in the way.
+def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, cell: Cell) -> Array | None:
+    """Return set-points (m, a) rad that turn hand and object, None where the arm or the table is in the way.
 
     The object's centre rises as far as keeps its lowest corner where it is.
 
     Args:
-        start: (23,) rad, set-points before.
+        start: (n,) rad, set-points before.
         vector: (3,) rad, rotation vector.
         centre: (3,) m, of the object.
         corners: (K, 3) m, of the object, from its centre.
-        tree: the robot.
+        cell: of the robot.
     """
+    tree = robot_tree(cell)
     count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
     turns = np.stack([rotation(share * vector) for share in smooth_step(np.arange(1, count + 1) / count)])
     low = (turns @ corners.T)[:, 2].min(axis=1)
@@ -54,8 +56,8 @@ def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, tree: R
     shifts = turns @ arm - arm
     shifts[:, 2] += np.maximum.accumulate(np.maximum(corners[:, 2].min() - low, 0.0))
     path, strayed = shift_palm(start, tree, shifts, turns)
-    if strayed > _STRAY or not within_limits(start, path):
+    if strayed > _STRAY or not within_limits(start, path, tree):
         return None
-    if CollisionChecker(tree, None, 0.0).first_contact(np.vstack([start, path])) is not None:
+    if CollisionChecker(cell, None, 0.0).first_contact(np.vstack([start, path])) is not None:
         return None
-    return path[:, :7]
+    return path[:, : tree.arm]

@@ -4,7 +4,7 @@ Three fingertip positions fix the palm pose of a posture whose tips make the sam
 hand configurations by a neighbour search and one rigid alignment, without iteration.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
@@ -15,7 +15,8 @@ from dexgrasp.kinematics.forward import empty_frames, forward, tip_positions
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import cached_arrays, content_hash
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
 
 _VERSION = 5
 _SAMPLES = 400_000
@@ -28,7 +29,7 @@ class HandAtlas:
     """N postures; every array is in the palm frame.
 
     Attributes:
-        joints: (N, 16) rad; the ring finger is curled out of the way.
+        joints: (N, h) rad, of the hand; idle fingers are out of the way.
         tips: (N, 3, 3) m, tip centres of thumb, index, middle.
         axes: (N, 3, 3), fingertip axes, pointing out of the tip.
         pads: (N, 3, 3), directions that the pads face.
@@ -42,21 +43,22 @@ class HandAtlas:
     search: KDTree
 
 
-@lru_cache(maxsize=1)
-def hand_atlas(seed: int = 0) -> HandAtlas:
-    """Return the atlas, sampled with `seed` and kept in the cache."""
-    tree = robot_tree()
+@lru_cache(maxsize=4)
+def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
+    """Return the atlas of a robot's hand, sampled with `seed` and kept in the cache; mount and table do not matter."""
+    cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
+    tree = robot_tree(cell)
     key = content_hash(_VERSION, _SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
-    layout = {"joints": (None, 16)} | dict.fromkeys(("tips", "axes", "pads"), (None, 3, 3))
-    found = cached_arrays(f"hand_atlas_{key}.npy", layout, lambda: _made(tree, seed))
+    layout = {"joints": (None, len(tree.torque))} | dict.fromkeys(("tips", "axes", "pads"), (None, 3, 3))
+    found = cached_arrays(f"hand_atlas_{key}.npy", layout, lambda: _made(cell.robot, tree, seed))
     # A tree that is not balanced takes half the time, its queries no longer.
     search = KDTree(triangle_sides(found["tips"]), leafsize=16, balanced_tree=False, compact_nodes=False)
     return HandAtlas(**found, search=search)
 
 
-def _made(tree: RobotTree, seed: int) -> dict[str, Array]:
-    joints = _sample(tree, seed)
-    tips, axes, pads = _tip_frames(_whole(joints), tree)
+def _made(robot: Robot, tree: RobotTree, seed: int) -> dict[str, Array]:
+    joints = _sample(robot, tree, seed)
+    tips, axes, pads = _tip_frames(_whole(joints, tree), tree)
     return {"joints": joints, "tips": tips, "axes": axes, "pads": pads}
 
 
@@ -68,20 +70,23 @@ def triangle_sides(corners: Array) -> Array:
     )
 
 
-def _whole(joints: Array) -> Array:
-    q = np.tile(HOME, (len(joints), 1))
-    q[:, 7:] = joints
+def _whole(joints: Array, tree: RobotTree) -> Array:
+    q = np.tile(tree.home, (len(joints), 1))
+    q[:, tree.arm :] = joints
     return q
 
 
-def _sample(tree: RobotTree, seed: int) -> Array:
+def _sample(robot: Robot, tree: RobotTree, seed: int) -> Array:
     """Draw postures in which the thumb faces the two fingers and no tips meet."""
     rng = np.random.default_rng(seed)
-    lower, upper = tree.lower[7:], tree.upper[7:]
+    lower, upper = tree.lower[tree.arm :], tree.upper[tree.arm :]
     middle, half = 0.5 * (lower + upper), 0.5 * _RANGE * (upper - lower)
-    joints = middle + half * rng.uniform(-1.0, 1.0, (_SAMPLES, 16))
-    joints[:, 8:12] = RING_ASIDE
-    tips, _, pads = _tip_frames(_whole(joints), tree)
+    joints = middle + half * rng.uniform(-1.0, 1.0, (_SAMPLES, len(lower)))
+    for finger in robot.hand.fingers:
+        if finger.name not in robot.hand.grasp and finger.aside:
+            own = robot.columns[finger.name]
+            joints[:, own.start - tree.arm : own.stop - tree.arm] = finger.aside
+    tips, _, pads = _tip_frames(_whole(joints, tree), tree)
     sides = triangle_sides(tips)
     inside = ((sides > [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030]) & (sides < _SIDE[1])).all(1)
     between = 0.5 * (tips[:, 1] + tips[:, 2]) - tips[:, 0]
@@ -90,10 +95,6 @@ def _sample(tree: RobotTree, seed: int) -> Array:
     opposed &= ((pads[:, 1] * between).sum(1) < 0.2) & ((pads[:, 2] * between).sum(1) < 0.2)
     in_front = (tips[:, :, 0] > 0.02).all(1)
     return joints[inside & opposed & in_front]
-
-
-RING_ASIDE = np.array([-0.15, -0.1, 0.05, 0.05])
-"""Posture of the ring finger, which takes no part (rad): straight, above what the others reach around."""
 
 
 @njit(cache=True)

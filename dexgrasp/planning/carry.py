@@ -12,7 +12,7 @@ import numpy as np
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.turn import Turn, rotation, turn_arm
 from dexgrasp.physics.strength import Contacts, capacity_of, directions
 from dexgrasp.planning.claims import contacts_of
@@ -30,7 +30,7 @@ _COST = 0.06  # weights a radian: of two turns that win as much the shorter
 
 
 def plan_turn(
-    grasp: Grasp, script: ActionScript, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
+    grasp: Grasp, script: ActionScript, target: GraspTarget, settings: PlannerSettings
 ) -> Turn | None:
     """Return the turn after the lift that wins most, None where none wins enough or can be made.
 
@@ -38,11 +38,11 @@ def plan_turn(
         grasp: with its certificate.
         script: that lifts it.
         target: the object where it lies.
-        tree: the robot.
         settings: friction that is counted on, and torque limits.
     """
     if grasp.certificate.capacity >= ENOUGH:
         return None
+    tree = robot_tree(grasp.cell)
     contacts, distance = contacts_of(grasp.q, target, tree, settings.friction_squeeze)
     start = script.targets[dict(script.phases)["hold"] - 1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
@@ -54,7 +54,7 @@ def plan_turn(
         worth = capacity_of(_turned(contacts, R), most + _COST * angle, pushes) - _COST * angle
         if worth <= most:
             continue
-        way = turn_arm(start, vector, centre, corners, tree)
+        way = turn_arm(start, vector, centre, corners, grasp.cell)
         if way is not None:
             arm, most, down = way, worth, R.T @ DOWN
     if arm is None:

@@ -8,7 +8,7 @@ import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.strength import capacity_of
 from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear
 from dexgrasp.planning.holding import UNBALANCED, Hold
@@ -19,6 +19,7 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell
 
 _TIPS_MEET = (
     2.5e-4  # m that closed tips may be from the surface: a finger may end before; `verify` allows 3e-4
@@ -40,9 +41,9 @@ class Candidate(NamedTuple, Generic[Start]):
 class Certifier:
     """Certifies configurations of one robot."""
 
-    def __init__(self, tree: RobotTree, settings: PlannerSettings, mount: str, with_closure: bool) -> None:
+    def __init__(self, cell: Cell, settings: PlannerSettings, with_closure: bool) -> None:
         """Prepare; without closure, forces that fail to hold are reported in the certificate, not refused."""
-        self.tree, self.settings, self.mount = tree, settings, mount
+        self.cell, self.tree, self.settings = cell, robot_tree(cell), settings
         self._with_closure = with_closure
 
     def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
@@ -68,7 +69,7 @@ class Certifier:
         certificate = certificate_of(
             solution.q, hold.forces, target, self.tree, self.settings, with_capacity=False
         )
-        return Grasp(solution.q, at.contacts, at.normals, hold.forces, certificate, motion, self.mount)
+        return Grasp(solution.q, at.contacts, at.normals, hold.forces, certificate, motion, self.cell)
 
     def complete(self, grasp: Grasp, target: GraspTarget) -> Grasp:
         """Return a grasp that was chosen with what is not worth computing for those that are not."""

@@ -13,19 +13,18 @@ from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_TORQUE
 
 FAR = 0.02  # m: clearances beyond are not measured
 
 
 def contacts_of(q: Array, target: GraspTarget, tree: RobotTree, friction: float) -> tuple[Contacts, Array]:
-    """Return the contacts of a configuration `q` (23,) rad, and the tips' distances (3,) m from the surface."""
+    """Return the contacts of a configuration `q` (n,) rad, and the tips' distances (3,) m from the surface."""
     frames = body_frames(q, tree)
     tips = tip_positions(tree, frames)
     distance, normals = target.distance.distance_gradient(tips)
     points = tips - distance[:, None] * normals
-    jacobians = tip_jacobian(tree, frames, points)[:, :, 7:]
-    return Contacts(points, normals, jacobians, HAND_TORQUE, friction, target.centre, target.mass), distance
+    jacobians = tip_jacobian(tree, frames, points)[:, :, tree.arm :]
+    return Contacts(points, normals, jacobians, tree.torque, friction, target.centre, target.mass), distance
 
 
 def certificate_of(
@@ -35,7 +34,7 @@ def certificate_of(
     """Return what is true of a grasp, however its configuration and forces were found.
 
     Args:
-        q: (23,) rad.
+        q: (n,) rad.
         forces: (3, 3) N on the object, thumb, index, middle.
         target: the object.
         tree: the robot.

@@ -49,15 +49,15 @@ class Bounds(NamedTuple):
 class Evaluation(NamedTuple):
     """Constraints at one configuration."""
 
-    values: Array  # (n,) >= 0 where satisfied
-    rows: Array  # (n, 23) gradients
-    labels: NDArray[np.int64]  # (n, 3): kind (see clearance.KINDS) and bodies; -1 - k for the fixed row k
+    values: Array  # (k,) >= 0 where satisfied
+    rows: Array  # (k, n) gradients
+    labels: NDArray[np.int64]  # (k, 3): kind (see clearance.KINDS) and bodies; -1 - k for the fixed row k
     contacts: Array  # (3, 3) m
     normals: Array  # (3, 3) out of the object
     distances: Array  # (3,) m, of the tip sphere centres
     margin: float
     metric: (
-        Array  # (23, 23) m^2/rad^2: dq^T metric dq is how far the fingertips slide over the surface, squared
+        Array  # (n, n) m^2/rad^2: dq^T metric dq is how far the fingertips slide over the surface, squared
     )
 
 
@@ -68,15 +68,15 @@ class _Touch(NamedTuple):
     normals: Array  # (3, 3) out of the object
     distances: Array  # (3,) m, of the tip centres
     hessians: Array  # (3, 3, 3) of the distances, 1/m
-    jacobians: Array  # (3, 3, 23) of the tip centres, m/rad
+    jacobians: Array  # (3, 3, n) of the tip centres, m/rad
 
 
 @njit(cache=True, error_model="numpy")
 def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with_margin: bool) -> Evaluation:
-    """Evaluate all constraints and gradients at `q` (23,) rad.
+    """Evaluate all constraints and gradients at `q` (n,) rad.
 
     Args:
-        q: (23,) rad.
+        q: (n,) rad.
         tree: the robot.
         obstacle: the object in the world frame.
         bounds: thresholds.
@@ -85,7 +85,7 @@ def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with
     frames = empty_frames(tree)
     forward(q, tree, frames)
     touch = _touch(tree, frames, obstacle)
-    rows = Rows(np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, 23)), np.full((MAX_ROWS, 3), -1, dtype=np.int64))
+    rows = Rows(np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, q.shape[0])), np.full((MAX_ROWS, 3), -1, dtype=np.int64))
     for i in range(3):
         gradient = touch.normals[i] @ touch.jacobians[i]
         rows.values[i], rows.gradients[i] = touch.distances[i] - bounds.low, gradient
@@ -109,10 +109,11 @@ def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with
 @njit(cache=True, error_model="numpy")
 def _slide(touch: _Touch) -> Array:
     """Return sum J_i^T (I - n n^T) J_i."""
-    metric = np.zeros((23, 23))
+    n = touch.jacobians.shape[2]
+    metric = np.zeros((n, n))
     for i in range(3):
-        J, n = touch.jacobians[i], touch.normals[i]
-        along = J - np.outer(n, n @ J)
+        J, normal = touch.jacobians[i], touch.normals[i]
+        along = J - np.outer(normal, normal @ J)
         metric += along.T @ along
     return metric
 

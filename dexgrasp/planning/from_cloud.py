@@ -18,7 +18,7 @@ from dexgrasp_env.perception.recorded import find_object
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot
 
 
@@ -30,6 +30,7 @@ def plan_cloud(
     seed: int = 0,
     start: Array | None = None,
     planner: Planner | None = None,
+    robot: Given = None,
     count: int | None = None,
 ) -> PlanResult:
     """Plan a grasp of the object in a cloud of the scene, or several that differ.
@@ -43,8 +44,9 @@ def plan_cloud(
         near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
         mass: kg where it is known; None assumes one from the volume.
         seed: of everything that is drawn; the same cloud and seed give the same grasp.
-        start: (23,) rad, where the robot stands; its home posture by default.
-        planner: one of your own; the default planner otherwise.
+        start: (n,) rad, where the robot stands; its home posture by default.
+        planner: one of your own, with its cell; the default planner otherwise.
+        robot: a cell, a robot, or the file of either; None: the simulated cell.
         count: how many grasps that differ; None plans one.
 
     Returns:
@@ -55,9 +57,10 @@ def plan_cloud(
     """
     if mass is not None and not (isinstance(mass, int | float) and np.isfinite(mass) and mass > 0):
         raise InputError(f"mass is {mass!r}: valid is a positive number of kilograms")
-    planner = planner or default_planner()
-    q = _checked("start", HOME if start is None else start, 23)
-    scene = scene_of(points, near=near, seed=seed, start=q, mount=planner.mount)
+    planner = planner or default_planner(make_cell(robot))
+    home = planner.cell.robot.home
+    q = _checked("start", home if start is None else start, len(home))
+    scene = scene_of(points, near=near, seed=seed, start=q, cell=planner.cell)
     return plan_scene(planner, scene, seed, q, mass=mass, count=count)
 
 
@@ -67,25 +70,26 @@ def scene_of(
     near: Sequence[float] | None = None,
     seed: int = 0,
     start: Array | None = None,
-    mount: str = "palm_normal",
+    cell: Cell | None = None,
 ) -> Scene:
-    """Return the scene of a cloud without the robot, which has the hand on `mount`; the rest is as in `plan_cloud`."""
+    """Return the scene of a cloud without the robot of a cell; the rest is as in `plan_cloud`."""
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     where = None if near is None else _checked("near", near, 3)
-    model = compiled_robot(mount)
+    cell = cell or default_cell()
+    model = compiled_robot(cell)
     data = mujoco.MjData(model)
-    data.qpos[:23] = HOME if start is None else start
+    data.qpos[:] = cell.robot.home if start is None else start
     mujoco.mj_kinematics(model, data)
     rng = np.random.default_rng(seed)
-    return find_object(cloud, rng, near=where, robot=RobotShape(model), data=data)
+    return find_object(cloud, rng, cell, near=where, robot=RobotShape(model), data=data)
 
 
-def default_planner(mount: str = "palm_normal", friction: float | None = None) -> Planner:
+def default_planner(cell: Cell | None = None, friction: float | None = None) -> Planner:
     """Return the planner of agent `bilevel`, its compiled code loaded; for surfaces of some friction, if given."""
-    source = make_source("auto")
-    warm_up(mount, source)
+    source, cell = make_source("auto"), cell or default_cell()
+    warm_up(cell, source)
     settings = PlannerSettings() if friction is None else PlannerSettings.for_friction(friction)
-    return Planner(settings, source, mount)
+    return Planner(settings, source, cell)
 
 
 def _checked(name: str, value: Any, size: int) -> Array:

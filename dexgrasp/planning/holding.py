@@ -12,7 +12,6 @@ from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_TORQUE
 
 ENOUGH = 6.0
 """Weights: to bear a larger push only strains the hand."""
@@ -67,7 +66,7 @@ def firmest_hold(q: Array, target: GraspTarget, tree: RobotTree, settings: Plann
     Where nothing balances any of the weight, they press straight in.
 
     Args:
-        q: (23,) rad.
+        q: (n,) rad.
         target: the object.
         tree: the robot.
         settings: friction, error in place, least press and torque limits.
@@ -102,7 +101,7 @@ def robust_squeeze(
 def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
     return firmest_squeeze(
         contacts.points, contacts.normals, friction, contacts.mass, contacts.centre, contacts.jacobians,
-        settings.torque_share * HAND_TORQUE, press=settings.least_press, gravity=GRAVITY * down, most=ENOUGH,
+        settings.torque_share * contacts.torque_limits, press=settings.least_press, gravity=GRAVITY * down, most=ENOUGH,
     )  # fmt: skip
 
 

@@ -49,7 +49,7 @@ def look_at(target: str, agent: Agent, seed: int = 0, **env_settings: Any) -> Lo
 def subject_of(env: gym.Env[Any, Any]) -> Subject:
     """Return the object of an environment, where it is now."""
     lift: Any = env.unwrapped
-    model, source, qpos = lift.simulation.object, lift.target, lift.simulation.data.qpos
-    pose = pose_matrix(qpos[23:26].copy(), qpos[26:30].copy())
+    model, source, pose = lift.simulation.object, lift.target, lift.simulation.object_pose()
+    pose = pose_matrix(pose[:3], pose[3:])
     scale = 1.0 if has_own_size(source) else lift.settings.mesh_scale
     return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, pose))

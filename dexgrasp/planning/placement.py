@@ -7,9 +7,11 @@ from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell
 
 ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
 """Orders in which thumb, index and middle can take three contacts; the first leaves them as they are."""
@@ -17,7 +19,6 @@ NEIGHBOURS = 16
 """Postures of the atlas that the dataset looks at for each assignment; a planner's are its setting."""
 SIDE_TOLERANCE = 0.012
 """m, distance in the sides of the fingertips' triangle within which a posture is a neighbour."""
-_PALM_CENTRE = np.array([-0.0093, 0.0, -0.0475])  # of the palm's box in the palm frame, m
 _PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness and some
 _PALM_HEIGHT = 0.06  # m of the palm's centre above the table
 
@@ -113,10 +114,13 @@ def _facing(inward: Array, posture: Tips, R: Array) -> float:
 
 @njit(cache=True, error_model="numpy")
 def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle, room: Array) -> float:
-    """Score an aligned posture, -1 if useless; what costs most is asked last. `room` is (2, 3) to work in."""
-    palm, gradient = room[0], room[1]
+    """Score an aligned posture, -1 if useless; what costs most is asked last.
+
+    `room` is (3, 3): two rows to work in, and the middle of the palm's box in the palm frame, m.
+    """
+    palm, gradient, middle = room[0], room[1], room[2]
     for r in range(3):
-        palm[r] = p[r] + R[r, 0] * _PALM_CENTRE[0] + R[r, 1] * _PALM_CENTRE[1] + R[r, 2] * _PALM_CENTRE[2]
+        palm[r] = p[r] + R[r, 0] * middle[0] + R[r, 1] * middle[1] + R[r, 2] * middle[2]
     # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
     down = -R[2, 0]
     if palm[2] < _PALM_HEIGHT or down < -0.2:
@@ -128,12 +132,13 @@ def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle,
 
 
 @njit(cache=True, error_model="numpy")
-def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle) -> Placements:
+def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle, palm: Array) -> Placements:
     """Put on each of K assigned triples those of its neighbours in the atlas, `near` (K, n), that will do."""
     K, most = near.shape
     triple, which = np.empty(K * most, dtype=np.int64), np.empty(K * most, dtype=np.int64)
     scores, rotations, positions = np.empty(K * most), np.empty((K * most, 3, 3)), np.empty((K * most, 3))
-    goal_frame, tip_frame, room = np.empty((3, 3)), np.empty((3, 3)), np.empty((2, 3))
+    goal_frame, tip_frame, room = np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    room[2] = palm
     m = 0
     for k in range(K):
         _frame(goals.centres[k], goal_frame)
@@ -157,6 +162,7 @@ def place_on_atlas(
     obstacle: Obstacle,
     settings: PlannerSettings,
     orders: NDArray[np.int64],
+    cell: Cell,
     neighbours: int = NEIGHBOURS,
 ) -> Placements:
     """Put hand postures on contact triples: a neighbour search by triangle, and one rigid alignment each.
@@ -167,14 +173,16 @@ def place_on_atlas(
         obstacle: the object.
         settings: how deep the tips are to be.
         orders: (A, 3) rows of `ASSIGNMENTS`: which contact thumb, index and middle take.
+        cell: of the robot.
         neighbours: postures of the atlas looked at for each.
 
     Returns:
         What will do; goal A k + a is triple k in order a.
     """
-    atlas = hand_atlas()
+    atlas = hand_atlas(cell)
     centres = (contacts + settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
     inward = -normals[:, orders].reshape(-1, 3, 3)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
-    return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle)
+    palm = robot_tree(cell).palm_box_centre
+    return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle, palm)

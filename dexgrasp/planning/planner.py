@@ -20,7 +20,7 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.cell import Cell, default_cell
 
 NO_POSTURE, BUDGET = "no_reachable_posture", "time_budget"
 
@@ -42,20 +42,20 @@ class Planner:
 
     def __init__(
         self, settings: PlannerSettings | None = None, source: ProposalSource | None = None,
-        mount: str = "palm_normal", *, with_closure: bool = True,
+        cell: Cell | None = None, *, with_closure: bool = True,
     ) -> None:  # fmt: skip
         """Prepare.
 
         Args:
             settings: thresholds and budgets.
             source: of contact triples; all triples of the surface by default.
-            mount: of the hand.
+            cell: of the robot; the simulated one by default.
             with_closure: False leaves force closure out (the ablation CVAE + kinematics).
         """
-        self.settings, self.mount = settings or PlannerSettings(), mount
-        self.tree: RobotTree = robot_tree(mount)
+        self.settings, self.cell = settings or PlannerSettings(), cell or default_cell()
+        self.tree: RobotTree = robot_tree(self.cell)
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
-        self.certifier = self.certifies(self.tree, self.settings, mount, with_closure)
+        self.certifier = self.certifies(self.cell, self.settings, with_closure)
 
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
@@ -63,7 +63,7 @@ class Planner:
         Args:
             target: the object.
             seed: of the proposals.
-            start: (23,) rad, set-points the robot approaches from; None plans the grasp alone.
+            start: (n,) rad, set-points the robot approaches from; None plans the grasp alone.
         """
         search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
         result, breadths = search.result, self.settings.breadths
@@ -116,11 +116,11 @@ class Planner:
         self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
     ) -> Iterator[Posture]:
         """Yield the postures that proposals are refined from, the likeliest first."""
-        return atlas_postures(proposals, target, self.tree, settings)
+        return atlas_postures(proposals, target, self.cell, settings)
 
     def refine(self, start: Posture) -> Solution:
         """Return where the optimiser ends from a posture."""
-        return solve(start.q, self.tree, start.target, self.settings, with_margin=self._with_closure)
+        return solve(start.q, self.cell, start.target, self.settings, with_margin=self._with_closure)
 
     def _out_of_time(self, log: SearchLog) -> bool:
         over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
@@ -176,8 +176,8 @@ class Search:
         script, planner = None, self.planner
         try:
             if self._start is not None:
-                script = make_script(self._start, grasp.motion, self._target.distance, planner.mount)
-                check_way(script, planner.tree)
+                script = make_script(self._start, grasp.motion, self._target.distance, planner.cell)
+                check_way(script, planner.cell)
             self.result.found.append(Planned(planner.certifier.complete(grasp, self._target), script))
             return True
         except NoPath as blocked:
@@ -187,19 +187,19 @@ class Search:
             self.log.lap("approach")
 
 
-_WARM: set[tuple[str, type]] = set()  # mounts and kinds of source that this process has planned with
+_WARM: set[tuple[str, type]] = set()  # cells and kinds of source that this process has planned with
 
 
-def warm_up(mount: str = "palm_normal", source: ProposalSource | None = None) -> None:
+def warm_up(cell: Cell, source: ProposalSource | None = None) -> None:
     """Load compiled code and atlas by planning for a small box, once a process: planning times are then times.
 
     Args:
-        mount: of the hand.
+        cell: of the robot.
         source: of the proposals, for what it needs to be loaded; all triples of the surface by default.
     """
-    key = mount, type(source)
+    key = cell.version, type(source)
     if key in _WARM:
         return
     _WARM.add(key)
     corners = np.array(list(product((0.475, 0.525), (-0.035, 0.035), (0.0, 0.06))))
-    Planner(source=source, mount=mount).plan(GraspTarget.of_corners([corners]), 0, np.array(HOME))
+    Planner(source=source, cell=cell).plan(GraspTarget.of_corners([corners]), 0, cell.robot.home.copy())

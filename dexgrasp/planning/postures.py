@@ -13,7 +13,7 @@ from numba import njit
 from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, hand_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.physics.strength import GRAVITY
 from dexgrasp.planning.atlas import hand_atlas
@@ -23,7 +23,7 @@ from dexgrasp.planning.proposals import Proposals
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_TORQUE, HOME
+from dexgrasp_env.robot.cell import Cell
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
 _POSE = 0.2  # load that a unit of a placement's score is worth
@@ -34,7 +34,7 @@ class Posture:
     """A start for the optimiser.
 
     Attributes:
-        q: (23,) rad.
+        q: (n,) rad.
         target: the object.
         proposal: which it came from.
         score: the higher, the likelier.
@@ -47,14 +47,14 @@ class Posture:
 
 
 def atlas_postures(
-    proposals: Proposals, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
+    proposals: Proposals, target: GraspTarget, cell: Cell, settings: PlannerSettings
 ) -> Iterator[Posture]:
     """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
-    orders = ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
+    tree, orders = robot_tree(cell), ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
     placed = place_on_atlas(
-        proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders, settings.neighbours
+        proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders, cell, settings.neighbours
     )
-    merit = loads_on(placed, target, tree, settings) + _POSE * placed.scores
+    merit = loads_on(placed, target, cell, settings) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
     for k in np.argsort(-merit, kind="stable"):
@@ -64,8 +64,8 @@ def atlas_postures(
         if placed.triple[k] in tried:
             continue
         tried.add(placed.triple[k])
-        q = HOME.copy()
-        q[7:] = hand_atlas().joints[placed.which[k]]
+        q = tree.home.copy()
+        q[tree.arm :] = hand_atlas(cell).joints[placed.which[k]]
         if reach_palm(q, placed.rotations[k], placed.positions[k], tree):
             found += 1
             yield Posture(q, target, int(placed.triple[k]) // len(orders), float(merit[k]))
@@ -74,7 +74,7 @@ def atlas_postures(
 def loads_on(
     placed: Placements,
     target: GraspTarget,
-    tree: RobotTree,
+    cell: Cell,
     settings: PlannerSettings,
     friction: Array | None = None,
 ) -> Array:
@@ -83,7 +83,7 @@ def loads_on(
     Args:
         placed: postures of the atlas on goals.
         target: the object.
-        tree: the robot.
+        cell: of the robot.
         settings: friction, error in place and torque limits.
         friction: (K, 3) at the goals, where it is known: what `narrowed_friction` says by default.
     """
@@ -91,9 +91,10 @@ def loads_on(
     if friction is None:
         tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
         friction = narrowed_friction(tips, normals, target, settings).reshape(-1, 3)
-    limit, gravity = settings.torque_share * HAND_TORQUE, np.array([0.0, 0.0, -GRAVITY * target.mass])
+    tree = robot_tree(cell)
+    limit, gravity = settings.torque_share * tree.torque, np.array([0.0, 0.0, -GRAVITY * target.mass])
     return _estimates(
-        placed, hand_atlas().joints, tree, settings.tip_height, target.centre, gravity, friction, limit
+        placed, hand_atlas(cell).joints, tree, settings.tip_height, target.centre, gravity, friction, limit
     )
 
 
@@ -103,14 +104,14 @@ def _estimates(
     limit: Array,
 ) -> Array:  # fmt: skip
     """Loads (M,) of placements; a contact is `height` m from its tip's centre. The arm does not matter to them."""
-    frames, room, q = empty_frames(tree), empty_room(12), np.zeros(23)
-    out, J, nothing, shift = np.empty(len(placed.which)), np.empty((3, 3, 23)), np.zeros(3), np.empty(3)
+    frames, room, q = empty_frames(tree), empty_room(12), np.zeros(tree.lower.shape[0])
+    out, J, nothing, shift = np.empty(len(placed.which)), np.empty((3, 3, q.shape[0])), np.zeros(3), np.empty(3)
     points, normals, down, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
     forward(q, tree, frames)
     palm = frames.R[tree.palm] @ tree.palm_rotation
     for m in range(len(placed.which)):
         goal = placed.triple[m]
-        q[7:] = joints[placed.which[m]]
+        q[tree.arm :] = joints[placed.which[m]]
         forward_part(q, tree, frames, tree.palm + 1, tree.parent.shape[0])
         # All in the frame of the hand as the kinematics have it: x -> turn x + shift.
         turn = palm @ np.ascontiguousarray(placed.rotations[m].T)
@@ -130,7 +131,7 @@ def _estimates(
             tips[i] -= height * normals[i]
         hand_jacobian(tree, frames, tips, J)
         out[m] = squeeze_estimate(
-            points, normals, middle, down, friction[goal], J[:, :, 7:], limit, ENOUGH, room
+            points, normals, middle, down, friction[goal], J[:, :, tree.arm :], limit, ENOUGH, room
         )
     return out
 
@@ -155,7 +156,7 @@ def oriented_postures(
             [[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]
         )
         middle = np.array([*targets.mean(0)[:2], top + 0.09])
-        q = HOME.copy()
+        q = tree.home.copy()
         if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):
             continue
         miss = solve_tips(q, targets, tree, 60, 1e-3)

@@ -12,7 +12,7 @@ from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.robot.limits import LOWER, UPPER
+from dexgrasp_env.robot.robot import Robot
 
 _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
 
@@ -27,7 +27,7 @@ def plan_scene(
         planner: who plans.
         scene: what is seen.
         seed: of everything that is drawn; the same scene and seed give the same grasp.
-        start: (23,) rad, set-points the robot approaches from.
+        start: (n,) rad, set-points the robot approaches from.
         mass: kg where it is known; None assumes one from the volume.
         count: grasps asked for; None plans one.
         progress: called with steps done and steps in all, where there is a count.
@@ -56,13 +56,14 @@ def plan_scene(
     return result
 
 
-def start_of(observation: Observation) -> Array:
-    """Return the set-points (23,) rad that an episode begins with.
+def start_of(observation: Observation, robot: Robot) -> Array:
+    """Return the set-points (n,) rad that an episode begins with.
 
     Raises:
         InputError: where the robot cannot be there: planning from such a start takes minutes to fail.
     """
     start = np.asarray(observation["joint_targets"], dtype=float)
-    if start.shape != LOWER.shape or not ((start > LOWER - _BEYOND) & (start < UPPER + _BEYOND)).all():
-        raise InputError(f"joint_targets must be {len(LOWER)} set-points within the joint ranges, in rad")
+    low, high = robot.lower - _BEYOND, robot.upper + _BEYOND
+    if start.shape != low.shape or not ((start > low) & (start < high)).all():
+        raise InputError(f"joint_targets must be {len(low)} set-points within the joint ranges, in rad")
     return start

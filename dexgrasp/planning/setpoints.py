@@ -11,7 +11,6 @@ from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_STIFFNESS
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
@@ -44,14 +43,14 @@ def first_motion(
     presses with f, J being that of the contact points.
 
     Args:
-        q: (23,) rad, the grasp.
+        q: (n,) rad, the grasp.
         normals: (3, 3) out of the object.
         forces: (3, 3) N on the object.
         target: the object.
         tree: the robot.
         settings: of the planner.
         ways: of opening: rise and opening, m (see `grasp_motion`).
-        clear: whether a pregrasp (23,) rad will do.
+        clear: whether a pregrasp (n,) rad will do.
     """
     tips = fingertips(q, tree)
     distance, _ = target.distance.distance_gradient(tips)
@@ -66,8 +65,9 @@ def first_motion(
     touching = q.copy()
     solve_tips(touching, goals, tree, 30, 1e-5, True)
     contacts = tips - distance[:, None] * normals
-    J = tip_jacobian(tree, body_frames(touching, tree), contacts)[:, :, 7:]
+    J = tip_jacobian(tree, body_frames(touching, tree), contacts)[:, :, tree.arm :]
     torque = np.einsum("frj,fr->j", J, forces)
     squeeze = touching.copy()
-    squeeze[7:] = np.clip(touching[7:] + torque / HAND_STIFFNESS, tree.lower[7:], tree.upper[7:])
+    hand = slice(tree.arm, None)
+    squeeze[hand] = np.clip(touching[hand] + torque / tree.stiffness, tree.lower[hand], tree.upper[hand])
     return GraspMotion(pregrasp, touching, squeeze)

@@ -14,21 +14,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.kinematics.clearance import KINDS
-from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.constraints import CLOSURE, FIXED_ROWS, MARGIN_SCALE, Bounds, Evaluation, evaluate
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.names import BODIES, FINGER_COLUMNS, GRASP_FINGERS
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
 
-MOVED = np.delete(np.arange(23), FINGER_COLUMNS["ring"])  # the ring finger stays
-_BLOCK = np.ix_(MOVED, MOVED)
 _SOFT = 8  # daqp's mark of a soft constraint
 _SOFTNESS = (
     1e-7  # weight of a step against violations: small enough that a feasible one is found where there is one
 )
 # A step costs (fingertips' slide / 0.5 m)^2 + 0.001 (joints' turn / 1 rad)^2.
-_SLIDE, _TURN = 0.5, 1e-3 * np.eye(len(MOVED))
+_SLIDE, _TURN = 0.5, 1e-3
 _TRUST, _LEAST_TRUST, _MOST_TRUST = 0.10, 2e-3, 0.25  # rad
 TOLERANCE = 1e-6  # m: a constraint violated by less is met
 
@@ -38,7 +37,7 @@ class Solution:
     """Where the optimiser ended.
 
     Attributes:
-        q: (23,) rad.
+        q: (n,) rad.
         evaluation: constraints there.
         feasible: whether all hold.
         blocking: the worst constraint, None if feasible.
@@ -69,28 +68,32 @@ def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> B
 
 
 def solve(
-    q: Array, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, *, with_margin: bool = True
+    q: Array, cell: Cell, target: GraspTarget, settings: PlannerSettings, *, with_margin: bool = True
 ) -> Solution:
     """Make a configuration feasible.
 
     Args:
-        q: (23,) rad, start.
-        tree: the robot.
+        q: (n,) rad, start.
+        cell: of the robot.
         target: the object.
         settings: thresholds and the budget of iterations.
         with_margin: whether force closure is asked for.
     """
-    solver = _Solver(tree, target, settings, with_margin)
+    solver = _Solver(cell, target, settings, with_margin)
     return solver.run(np.array(q, dtype=float))
 
 
 class _Solver:
     def __init__(
-        self, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, with_margin: bool
+        self, cell: Cell, target: GraspTarget, settings: PlannerSettings, with_margin: bool
     ) -> None:
-        self._tree, self._target, self._settings, self._with_margin = tree, target, settings, with_margin
-        self._low = tree.lower[MOVED] + settings.joint_margin
-        self._high = tree.upper[MOVED] - settings.joint_margin
+        tree = self._tree = robot_tree(cell)
+        self._robot, self._moved, self._target, self._settings, self._with_margin = (
+            cell.robot, tree.moved, target, settings, with_margin
+        )  # fmt: skip
+        self._block, self._turn = np.ix_(tree.moved, tree.moved), _TURN * np.eye(len(tree.moved))
+        self._low = tree.lower[tree.moved] + settings.joint_margin
+        self._high = tree.upper[tree.moved] - settings.joint_margin
         self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
         self._modest = bounds_of(settings, settings.closure_margin + 0.02, slack=1e-4)
         self._least = bounds_of(settings, settings.closure_margin)
@@ -100,7 +103,7 @@ class _Solver:
 
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""
-        q[MOVED] = np.clip(q[MOVED], self._low, self._high)
+        q[self._moved] = np.clip(q[self._moved], self._low, self._high)
         steps = 0
         for goal in (self._goal, self._modest):
             q, now, used = self._descend(q, goal, self._settings.iterations - steps)
@@ -117,7 +120,7 @@ class _Solver:
             steps += 1
             step = self._step(q, now, trust)
             trial = q.copy()
-            trial[MOVED] = np.clip(q[MOVED] + step, self._low, self._high)
+            trial[self._moved] = np.clip(q[self._moved] + step, self._low, self._high)
             evaluation = self.evaluate(trial, goal)
             reached = _merit(evaluation.values)
             if reached < merit - 1e-9:
@@ -128,11 +131,11 @@ class _Solver:
         return q, now, steps
 
     def _step(self, q: Array, now: Evaluation, trust: float) -> Array:
-        A = np.ascontiguousarray(now.rows[:, MOVED])
-        lower = np.maximum(self._low - q[MOVED], -trust)
-        upper = np.minimum(self._high - q[MOVED], trust)
-        n, m = len(MOVED), len(now.values)
-        H = now.metric[_BLOCK] / _SLIDE**2 + _TURN
+        A = np.ascontiguousarray(now.rows[:, self._moved])
+        lower = np.maximum(self._low - q[self._moved], -trust)
+        upper = np.minimum(self._high - q[self._moved], trust)
+        n, m = len(self._moved), len(now.values)
+        H = now.metric[self._block] / _SLIDE**2 + self._turn
         sense = np.zeros(n + m, dtype=np.int32)
         sense[n:] = _SOFT
         x, _, flag, _ = daqp.solve(
@@ -152,7 +155,7 @@ class _Solver:
         worst = int(np.argmin(values))
         violation = max(0.0, -float(values[worst]))
         feasible = violation <= TOLERANCE
-        blocking = None if feasible else _name(now.labels[worst])
+        blocking = None if feasible else _name(now.labels[worst], self._robot)
         return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
 
 
@@ -160,7 +163,7 @@ def _merit(values: Array) -> float:
     return float(-np.minimum(values, 0.0).sum())
 
 
-def _name(label: NDArray[np.int64]) -> str:
+def _name(label: NDArray[np.int64], robot: Robot) -> str:
     """Name a constraint in words that can be counted."""
     kind, a, b = (int(v) for v in label)
     if kind < 0:
@@ -172,6 +175,6 @@ def _name(label: NDArray[np.int64]) -> str:
             if row < 6
             else ("fingertip_axis", "fingertip_pad")[(row - 7) // 3]
         )
-        return f"{group}:{GRASP_FINGERS[row % 3 if row < 6 else (row - 7) % 3]}"
-    other = f":{BODIES[b]}" if b >= 0 else ""
-    return f"clearance_{KINDS[kind]}:{BODIES[a]}{other}"
+        return f"{group}:{robot.hand.grasp[row % 3 if row < 6 else (row - 7) % 3]}"
+    other = f":{robot.bodies[b]}" if b >= 0 else ""
+    return f"clearance_{KINDS[kind]}:{robot.bodies[a]}{other}"

@@ -11,6 +11,8 @@ from dexgrasp.imitation.features import Observation, Scene, features, first_look
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
 
 KIND = "actor"
 _BASE = "base."
@@ -33,30 +35,31 @@ class Actor:
             self._layers: Layers = read_layers(arrays, "actor")
             own = {key.removeprefix(_BASE): array for key, array in arrays.items() if key.startswith(_BASE)}
             self.base = Clone(about["base"], own) if about.get("base") else None
-            width = len(self._mean) + (23 if self.base else 0)
-            fits = self._layers[0][0].shape[1] == width and self._layers[-1][1].size == 23
+            actions = self._layers[-1][1].size
+            width = len(self._mean) + (actions if self.base else 0)
+            fits = self._layers[0][0].shape[1] == width and (not self.base or actions == self.base.joints)
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise InputError(f"the policy is incomplete ({error})") from None
         if not fits:
             raise InputError("the policy's arrays do not fit what it says of itself")
 
-    def begin(self, first: Observation) -> "ActorRun":
-        """Start an episode.
+    def begin(self, first: Observation, cell: Cell) -> "ActorRun":
+        """Start an episode in a cell.
 
         Raises:
             InputError: where there is nothing to look at.
         """
-        return ActorRun(self, first)
+        return ActorRun(self, first, cell.robot)
 
     def correction(self, looks: Array) -> Array:
-        """Return the network's output (23,) in [-1, 1] for what `look` returns."""
+        """Return the network's output (m,) in [-1, 1] for what `look` returns."""
         x = looks.astype(np.float32)
         for k, (weight, bias) in enumerate(self._layers):
             x = (self._bent(x) if k else x) @ weight.T + bias
         return np.asarray(np.tanh(x) if self._squashed else np.clip(x, -1.0, 1.0), dtype=float)
 
     def look(self, scene: Scene, observation: Observation, step: int, clones: Array | None) -> Array:
-        """Return what the network is given: scaled features, and the clone's action (23,)."""
+        """Return what the network is given: scaled features, and the clone's action (m,)."""
         return network_input(self._mean, self._scale, scene, observation, step, clones)
 
     def _bent(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -66,10 +69,10 @@ class Actor:
 class ActorRun:
     """An actor in one episode."""
 
-    def __init__(self, actor: Actor, first: Observation) -> None:
+    def __init__(self, actor: Actor, first: Observation, robot: Robot) -> None:
         self._actor, self._step = actor, 0
         self._scene = first_look("state", first)
-        self._clone = None if actor.base is None else CloneRun(actor.base, first)
+        self._clone = None if actor.base is None else CloneRun(actor.base, first, robot)
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action."""

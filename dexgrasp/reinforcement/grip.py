@@ -21,12 +21,11 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import LOWER, UPPER
-from dexgrasp_env.robot.names import FINGER_COLUMNS
-from dexgrasp_env.tasks.control import MAX_STEP
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.tasks.control import max_step
 
 KIND = "grip"
-MOUNT = "palm_normal"
 _PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
 """Axis of the palm, and m along it or (from 3 on) rad about it at 1."""
 _FINGERS = {
@@ -43,18 +42,15 @@ _RAMP = 30  # control steps until it is there in full, well before the hand clos
 _DAMPING = 1e-4  # of the step from palm to arm
 
 
-def _tables() -> tuple[Array, Array]:
-    """Return moves of the palm (3, 6), m and rad, and of the joints (2, 23), rad, at 1."""
-    moves, synergies = np.zeros((len(_PALM), 6)), np.zeros((len(_FINGERS), 23))
+def _tables(robot: Robot) -> tuple[Array, Array]:
+    """Return moves of the palm (3, 6), m and rad, and of the joints (2, n), rad, at 1."""
+    moves, synergies = np.zeros((len(_PALM), 6)), np.zeros((len(_FINGERS), robot.dof))
     for row, (axis, size) in zip(moves, _PALM.values(), strict=True):
         row[axis] = size
     for row, joints in zip(synergies, _FINGERS.values(), strict=True):
         for (finger, k), size in joints.items():
-            row[FINGER_COLUMNS[finger].start + k] = size
+            row[robot.columns[finger].start + k] = size
     return moves, synergies
-
-
-_MOVES, _SYNERGIES = _tables()
 
 
 class Grip:
@@ -79,15 +75,14 @@ class Grip:
             raise InputError(f"the policy is incomplete ({error})") from None
         if not fits or self.clone.view != "state" or self.env != self.clone.env:
             raise InputError("the policy's arrays do not fit what it says of itself")
-        self._tree = robot_tree(MOUNT)
 
-    def begin(self, first: Observation) -> "GripRun":
-        """Decide on the correction and start an episode.
+    def begin(self, first: Observation, cell: Cell) -> "GripRun":
+        """Decide on the correction and start an episode in a cell.
 
         Raises:
             InputError: where there is nothing to look at.
         """
-        return GripRun(self.clone, first, self.correction(look(self.mean, self.scale, first)), self._tree)
+        return GripRun(self.clone, first, self.correction(look(self.mean, self.scale, first)), cell)
 
     def correction(self, looks: NDArray[np.float32]) -> Array:
         """Return the correction (SIZE,) for what `look` returns."""
@@ -100,30 +95,33 @@ class Grip:
 class GripRun:
     """A corrected clone in one episode."""
 
-    def __init__(self, clone: Clone, first: Observation, correction: Array, tree: RobotTree) -> None:
+    def __init__(self, clone: Clone, first: Observation, correction: Array, cell: Cell) -> None:
         """Start an episode.
 
         Args:
             clone: that acts.
             first: observation.
             correction: (SIZE,) in [-1, 1].
-            tree: the robot.
+            cell: of the robot.
         """
-        self._run, self._tree, self._step = CloneRun(clone, first), tree, 0
+        self._robot, self._tree = cell.robot, robot_tree(cell)
+        self._run, self._step = CloneRun(clone, first, cell.robot), 0
         self._own = np.array(first["joint_targets"], dtype=float)  # the clone's set-points, not corrected
-        self._palm = correction[: len(_MOVES)] @ _MOVES
-        self._fingers = correction[len(_MOVES) :] @ _SYNERGIES
+        moves, synergies = _tables(cell.robot)
+        self._palm = correction[: len(moves)] @ moves
+        self._fingers = correction[len(moves) :] @ synergies
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action."""
         wanted = self._run.set_points({**observation, "joint_targets": self._own})
-        self._own = np.clip(self._own + np.clip(wanted - self._own, -MAX_STEP, MAX_STEP), LOWER, UPPER)
+        robot, most = self._robot, max_step(self._robot)
+        self._own = np.clip(self._own + np.clip(wanted - self._own, -most, most), robot.lower, robot.upper)
         self._step += 1
         share = min(self._step / _RAMP, 1.0)
         corrected = self._own + share * self._fingers
-        corrected[:7] += arm_step(self._own, share * self._palm, self._tree)
+        corrected[robot.arm_columns] += arm_step(self._own, share * self._palm, self._tree)
         now = np.asarray(observation["joint_targets"], dtype=float)
-        return np.clip((corrected - now) / MAX_STEP, -1.0, 1.0).astype(np.float32)
+        return np.clip((corrected - now) / most, -1.0, 1.0).astype(np.float32)
 
 
 def look(mean: Array, scale: Array, first: Observation) -> NDArray[np.float32]:
@@ -134,17 +132,17 @@ def look(mean: Array, scale: Array, first: Observation) -> NDArray[np.float32]:
 
 @njit(cache=True, error_model="numpy")
 def arm_step(q: Array, move: Array, tree: RobotTree) -> Array:
-    """Return the change (7,) rad of the arm at `q` (23,) that shifts and turns the palm by `move` in its own axes.
+    """Return the change (a,) rad of the arm at `q` (n,) that shifts and turns the palm by `move` in its own axes.
 
     Args:
-        q: (23,) rad.
+        q: (n,) rad.
         move: (6,) m and rad, small: one step of damped least squares.
         tree: the robot.
     """
-    frames, J, e = empty_frames(tree), np.empty((6, 7)), np.empty(6)
+    frames, J, e = empty_frames(tree), np.empty((6, tree.arm)), np.empty(6)
     forward(q, tree, frames)
     palm_jacobian(tree, frames, J)
     R = frames.R[tree.palm] @ tree.palm_rotation
     e[:3] = R @ move[:3]
     e[3:] = TURN_SCALE * (R @ move[3:])
-    return damped_step(J, e, _DAMPING, np.zeros(7), np.inf)
+    return damped_step(J, e, _DAMPING, np.zeros(tree.arm), np.inf)

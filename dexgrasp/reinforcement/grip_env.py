@@ -11,8 +11,7 @@ from stable_baselines3.common.vec_env import VecEnv
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.features import Observation
-from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.reinforcement.grip import MOUNT, SIZE, GripRun, look
+from dexgrasp.reinforcement.grip import SIZE, GripRun, look
 from dexgrasp_env.arrays import Array
 
 Observations = dict[str, NDArray[Any]]
@@ -46,7 +45,7 @@ class GripVecEnv(VecEnv):
             **kwargs: more arguments of `gym.make_vec`; `max_episode_steps` is the episodes' length.
         """
         self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, autoreset_mode="Disabled", **kwargs)
-        self._clone, self._scaling, self._tree = clone, scaling, robot_tree(MOUNT)
+        self._clone, self._scaling, self._cell = clone, scaling, self.envs.unwrapped.settings.cell
         self._length, self._alike = int(kwargs["max_episode_steps"]), alike
         self._rng = np.random.default_rng()
         self._now: Observations = {}
@@ -85,7 +84,7 @@ class GripVecEnv(VecEnv):
 
     def _play(self) -> tuple[Array, NDArray[np.bool_]]:
         runs = [
-            GripRun(self._clone, _one(self._now, i), correction, self._tree)
+            GripRun(self._clone, _one(self._now, i), correction, self._cell)
             for i, correction in enumerate(self._actions)
         ]
         now, running = self._now, np.ones(self.num_envs, bool)

@@ -16,8 +16,6 @@ from dexgrasp.verify.checks.forces import closure_checks, force_checks, strength
 from dexgrasp.verify.checks.identity import identity_checks
 from dexgrasp.verify.checks.motion import approach_checks, lift_checks, setpoint_checks
 from dexgrasp.verify.checks.scene import Scene
-from dexgrasp_env.robot.active import of_process
-from dexgrasp_env.robot.cell import Cell
 
 __all__ = ["PARTS", "UNEXECUTED", "Check", "verify"]
 
@@ -30,20 +28,17 @@ UNEXECUTED = tuple(part for part in PARTS if part not in ("conventions", "approa
 """What can be checked of a grasp that was planned without a way to it."""
 
 
-def verify(
-    record: GraspRecord, parts: Collection[str] | None = None, cell: Cell | None = None
-) -> list[Check]:
+def verify(record: GraspRecord, parts: Collection[str] | None = None) -> list[Check]:
     """Compute every claim of a grasp again, from its joint positions, forces, hull and object alone.
 
     Args:
-        record: of the file.
+        record: of the file, read in the cell where the grasp is to be carried out.
         parts: of the judgement, from `PARTS`; all by default.
-        cell: in which it is to be carried out; the process's unless one is given.
 
     Returns:
         All checks; the grasp is good only if every one of them holds.
     """
-    cell = (of_process(None) if cell is None else cell).mounted(record.grasp.mount)
+    cell = record.grasp.cell
     scene = Scene(cell, record.parts, record.grasp.fingers)
     touch = scene.touch(record.grasp.q)
     ways = {

@@ -7,6 +7,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.robot.cell import Cell
 
 
 @dataclass(frozen=True, eq=False)
@@ -15,8 +16,8 @@ class Film:
 
     Attributes:
         title: one line.
-        mount: of the hand.
-        states: (T, 23) rad.
+        cell: of the robot.
+        states: (T, n) rad.
         object_poses: (T, 4, 4) m, world frame.
         period: s between states.
         segments: names and first states.
@@ -29,7 +30,7 @@ class Film:
     """
 
     title: str
-    mount: str
+    cell: Cell
     states: Array
     object_poses: Array
     period: float
@@ -44,16 +45,16 @@ class Film:
     facts: dict[str, str] = field(default_factory=dict)
 
 
-def carried(states: Array, first_lifted: int, T_world_object: Array, mount: str) -> Array:
+def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell) -> Array:
     """Return object poses (T, 4, 4) that rest until a state and then move with the palm.
 
     Args:
-        states: (T, 23) rad.
+        states: (T, n) rad.
         first_lifted: from this state on the object moves with the palm.
         T_world_object: (4, 4) where it rests.
-        mount: of the hand.
+        cell: of the robot.
     """
-    palms = palm_poses(states, mount)
+    palms = palm_poses(states, cell)
     poses = np.tile(np.asarray(T_world_object, dtype=float), (len(states), 1, 1))
     at = min(first_lifted, len(states) - 1)
     in_palm = np.linalg.inv(palms[at]) @ T_world_object
@@ -61,25 +62,25 @@ def carried(states: Array, first_lifted: int, T_world_object: Array, mount: str)
     return poses
 
 
-def palm_poses(states: Array, mount: str) -> Array:
+def palm_poses(states: Array, cell: Cell) -> Array:
     """Return the palm's poses (T, 4, 4) in the world frame."""
-    model, data = robot_model(mount)
+    model, data = robot_model(cell)
     import mujoco
 
     poses = np.tile(np.eye(4), (len(states), 1, 1))
-    site = model.site("palm").id
+    site = model.site(cell.robot.hand.palm).id
     for pose, q in zip(poses, states, strict=True):
-        data.qpos[:23] = q
+        data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         pose[:3, :3], pose[:3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
     return poses
 
 
-def robot_model(mount: str) -> tuple[Any, Any]:
+def robot_model(cell: Cell) -> tuple[Any, Any]:
     """Return the robot alone: model and data."""
     import mujoco
 
     from dexgrasp_env.robot.model import compiled_robot
 
-    model = compiled_robot(mount)
+    model = compiled_robot(cell)
     return model, mujoco.MjData(model)

@@ -9,6 +9,7 @@ from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.viewer.film import Film, carried
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 MOST_TRIALS = 6
@@ -40,8 +41,8 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
     pose = np.eye(4) if record.T_world_object is None else record.T_world_object
     model = None if record.T_world_object is None else record.object.load()
     return Film(
-        title=record.object.name, mount=grasp.mount, states=states,
-        object_poses=carried(states, int(starts[3]), pose, grasp.mount), period=CONTROL_PERIOD,
+        title=record.object.name, cell=grasp.cell, states=states,
+        object_poses=carried(states, int(starts[3]), pose, grasp.cell), period=CONTROL_PERIOD,
         segments=tuple(zip(pieces, (int(start) for start in starts), strict=True)), parts=record.parts,
         contacts=grasp.contacts, normals=grasp.normals, forces=grasp.forces,
         friction=record.thresholds.friction, object=model, cloud=np.zeros((0, 3)) if cloud is None else cloud,
@@ -49,7 +50,7 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
     )  # fmt: skip
 
 
-def films_of_run(folder: Path) -> list[Film]:
+def films_of_run(folder: Path, cell: Cell | None = None) -> list[Film]:
     """Return the films of the trials of an evaluation whose grasps were kept, failures first, a few at most.
 
     Raises:
@@ -60,7 +61,7 @@ def films_of_run(folder: Path) -> list[Film]:
         raise InputError(
             f"{folder} holds no grasps: name the --out of `dexgrasp evaluate` with an agent that plans"
         )
-    return [film_of(read_grasp(file)) for file in files]
+    return [film_of(read_grasp(file, cell)) for file in files]
 
 
 def _between(a: Array, b: Array) -> Array:

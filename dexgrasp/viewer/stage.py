@@ -7,7 +7,6 @@ import numpy as np
 from dexgrasp.viewer.film import Film, robot_model
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.names import GRASP_FINGERS
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
 if TYPE_CHECKING:
@@ -33,7 +32,7 @@ class Stage:
             offset: m along y.
         """
         self.film, self._scene, self._root = film, server.scene, f"/{name or 'grasp'}"
-        self._model, self._data = robot_model(film.mount)
+        self._model, self._data = robot_model(film.cell)
         self._scene.add_frame(self._root, show_axes=False, position=(0.0, offset, 0.0))
         self._bodies = self._add_robot()
         self._object = self._add_object()
@@ -46,7 +45,7 @@ class Stage:
         """Put robot and object into one state of the film."""
         import mujoco
 
-        self._data.qpos[:23] = self.film.states[index]
+        self._data.qpos[:] = self.film.states[index]
         mujoco.mj_kinematics(self._model, self._data)
         for body, handle in self._bodies.items():
             handle.position, handle.wxyz = tuple(self._data.xpos[body]), tuple(self._data.xquat[body])
@@ -127,7 +126,7 @@ class Stage:
         T = np.linalg.inv(film.object_poses[0])
         points, turned = film.contacts @ T[:3, :3].T + T[:3, 3], T[:3, :3].T
         normals, forces = film.normals @ turned, film.forces @ turned
-        for k, finger in enumerate(GRASP_FINGERS):
+        for k, finger in enumerate(self.film.cell.robot.hand.grasp[: len(self.film.contacts)]):
             path, colour = f"{self._root}/object/contacts/{finger}", _COLOURS[finger]
             tip = points[k] - _FORCE_SCALE * forces[k]
             segment = np.array([[tip, points[k]]], np.float32)

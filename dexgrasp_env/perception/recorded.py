@@ -17,7 +17,7 @@ from dexgrasp_env.perception.plane import Plane, fit_plane
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, finish
-from dexgrasp_env.robot.active import active_cell
+from dexgrasp_env.robot.cell import Cell
 
 if TYPE_CHECKING:
     import mujoco
@@ -58,6 +58,7 @@ _NEAR = 0.08  # m from the named point to the object
 def find_object(
     cloud: Cloud,
     rng: Generator,
+    cell: Cell,
     *,
     near: Sequence[float] | Array | None = None,
     settings: SegmentationSettings | None = None,
@@ -69,6 +70,7 @@ def find_object(
     Args:
         cloud: points in the frame of the robot's base, m; robot and table may be in it.
         rng: draws the plane hypotheses and the subset.
+        cell: where the table and the robot's base are.
         near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
         settings: of the pipeline.
         robot: its shape, to remove its points; None removes none.
@@ -85,16 +87,16 @@ def find_object(
     cloud = _thinned(crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3))
     if len(cloud) < s.min_points:
         return _none(EMPTY, f"{len(cloud)} points within {_ROOM:g} m of the base")
-    base = active_cell().base
+    base = cell.base
     cloud = cloud.moved(cloud.points + base)
-    plane, reason, detail = _find_table(cloud, rng, s)
+    plane, reason, detail = _find_table(cloud, rng, s, cell)
     if plane is None:
         return _none(reason, detail)
     above = cloud.select(plane.heights(cloud.points) > max(0.004, s.clearance_sigmas * plane.rms))
     if robot is not None and data is not None:
         above = above.select(~robot.contains(above.points, data, s.robot_margin))
     above = remove_outliers(above, s.outlier_radius, s.outlier_neighbours)
-    chosen, reason, detail = _choose(above, None if near is None else np.asarray(near, dtype=float) + base, s)
+    chosen, reason, detail = _choose(above, None if near is None else np.asarray(near, dtype=float) + base, s, base)
     if chosen is None:
         return _none(reason, detail)
     return finish(_seen_from_outside(chosen), plane, s, rng)
@@ -107,7 +109,9 @@ def _thinned(cloud: Cloud) -> Cloud:
     return cloud.select(np.sort(first))
 
 
-def _find_table(cloud: Cloud, rng: Generator, s: SegmentationSettings) -> tuple[Plane | None, str, str]:
+def _find_table(
+    cloud: Cloud, rng: Generator, s: SegmentationSettings, cell: Cell
+) -> tuple[Plane | None, str, str]:
     """Return the table, or the reason why there is none and its figures."""
     local = crop(cloud, (*s.crop_low[:2], -np.inf), (*s.crop_high[:2], np.inf))
     pool = local if len(local) > s.min_points else cloud
@@ -128,7 +132,7 @@ def _find_table(cloud: Cloud, rng: Generator, s: SegmentationSettings) -> tuple[
     if below > _BELOW:
         return None, UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table"
     if abs(plane.offset - s.table_height) > _TABLE_OFF:
-        return None, TABLE_HEIGHT, _heights(plane)
+        return None, TABLE_HEIGHT, _heights(plane, cell)
     return plane, "", ""
 
 
@@ -139,12 +143,13 @@ def _below(cloud: Cloud, plane: Plane, s: SegmentationSettings) -> float:
     return float((off < 0).mean()) if len(off) >= s.min_points else 0.0
 
 
-def _heights(found: Plane) -> str:
-    cell = active_cell()
+def _heights(found: Plane, cell: Cell) -> str:
     return f"found at z = {found.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
 
 
-def _choose(cloud: Cloud, near: Array | None, s: SegmentationSettings) -> tuple[Cloud | None, str, str]:
+def _choose(
+    cloud: Cloud, near: Array | None, s: SegmentationSettings, base: Array
+) -> tuple[Cloud | None, str, str]:
     """Return the cluster that is meant, or the reason and its figures."""
     clusters = [c for c in _clusters(cloud, s.link) if len(c) >= s.min_points]
     if not clusters:
@@ -154,14 +159,14 @@ def _choose(cloud: Cloud, near: Array | None, s: SegmentationSettings) -> tuple[
         best = int(np.argmin(gaps))
         if gaps[best] > _NEAR:
             return None, NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away"
-        return _reachable(clusters[best], s)
+        return _reachable(clusters[best], s, base)
     inside = [c for c in clusters if _in_reach(_middle(c), s)]
     if not inside:
-        return None, OUT_OF_REACH, _places(clusters)
+        return None, OUT_OF_REACH, _places(clusters, base)
     inside.sort(key=len, reverse=True)
     rivals = [c for c in inside if len(c) >= _RIVAL * len(inside[0])]
     if len(rivals) > 1:
-        return None, SEVERAL, _places(rivals)
+        return None, SEVERAL, _places(rivals, base)
     return inside[0], "", ""
 
 
@@ -174,9 +179,9 @@ def _clusters(cloud: Cloud, link: float) -> list[Cloud]:
     return [cloud.select(labels == k) for k in range(int(labels.max()) + 1)]
 
 
-def _reachable(cloud: Cloud, s: SegmentationSettings) -> tuple[Cloud | None, str, str]:
+def _reachable(cloud: Cloud, s: SegmentationSettings, base: Array) -> tuple[Cloud | None, str, str]:
     if not _in_reach(_middle(cloud), s):
-        return None, OUT_OF_REACH, _places([cloud])
+        return None, OUT_OF_REACH, _places([cloud], base)
     return cloud, "", ""
 
 
@@ -189,9 +194,9 @@ def _middle(cloud: Cloud) -> Array:
     return 0.5 * (cloud.points.min(0) + cloud.points.max(0))
 
 
-def _places(clouds: list[Cloud]) -> str:
+def _places(clouds: list[Cloud], base: Array) -> str:
     return "at " + ", ".join(
-        "({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - active_cell().base)) for c in clouds[:4]
+        "({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - base)) for c in clouds[:4]
     )
 
 

@@ -49,6 +49,10 @@ class Cell:
     cameras: tuple[CellCamera, ...]
     table_height: float = field(default=0.0)
 
+    def __hash__(self) -> int:
+        """Cells are keys of caches: hashing all that a robot is takes long."""
+        return hash(self.version)
+
     @cached_property
     def version(self) -> str:
         """What evaluations, datasets and demonstrations call it: its name, and a hash of all that it says."""

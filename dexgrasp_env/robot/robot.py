@@ -81,6 +81,7 @@ class Finger:
         bodies: names, from the palm to the tip.
         tip: name of the site at the centre of the tip's sphere, and of the tip's collision geom.
         pad: (3,) outward normal of the soft side, frame of the last body.
+        aside: rad, its posture where it takes no part in a grasp.
     """
 
     name: str
@@ -88,6 +89,7 @@ class Finger:
     bodies: Names
     tip: str
     pad: Numbers
+    aside: Numbers = ()
 
 
 @dataclass(frozen=True)
@@ -200,14 +202,19 @@ class Robot:
         return _fixed(*self.arm.home, *self.hand.open)
 
     @cached_property
-    def max_torque(self) -> Array:
-        """Torque limits of the hand's joints, Nm."""
-        return self.torque[self.arm_dof :]
-
-    @cached_property
     def grasping(self) -> tuple[Finger, ...]:
         """The G fingers of a grasp, the opposing one first."""
         return tuple(map(self.hand.finger, self.hand.grasp))
+
+    @property
+    def arm_columns(self) -> slice:
+        """Where the arm's joints are in a vector of joints."""
+        return slice(self.arm_dof)
+
+    @property
+    def hand_columns(self) -> slice:
+        """Where the hand's joints are in a vector of joints."""
+        return slice(self.arm_dof, None)
 
     @cached_property
     def columns(self) -> dict[str, slice]:

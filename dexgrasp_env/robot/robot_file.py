@@ -147,7 +147,9 @@ def _finger(value: Any) -> Finger:
     name = word("name of a finger", entry.get("name"))
     joints, bodies = (words(f"{key} of {name}", entry.get(key)) for key in ("joints", "bodies"))
     pad = numbers(f"pad of {name}", entry.get("pad"), 3)
-    return Finger(name, joints, bodies, word(f"tip of {name}", entry.get("tip")), pad)
+    aside = entry.get("aside", ())
+    aside = numbers(f"aside of {name}", aside, len(joints)) if aside else ()
+    return Finger(name, joints, bodies, word(f"tip of {name}", entry.get("tip")), pad, aside)
 
 
 def _check_names(hand: Hand) -> None:

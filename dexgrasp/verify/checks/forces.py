@@ -70,7 +70,7 @@ class Hold:
         self.press = -(self.forces * self.normals).sum(1)
         sliding = np.linalg.norm(self.forces + self.press[:, None] * self.normals, axis=1)
         self.friction_use = float((sliding / np.maximum(self.mu * self.press, 1e-9)).max())
-        most = scene.robot.max_torque
+        most = scene.robot.torque[scene.robot.hand_columns]
         self.torques = touch.jacobians.transpose(2, 0, 1).reshape(len(most), -1) / most[:, None]
         self.torque_use = float(np.abs(self.torques @ self.forces.ravel()).max())
 
