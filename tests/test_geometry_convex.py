@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 import trimesh
 
-from dexgrasp.geometry.convex import ConvexDistance, closest_feature, convex_distance, convex_distance_hessian
-from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX, feature_of
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.convex_kernel import closest_feature, convex_distance, convex_distance_hessian
+from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX
 from dexgrasp_env.errors import InputError
 
 SIDES = np.array([0.06, 0.16, 0.21])
@@ -57,7 +58,7 @@ def test_far_and_near_points_of_many_faces_agree_with_every_triangle(can):
 def test_features_of_the_box(box, p, feature, distance, gradient):
     g = np.empty(3)
     d, code, _ = closest_feature(np.array(p), box.obstacle, g)
-    assert feature_of(code) == feature
+    assert (FACE if code < EDGE else EDGE if code < VERTEX else VERTEX) == feature
     assert d == pytest.approx(distance)
     np.testing.assert_allclose(g, gradient, atol=1e-12)
 

@@ -1,11 +1,10 @@
-"""Exact and gridded distances to meshes against analytic solids."""
+"""Distances to meshes against analytic solids."""
 
 import numpy as np
 import pytest
 import trimesh
 
 from dexgrasp.geometry.exact import closest_on_mesh
-from dexgrasp.geometry.grid import GridDistance
 from dexgrasp_env.errors import InputError
 
 SIDES = np.array([0.06, 0.08, 0.1])
@@ -28,11 +27,6 @@ def torus():
 @pytest.fixture(scope="module")
 def box():
     return trimesh.creation.box(SIDES).subdivide().subdivide()
-
-
-@pytest.fixture(scope="module")
-def torus_grid(torus):
-    return GridDistance.from_mesh(torus)
 
 
 @pytest.fixture(scope="module")
@@ -94,60 +88,9 @@ def test_unwelded_vertices_do_not_matter(box, points):
     )
 
 
-def test_grid_error_on_a_smooth_solid(torus, torus_grid, points):
-    error = np.abs(torus_grid.distance(points) - closest_on_mesh(torus, points).distances)
-    near = np.abs(torus_distance(points)) < 0.01  # beyond, the distance has creases
-    assert error[near].max() < 5e-5
-    assert error[near].mean() < 1e-5
-
-
-def test_grid_error_at_sharp_edges(box, points):
-    grid = GridDistance.from_mesh(box)
-    near = (box_distance(points) > -0.01) & (np.abs(points) < SIDES / 2 + 0.03).all(axis=1)
-    error = np.abs(grid.distance(points) - box_distance(points))[near]
-    assert error.max() < 5e-4
-    assert np.quantile(error, 0.99) < 4e-4
-    assert error.mean() < 3e-5
-
-
-def test_grid_gradient_is_the_derivative_inside_and_outside_the_grid(torus_grid):
-    points = np.random.default_rng(3).uniform(-0.15, 0.15, (2000, 3))
-    _, gradients = torus_grid.distance_gradient(points)
-    step = 1e-5
-    for k in range(3):
-        offset = step * np.eye(3)[k]
-        slope = (torus_grid.distance(points + offset) - torus_grid.distance(points - offset)) / (2 * step)
-        assert np.quantile(np.abs(slope - gradients[:, k]), 0.99) < 2e-3
-
-
-def test_grid_value_outside_is_at_least_the_distance(torus_grid):
-    points = np.random.default_rng(4).uniform(-0.5, 0.5, (2000, 3))
-    values, truth = torus_grid.distance(points), torus_distance(points)
-    assert (values > truth - 1e-4).all()
-
-
-def test_builds_are_deterministic(torus, torus_grid):
-    np.testing.assert_array_equal(GridDistance.from_mesh(torus).coeffs, torus_grid.coeffs)
-
-
-def test_open_mesh_has_no_grid(box):
+def test_an_open_mesh_has_distances(box):
     opened = trimesh.Trimesh(box.vertices, box.faces[1:])
-    with pytest.raises(InputError, match="fill its holes"):
-        GridDistance.from_mesh(opened)
     assert np.isfinite(closest_on_mesh(opened, np.zeros((1, 3))).distances).all()
-
-
-def test_inside_out_mesh_has_no_grid(box):
-    with pytest.raises(InputError, match="fix_normals"):
-        GridDistance.from_mesh(trimesh.Trimesh(box.vertices, box.faces[:, ::-1], process=False))
-
-
-@pytest.mark.parametrize(
-    "settings", [{"spacing": 0.0}, {"spacing": np.nan}, {"margin": -1.0}, {"spacing": 1e-5}]
-)
-def test_settings_out_of_range(box, settings):
-    with pytest.raises(InputError, match="valid are"):
-        GridDistance.from_mesh(box, **settings)
 
 
 def test_empty_mesh_is_refused():

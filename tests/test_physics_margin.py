@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from oracles import directional_error
+from oracles import closed, directional_error
 
 from dexgrasp.benchmarks.wrench import sample_box
-from dexgrasp.physics.closure import closure_decide
 from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins, rough_margins
 from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.verify.cones import conic_margin
@@ -47,8 +46,8 @@ def _margin(points, normals):
 def test_a_margin_is_closure_and_at_most_one():
     P, N = random_grasps(5000, 4)
     cone = margins(P, N, 0.5)[0]
-    assert closure_decide(P[cone > 1e-9], N[cone > 1e-9], 0.5).all()
-    assert not closure_decide(P[cone < -1e-3], N[cone < -1e-3], 0.5 / 2**0.5).any()
+    assert closed(P[cone > 1e-9], N[cone > 1e-9], 0.5).all()
+    assert not closed(P[cone < -1e-3], N[cone < -1e-3], 0.5 / 2**0.5).any()
     assert cone.max() <= 1.0
 
 

@@ -1,9 +1,8 @@
 import numpy as np
 import pytest
-from oracles import pyramid_violation
+from oracles import closed, pyramid_violation
 
 from dexgrasp.physics.active_set import SOLVED, solve_qp
-from dexgrasp.physics.closure import closure_decide
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp_env.errors import InputError
 
@@ -33,13 +32,13 @@ def test_active_set_satisfies_the_optimality_conditions():
 
 def test_solvers_agree_and_forces_are_feasible():
     P, N = random_grasps(60, 1)
-    decided = closure_decide(P, N, 0.5)
-    for p, n, closed in zip(P, N, decided, strict=True):
+    decided = closed(P, N, 0.5)
+    for p, n, feasible in zip(P, N, decided, strict=True):
         daqp, osqp = solve_wrench_qp(p, n, 0.5), solve_wrench_qp(p, n, 0.5, solver="osqp")
         assert daqp.status == "solved"
         assert pyramid_violation(daqp.forces, n, 0.5).max() < 1e-9
         assert (-(daqp.forces * n).sum(-1)).min() > 1 - 1e-9
-        assert (daqp.residual < 1e-6) == closed
+        assert (daqp.residual < 1e-6) == feasible
         if osqp.status == "solved":
             assert osqp.residual == pytest.approx(daqp.residual, rel=1e-2, abs=1e-4)
 

@@ -401,7 +401,7 @@ def test_home_is_expanded_and_any_bytes_may_name_a_file(tmp_path, monkeypatch):
 @pytest.mark.parametrize("mass", [1e-300, 1e-5, 1e3])
 def test_masses_no_object_has_are_refused(tmp_path, mass):
     path = saved(tmp_path, CAPSULE, "x.stl")
-    with pytest.raises(InputError, match=r"valid are 0\.0001 to 100"):
+    with pytest.raises(InputError, match=r">= 0\.0001 and <= 100"):
         load_object(path, mass=mass)
 
 

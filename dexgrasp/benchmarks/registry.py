@@ -7,7 +7,6 @@ from dexgrasp_env.errors import unknown_name
 
 _DESCRIPTIONS = {
     "stepping": "environment steps a second against a raw mj_step loop with the same controls and contacts",
-    "distance": "signed distances against trimesh, accuracy and time",
     "wrench": "the wrench programme against general QP solvers",
     "perception": "depth to segmented cloud, time and accuracy",
     "planning": "seconds to a certified grasp",

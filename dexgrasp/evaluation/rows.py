@@ -2,64 +2,79 @@
 
 import hashlib
 import re
-from collections.abc import Mapping
-from typing import Any
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Natural, Rule, number, read
 
 Key = tuple[str, str, str, int]
 """Protocol, agent, object, trial."""
 
-_NUMBER = (int, float)
-_FIELDS: dict[str, tuple[type, ...]] = {
-    "agent": (str,), "object": (str,), "trial": (int,), "success": (bool,), "stable": (bool,),
-    "reason": (str, type(None)), "planning_seconds": (*_NUMBER, type(None)), "details": (dict,),
-}  # fmt: skip
-_OPTIONAL: dict[str, tuple[type, ...]] = {
-    "protocol": (str,), "scene_seed": (int,), "agent_seed": (int,), "error": (str, type(None)),
-    "grasp": (str,), "env": (dict,), "stage": (str,), "steps": (int,), "warnings": (list,),
-    "height": (*_NUMBER, type(None)), "slip": (*_NUMBER, type(None)), "tilt": (*_NUMBER, type(None)),
-    "total_reward": (*_NUMBER, type(None)), "seconds": (*_NUMBER, type(None)),
-}  # fmt: skip
-_LARGEST_SEED = 2**32
+_UNITS = ("_percent", "_margin", "_m", "_rad", "_fraction")
+_Seed = Annotated[int, number(ge=0, lt=2**32, whole=True)]
+
+
+def _are_numbers(values: Iterable[Any]) -> None:
+    for value in values:
+        if value is not None:
+            number().admit(value)
+
+
+def _stages(value: Any) -> None:
+    _are_numbers(value.values())
+
+
+def _certificate(value: Any) -> None:
+    _are_numbers(value.get("distances_cm") or ())
+    _are_numbers(each for name, each in value.items() if name.endswith(_UNITS))
+
+
+_Stages = Annotated[dict[str, Any] | None, Rule("numbers by stage", _stages)]
+
+
+@dataclass(frozen=True)
+class _Details:
+    """What summaries read of an agent's report; the rest is the agent's own."""
+
+    stage_seconds: _Stages = None
+    stage_repeats: _Stages = None
+    certificate: Annotated[dict[str, Any] | None, Rule("an object of numbers", _certificate)] = None
+
+
+@dataclass(frozen=True)
+class _Row:
+    agent: str
+    object: str
+    trial: Natural
+    success: bool
+    stable: bool
+    reason: str | None
+    planning_seconds: float | None
+    details: _Details
+    protocol: str = ""
+    scene_seed: _Seed = 0
+    agent_seed: _Seed = 0
+    error: str | None = None
+    grasp: str = ""
+    env: dict[str, Any] = field(default_factory=dict)
+    stage: str = ""
+    steps: int = 0
+    warnings: list[str] = field(default_factory=list)
+    height: float | None = None
+    slip: float | None = None
+    tilt: float | None = None
+    total_reward: float | None = None
+    seconds: float | None = None
 
 
 def row_fault(row: object) -> str | None:
-    """Return what is wrong with a line as it was parsed, or None; numbers are known to be finite."""
-    if not isinstance(row, dict):
-        return "not an object"
-    for name, kinds in (_FIELDS | _OPTIONAL).items():
-        if name not in row:
-            if name in _FIELDS:
-                return f"no {name}"
-        elif not _is(row[name], kinds):
-            return f"{name} is a {type(row[name]).__name__}"
-    if row["trial"] < 0:
-        return "trial is negative"
-    if not all(0 <= row.get(name, 0) < _LARGEST_SEED for name in ("scene_seed", "agent_seed")):
-        return "a seed is out of range"
-    return _details_fault(row["details"])
-
-
-def _is(value: object, kinds: tuple[type, ...]) -> bool:
-    return isinstance(value, kinds) and (bool in kinds or not isinstance(value, bool))
-
-
-def _details_fault(details: Mapping[str, Any]) -> str | None:
-    """Check what summaries read of an agent's report; the rest is the agent's own."""
-    for name in ("stage_seconds", "stage_repeats"):
-        stages = details.get(name) or {}
-        if not isinstance(stages, dict) or not all(_is(v, (*_NUMBER, type(None))) for v in stages.values()):
-            return f"{name} are no numbers by stage"
-    certificate = details.get("certificate") or {}
-    if not isinstance(certificate, dict):
-        return "the certificate is no object"
-    distances = certificate.get("distances_cm") or []
-    if not isinstance(distances, list) or not all(_is(d, (*_NUMBER, type(None))) for d in distances):
-        return "distances_cm of the certificate are no numbers"
-    for name, value in certificate.items():
-        if name.endswith(("_percent", "_margin", "_m", "_rad", "_fraction")) and not _is(
-            value, (*_NUMBER, type(None))
-        ):
-            return f"{name} of the certificate is no number"
+    """Return what is wrong with a line as it was parsed, or None; other keys than these are left alone."""
+    try:
+        read(_Row, row, more=True)
+    except InputError as error:
+        return str(error)
     return None
 
 

@@ -1,7 +1,4 @@
-"""Convex polyhedra from points or meshes, simplified on request, and the signed distance to one or to their union.
-
-The compiled functions of `convex_kernel` can be had from here; they take an `obstacle`.
-"""
+"""Convex polyhedra from points or meshes, simplified on request, and the signed distance to one or to their union."""
 
 from __future__ import annotations
 
@@ -14,30 +11,12 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import ConvexHull, QhullError
 
-from dexgrasp.geometry.convex_kernel import (
-    NOTHING,
-    Obstacle,
-    closest_feature,
-    convex_distance,
-    convex_distance_hessian,
-    convex_distances,
-    outward_triangles,
-)
+from dexgrasp.geometry.convex_kernel import Obstacle, convex_distances, outward_triangles
 from dexgrasp.geometry.outline import outline
 from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
     import trimesh
-
-__all__ = [
-    "NOTHING",
-    "ConvexDistance",
-    "Obstacle",
-    "closest_feature",
-    "convex_distance",
-    "convex_distance_hessian",
-    "convex_distances",
-]
 
 FLAT = 1e-6
 """A hull thinner than this [m] is refused: its inside has no meaning at the scale of a hand."""

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dexgrasp.geometry.triangle import EDGE, FACE, closest_on_triangle, feature_of
+from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX, closest_on_triangle
 
 INCIDENT = 1e-9
 """A face within this of a point [m] counts as holding it; far below any feature size, far above rounding."""
@@ -87,7 +87,7 @@ def closest_feature(
         limit: from here on [m] any lower bound of the distance that is no less will do, without a gradient.
 
     Returns:
-        Signed distance [m] (negative inside), feature code (see `triangle.FACE_CODE`), face index.
+        Signed distance [m] (negative inside), feature code (see `triangle.VERTEX`), face index.
     """
     px, py, pz, planes = p[0], p[1], p[2], obstacle.planes
     distance, beyond, code, face = math.inf, math.inf, 0, 0
@@ -136,14 +136,13 @@ def convex_distance_hessian(
     """
     distance, code, face = closest_feature(p, obstacle, gradient_out)
     hessian_out[:] = 0.0
-    feature = feature_of(code)
-    if feature == FACE:
+    if code == FACE:
         return distance
     for i in range(3):
         for k in range(3):
             hessian_out[i, k] = ((1.0 if i == k else 0.0) - gradient_out[i] * gradient_out[k]) / distance
-    if feature == EDGE:
-        edge = obstacle.triangles[face, code % 3] - obstacle.triangles[face, code - 1]
+    if code < VERTEX:
+        edge = obstacle.triangles[face, code % 3] - obstacle.triangles[face, code - EDGE]
         scale = 1.0 / ((edge[0] ** 2 + edge[1] ** 2 + edge[2] ** 2) * distance)
         for i in range(3):
             for k in range(3):

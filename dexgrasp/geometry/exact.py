@@ -1,4 +1,4 @@
-"""Signed distance to a triangle mesh by trimesh: the measure in verification, and the reference of the others."""
+"""Signed distance to a triangle mesh by trimesh: the measure in verification."""
 
 from __future__ import annotations
 

@@ -7,17 +7,8 @@ from typing import Any
 from numba import njit
 from numpy.typing import NDArray
 
-FACE, EDGE, VERTEX = 0, 1, 2
-"""Kinds of closest feature, as returned by the distance functions of this package."""
-
-FACE_CODE = 0
-"""Code of a triangle's inside; 1, 2, 3 are the edges 01, 12, 20 and 4, 5, 6 the vertices 0, 1, 2."""
-
-
-@njit(cache=True, error_model="numpy", inline="always")
-def feature_of(code: int) -> int:
-    """Return FACE, EDGE or VERTEX for a triangle's feature code."""
-    return FACE if code == 0 else (EDGE if code < 4 else VERTEX)
+FACE, EDGE, VERTEX = 0, 1, 4
+"""Codes of a triangle's features: its inside; the first of its edges 01, 12, 20; the first of its vertices 0, 1, 2."""
 
 
 @njit(cache=True, error_model="numpy")
@@ -33,7 +24,7 @@ def closest_on_triangle(
         triangle: (3, 3) corners.
 
     Returns:
-        x, y, z of the closest point and its feature code (see `FACE_CODE`).
+        x, y, z of the closest point and its feature code (see `VERTEX`).
     """
     ax, ay, az = triangle[0, 0], triangle[0, 1], triangle[0, 2]
     ux, uy, uz = triangle[1, 0] - ax, triangle[1, 1] - ay, triangle[1, 2] - az

@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dexgrasp.geometry.convex import NOTHING, ConvexDistance, Obstacle
-from dexgrasp.geometry.convex_kernel import convex_distance
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle, convex_distance
 from dexgrasp.kinematics.clearance import (
     OBJECT,
     ROUNDING,

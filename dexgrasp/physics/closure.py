@@ -22,14 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.physics.active_set import SOLVED, solve_qp
-from dexgrasp.physics.checks import (
-    Numbers,
-    check_array,
-    check_contacts,
-    check_positive,
-    check_unit,
-    rms_radius,
-)
+from dexgrasp.physics.checks import Numbers, check_contacts, check_positive, rms_radius
 from dexgrasp.physics.wedges import chord_tables, closed_form, flatness, frames_into
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -85,13 +78,12 @@ def _restore(f: Array, mu: float) -> None:
 
 
 @njit(cache=True)
-def qp_residual(points: Array, frames: Array, mu: float, scale: float, forces: Array) -> tuple[float, float]:
-    """Bound Eq. 4's least value (f_min = 1) from above and below, by proximal steps of a QP.
+def _qp_feasible(points: Array, frames: Array, mu: float, scale: float) -> bool:
+    """Whether Eq. 4's least value (f_min = 1) is below TOLERANCE, by proximal steps of a QP.
 
     Args:
         points: (3, 3). frames: (3, 3, 3), rows (-n, t1, t2) of each contact.
         mu: friction coefficient. scale: length that divides torques.
-        forces: (9,), written: the best feasible forces, (press, u, v) of each contact.
     """
     G = np.empty((6, 9))
     _map_columns(points, frames, scale, G)
@@ -109,7 +101,7 @@ def qp_residual(points: Array, frames: Array, mu: float, scale: float, forces: A
                 H[i, j] += G[k, i] * G[k, j]
         H[i, i] += reg
     multipliers = np.empty(15)
-    upper, lower = np.inf, 0.0
+    least = np.inf
     for _ in range(8):
         if solve_qp(H, g, A, b, f, multipliers) != SOLVED:
             break
@@ -120,23 +112,15 @@ def qp_residual(points: Array, frames: Array, mu: float, scale: float, forces: A
             for i in range(9):
                 w[k] += G[k, i] * f[i]
             value += w[k] * w[k]
-        if value < upper:
-            forces[:] = f
-        stuck = value > 0.999 * upper
-        upper = min(upper, value)
-        bound = max(0.0, _separated(G, w, mu))
-        lower = max(lower, bound * bound)
-        if upper < TOLERANCE or lower >= TOLERANCE or stuck:
+        if value < TOLERANCE:
+            return True
+        apart = max(0.0, _separated(G, w, mu))
+        if apart * apart >= TOLERANCE or value > 0.999 * least:
             break
+        least = value
         for i in range(9):
             g[i] = -reg * f[i]
-    return upper, lower
-
-
-@njit(cache=True)
-def _qp_feasible(points: Array, frames: Array, mu: float, scale: float) -> bool:
-    forces = np.empty(9)
-    return qp_residual(points, frames, mu, scale, forces)[0] < TOLERANCE
+    return False
 
 
 @njit(cache=True)
@@ -147,46 +131,20 @@ def _wider(mu: float, flat2: float) -> float:
     return mu * BAND + 3.0 * TOLERANCE**0.5 / flat2**0.5
 
 
-@njit(cache=True)
-def _decide_one(
-    points: Array, frames: Array, tables: tuple[Array, Array, Array], mu: float, scale: float
-) -> int:
-    """Decide one triple (3, 3): 0 infeasible, 1 feasible; +2 where the QP decided. `tables` is work space."""
-    E, T, D = tables
-    chord_tables(points, frames, E, T, D)
-    flat2 = flatness(D[0, 1], D[0, 2], D[1, 2])
-    if flat2 >= LINE * LINE:
-        if not closed_form(_wider(mu, flat2), E, T, 0, 1, 2):
-            return 0
-        if closed_form(mu, E, T, 0, 1, 2):
-            return 1
-    return 2 + int(_qp_feasible(points, frames, mu, scale))
+class _Cloud(NamedTuple):
+    """Points with what is looked up for each pair of them (`chord_tables`)."""
+
+    points: Array  # (n, 3)
+    frames: Array  # (n, 3, 3)
+    E: Array  # (n, n, 3)
+    T: Array  # (n, n, 3)
+    D: Array  # (n, n)
 
 
 @njit(cache=True)
-def _decide_range(points: Array, normals: Array, mu: float, scale: Array, out: NDArray[np.uint8]) -> None:
-    frames, corners = np.empty((3, 3, 3)), np.empty((3, 3))
-    tables = (np.empty((3, 3, 3)), np.empty((3, 3, 3)), np.empty((3, 3)))
-    for k in range(points.shape[0]):
-        frames_into(normals[k], frames)
-        for i in range(3):
-            for j in range(3):
-                corners[i, j] = points[k, i, j]
-        out[k] = _decide_one(corners, frames, tables, mu, scale[k])
-
-
-@njit(cache=True)
-def _sweep_row(
-    i: int,
-    points: Array,
-    frames: Array,
-    tables: tuple[Array, Array, Array],
-    mu: float,
-    scale: float,
-    near: float,
-    out: NDArray[np.uint8],
-) -> None:
-    E, T, D = tables
+def _sweep_row(i: int, cloud: _Cloud, mu: float, scale: float, near: float, out: NDArray[np.uint8]) -> None:
+    """Decide the triples (i, j, k): 0 infeasible, 1 feasible."""
+    points, frames, E, T, D = cloud
     n = points.shape[0]
     corners, axes = np.empty((3, 3)), np.empty((3, 3, 3))
     corners[0], axes[0] = points[i], frames[i]
@@ -215,7 +173,7 @@ def _sweep_row(
                     at += 1
                     continue
             corners[2], axes[2] = points[k], frames[k]
-            out[at] = 2 + int(_qp_feasible(corners, axes, mu, scale))
+            out[at] = _qp_feasible(corners, axes, mu, scale)
             at += 1
 
 
@@ -227,18 +185,10 @@ def _row_start(i: int, n: int) -> int:
 
 
 @njit(cache=True)
-def _sweep(
-    points: Array,
-    frames: Array,
-    tables: tuple[Array, Array, Array],
-    mu: float,
-    scale: float,
-    near: float,
-    out: NDArray[np.uint8],
-) -> None:
-    n = points.shape[0]
+def _sweep(cloud: _Cloud, mu: float, scale: float, near: float, out: NDArray[np.uint8]) -> None:
+    n = cloud.points.shape[0]
     for i in range(n - 2):
-        _sweep_row(i, points, frames, tables, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
+        _sweep_row(i, cloud, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
 
 
 @njit(cache=True)
@@ -248,44 +198,11 @@ def _collect(out: NDArray[np.uint8], n: int, count: int) -> Triples:
     for i in range(n):
         for j in range(i + 1, n):
             for k in range(j + 1, n):
-                if out[at] & 1:
+                if out[at]:
                     triples[m, 0], triples[m, 1], triples[m, 2] = i, j, k
                     m += 1
                 at += 1
     return triples
-
-
-class SweepCount(NamedTuple):
-    """What a sweep met: all triples, feasible ones, and those the QP decided."""
-
-    triples: int
-    feasible: int
-    by_qp: int
-
-
-def _scan(
-    points: Numbers,
-    normals: Numbers,
-    mu: float,
-    min_distance: float,
-    length_scale: float | None,
-) -> tuple[int, NDArray[np.uint8]]:
-    points, normals = check_contacts(points, normals)
-    if len(points) > 2048:
-        raise InputError(f"a sweep takes at most 2048 points, got {len(points)}")
-    if not (np.isfinite(min_distance) and min_distance >= 0):
-        raise InputError(f"min_distance must be a finite number of metres >= 0, got {min_distance!r}")
-    n = len(points)
-    out = np.zeros(n * (n - 1) * (n - 2) // 6, np.uint8)
-    if n < 3:
-        return n, out
-    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
-    frames = np.empty((n, 3, 3))
-    frames_into(normals, frames)
-    tables = (np.zeros((n, n, 3)), np.zeros((n, n, 3)), np.zeros((n, n)))
-    chord_tables(points, frames, *tables)
-    _sweep(points, frames, tables, check_positive("mu", mu), scale, min_distance**2, out)
-    return n, out
 
 
 def closure_sweep(
@@ -307,66 +224,18 @@ def closure_sweep(
     Returns:
         (M, 3) int32 indices, i < j < k, in lexicographic order.
     """
-    n, out = _scan(points, normals, mu, min_distance, length_scale)
-    return _collect(out, n, int((out & 1).sum()))
-
-
-def closure_count(
-    points: Numbers,
-    normals: Numbers,
-    mu: float,
-    min_distance: float = 0.03,
-    length_scale: float | None = None,
-) -> SweepCount:
-    """Count what `closure_sweep` would return, without listing it."""
-    _, out = _scan(points, normals, mu, min_distance, length_scale)
-    return SweepCount(len(out), int((out & 1).sum()), int((out >> 1).sum()))
-
-
-def closure_decide(
-    points: Numbers,
-    normals: Numbers,
-    mu: float,
-    length_scale: float | Array | None = None,
-) -> NDArray[np.bool_]:
-    """Decide K triples.
-
-    Args:
-        points: (K, 3, 3) metres, contact by coordinate.
-        normals: (K, 3, 3) unit, out of the object.
-        mu: friction coefficient of Eq. 2's pyramid.
-        length_scale: divides torques [m], one or (K,); None is each triple's rms radius about its centroid.
-
-    Returns:
-        (K,) booleans: True where Eq. 4's least value is below TOLERANCE.
-    """
-    points = check_array("points", points, (None, 3, 3))
-    normals = check_array("normals", normals, (len(points), 3, 3))
-    check_unit(normals)
-    if length_scale is None:
-        scale = np.sqrt(((points - points.mean(1, keepdims=True)) ** 2).sum(-1).mean(-1))
-        scale[scale <= 1e-12] = 1.0
-    else:
-        scale = np.broadcast_to(np.asarray(length_scale, dtype=float), len(points)).copy()
-        if not (np.isfinite(scale).all() and (scale > 0).all()):
-            raise InputError("length_scale must be finite and above 0")
-    out = np.zeros(len(points), np.uint8)
-    _decide_range(points, normals, check_positive("mu", mu), scale, out)
-    return (out & 1).astype(bool)
-
-
-@njit(cache=True)
-def _closed_range(points: Array, normals: Array, mu: float, out: NDArray[np.uint8]) -> None:
-    frames = np.empty((3, 3, 3))
-    E, T, D = np.empty((3, 3, 3)), np.empty((3, 3, 3)), np.empty((3, 3))
-    for k in range(points.shape[0]):
-        frames_into(normals[k], frames)
-        chord_tables(points[k], frames, E, T, D)
-        out[k] = closed_form(mu, E, T, 0, 1, 2)
-
-
-def in_closed_form(points: Array, normals: Array, mu: float) -> NDArray[np.bool_]:
-    """Say of K triples (K, 3, 3) whether the closed form alone, with no QP near the edge, accepts them."""
-    out = np.zeros(len(points), np.uint8)
-    _closed_range(np.ascontiguousarray(points, float), np.ascontiguousarray(normals, float), float(mu), out)
-    return out.astype(bool)
+    points, normals = check_contacts(points, normals)
+    mu, n = check_positive("mu", mu), len(points)
+    if n > 2048:
+        raise InputError(f"a sweep takes at most 2048 points, got {n}")
+    if not (np.isfinite(min_distance) and min_distance >= 0):
+        raise InputError(f"min_distance must be a finite number of metres >= 0, got {min_distance!r}")
+    if n < 3:
+        return np.empty((0, 3), np.int32)
+    scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
+    cloud = _Cloud(points, np.empty((n, 3, 3)), np.zeros((n, n, 3)), np.zeros((n, n, 3)), np.zeros((n, n)))
+    frames_into(normals, cloud.frames)
+    chord_tables(*cloud)
+    out = np.zeros(n * (n - 1) * (n - 2) // 6, np.uint8)
+    _sweep(cloud, mu, scale, min_distance**2, out)
+    return _collect(out, n, int(out.sum()))

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,9 +16,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.sets import MASS_LIMITS, SetMember, is_set, set_member, set_targets
+from dexgrasp_env.objects.sets import MASS, SetMember, is_set, set_member, set_targets
 from dexgrasp_env.objects.stored import stored_object
 from dexgrasp_env.objects.varied import varied_object, varied_targets
+from dexgrasp_env.valid import Rule, check, number
 
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 
@@ -37,10 +39,8 @@ def load_object(
         InputError: for an unknown name, a file that cannot be used, a scale or a mass that is not positive.
     """
     target = os.fspath(target)
-    _check_positive("scale", scale)
-    if mass is not None and not MASS_LIMITS[0] <= mass <= MASS_LIMITS[1]:
-        low, high = MASS_LIMITS
-        raise InputError(f"mass is {mass} kg: valid are {low} to {high} kg")
+    scale = check("scale", scale, number(gt=0))
+    mass = None if mass is None else check("mass", mass, MASS)
     if target in CATALOGUE or varied_targets(target) == (target,):
         model = (_catalogue_object if target in CATALOGUE else varied_object)(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)
@@ -92,6 +92,17 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
         if not is_file(name):
             raise InputError(f"mesh file {name!r} does not exist")
     return list(dict.fromkeys(names))
+
+
+def _resolved(value: Any) -> tuple[str, ...]:
+    names = [value] if isinstance(value, str) else list(value)
+    if not all(isinstance(name, str) for name in names):
+        raise TypeError
+    return tuple(resolve_targets(names))
+
+
+Objects = Annotated[tuple[str, ...], Rule("a name, or a list of names", _resolved)]
+"""Names and paths of objects, sets expanded: the field of settings."""
 
 
 def _expanded(target: str) -> Sequence[str]:
@@ -156,8 +167,3 @@ def _mesh_object(path: Path, stamp: int, scale: float, mass: float | None) -> Ob
     from dexgrasp_env.objects.user_mesh import load_mesh
 
     return load_mesh(path, scale=scale, mass=mass)
-
-
-def _check_positive(what: str, value: float) -> None:
-    if not 0.0 < value < float("inf"):
-        raise InputError(f"{what} is {value}: it must be a positive number")

@@ -7,26 +7,39 @@
 Only `name` and `mesh` (relative to the file) are needed. A member is addressed as `FILE.json#name`.
 """
 
-from __future__ import annotations
-
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, parse_json
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
+from dexgrasp_env.valid import Rule, number, read
 
 SCHEMA = 1
-MASS_LIMITS = (1e-4, 100.0)
+MASS = number(ge=1e-4, le=100)
 """kg: lighter bodies vanish in the solver's tolerance, heavier ones are no objects for a hand."""
-_MOST_FRICTION = 2.0
+Mass = Annotated[float, MASS]
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
+
+
+def _quaternion(value: Any) -> tuple[float, float, float, float]:
+    w, x, y, z = map(number().admit, value)
+    norm = float(np.linalg.norm([w, x, y, z]))
+    if abs(norm - 1.0) > 1e-3:
+        raise ValueError
+    return (w / norm, x / norm, y / norm, z / norm)
+
+
+def _name(value: Any) -> str:
+    if not _NAME.fullmatch(value):
+        raise ValueError
+    return str(value)
 
 
 @dataclass(frozen=True)
@@ -43,12 +56,14 @@ class SetMember:
         source: where it is from, for people.
     """
 
-    name: str
-    mesh: Path
-    scale: float = 1.0
-    mass: float | None = None
-    friction: float | None = None
-    upright: tuple[float, float, float, float] | None = None
+    name: Annotated[str, Rule("letters, digits, '_', '-' and '.'", _name)]
+    mesh: Annotated[Path, Rule("the path of a mesh, from the set file on", expand)]
+    scale: Annotated[float, number(ge=1e-6, le=1e6)] = 1.0
+    mass: Mass | None = None
+    friction: Annotated[float | None, number(ge=0.01, le=2)] = None
+    upright: Annotated[
+        tuple[float, float, float, float] | None, Rule("a unit quaternion w, x, y, z, or null", _quaternion)
+    ] = None
     source: str = ""
 
 
@@ -95,60 +110,25 @@ def read_set(path: str) -> dict[str, SetMember]:
     if not isinstance(entries, list) or not entries or content.get("schema") != SCHEMA:
         raise InputError(f'set file {path!r} must hold {{"schema": {SCHEMA}, "objects": [...]}}')
     members: dict[str, SetMember] = {}
-    for number, entry in enumerate(entries, start=1):
+    for k, entry in enumerate(entries, start=1):
         try:
             member = _member(entry, file.parent, members)
         except InputError as error:
-            raise InputError(f"set file {path!r}, object {number}: {error}") from None
+            raise InputError(f"set file {path!r}, object {k}: {error}") from None
         members[member.name] = member
     return members
 
 
 def _member(entry: Any, folder: Path, before: Mapping[str, SetMember]) -> SetMember:
-    if not isinstance(entry, dict):
-        raise InputError('it must be like {"name": "mug", "mesh": "mug.obj"}')
-    fields = SetMember.__dataclass_fields__
-    for key in entry:
-        if key not in fields:
-            raise InputError(f"unknown key {key!r}: valid are {', '.join(fields)}")
-    name = entry.get("name")
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise InputError(f"name is {name!r}: it must be letters, digits, '_', '-' and '.'")
-    if name in before or name in CATALOGUE or name in OBJECT_SETS:
-        raise InputError(f"name {name!r} is taken by another object or set: choose another")
-    upright = entry.get("upright")
-    return SetMember(
-        name, _mesh(entry.get("mesh"), folder), _number(entry, "scale", (1e-6, 1e6), 1.0) or 1.0,
-        _number(entry, "mass", MASS_LIMITS), _number(entry, "friction", (0.01, _MOST_FRICTION)),
-        None if upright is None else _quaternion(upright), str(entry.get("source", "")),
-    )  # fmt: skip
-
-
-def _mesh(value: Any, folder: Path) -> Path:
-    if not isinstance(value, str) or not value:
-        raise InputError(f"mesh is {value!r}: it must be the path of a mesh, from the set file on")
-    path = folder / expand(value)
+    given = (
+        {key: value for key, value in entry.items() if value is not None}
+        if isinstance(entry, dict)
+        else entry
+    )
+    member = read(SetMember, given)
+    if member.name in before or member.name in CATALOGUE or member.name in OBJECT_SETS:
+        raise InputError(f"name {member.name!r} is taken by another object or set: choose another")
+    path = folder / member.mesh
     if not os.path.isfile(path):
         raise InputError(f"mesh file {str(path)!r} does not exist")
-    return path
-
-
-def _number(
-    entry: Mapping[str, Any], key: str, bounds: tuple[float, float], default: float | None = None
-) -> float | None:
-    value = entry.get(key, default)
-    if value is None:
-        return default
-    if isinstance(value, bool) or not isinstance(value, int | float) or not bounds[0] <= value <= bounds[1]:
-        raise InputError(f"{key} is {value!r}: valid are numbers from {bounds[0]:g} to {bounds[1]:g}")
-    return float(value)
-
-
-def _quaternion(value: Any) -> tuple[float, float, float, float]:
-    numbers = isinstance(value, list) and all(
-        isinstance(v, int | float) and not isinstance(v, bool) for v in value
-    )
-    if not numbers or len(value) != 4 or abs(np.linalg.norm(value) - 1.0) > 1e-3:
-        raise InputError(f"upright is {value!r}: it must be a unit quaternion w, x, y, z, or null")
-    w, x, y, z = (np.asarray(value, dtype=float) / np.linalg.norm(value)).tolist()
-    return (w, x, y, z)
+    return replace(member, mesh=path)

@@ -1,15 +1,18 @@
 """A folder of depth images with their calibrated cameras, merged into one cloud."""
 
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_yaml
 from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+from dexgrasp_env.valid import Rule, read
 
 CAMERAS_FILE = "cameras.yaml"
 _MOST_BYTES = 2**30  # a file larger than this is no scan of a table
@@ -54,46 +57,43 @@ def read_cameras(path: Path) -> tuple[tuple[Camera, ...], list[str], list[float]
     entries = content.get("cameras") if isinstance(content, dict) else None
     if not isinstance(entries, list) or not entries:
         raise InputError(f"{path}: valid is a mapping with `cameras`, a list of one or more")
-    cameras, files, scales = [], [], []
-    for number, entry in enumerate(entries):
-        where = f"{path}: camera {number}"
-        if not isinstance(entry, dict):
-            raise InputError(f"{where} is no mapping of settings")
-        needed = ("depth", "width", "height", "fx", "fy", "cx", "cy", "T_base_camera")
-        missing = [key for key in needed if key not in entry]
-        if missing:
-            raise InputError(f"{where} lacks {', '.join(missing)}")
-        cameras.append(_camera(entry, where))
-        files.append(_inside(str(entry["depth"]), where))
-        default = 0.001 if files[-1].lower().endswith(".png") else 1.0
-        scales.append(_number(entry.get("depth_scale", default), f"{where}: depth_scale"))
-    return tuple(cameras), files, scales
+    found = [read(_Entry, entry, f"{path}: camera {k}", more=True) for k, entry in enumerate(entries)]
+    cameras = [
+        Camera(e.name or f"{path}: camera {k}", e.T_base_camera, e.intrinsics) for k, e in enumerate(found)
+    ]
+    return tuple(cameras), [e.depth for e in found], [e.scale for e in found]
 
 
-def _camera(entry: dict[str, Any], where: str) -> Camera:
-    values = {
-        key: _number(entry[key], f"{where}: {key}") for key in ("width", "height", "fx", "fy", "cx", "cy")
-    }
-    try:
-        T = np.asarray(entry["T_base_camera"], dtype=float)
-    except (TypeError, ValueError):
-        raise InputError(f"{where}: T_base_camera must be 4 x 4 numbers") from None
-    lens = CameraIntrinsics(
-        int(values["width"]), int(values["height"]), values["fx"], values["fy"], values["cx"], values["cy"]
-    )
-    return Camera(str(entry.get("name", where)), T, lens)
+def _inside(value: Any) -> str:
+    if not value or Path(value).is_absolute() or ".." in Path(value).parts:
+        raise ValueError
+    return str(value)
 
 
-def _inside(name: str, where: str) -> str:
-    if Path(name).is_absolute() or ".." in Path(name).parts:
-        raise InputError(f"{where}: depth {name!r} must be a file of the same folder")
-    return name
+@dataclass(frozen=True, eq=False)
+class _Entry:
+    """A camera as the file names it."""
 
+    depth: Annotated[str, Rule("the name of a file of the same folder", _inside)]
+    width: float
+    height: float
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    T_base_camera: Annotated[Array, Rule("4 x 4 numbers", lambda value: np.asarray(value, dtype=float))]
+    name: Annotated[str, Rule("text", str)] = ""
+    depth_scale: float | None = None
 
-def _number(value: Any, what: str) -> float:
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputError(f"{what} is {value!r}: valid is a finite number")
-    return float(value)
+    @property
+    def intrinsics(self) -> CameraIntrinsics:
+        return CameraIntrinsics(int(self.width), int(self.height), self.fx, self.fy, self.cx, self.cy)
+
+    @property
+    def scale(self) -> float:
+        if self.depth_scale is not None:
+            return self.depth_scale
+        return 0.001 if self.depth.lower().endswith(".png") else 1.0
 
 
 def _read_depth(path: Path, camera: Camera, scale: float) -> NDArray[np.float32]:

@@ -1,16 +1,15 @@
 """One rigid error that all cameras share: the cell's calibration, a little off."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated
 
 import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.camera import Camera
+from dexgrasp_env.valid import number
 
 PIVOT = (0.5, 0.0, 0.0)  # m, world frame: the error turns about axes through this point
 
@@ -24,24 +23,8 @@ class Calibration:
         rotation: rad, about a random axis through (0.5, 0, 0).
     """
 
-    position: float = 0.0
-    rotation: float = 0.0
-
-    @classmethod
-    def of(cls, value: "Calibration | Mapping[str, Any] | None") -> "Calibration":
-        """Return a calibration error from a mapping of its attributes.
-
-        Raises:
-            InputError: for an unknown key or a size out of range.
-        """
-        if value is None or isinstance(value, Calibration):
-            return value or cls()
-        for key, size in value.items():
-            if key not in ("position", "rotation"):
-                raise unknown_name("calibration key", key, ("position", "rotation"))
-            if not (isinstance(size, int | float) and 0.0 <= size <= 0.5):
-                raise InputError(f"calibration {key} = {size!r}: valid is 0 to 0.5 (m or rad)")
-        return cls(**{key: float(size) for key, size in value.items()})
+    position: Annotated[float, number(ge=0, le=0.5)] = 0.0
+    rotation: Annotated[float, number(ge=0, le=0.5)] = 0.0
 
     def misplace(self, cameras: tuple[Camera, ...], rng: Generator) -> tuple[Camera, ...]:
         """Return the cameras where a calibration with this error believes them to be; draws only if there is one."""

@@ -6,12 +6,10 @@ They begin once the object has been held for 1 s, while the agent acts on.
 import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
-
-from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
+from dexgrasp_env.valid import number, one_of, read
 
 KINDS = ("none", "pushed", "shaken")
 PUSH_STEPS = 10  # control steps of one push, 0.5 s
@@ -30,8 +28,8 @@ class Disturbance:
         size: of a push, in multiples of the object's true weight; of the shaking, a factor on its amplitudes.
     """
 
-    kind: str = "none"
-    size: float = 1.0
+    kind: Annotated[str, one_of(KINDS)] = "none"
+    size: Annotated[float, number(ge=0, le=10)] = 1.0
 
     @property
     def steps(self) -> int:
@@ -51,21 +49,10 @@ class Disturbance:
             )
 
     @classmethod
-    def of(cls, value: "Disturbance | Mapping[str, Any] | str | None") -> "Disturbance":
+    def of(cls, value: "Disturbance | Mapping[str, Any] | str") -> "Disturbance":
         """Return a disturbance from its name or a mapping of its attributes.
 
         Raises:
             InputError: for an unknown kind or key, or a size that is not a number of 0 to 10.
         """
-        if value is None or isinstance(value, Disturbance):
-            return value or cls()
-        settings = {"kind": value} if isinstance(value, str) else dict(value)
-        for key in settings:
-            if key not in ("kind", "size"):
-                raise unknown_name("disturbance key", key, ("kind", "size"))
-        kind, size = settings.get("kind", "none"), settings.get("size", 1.0)
-        if kind not in KINDS:
-            raise unknown_name("disturbance", kind, KINDS)
-        if not (isinstance(size, int | float) and np.isfinite(size) and 0.0 <= size <= 10.0):
-            raise InputError(f"disturbance size = {size!r}: valid is a number from 0 to 10")
-        return cls(kind, float(size))
+        return read(cls, {"kind": value} if isinstance(value, str) else value, "disturbance")

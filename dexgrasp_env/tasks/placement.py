@@ -1,26 +1,33 @@
 """Where the object is put at reset."""
 
-from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import MERGE_ANGLE, rest_poses
 from dexgrasp_env.poses import quat_conjugate, quat_multiply, rotate, yaw_quat
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_HIGH
+from dexgrasp_env.valid import NATURAL, Rule, number, pair
 
 PRESENTATIONS = ("rest", "upright")
 _CLEARANCE = 0.0005  # m above the table; the settle closes it
 _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
+
+
+Range = Annotated[tuple[float, float], pair(number())]
+
+
+def _rest_pose(value: Any) -> str | int:
+    return value if value in ("any", "likely") else NATURAL.admit(value)
 
 
 @dataclass(frozen=True)
@@ -35,29 +42,10 @@ class Placement:
             one; objects of the catalogue with a fixed presentation ignore it.
     """
 
-    x: tuple[float, float] = PLACE_X
-    y: tuple[float, float] = PLACE_Y
-    yaw: tuple[float, float] = PLACE_YAW
-    rest_pose: str | int = "any"
-
-    @classmethod
-    def of(cls, value: "Placement | Mapping[str, Any] | None") -> "Placement":
-        """Return a placement from a mapping of its attributes.
-
-        Raises:
-            InputError: for an unknown key, or a range that is not two increasing finite numbers.
-        """
-        if value is None or isinstance(value, Placement):
-            return value or cls()
-        names = [field.name for field in fields(cls)]
-        for key in value:
-            if key not in names:
-                raise unknown_name("object_pose key", key, names)
-        ranges = {key: check_range(f"object_pose {key}", value[key]) for key in value if key != "rest_pose"}
-        rest_pose = value.get("rest_pose", "any")
-        if not (rest_pose in ("any", "likely") or (isinstance(rest_pose, int) and rest_pose >= 0)):
-            raise unknown_name("rest_pose", rest_pose, ["any", "likely", "0", "1", "..."])
-        return cls(**ranges, rest_pose=rest_pose)
+    x: Range = PLACE_X
+    y: Range = PLACE_Y
+    yaw: Range = PLACE_YAW
+    rest_pose: Annotated[str | int, Rule("any, likely, or a whole number >= 0", _rest_pose)] = "any"
 
     def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> NDArray[np.float64]:
         """Draw a pose (7,): position m and quaternion wxyz.
@@ -158,18 +146,3 @@ def _over_table() -> str:
         f"valid are x from {TABLE_CENTRE_X - half:g} to {TABLE_CENTRE_X + half:g}, |y| up to "
         f"{0.5 * TABLE_SIZE[1] + 0.05:g}, z up to {WORKSPACE_HIGH[2]:g}"
     )
-
-
-def check_range(name: str, value: Any) -> tuple[float, float]:
-    """Return `value` as two increasing finite floats.
-
-    Raises:
-        InputError: if it is anything else.
-    """
-    try:
-        low, high = (float(v) for v in value)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} = {value!r}: valid is a pair of numbers, low and high") from None
-    if not (np.isfinite([low, high]).all() and low <= high):
-        raise InputError(f"{name} = {value!r}: valid is low <= high, both finite")
-    return low, high

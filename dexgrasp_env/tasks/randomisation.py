@@ -1,16 +1,14 @@
 """Domain randomisation: object, contact, servos and sensors, written into a compiled model."""
 
-from collections.abc import Mapping
-from dataclasses import astuple, dataclass, fields
-from typing import Any
+from dataclasses import astuple, dataclass
+from typing import Annotated
 
 import mujoco
 import numpy as np
 from numpy.random import Generator
 
-from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
-from dexgrasp_env.tasks.placement import check_range
+from dexgrasp_env.valid import number, pair
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
@@ -45,10 +43,7 @@ class Variation:
         return astuple(self)
 
 
-_VALID = {
-    "mass": (1e-3, 1e3), "friction": (1e-3, 10.0), "size": (1e-2, 1e2), "gain": (1e-2, 1e2),
-    "latency": (0.0, CONTROL_PERIOD), "joint_noise": (0.0, 1.0),
-}  # fmt: skip
+Range = tuple[float, float] | None
 
 
 @dataclass(frozen=True)
@@ -64,37 +59,12 @@ class Randomisation:
         joint_noise: range, rad.
     """
 
-    mass: tuple[float, float] | None = None
-    friction: tuple[float, float] | None = None
-    size: tuple[float, float] | None = None
-    gain: tuple[float, float] | None = None
-    latency: tuple[float, float] | None = None
-    joint_noise: tuple[float, float] | None = None
-
-    @classmethod
-    def of(cls, value: "Randomisation | Mapping[str, Any] | None") -> "Randomisation":
-        """Return a randomisation from a mapping of its attributes.
-
-        Raises:
-            InputError: for an unknown key or a range that is not valid.
-        """
-        if value is None or isinstance(value, Randomisation):
-            return value or cls()
-        names = [field.name for field in fields(cls)]
-        for key in value:
-            if key not in names:
-                raise unknown_name("randomisation", key, names)
-        ranges = {
-            key: check_range(f"randomisation {key}", value[key]) for key in value if value[key] is not None
-        }
-        for key, (low, high) in ranges.items():
-            least, most = _VALID[key]
-            if low < least or high > most:
-                positive = "positive numbers " if least > 0 else ""
-                raise InputError(
-                    f"randomisation {key} = {value[key]!r}: valid are {positive}from {least:g} to {most:g}"
-                )
-        return cls(**ranges)
+    mass: Annotated[Range, pair(number(ge=1e-3, le=1e3))] = None
+    friction: Annotated[Range, pair(number(ge=1e-3, le=10))] = None
+    size: Annotated[Range, pair(number(ge=1e-2, le=1e2))] = None
+    gain: Annotated[Range, pair(number(ge=1e-2, le=1e2))] = None
+    latency: Annotated[Range, pair(number(ge=0, le=CONTROL_PERIOD))] = None
+    joint_noise: Annotated[Range, pair(number(ge=0, le=1))] = None
 
     def sample(self, rng: Generator, mass: float, friction: float) -> Variation:
         """Draw a variation.

@@ -1,14 +1,11 @@
 """Settings of the environment, checked once at construction."""
 
-from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Annotated, Any
 
-import numpy as np
-
-from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.load import load_target, resolve_targets
+from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.sets import Mass
 from dexgrasp_env.rendering import SHOW_CAMERAS
 from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.robot.cell import Cell, default_cell, make_cell
@@ -20,6 +17,7 @@ from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.tasks.rewards import REWARD_MODES
+from dexgrasp_env.valid import Friction, Positive, Rule, check, number, one_of, read
 
 DEFAULT_VIEWS = 4
 OBSERVE = ("step", "reset", "clear")
@@ -30,27 +28,27 @@ RENDER_MODES = ("human", "rgb_array", "depth_array")
 class LiftSettings:
     """Everything that `gym.make` accepts, in checked form; see `LiftEnv` for the meanings."""
 
-    objects: tuple[str, ...]
-    obs_mode: str = "state"
-    control_mode: str = "joint_delta"
-    reward_mode: str = "dense"
+    objects: Objects
+    obs_mode: Annotated[str, one_of(OBS_MODES)] = "state"
+    control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
+    reward_mode: Annotated[str, one_of(REWARD_MODES)] = "dense"
     cell: Cell = field(default_factory=default_cell)
-    friction: float | None = None
-    mass: float = 1.0
-    presentation: str = "rest"
-    disturbance: Disturbance = Disturbance()
+    friction: Friction | None = None
+    mass: Annotated[float, number(gt=0, le=100)] = 1.0
+    presentation: Annotated[str, one_of(PRESENTATIONS)] = "rest"
+    disturbance: Annotated[Disturbance, Rule("a name or a mapping", Disturbance.of)] = Disturbance()
     object_pose: Placement = Placement()
     randomisation: Randomisation = Randomisation()
     views: tuple[str, ...] | int = DEFAULT_VIEWS
     calibration: Calibration = Calibration()
-    observe: str = "step"
-    mesh_scale: float = 1.0
-    mesh_mass: float | None = None
-    render_mode: str | None = None
+    observe: Annotated[str, one_of(OBSERVE)] = "step"
+    mesh_scale: Positive = 1.0
+    mesh_mass: Mass | None = None
+    render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
     render_camera: str = "front"
 
     @classmethod
-    def of(cls, objects: str | Sequence[str], **given: Any) -> "LiftSettings":
+    def of(cls, **given: Any) -> "LiftSettings":
         """Check the arguments of the environment.
 
         Raises:
@@ -58,23 +56,13 @@ class LiftSettings:
         """
         robot = given.pop("robot")
         cell = make_cell(active_cell() if robot is None else robot, given.pop("mount"))
-        choices = _CHOICES | {"render_camera": (*SHOW_CAMERAS, *cell.camera_names)}
-        for key, valid in choices.items():
-            if given[key] not in valid:
-                raise unknown_name(key, given[key], valid)
-        if given["friction"] is not None:
-            _check_number("friction", given["friction"], 2.0)
-        _check_number("mass", given["mass"], 100.0)
-        parts = {
-            "object_pose": Placement.of(given["object_pose"]),
-            "randomisation": Randomisation.of(given["randomisation"]),
-            "disturbance": Disturbance.of(given["disturbance"]),
-            "calibration": Calibration.of(given["calibration"]),
-            "views": _check_views(given["views"], cell.camera_names),
+        cameras = one_of((*SHOW_CAMERAS, *cell.camera_names))
+        of_cell = {
             "cell": cell,
+            "views": check("views", given["views"], _views_of(cell.camera_names)),
+            "render_camera": check("render_camera", given["render_camera"], cameras),
         }
-        targets = resolve_targets(_check_names(objects))
-        return cls(objects=tuple(targets), **(given | parts))
+        return read(cls, given | of_cell)
 
     @property
     def mount(self) -> str:
@@ -91,40 +79,16 @@ class LiftSettings:
         return {target: load_target(target, self.mesh_scale, self.mesh_mass) for target in self.objects}
 
 
-_CHOICES = {
-    "obs_mode": OBS_MODES,
-    "control_mode": CONTROL_MODES,
-    "reward_mode": REWARD_MODES,
-    "presentation": PRESENTATIONS,
-    "observe": OBSERVE,
-    "render_mode": (None, *RENDER_MODES),
-}
+def _views_of(cameras: tuple[str, ...]) -> Rule:
+    """Return the rule of the cameras that look: names, or how many are drawn at each reset."""
+    most = max(len(cameras), DEFAULT_VIEWS)  # a cell with fewer cameras has all of them look
 
+    def admit(value: Any) -> tuple[str, ...] | int:
+        if isinstance(value, int):
+            return min(int(number(ge=1, le=most, whole=True).admit(value)), len(cameras))
+        names = (value,) if isinstance(value, str) else tuple(value)
+        if not names or len(set(names)) < len(names) or not set(names) <= set(cameras):
+            raise ValueError
+        return names
 
-def _check_names(objects: Any) -> list[str]:
-    single = isinstance(objects, str) or not isinstance(objects, Iterable)
-    names = [objects] if single else list(objects)
-    if not all(isinstance(name, str) for name in names):
-        raise InputError(f"objects = {objects!r}: valid is a name or a list of names")
-    return names
-
-
-def _check_number(name: str, value: Any, most: float) -> None:
-    if not (isinstance(value, int | float) and np.isfinite(value) and 0.0 < value <= most):
-        raise InputError(f"{name} = {value!r}: valid is a number above 0 and up to {most:g}")
-
-
-def _check_views(value: Any, cameras: tuple[str, ...]) -> tuple[str, ...] | int:
-    """Names of cameras, or how many of them to draw at each reset."""
-    if isinstance(value, int) and not isinstance(value, bool):
-        most = max(len(cameras), DEFAULT_VIEWS)  # a cell with fewer cameras has all of them look
-        if not 1 <= value <= most:
-            raise InputError(f"views = {value}: valid are 1 to {most} cameras, or their names")
-        return min(value, len(cameras))
-    names = (value,) if isinstance(value, str) else tuple(value)
-    for name in names:
-        if name not in cameras:
-            raise unknown_name("view", name, cameras)
-    if not names or len(set(names)) < len(names):
-        raise InputError(f"views = {value!r}: valid are one or more of {', '.join(cameras)}, each once")
-    return names
+    return Rule(f"1 to {most} cameras, or names of {', '.join(cameras)}, each once", admit)

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -20,6 +20,7 @@ from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.valid import read
 
 _AT_HOME = 0.02  # rad of every joint of the arm
 
@@ -207,17 +208,11 @@ def sensor_model(value: Mapping[str, Any] | str) -> SensorModel:
     Raises:
         InputError: for an unknown name or setting, or a value out of range.
     """
-    if isinstance(value, SensorModel):
-        return value
     if isinstance(value, str):
         if value not in ("realistic", "none"):
             raise unknown_name("sensor", value, ["realistic", "none", "a mapping of SensorModel's settings"])
         return SensorModel.realistic() if value == "realistic" else SensorModel.none()
-    names = [field.name for field in fields(SensorModel)]
-    for key in value:
-        if key not in names:
-            raise unknown_name("sensor setting", key, names)
-    return SensorModel(**value)
+    return read(SensorModel, value, "sensor")
 
 
 def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:

@@ -1,0 +1,199 @@
+"""What a setting may be: said once, at the field of a dataclass, and held to wherever a value comes from.
+
+    size: Annotated[float, number(ge=0, le=10)] = 1.0
+
+`read` makes such a dataclass from a mapping of somebody else's; the command line makes options of the same fields.
+"""
+
+import math
+import numbers
+import types
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import MISSING, fields, is_dataclass
+from functools import cache, reduce
+from operator import or_
+from pathlib import Path
+from typing import (
+    Annotated,
+    Any,
+    NamedTuple,
+    TypeVar,
+    Union,
+    cast,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
+
+from dexgrasp_env.errors import InputError, unknown_name
+
+Settings = TypeVar("Settings")
+_LONGEST = 100  # characters of a wrong value in a message
+
+
+class Rule(NamedTuple):
+    """What a value may be.
+
+    Attributes:
+        words: what is valid, for messages.
+        admit: returns a valid value as it is kept; raises ValueError, TypeError or AttributeError for another, or
+            InputError to say more.
+        parse: makes of a word of the command line what `admit` is asked of.
+        choices: the valid values, where they are few.
+    """
+
+    words: str
+    admit: Callable[[Any], Any]
+    parse: Callable[[str], Any] = str
+    choices: tuple[str, ...] = ()
+
+
+def number(
+    *, gt: float = -math.inf, ge: float = -math.inf, lt: float = math.inf, le: float = math.inf, whole: bool = False
+) -> Rule:  # fmt: skip
+    """Return the rule of finite numbers within bounds: above `gt`, from `ge` on, below `lt`, up to `le`."""
+    kind, plain = (numbers.Integral, int) if whole else (numbers.Real, float)
+    signs = {">": gt, ">=": ge, "<": lt, "<=": le}
+    bounds = [f"{sign} {bound:g}" for sign, bound in signs.items() if math.isfinite(bound)]
+
+    def admit(value: Any) -> float:
+        known = isinstance(value, kind) and not isinstance(value, bool) and math.isfinite(value)
+        return plain(value) if known and gt < value < lt and ge <= value <= le else _refuse()
+
+    noun = "a whole number" if whole else "a finite number"
+    return Rule(" ".join([noun, " and ".join(bounds)]).strip(), admit, plain)
+
+
+def one_of(names: Iterable[str]) -> Rule:
+    """Return the rule of a few names."""
+    known = tuple(names)
+    return Rule(
+        ", ".join(known), lambda value: value if isinstance(value, str) and value in known else _refuse(), str, known
+    )  # fmt: skip
+
+
+def pair(each: Rule) -> Rule:
+    """Return the rule of a range: two numbers that a rule admits, the first not above the second."""
+
+    def admit(value: Any) -> tuple[float, float]:
+        low, high = map(each.admit, value)
+        return (low, high) if low <= high else _refuse()
+
+    return Rule(f"a pair low <= high, each {each.words}", admit, each.parse)
+
+
+def instance(kind: type, words: str) -> Rule:
+    """Return the rule of the instances of a type."""
+    return Rule(words, lambda value: value if isinstance(value, kind) else _refuse())
+
+
+def _refuse() -> Any:
+    raise ValueError
+
+
+NATURAL = number(ge=0, whole=True)
+Natural = Annotated[int, NATURAL]
+Count = Annotated[int, number(ge=1, whole=True)]
+Positive = Annotated[float, number(gt=0)]
+Friction = Annotated[float, number(gt=0, le=2)]
+Share = Annotated[float, number(gt=0, lt=1)]
+
+_PLAIN = {
+    bool: instance(bool, "true or false"), int: number(whole=True), float: number(), str: instance(str, "text"),
+    dict: instance(dict, "a mapping"), list: instance(list, "a list"), Path: Rule("a path", Path, Path),
+}  # fmt: skip
+
+
+class Hint(NamedTuple):
+    """What the annotation of a field says.
+
+    Attributes:
+        kind: its type, without `None` and `Annotated`.
+        optional: whether None is valid.
+        rule: what is valid; None where anything of the kind is taken as it is.
+        marks: what else `Annotated` names.
+    """
+
+    kind: Any
+    optional: bool
+    rule: Rule | None
+    marks: tuple[Any, ...]
+
+
+@cache
+def hints(kind: Any) -> dict[str, Hint]:
+    """Return what the annotations of a dataclass say, by field."""
+    found = get_type_hints(kind, include_extras=True)
+    return {field.name: hint_of(found[field.name]) for field in fields(kind)}
+
+
+def hint_of(annotation: Any) -> Hint:
+    """Return what an annotation says."""
+    optional, marks = False, cast(tuple[Any, ...], ())
+    while True:
+        parts = get_args(annotation)
+        if get_origin(annotation) is Annotated:
+            annotation, marks = parts[0], (*parts[1:], *marks)
+        elif get_origin(annotation) in (Union, types.UnionType) and types.NoneType in parts:
+            optional, annotation = True, reduce(or_, (part for part in parts if part is not types.NoneType))
+        else:
+            break
+    rules = [mark for mark in marks if isinstance(mark, Rule)]
+    rule = rules[-1] if rules else _PLAIN.get(get_origin(annotation) or annotation)
+    return Hint(annotation, optional, rule, tuple(mark for mark in marks if not isinstance(mark, Rule)))
+
+
+def check(what: str, value: Any, rule: Rule) -> Any:
+    """Return a value as its rule keeps it.
+
+    Raises:
+        InputError: one line that says what is wrong, `what` it is and what is valid.
+    """
+    try:
+        return rule.admit(value)
+    except InputError:
+        raise
+    except (AttributeError, TypeError, ValueError, OverflowError):
+        shown = " ".join(repr(value).split())
+        shown = shown if len(shown) <= _LONGEST else shown[: _LONGEST - 3] + "..."
+        raise InputError(f"{what} is {shown}: valid is {rule.words}") from None
+
+
+def read(kind: type[Settings], given: Any, what: str = "", *, more: bool = False) -> Settings:
+    """Return a dataclass from a mapping of its fields, each of which is checked.
+
+    Args:
+        kind: the dataclass; fields that are dataclasses are read alike.
+        given: the mapping, or one that is made already.
+        what: it is, for messages; empty where the fields' names say enough.
+        more: leave keys alone that are no fields, instead of refusing them.
+
+    Raises:
+        InputError: one line that names the field that is unknown, missing or wrong, and what is valid.
+    """
+    if isinstance(given, kind):
+        return given
+    known = hints(cast(Any, kind))
+    if not isinstance(given, Mapping):
+        raise InputError(f"{what or 'it'} is no mapping: valid is one with {', '.join(known)}")
+    for key in given:
+        if key not in known and not more:
+            raise unknown_name(f"{what} key".strip(), key, known)
+    values = {}
+    for field in fields(cast(Any, kind)):
+        name = f"{what} {field.name}".strip()
+        if field.name in given:
+            values[field.name] = _value(name, given[field.name], known[field.name], field.default, more)
+        elif field.default is MISSING and field.default_factory is MISSING:
+            raise InputError(f"{name} is missing")
+    return kind(**values)
+
+
+def _value(name: str, value: Any, hint: Hint, default: Any, more: bool) -> Any:
+    if value is None and hint.optional:
+        return None
+    if value is None and is_dataclass(hint.kind) and default is not MISSING:
+        return default
+    if hint.rule is not None:
+        return check(name, value, hint.rule)
+    return read(cast(Any, hint.kind), value, name, more=more) if is_dataclass(hint.kind) else value
