@@ -27,7 +27,8 @@ from dexgrasp_env.tasks.control import normalise
 _RING = {"ring": (0.0, -0.15, 0.0, 0.0)}
 _AROUND = {"index": (-0.099, 0.773, 0.936, -0.227), "middle": (0.059, 0.768, 0.969, -0.227)} | _RING
 _OPEN = {
-    "index": (-0.149, 0.858, 0.0, 0.044), "middle": (0.064, 0.857, 0.0, 0.068), **_RING, "thumb": (1.38, 0.35, -0.1, 0.2)
+    "index": (-0.149, 0.858, 0.0, 0.044), "middle": (0.064, 0.857, 0.0, 0.068), **_RING,
+    "thumb": (1.38, 0.35, -0.1, 0.2),
 }  # fmt: skip
 _CLOSED = _AROUND | {"thumb": (1.38, 0.35, 0.45, 0.2)}
 _FIRM = _AROUND | {"thumb": (1.38, 0.35, 0.85, 0.2)}

@@ -27,6 +27,7 @@ from dexgrasp import plan_cloud
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.recorded import find_object
 from dexgrasp_env.perception.scan import cloud_of
+from dexgrasp_env.robot.cell import default_cell
 
 Points = NDArray[np.float64]
 Damage = Callable[[Points, Generator], Points]
@@ -111,7 +112,7 @@ def outcome(points: Points, seed: int, plan: bool) -> str:
     try:
         if plan:
             return plan_cloud(points, seed=seed).reason or "grasp"
-        return find_object(cloud_of(points), np.random.default_rng(seed)).reason or "object"
+        return find_object(cloud_of(points), np.random.default_rng(seed), default_cell()).reason or "object"
     except InputError as error:
         return "refused" if "\n" not in str(error) else "REFUSED IN MORE THAN ONE LINE"
 

@@ -27,6 +27,7 @@ from dexgrasp.export.replay import HEIGHT, HOLD, Replay, displace, load_scene, s
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
+from dexgrasp_env.robot.cell import default_cell
 
 Pose = tuple[Array, Array]
 """A position (3,), m, and a unit quaternion (4,) wxyz."""
@@ -318,7 +319,7 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the object's errors: 3 mm and 1 degree")
     args = parser.parse_args()
     try:
-        recording, scene = read_trajectory(args.trajectory), args.trajectory / "scene.xml"
+        recording, scene = read_trajectory(args.trajectory, default_cell()), args.trajectory / "scene.xml"
         held = [
             replay_in_bullet(recording, scene, np.random.default_rng([args.seed, k])).success
             for k in tqdm(range(args.replay), unit="replay", leave=False)

@@ -29,6 +29,7 @@ from dexgrasp.export.read import read_trajectory
 from dexgrasp.export.replay import replay
 from dexgrasp.grasp.file import read_grasp
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import default_cell
 
 
 def _rng(seed: int, row: dict[str, Any]) -> np.random.Generator:
@@ -45,8 +46,8 @@ def one(run: Path, row: dict[str, Any], seed: int, bullet: bool = False) -> dict
             export_grasp(record, Path(folder), "mjcf")
         except InputError as error:
             return found | {"error": str(error), "failed": [], "open": False}
-        recording = read_trajectory(Path(folder))
-        findings = check_trajectory(recording)
+        recording = read_trajectory(Path(folder), default_cell())
+        findings = check_trajectory(recording, default_cell())
         played = replay(recording, Path(folder) / "scene.xml", _rng(seed, row))
         if bullet:
             from replay_bullet import replay_in_bullet

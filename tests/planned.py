@@ -1,6 +1,7 @@
 """Grasps that many tests look at: planned once, on catalogue objects and on a mug of a user's."""
 
 import trimesh
+from robots import HOME
 
 from dexgrasp.grasp.content import ObjectPose, grasp_json
 from dexgrasp.grasp.identity import ObjectIdentity
@@ -10,7 +11,6 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import load_object
-from dexgrasp_env.robot.limits import HOME
 
 SETTINGS = PlannerSettings()
 PLACED = {}

@@ -13,13 +13,13 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from robots import HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp import Agent, make_agent
 from dexgrasp.agents.hardcoded import HardcodedAgent, short_axis
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
-from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.tasks.control import normalise
 
 
@@ -76,7 +76,7 @@ def test_hardcoded_says_why_it_stands_still():
     agent.reset(observation, {})
     assert agent.report.failure == "approach_blocked"
     np.testing.assert_array_equal(
-        agent.act(observation), normalise(HOME.astype(np.float32)).astype(np.float32)
+        agent.act(observation), normalise(HOME.astype(np.float32), ROBOT).astype(np.float32)
     )
     agent.reset(cloud_of_box(np.array([0.04, 0.08, 0.1]), at=(1.1, 0.0)), {})
     assert agent.report.failure == "out_of_reach"

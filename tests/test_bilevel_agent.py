@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import gymnasium as gym
 import numpy as np
 import pytest
+from robots import CELL, LOWER, UPPER
 
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
@@ -26,7 +27,6 @@ from dexgrasp.planning.sources import make_source
 from dexgrasp.shape.completion import target_of
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.robot.limits import LOWER, UPPER
 from dexgrasp_env.tasks.control import denormalise
 
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
@@ -48,7 +48,7 @@ def agent():
 
 
 def tips(q):
-    return fingertips(q, robot_tree())
+    return fingertips(q, robot_tree(CELL))
 
 
 def test_reports_a_plan(attempt):
@@ -223,9 +223,9 @@ def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
 
 def test_the_mount_follows_the_environment(attempt, agent):
     agent.reset(attempt.observation, {"mount": "fingers_along"})
-    assert agent.result.grasp is None or agent.result.grasp.mount == "fingers_along"
+    assert agent.result.grasp is None or agent.result.grasp.cell.robot.mount.name == "fingers_along"
     agent.reset(attempt.observation, {"mount": "palm_normal"})
-    assert agent.result.grasp.mount == "palm_normal"
+    assert agent.result.grasp.cell.robot.mount.name == "palm_normal"
 
 
 def test_unknown_sources_and_agents_without_plans():
@@ -244,7 +244,7 @@ def closing(attempt, blocked):
     Returns the set-points of the close, and the shares at which the fingers end.
     """
     grasp, script = attempt.agent.result.grasp, attempt.agent.result.script
-    execution = GuardedGrasp(script, grasp, robot_tree())
+    execution = GuardedGrasp(script, grasp)
     first = dict(script.phases)
     start = script.targets[first["close"] - 1]
     end = script.targets[first["squeeze"] - 1]
@@ -315,7 +315,7 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
     stand = targets[-1].copy()
     for finger, columns in enumerate(COLUMNS):
         stand[columns] = start[columns] + (0.6, 0.9, 1.1)[finger] * (end - start)[columns]
-    model = robot_spec().compile()
+    model = robot_spec(CELL).compile()
     data, J = mujoco.MjData(model), np.zeros((3, model.nv))
     data.qpos[:23] = stand
     mujoco.mj_forward(model, data)

@@ -7,13 +7,12 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from robots import CELL, HOME
 
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object
-from dexgrasp_env.robot.active import active_cell
-from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.scene.build import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
@@ -116,6 +115,6 @@ def test_what_is_not_grasped_stays_on_the_table(tmp_path):
     pytest.importorskip("pybullet")
     T = np.eye(4)
     T[:3, 3] = 0.5, 0.0, 0.0225
-    write_scene(tmp_path, load_object("sugar_box"), T, active_cell(), 0.7)
+    write_scene(tmp_path, load_object("sugar_box"), T, CELL, 0.7)
     outcome = replay_in_bullet(still(), tmp_path / "scene.xml", np.random.default_rng(0))
     assert not outcome.success

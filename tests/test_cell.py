@@ -11,6 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
+from dexgrasp_env.robot.active import active_cell, use_cell
+from robots import ARM_JOINTS, CELL, HAND_JOINTS
 
 from dexgrasp.cli.commands import run_command
 from dexgrasp.dataset.generate import _identity
@@ -21,11 +23,9 @@ from dexgrasp.evaluation.store import TrialStore, check_folder
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.active import active_cell, use_cell
 from dexgrasp_env.robot.cell import SIMULATED
 from dexgrasp_env.robot.cell_file import read_cell
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
 
 TABLE = 0.08
 LAB = {
@@ -50,7 +50,7 @@ def lab(tmp_path_factory):
 @pytest.mark.parametrize(("file", "joints"), [("panda.xml", ARM_JOINTS), ("allegro.xml", HAND_JOINTS)])
 def test_the_default_cell_says_what_the_robots_files_say(file, joints):
     own = mujoco.MjModel.from_xml_path(str(asset_path("robot", file)))
-    whole = robot_spec().compile()
+    whole = robot_spec(CELL).compile()
     for name in joints:
         assert np.array_equal(own.joint(name).range, whole.joint(name).range)
         for part in ("gainprm", "biasprm", "forcerange", "ctrlrange"):

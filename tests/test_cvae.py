@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from robots import CELL
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
@@ -282,15 +283,15 @@ def test_what_the_ablations_reject_and_what_not():
         trimesh.creation.box((0.05, 0.1, 0.08)).apply_translation([0.5, 0.0, 0.04]), mass=0.2
     )
     heavy = GraspTarget.of(target.hull, mass=60.0)
-    raw = RawPlanner(PlannerSettings(), "palm_normal").plan(target, 0)
+    raw = RawPlanner(PlannerSettings(), CELL).plan(target, 0)
     assert set(raw.log.blocked) <= {COLLISION, NO_CLOSURE, NO_IK}
     assert raw.grasp is not None
     assert raw.grasp.certificate.closure_residual < 1e-6
     assert raw.grasp.certificate.min_clearance_m >= 0.0
     assert -(raw.grasp.forces * raw.grasp.normals).sum(1).min() >= 4.0 - 1e-6
-    kept = KinematicPlanner(PlannerSettings(), "palm_normal")
+    kept = KinematicPlanner(PlannerSettings(), CELL)
     assert kept.plan(target, 0).grasp.certificate.holds
-    refused = KinematicPlanner(PlannerSettings(), "palm_normal")
+    refused = KinematicPlanner(PlannerSettings(), CELL)
     proposals = refused.source.propose(heavy, replace(refused.settings, triples=3), np.random.default_rng(0))
     refused.source = Given(proposals)
     plan = refused.plan(heavy, 0)

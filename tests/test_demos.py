@@ -6,6 +6,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from robots import CELL, HOME
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.demos import generate as generation
@@ -19,7 +20,6 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
-from dexgrasp_env.robot.limits import HOME
 
 pytest.importorskip("minari")
 TEACHER = "dexgrasp.agents.teacher:Teacher"
@@ -41,7 +41,7 @@ def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
 def test_actions_of_every_mode_follow_the_same_set_points(mode):
     env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", control_mode=mode)
     env.reset(seed=0)
-    tree = robot_tree()
+    tree = robot_tree(CELL)
     ways = np.array([0.3, 0.2, -0.1, 0.15, 0.1, 0.2, 0.3, *(0.1,) * 12, 0.02, *(0.1,) * 3])
     path = [HOME + ways * k / 20 for k in range(21)]
     for wanted in path[1:]:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from robots import CELL, HOME, LOWER, UPPER, VELOCITY
 from scipy.interpolate import CubicSpline
 
 from dexgrasp.geometry.convex import ConvexDistance
@@ -18,7 +19,6 @@ from dexgrasp.motion.spline import NaturalSpline
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp.motion.timing import ACCELERATION, round_corners, time_path, within_limits
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER, VELOCITY
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import denormalise
 
@@ -34,7 +34,7 @@ def palm_down(x, y, z, yaw=0.78):
     down = np.array([0.0, 0.0, -1.0])
     q = HOME.copy()
     R = np.stack([down, np.cross(fingers, down), fingers], axis=1)
-    assert solve_palm(q, R, np.array([x, y, z]), robot_tree(), 300, 1e-5) < 1e-4
+    assert solve_palm(q, R, np.array([x, y, z]), robot_tree(CELL), 300, 1e-5) < 1e-4
     return q
 
 
@@ -43,7 +43,7 @@ LEFT, RIGHT = palm_down(0.45, -0.25, 0.2), palm_down(0.45, 0.25, 0.2)
 
 
 def test_home_is_free_and_inside_the_table_is_not():
-    checker = CollisionChecker(robot_tree(), None)
+    checker = CollisionChecker(CELL, None)
     assert checker.free(HOME)
     low = HOME.copy()
     low[[1, 3]] = 1.4, -1.0
@@ -57,7 +57,7 @@ def test_what_the_checker_calls_free_the_simulation_does_not_touch():
 
     from dexgrasp_env.robot.model import robot_spec
 
-    spec = robot_spec()
+    spec = robot_spec(CELL)
     size = np.array([0.04, 0.09, 0.45])
     spec.worldbody.add_geom(
         name="tower", type=mujoco.mjtGeom.mjGEOM_BOX, size=size / 2, pos=[0.5, 0, size[2] / 2]
@@ -65,7 +65,7 @@ def test_what_the_checker_calls_free_the_simulation_does_not_touch():
     model = spec.compile()
     data = mujoco.MjData(model)
     tower = model.geom("tower").id
-    checker = CollisionChecker(robot_tree(), TOWER, margin=0.0)
+    checker = CollisionChecker(CELL, TOWER, margin=0.0)
     free = 0
     for share in np.linspace(0, 1, 200):
         q = LEFT + share * (RIGHT - LEFT)
@@ -78,7 +78,7 @@ def test_what_the_checker_calls_free_the_simulation_does_not_touch():
 
 
 def test_start_within_the_margin_can_be_left_but_deep_contact_cannot():
-    checker = CollisionChecker(robot_tree(), TOWER, margin=0.5)
+    checker = CollisionChecker(CELL, TOWER, margin=0.5)
     assert not checker.free(LEFT)
     checker.allow(LEFT)
     assert checker.free(LEFT)
@@ -88,7 +88,7 @@ def test_start_within_the_margin_can_be_left_but_deep_contact_cannot():
 
 
 def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
-    checker = CollisionChecker(robot_tree(), TOWER)
+    checker = CollisionChecker(CELL, TOWER)
     assert not checker.free_line(LEFT, RIGHT)
     path = plan_arm(checker, LEFT, RIGHT, seed=1)
     assert path is not None
@@ -99,23 +99,23 @@ def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
 
 def test_script_around_the_tower_is_free_and_reproducible():
     motion = GraspMotion(RIGHT, RIGHT, RIGHT)
-    script, again = (make_script(LEFT, motion, TOWER) for _ in range(2))
+    script, again = (make_script(LEFT, motion, TOWER, CELL) for _ in range(2))
     np.testing.assert_array_equal(script.targets, again.targets)
     approach = np.concatenate([LEFT[None], script.targets[: script.phases[1][1]]])
-    assert CollisionChecker(robot_tree(), TOWER, margin=0.002).first_contact(approach) is None
+    assert CollisionChecker(CELL, TOWER, margin=0.002).first_contact(approach) is None
 
 
 def test_pregrasp_inside_the_object_is_reported_with_the_bodies():
     inside = palm_down(0.45, 0.0, 0.2)
     with pytest.raises(NoPath, match=r"approach_blocked: .* mm from object") as caught:
-        make_script(LEFT, GraspMotion(inside, inside, inside), TOWER)
+        make_script(LEFT, GraspMotion(inside, inside, inside), TOWER, CELL)
     assert caught.value.reason == "approach_blocked"
 
 
 def test_lift_beyond_reach_is_reported():
     high = palm_down(0.5, 0.0, 0.6)
     with pytest.raises(NoPath, match="lift_out_of_reach"):
-        make_script(HOME, GraspMotion(high, high, high, lift_height=0.5), None)
+        make_script(HOME, GraspMotion(high, high, high, lift_height=0.5), None, CELL)
 
 
 @pytest.mark.parametrize("speed", [0.3, 0.65, 1.0])
@@ -123,7 +123,7 @@ def test_timing_keeps_velocity_and_acceleration_limits(speed):
     goal = HOME + np.linspace(-0.6, 0.8, 23)
     goal = np.clip(goal, LOWER, UPPER)
     middle = np.clip(HOME + np.linspace(0.5, -0.5, 23), LOWER, UPPER)
-    samples = time_path(np.stack([HOME, middle, goal]), speed=speed)
+    samples = time_path(np.stack([HOME, middle, goal]), robot_tree(CELL), speed=speed)
     np.testing.assert_allclose(samples[-1], goal, atol=1e-12)
     rate = np.diff(np.concatenate([HOME[None], samples]), axis=0) / CONTROL_PERIOD
     assert (np.abs(rate) <= 1.02 * speed * VELOCITY).all()
@@ -132,12 +132,12 @@ def test_timing_keeps_velocity_and_acceleration_limits(speed):
 
 
 def test_timing_of_degenerate_paths():
-    assert len(time_path(HOME[None])) == 0
-    assert len(time_path(np.stack([HOME, HOME, HOME]))) == 0
+    assert len(time_path(HOME[None], robot_tree(CELL))) == 0
+    assert len(time_path(np.stack([HOME, HOME, HOME]), robot_tree(CELL))) == 0
     tiny = HOME + 1e-4
-    samples = time_path(np.stack([HOME, HOME, tiny]))
+    samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
     np.testing.assert_allclose(samples[-1], tiny)
-    assert within_limits(HOME, samples)
+    assert within_limits(HOME, samples, robot_tree(CELL))
 
 
 def test_our_spline_is_scipys():
@@ -162,11 +162,11 @@ def test_rounded_corners_stay_near_the_polyline():
 
 def test_palm_goes_straight_and_keeps_its_turn():
     shifts = np.linspace(0.0, 0.15, 16)[:, None] * np.array([0.0, 0.6, 0.8])
-    path, error = shift_palm(LEFT, robot_tree(), shifts)
-    R0, p0 = palm_frame(LEFT, robot_tree())
+    path, error = shift_palm(LEFT, robot_tree(CELL), shifts)
+    R0, p0 = palm_frame(LEFT, robot_tree(CELL))
     assert error < 1e-5
     for q, shift in zip(path, shifts, strict=True):
-        R, p = palm_frame(q, robot_tree())
+        R, p = palm_frame(q, robot_tree(CELL))
         np.testing.assert_allclose(p, p0 + shift, atol=1e-5)
         np.testing.assert_allclose(R, R0, atol=1e-4)
 
@@ -176,14 +176,14 @@ def test_script_phases_limits_and_actions():
     grasp, squeeze = q.copy(), q.copy()
     grasp[[8, 12, 21]] += 0.2
     squeeze[[8, 12, 21]] += 0.25
-    script = make_script(HOME, GraspMotion(q, grasp, squeeze), box(0.5, 0.1, (0.03, 0.03, 0.1)))
+    script = make_script(HOME, GraspMotion(q, grasp, squeeze), box(0.5, 0.1, (0.03, 0.03, 0.1)), CELL)
     assert [name for name, _ in script.phases] == ["approach", "close", "squeeze", "lift", "hold"]
     assert len(script.targets) * CONTROL_PERIOD < 9.0
-    assert within_limits(HOME, script.targets)
+    assert within_limits(HOME, script.targets, robot_tree(CELL))
     firsts = dict(script.phases)
     assert (len(script.targets) - firsts["hold"]) * CONTROL_PERIOD >= 3.2
     np.testing.assert_allclose(script.targets[firsts["lift"] - 1], squeeze)
-    rise = palm_frame(script.targets[-1], robot_tree())[1] - palm_frame(squeeze, robot_tree())[1]
+    rise = palm_frame(script.targets[-1], robot_tree(CELL))[1] - palm_frame(squeeze, robot_tree(CELL))[1]
     np.testing.assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
     assert script.phase(0) == "approach"
     assert script.phase(10_000) == "hold"

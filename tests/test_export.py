@@ -7,6 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
@@ -19,12 +20,8 @@ from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_tra
 from dexgrasp.grasp.file import record_of
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import load_object
-from dexgrasp_env.robot.active import active_cell
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
-from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
 from dexgrasp_env.scene.build import build_scene
 
-ROBOT = active_cell().robot
 LIMITS = Limits(np.full(4, 2.0), np.full(4, 10.0), np.full(4, 5000.0))
 FACTS = {"mount": "palm_normal", "object": "nothing"}
 
@@ -99,14 +96,14 @@ def test_arm_and_hand_end_together_and_segments_follow_each_other(trajectory):
 
 
 def test_a_good_trajectory_passes_every_check(folder):
-    findings = check_trajectory(read_trajectory(folder))
+    findings = check_trajectory(read_trajectory(folder, CELL), CELL)
     assert len(findings) > 10
     assert [f.name for f in findings if not f.holds] == []
 
 
 def test_every_format_holds_the_same_rows(trajectory, folder, tmp_path):
     write_json(tmp_path / "json", trajectory, FACTS)
-    one, other = read_trajectory(folder), read_trajectory(tmp_path / "json")
+    one, other = read_trajectory(folder, CELL), read_trajectory(tmp_path / "json", CELL)
     assert np.array_equal(one.arm.positions, trajectory.arm)
     assert np.array_equal(one.hand.positions, trajectory.hand)
     assert np.array_equal(other.arm.positions, trajectory.arm)
@@ -127,14 +124,14 @@ def test_one_changed_number_is_found(folder, column, change, found):
     row = lines[900].split(",")
     row[1 + column] = f"{float(change(float(row[1 + column]))):.17g}"
     (folder / "arm.csv").write_text("\n".join([*lines[:900], ",".join(row), *lines[901:]]) + "\n")
-    bad = [f.name for f in check_trajectory(read_trajectory(folder)) if not f.holds]
+    bad = [f.name for f in check_trajectory(read_trajectory(folder, CELL), CELL) if not f.holds]
     assert any(found in name for name in bad), bad
 
 
 def test_a_missing_row_is_found(folder):
     lines = (folder / "hand.csv").read_text().splitlines()
     (folder / "hand.csv").write_text("\n".join(lines[:100] + lines[101:]) + "\n")
-    bad = [f.name for f in check_trajectory(read_trajectory(folder)) if not f.holds]
+    bad = [f.name for f in check_trajectory(read_trajectory(folder, CELL), CELL) if not f.holds]
     assert any("times" in name for name in bad)
 
 
@@ -142,7 +139,7 @@ def test_a_hand_in_the_table_is_found(trajectory, tmp_path):
     deep = trajectory.arm.copy()
     deep[:, 1] += 1.6 * np.linspace(0.0, 1.0, len(deep))
     write_csv(tmp_path, replace(trajectory, arm=deep), FACTS)
-    bad = [f.name for f in check_trajectory(read_trajectory(tmp_path)) if not f.holds]
+    bad = [f.name for f in check_trajectory(read_trajectory(tmp_path, CELL), CELL) if not f.holds]
     assert any("table" in name for name in bad), bad
 
 
@@ -158,13 +155,13 @@ def test_damaged_files_are_one_line(folder, tmp_path):
     for name, content in wrong.items():
         (folder / "arm.csv").write_text(content)
         with pytest.raises(InputError) as error:
-            read_trajectory(folder)
+            read_trajectory(folder, CELL)
         assert "\n" not in str(error.value), name
     (tmp_path / "trajectory.json").write_text('{"arm": 3}')
     with pytest.raises(InputError):
-        read_trajectory(tmp_path / "trajectory.json")
+        read_trajectory(tmp_path / "trajectory.json", CELL)
     with pytest.raises(InputError):
-        read_trajectory(tmp_path / "nothing")
+        read_trajectory(tmp_path / "nothing", CELL)
 
 
 def test_ros_messages_have_their_fields(trajectory, tmp_path):
@@ -189,10 +186,10 @@ def test_ros_messages_have_their_fields(trajectory, tmp_path):
 
 def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
     shape = load_object("sugar_box")
-    write_scene(tmp_path / "here", shape, None, active_cell(), 0.7)
+    write_scene(tmp_path / "here", shape, None, CELL, 0.7)
     shutil.move(tmp_path / "here", tmp_path / "there")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "there" / "scene.xml"))
-    own = build_scene(shape)
+    own = build_scene(shape, CELL)
     for name in (
         "body_mass",
         "geom_friction",
@@ -203,25 +200,27 @@ def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
     ):
         assert np.allclose(getattr(model, name), getattr(own, name), atol=1e-6), name
     write_csv(tmp_path, trajectory, FACTS)
-    outcome = replay(read_trajectory(tmp_path), tmp_path / "there" / "scene.xml", np.random.default_rng(0))
+    outcome = replay(
+        read_trajectory(tmp_path, CELL), tmp_path / "there" / "scene.xml", np.random.default_rng(0)
+    )
     assert not outcome.success  # nothing was grasped
 
 
 def test_a_scene_that_is_none_is_one_line(trajectory, folder):
     with pytest.raises(InputError, match="export --format mjcf"):
-        replay(read_trajectory(folder), folder / "scene.xml")
+        replay(read_trajectory(folder, CELL), folder / "scene.xml")
     (folder / "scene.xml").write_text("<mujoco/>")
     with pytest.raises(InputError):
-        replay(read_trajectory(folder), folder / "scene.xml")
+        replay(read_trajectory(folder, CELL), folder / "scene.xml")
 
 
 def test_a_way_between_the_parts_of_an_object_touches_nothing(contents, tmp_path):
     export_grasp(record_of(contents["hammer"]), tmp_path, "csv")
-    recording = read_trajectory(tmp_path)
+    recording = read_trajectory(tmp_path, CELL)
     assert len(recording.facts["parts"]) == 2
 
     def reached(facts):
-        findings = check_trajectory(replace(recording, facts=facts))
+        findings = check_trajectory(replace(recording, facts=facts), CELL)
         return next(f for f in findings if "to the object" in f.name)
 
     assert reached(recording.facts).holds

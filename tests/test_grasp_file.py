@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from robots import HOME
 
 from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
 from dexgrasp.grasp.identity import surface_hash
@@ -16,7 +17,6 @@ from dexgrasp.grasp.thresholds import FROZEN
 from dexgrasp.planning.look import subject_of
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME
 
 
 def test_round_trip(contents, tmp_path):
@@ -35,7 +35,7 @@ def test_round_trip(contents, tmp_path):
     np.testing.assert_array_equal(record.hull, content["parts"][0])
     assert record.grasp.fingers == ("thumb", "index", "middle")
     assert record.object.name == record.object.source == "pear"
-    assert record.grasp.mount == "palm_normal"
+    assert record.grasp.cell.robot.mount.name == "palm_normal"
     assert record.mass == content["certificate"]["mass"] == content["object"]["known_mass"]
     assert record.thresholds == FROZEN
     np.testing.assert_array_equal(record.phase("approach").setpoints[0], HOME)

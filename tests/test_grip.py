@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from robots import CELL, HOME
 
 from dexgrasp.imitation.features import features, first_look
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -10,7 +11,6 @@ from dexgrasp.registry import make_agent
 from dexgrasp.reinforcement.grip import SIZE, Grip, arm_step, look
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
@@ -72,7 +72,7 @@ def test_without_a_correction_it_is_the_clone(clone):
 
 @pytest.mark.parametrize("axis", range(6))
 def test_the_palm_moves_along_and_about_its_own_axes(axis):
-    tree, move = robot_tree("palm_normal"), np.zeros(6)
+    tree, move = robot_tree(CELL.mounted("palm_normal")), np.zeros(6)
     move[axis] = 0.005 if axis < 3 else 0.04
     R, p = palm_frame(HOME, tree)
     q = HOME.copy()

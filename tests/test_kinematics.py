@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
@@ -13,9 +14,7 @@ from dexgrasp.kinematics.forward import body_frames, fingertips, hand_jacobian, 
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
 
 MOUNTS = ("palm_normal", "fingers_along")
 NEAR = 0.02
@@ -28,7 +27,7 @@ SHAPE = ConvexDistance.from_mesh(HULL)
 
 @lru_cache
 def world(mount):
-    spec = robot_spec(mount)
+    spec = robot_spec(CELL.mounted(mount))
     mesh = spec.add_mesh(name="hull")
     mesh.uservert, mesh.userface = HULL.vertices.ravel(), HULL.faces.ravel()
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
@@ -61,7 +60,7 @@ def around_the_object(rng, count):
         R = np.stack([down, np.cross(fingers, down), fingers], axis=1)
         p = HULL.centroid + 0.02 * rng.normal(size=3) - (0.08 + 0.06 * rng.random()) * down
         p[2] -= 0.06 * rng.integers(2)
-        if reach_palm(q, R, p, robot_tree()):
+        if reach_palm(q, R, p, robot_tree(CELL)):
             q[7:] = rng.uniform(LOWER[7:], UPPER[7:])
             found.append(q)
     return found
@@ -69,8 +68,10 @@ def around_the_object(rng, count):
 
 def clearances(q, tips_touch=True):
     """Rows by (kind, body, body): the least of a pair's."""
-    rows = empty_rows(160, robot_tree())
-    n = clearance_rows(robot_tree(), body_frames(q, robot_tree()), SHAPE.obstacle, NEAR, tips_touch, rows)
+    rows = empty_rows(160, robot_tree(CELL))
+    n = clearance_rows(
+        robot_tree(CELL), body_frames(q, robot_tree(CELL)), SHAPE.obstacle, NEAR, tips_touch, rows
+    )
     assert n < 120  # far from the room that callers give
     least = {}
     for value, row, label in zip(rows.values[:n], rows.gradients[:n], rows.labels[:n], strict=True):
@@ -100,14 +101,14 @@ def true_distances(q, tips_touch=True):
         found[OBJECT, i, -1] = least([g for g in geoms[i] if g not in tips], [model.geom("object").id])
         if i >= 4:  # of the upper arm only what is over the table counts
             found[TABLE, i, -1] = least(geoms[i], [model.geom("table").id])
-    for a, b in {(a, b) for a, b in robot_tree().pairs.tolist()} | {(THUMB, PALM)}:
+    for a, b in {(a, b) for a, b in robot_tree(CELL).pairs.tolist()} | {(THUMB, PALM)}:
         found[SELF, a, b] = least(geoms[a], geoms[b])
     return found
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_frames_and_tips_are_mujocos(mount):
-    tree = robot_tree(mount)
+    tree = robot_tree(CELL.mounted(mount))
     for q in anywhere(np.random.default_rng(0), 40):
         model, data = placed(q, mount)
         R, p = body_frames(q, tree)
@@ -123,7 +124,7 @@ def test_frames_and_tips_are_mujocos(mount):
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_tip_jacobians_are_mujocos(mount):
-    tree, J = robot_tree(mount), np.zeros((3, 23))
+    tree, J = robot_tree(CELL.mounted(mount)), np.zeros((3, 23))
     for q in anywhere(np.random.default_rng(1), 40):
         model, data = placed(q, mount)
         ours, of_hand = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)), np.empty((3, 3, 23))
@@ -135,16 +136,16 @@ def test_tip_jacobians_are_mujocos(mount):
 
 
 def test_limits_and_unknown_mount():
-    np.testing.assert_array_equal(robot_tree().lower, LOWER)
-    np.testing.assert_array_equal(robot_tree().upper, UPPER)
+    np.testing.assert_array_equal(robot_tree(CELL).lower, LOWER)
+    np.testing.assert_array_equal(robot_tree(CELL).upper, UPPER)
     with pytest.raises(InputError, match="valid are palm_normal"):
-        robot_tree("sideways")
+        robot_tree(CELL.mounted("sideways"))
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_palm_ik_reaches_poses_that_can_be_reached(mount):
     """Goals are made from configurations, so every one can be reached; MuJoCo judges."""
-    rng, tree, met = np.random.default_rng(2), robot_tree(mount), 0
+    rng, tree, met = np.random.default_rng(2), robot_tree(CELL.mounted(mount)), 0
     for _ in range(60):
         goal = HOME.copy()
         goal[:7] = np.clip(HOME[:7] + rng.uniform(-0.6, 0.6, 7), LOWER[:7] + 0.05, UPPER[:7] - 0.05)
@@ -162,11 +163,11 @@ def test_palm_ik_reaches_poses_that_can_be_reached(mount):
 
 
 def test_palm_ik_reports_what_it_cannot_reach():
-    R, _ = palm_frame(HOME, robot_tree())
+    R, _ = palm_frame(HOME, robot_tree(CELL))
     q = HOME.copy()
-    assert solve_palm(q, R, np.array([1.5, 0.0, 0.3]), robot_tree(), 60, 1e-4) > 0.3
+    assert solve_palm(q, R, np.array([1.5, 0.0, 0.3]), robot_tree(CELL), 60, 1e-4) > 0.3
     assert ((q >= LOWER) & (q <= UPPER)).all()
-    assert not reach_palm(HOME.copy(), R, np.array([1.5, 0.0, 0.3]), robot_tree())
+    assert not reach_palm(HOME.copy(), R, np.array([1.5, 0.0, 0.3]), robot_tree(CELL))
 
 
 def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
@@ -174,8 +175,8 @@ def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
     rng = np.random.default_rng(3)
     checked = 0
     for b, name in enumerate(BODIES):
-        own = slice(robot_tree().sphere_first[b], robot_tree().sphere_first[b + 1])
-        centres, radii = robot_tree().sphere_centre[own], robot_tree().sphere_radius[own]
+        own = slice(robot_tree(CELL).sphere_first[b], robot_tree(CELL).sphere_first[b + 1])
+        centres, radii = robot_tree(CELL).sphere_centre[own], robot_tree(CELL).sphere_radius[own]
         for geom in range(model.ngeom):
             if model.geom_bodyid[geom] != model.body(name).id or not model.geom_contype[geom]:
                 continue
@@ -196,8 +197,8 @@ def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():
             assert gap.max() < 1e-9, name
             checked += 1
     assert checked > 35
-    hand = slice(robot_tree().sphere_first[PALM + 1], None)
-    assert robot_tree().sphere_radius[hand].max() < 0.02
+    hand = slice(robot_tree(CELL).sphere_first[PALM + 1], None)
+    assert robot_tree(CELL).sphere_radius[hand].max() < 0.02
 
 
 def test_clearances_bound_the_true_distances_and_miss_nothing():

@@ -4,9 +4,9 @@ import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
+from robots import HOME, LOWER, UPPER
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
 

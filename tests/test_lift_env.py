@@ -14,13 +14,13 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 from lift_envs import ID, assert_same, make, rollout, skip_without_gl
+from robots import HOME, LOWER, ROBOT, UPPER
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.rendering import choose_gl
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.tasks import control
-from dexgrasp_env.tasks.control import CONTROL_MODES, MAX_STEP
+from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.rewards import REWARD_MODES
@@ -213,21 +213,21 @@ def test_set_points_keep_range_and_velocity(control_mode):
     for _ in range(40):
         env.step(rng.choice([-1.0, 1.0], env.action_space.shape))
         after = env.targets
-        assert np.all(np.abs(after - before) <= MAX_STEP + 1e-12)
+        assert np.all(np.abs(after - before) <= max_step(ROBOT) + 1e-12)
         assert np.all((after >= LOWER) & (after <= UPPER))
         before = after
 
 
 def test_positions_and_actions_are_inverse():
     q = LOWER + np.random.default_rng(0).random((5, 23)) * (UPPER - LOWER)
-    np.testing.assert_allclose(control.denormalise(control.normalise(q)), q, atol=1e-12)
+    np.testing.assert_allclose(control.denormalise(control.normalise(q, ROBOT)), q, atol=1e-12)
 
 
 def test_ee_delta_moves_the_palm():
     env = make(control_mode="ee_delta")
     start, _ = env.reset(seed=0)
     action = np.zeros(22, np.float32)
-    action[6:] = control.normalise(HOME)[7:]
+    action[6:] = control.normalise(HOME, ROBOT)[7:]
     action[2] = 0.4  # 10 mm a step
     for _ in range(10):
         observation, *_ = env.step(action)

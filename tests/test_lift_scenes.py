@@ -8,13 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 from lift_envs import make
+from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.scene.build import build_scene
-from dexgrasp_env.tasks.control import MAX_STEP, normalise
+from dexgrasp_env.tasks.control import max_step, normalise
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.rewards import WEIGHTS
 from dexgrasp_env.tasks.simulation import Simulation
@@ -46,7 +46,7 @@ def test_cameras_look_again_once_the_arm_is_home():
     env.reset(seed=0)
     away = HOME.copy()
     away[0] += 0.2
-    clouds = [env.step(normalise(q).astype(np.float32))[0]["cloud"] for q in [away] * 8 + [HOME] * 12]
+    clouds = [env.step(normalise(q, ROBOT).astype(np.float32))[0]["cloud"] for q in [away] * 8 + [HOME] * 12]
     assert np.array_equal(clouds[3], clouds[7])  # the arm is on its way: nobody looks
     assert not np.array_equal(clouds[-1], clouds[7])
     assert not np.array_equal(clouds[-1], clouds[-2])
@@ -94,7 +94,7 @@ def test_commands_come_late():
         commands.append(np.concatenate(rows)[:, 7])
     np.testing.assert_allclose(commands[0][10:], commands[1][:-10], atol=1e-12)
     np.testing.assert_allclose(commands[0][:10], HOME[7], atol=1e-12)
-    np.testing.assert_allclose(np.diff(commands[1]), 0.2 * MAX_STEP[7] / 25, atol=1e-12)
+    np.testing.assert_allclose(np.diff(commands[1]), 0.2 * max_step(ROBOT)[7] / 25, atol=1e-12)
 
 
 def test_upright_stands_as_built():
@@ -145,7 +145,7 @@ def test_options_place_the_object():
 def test_randomised_model_equals_a_freshly_compiled_one(name):
     variation = Variation(mass=1.3, friction=0.45, size=1.15)
     model = load_object(name)
-    base = build_scene(model)
+    base = build_scene(model, CELL)
     written = copy.copy(base)
     apply_variation(written, base, variation)
     larger = model.scaled(variation.size)
@@ -179,9 +179,8 @@ def test_model_is_compiled_once_and_never_written_to():
 
 
 def build_like(simulation):
-    from dexgrasp_env.sensing.cameras import default_cameras
 
-    return build_scene(simulation.object, cameras=default_cameras())
+    return build_scene(simulation.object, CELL, cameras=CELL.make_cameras())
 
 
 def test_drawn_places_stay_in_their_ranges():

@@ -7,12 +7,12 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from robots import CELL
 
 from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
-from dexgrasp_env.sensing.cameras import default_cameras
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 
@@ -110,7 +110,7 @@ def test_the_same_seed_gives_the_same_observation():
 @pytest.mark.parametrize("used", [(0,), (2,), (0, 3), (0, 1, 2)])
 def test_fewer_cameras_see_a_part(used):
     model, data = scene()
-    perception = Perception(model, cameras=tuple(default_cameras()[k] for k in used))
+    perception = Perception(model, cameras=tuple(CELL.make_cameras()[k] for k in used))
     rng = np.random.default_rng(0)
     perception.reset(rng)
     seen = perception.observe(data, rng).scene
@@ -153,7 +153,7 @@ def test_a_fully_hidden_object_has_a_reason():
 )
 def test_images_of_nothing_have_a_reason(value, reason):
     depths = np.full((4, 120, 160), value)
-    assert segment(depths, default_cameras(), np.random.default_rng(0)).reason == reason
+    assert segment(depths, CELL.make_cameras(), np.random.default_rng(0)).reason == reason
 
 
 def test_a_few_points_are_too_few_and_nan_does_no_harm():
@@ -172,7 +172,7 @@ def test_a_few_points_are_too_few_and_nan_does_no_harm():
 def test_noise_alone_never_raises():
     rng = np.random.default_rng(0)
     for scale in (0.01, 1.0, 100.0):
-        seen = segment(scale * rng.standard_normal((4, 120, 160)), default_cameras(), rng)
+        seen = segment(scale * rng.standard_normal((4, 120, 160)), CELL.make_cameras(), rng)
         assert seen.reason is None or len(seen.target) == 0
 
 
@@ -180,7 +180,7 @@ def test_bad_settings_are_refused():
     with pytest.raises(InputError, match="crop box is empty"):
         SegmentationSettings(crop_low=(1, 0, 0), crop_high=(0, 1, 1))
     with pytest.raises(InputError, match="2 depth images for 4 cameras"):
-        segment(np.ones((2, 120, 160)), default_cameras(), np.random.default_rng(0))
+        segment(np.ones((2, 120, 160)), CELL.make_cameras(), np.random.default_rng(0))
 
 
 def test_importing_perception_brings_no_numba_torch_or_gl():

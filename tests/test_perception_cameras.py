@@ -3,12 +3,13 @@
 import mujoco
 import numpy as np
 import pytest
+from robots import CELL
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import deproject
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.sensing.backends import make_backend
-from dexgrasp_env.sensing.cameras import add_cameras, default_cameras
+from dexgrasp_env.sensing.cameras import add_cameras
 from dexgrasp_env.sensing.raycast import RayBackend
 from dexgrasp_env.sensing.sensor import SensorModel, incidence
 
@@ -35,7 +36,7 @@ def small_scene(floor: bool = True) -> tuple[mujoco.MjModel, mujoco.MjData]:
 
 
 def test_pixel_of_a_point_deprojects_to_the_point():
-    camera = default_cameras()[0]
+    camera = CELL.make_cameras()[0]
     depth = np.full((120, 160), np.nan)
     depth[37, 91] = 0.8
     point = deproject(depth, camera)[37, 91]
@@ -47,7 +48,7 @@ def test_pixel_of_a_point_deprojects_to_the_point():
 
 def test_default_cameras_see_the_whole_region_of_objects():
     corners = np.array([[x, y, z] for x in (0.40, 0.65) for y in (-0.25, 0.25) for z in (0.0, 0.2)])
-    for camera in default_cameras():
+    for camera in CELL.make_cameras():
         uv, depth = camera.project(corners)
         assert (uv > -0.5).all(), camera.name
         assert (uv < [159.5, 119.5]).all(), camera.name
@@ -56,9 +57,9 @@ def test_default_cameras_see_the_whole_region_of_objects():
 
 def test_mjcf_cameras_have_the_pose_and_field_of_view():
     spec = mujoco.MjSpec()
-    add_cameras(spec, default_cameras())
+    add_cameras(spec, CELL.make_cameras())
     model = spec.compile()
-    for camera in default_cameras():
+    for camera in CELL.make_cameras():
         cam = model.camera(camera.name)
         R = np.zeros(9)
         mujoco.mju_quat2Mat(R, cam.quat)
@@ -75,16 +76,16 @@ def test_bad_cameras_are_refused_in_one_line():
     with pytest.raises(InputError, match="orthonormal"):
         Camera("a", 2.0 * np.eye(4))
     with pytest.raises(InputError, match="auto, ray, gl"):
-        make_backend("cuda", model, default_cameras())
+        make_backend("cuda", model, CELL.make_cameras())
     with pytest.raises(InputError, match="image sizes"):
-        make_backend("ray", model, (default_cameras()[0], Camera("b", np.eye(4), small)))
+        make_backend("ray", model, (CELL.make_cameras()[0], Camera("b", np.eye(4), small)))
     with pytest.raises(InputError, match="one or more"):
         make_backend("ray", model, ())
 
 
 def test_rays_miss_nothing_that_single_rays_hit():
     model, data = small_scene()
-    cameras = default_cameras(CameraIntrinsics.from_fovy(38.0, 80, 60))
+    cameras = CELL.make_cameras(CameraIntrinsics.from_fovy(38.0, 80, 60))
     depths = RayBackend(model, cameras).render(data)
     group, geom = np.array([1, 1, 1, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
     for depth, camera in zip(depths, cameras, strict=True):
@@ -106,7 +107,7 @@ def test_nothing_is_infinitely_far_and_rays_have_no_colour():
 def test_gl_and_rays_agree_pixel_by_pixel():
     model, data = small_scene(floor=False)
     shifted = CameraIntrinsics(fx=180.0, fy=165.0, cx=70.0, cy=66.0)
-    cameras = tuple(Camera(c.name, c.T_world_camera, shifted) for c in default_cameras())
+    cameras = tuple(Camera(c.name, c.T_world_camera, shifted) for c in CELL.make_cameras())
     try:
         gl = make_backend("gl", model, cameras)
     except InputError as error:
@@ -128,11 +129,11 @@ def test_gl_and_rays_agree_pixel_by_pixel():
 def test_perfect_sensor_changes_nothing():
     depth = np.random.default_rng(0).uniform(0.4, 1.0, (4, 120, 160)).astype(np.float32)
     assert np.array_equal(
-        SensorModel.none().measure(depth, default_cameras(), np.random.default_rng(0)), depth
+        SensorModel.none().measure(depth, CELL.make_cameras(), np.random.default_rng(0)), depth
     )
     for camera, believed in zip(
-        default_cameras(),
-        SensorModel.none().calibrate(default_cameras(), np.random.default_rng(0)),
+        CELL.make_cameras(),
+        SensorModel.none().calibrate(CELL.make_cameras(), np.random.default_rng(0)),
         strict=True,
     ):
         assert np.allclose(camera.T_world_camera, believed.T_world_camera)
@@ -143,7 +144,7 @@ def test_perfect_sensor_changes_nothing():
 def test_noise_grows_with_the_square_of_distance(distance, correlated):
     sensor = SensorModel(subpixel_rms=0.08, correlated=correlated)
     depth = np.full((4, 120, 160), distance, np.float32)
-    measured = sensor.measure(depth, default_cameras(), np.random.default_rng(1))
+    measured = sensor.measure(depth, CELL.make_cameras(), np.random.default_rng(1))
     expected = distance**2 * 0.08 / (424 * 0.05)
     assert sensor.depth_rms(distance) == pytest.approx(expected)
     assert (measured - depth).std() == pytest.approx(expected, rel=0.05)
@@ -151,7 +152,7 @@ def test_noise_grows_with_the_square_of_distance(distance, correlated):
 
 def test_quantisation_is_in_disparity():
     depth = np.linspace(0.4, 1.0, 4 * 120 * 160, dtype=np.float32).reshape(4, 120, 160)
-    measured = SensorModel(disparity_step=0.25).measure(depth, default_cameras(), np.random.default_rng(0))
+    measured = SensorModel(disparity_step=0.25).measure(depth, CELL.make_cameras(), np.random.default_rng(0))
     disparity = 424 * 0.05 / measured / 0.25
     assert np.allclose(disparity, np.rint(disparity), atol=1e-3)
 
@@ -177,7 +178,7 @@ def test_grazing_surfaces_and_edges_drop_out():
 
 
 def test_calibration_error_has_its_size_and_is_seeded():
-    sensor, camera = SensorModel.realistic(), default_cameras()[:1]
+    sensor, camera = SensorModel.realistic(), CELL.make_cameras()[:1]
     rng = np.random.default_rng(0)
     errors = [
         np.linalg.inv(camera[0].T_world_camera) @ sensor.calibrate(camera, rng)[0].T_world_camera

@@ -4,6 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from robots import CELL
 
 from dexgrasp.benchmarks.cloud_accuracy import covered_share, surface_distance
 from dexgrasp.shape.hull import cloud_hull
@@ -22,7 +23,6 @@ from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, remove_plane
 from dexgrasp_env.perception.robot import RobotShape, remove_robot, robot_geoms
-from dexgrasp_env.sensing.cameras import default_cameras
 
 GEOM = mujoco.mjtGeom
 
@@ -44,10 +44,10 @@ def table_points(rng, n=5000, noise=0.0, height=0.0):
 def test_gather_skips_what_is_no_measurement():
     depths = np.full((4, 120, 160), np.nan)
     depths[0, 3, 4], depths[1, 5, 6], depths[2, 0, 0], depths[3, 1, 1] = 0.5, 0.7, np.inf, -1.0
-    cloud = gather(depths, default_cameras())
+    cloud = gather(depths, CELL.make_cameras())
     assert cloud.camera.tolist() == [0, 1]
     assert cloud.pixel.tolist() == [3 * 160 + 4, 120 * 160 + 5 * 160 + 6]
-    camera = default_cameras()[1]
+    camera = CELL.make_cameras()[1]
     assert cloud.points[1] + cloud.views[1] * np.linalg.norm(
         cloud.points[1] - camera.position
     ) == pytest.approx(camera.position)

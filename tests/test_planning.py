@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from planned import hammer
+from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
@@ -25,12 +26,10 @@ from dexgrasp.planning.sqp import MOVED, bounds_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.cones import conic_margin, conic_residual
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
 
-TREE, SETTINGS = robot_tree(), PlannerSettings()
-MODEL = robot_spec().compile()
+TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
+MODEL = robot_spec(CELL).compile()
 DATA = mujoco.MjData(MODEL)
 FRICTIONLESS = PlannerSettings(friction=0.01)
 
@@ -165,7 +164,7 @@ def test_no_proposals_with_the_reason(grasp_target, settings, reason):
     found = propose(grasp_target, settings)
     assert found.failure == reason
     assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, grasp_target, TREE, settings)) == []
+    assert list(atlas_postures(found, grasp_target, CELL, settings)) == []
 
 
 def test_uniform_proposals_are_not_judged():
@@ -198,7 +197,7 @@ def test_subject_assumptions_and_bad_input():
 
 
 def test_atlas_postures_are_what_mujoco_says():
-    atlas = hand_atlas()
+    atlas = hand_atlas(CELL)
     assert len(atlas.joints) > 5000
     rng = np.random.default_rng(0)
     for k in rng.choice(len(atlas.joints), 60, replace=False):
@@ -219,7 +218,7 @@ def test_atlas_postures_are_what_mujoco_says():
 def test_starting_postures_are_near_their_contacts(name, proposals):
     found, grasp_target = proposals[name], SUBJECTS[name]
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, grasp_target, TREE, SETTINGS))
+    postures = list(atlas_postures(found, grasp_target, CELL, SETTINGS))
     assert 10 < len(postures) <= SETTINGS.postures
     assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
     for posture in postures:
@@ -250,7 +249,7 @@ def test_oriented_postures_say_how_far_they_miss(proposals):
 
 
 def test_tip_ik_reaches_what_can_be_reached():
-    rng, atlas, met = np.random.default_rng(3), hand_atlas(), 0
+    rng, atlas, met = np.random.default_rng(3), hand_atlas(CELL), 0
     for k in rng.choice(len(atlas.joints), 40, replace=False):
         goal = HOME.copy()
         goal[7:] = atlas.joints[k]
@@ -286,7 +285,7 @@ def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
 
 def near_contact(name, proposals, count, seed=0):
     rng = np.random.default_rng(seed)
-    for posture in itertools.islice(atlas_postures(proposals[name], SUBJECTS[name], TREE, SETTINGS), count):
+    for posture in itertools.islice(atlas_postures(proposals[name], SUBJECTS[name], CELL, SETTINGS), count):
         q = posture.q.copy()
         q[MOVED] += rng.normal(0, 0.02, len(MOVED))
         yield np.clip(q, LOWER, UPPER)

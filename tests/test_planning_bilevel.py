@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from robots import CELL, HOME, LOWER, UPPER
 
 from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
@@ -17,9 +18,8 @@ from dexgrasp.planning.setpoints import grasp_motion
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 
-TREE, SETTINGS = robot_tree(), PlannerSettings()
+TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 
 
 def lying(size, at=(0.5, 0.0)):
@@ -37,7 +37,7 @@ PLATE = lying((0.3, 0.2, 0.002))
 @pytest.fixture(scope="module")
 def solutions():
     proposals = SurfaceProposals().propose(BOX, SETTINGS, np.random.default_rng(0))
-    return [solve(p.q, TREE, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, TREE, SETTINGS)]
+    return [solve(p.q, CELL, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, CELL, SETTINGS)]
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +80,12 @@ def test_failures_name_the_constraint_and_by_how_much(solutions):
 def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
     rng, recovered, tried = np.random.default_rng(0), 0, 0
     for s in [s for s in solutions if s.feasible][:10]:
-        again = solve(s.q, TREE, BOX, replace(SETTINGS, closure_aim=SETTINGS.closure_margin))
+        again = solve(s.q, CELL, BOX, replace(SETTINGS, closure_aim=SETTINGS.closure_margin))
         assert again.feasible
         assert np.abs(again.q - s.q).max() < 0.02
         shaken = s.q.copy()
         shaken[[*range(15), *range(19, 23)]] += rng.normal(0, 0.02, 19)  # the fingertips by 2 cm
-        solution = solve(np.clip(shaken, LOWER, UPPER), TREE, BOX, SETTINGS)
+        solution = solve(np.clip(shaken, LOWER, UPPER), CELL, BOX, SETTINGS)
         np.testing.assert_array_equal(solution.q[15:19], s.q[15:19])
         recovered, tried = recovered + solution.feasible, tried + 1
     assert recovered >= 0.8 * tried
@@ -94,16 +94,16 @@ def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
 def test_no_iterations_no_motion(solutions):
     start = np.clip(HOME, LOWER + 0.02, UPPER - 0.02)
     for budget in (0, 3):
-        solution = solve(start, TREE, HUGE, replace(SETTINGS, iterations=budget))
+        solution = solve(start, CELL, HUGE, replace(SETTINGS, iterations=budget))
         assert not solution.feasible
         assert solution.iterations <= budget
         assert solution.violation > 1e-3
-    assert np.abs(solve(start, TREE, HUGE, replace(SETTINGS, iterations=0)).q - start).max() < 1e-12
+    assert np.abs(solve(start, CELL, HUGE, replace(SETTINGS, iterations=0)).q - start).max() < 1e-12
 
 
 def test_same_start_same_solution_bit_for_bit(solutions):
     proposals = SurfaceProposals().propose(BOX, SETTINGS, np.random.default_rng(0))
-    again = [solve(p.q, TREE, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, TREE, SETTINGS)]
+    again = [solve(p.q, CELL, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, CELL, SETTINGS)]
     assert len(again) == len(solutions)
     for one, two in zip(solutions, again, strict=True):
         np.testing.assert_array_equal(one.q, two.q)
@@ -126,7 +126,7 @@ def test_plan_is_whole_and_repeats_itself(plan):
 def test_approach_keeps_clear_of_the_object(plan):
     """Up to the close, the way is free; the robot never leaves its joint range."""
     first = dict(plan.script.phases)
-    checker = CollisionChecker(TREE, BOX.distance, margin=0.0)
+    checker = CollisionChecker(CELL, BOX.distance, margin=0.0)
     assert checker.first_contact(plan.script.targets[: first["close"]]) is None
     assert ((plan.script.targets >= LOWER - 1e-9) & (plan.script.targets <= UPPER + 1e-9)).all()
 
@@ -219,7 +219,7 @@ def test_the_squeeze_presses_with_the_planned_forces(plan):
 
     from dexgrasp_env.robot.model import robot_spec
 
-    model = robot_spec().compile()
+    model = robot_spec(CELL).compile()
     data, J, torque = mujoco.MjData(model), np.zeros((3, model.nv)), np.zeros(23)
     data.qpos[:23] = plan.grasp.motion.grasp
     mujoco.mj_forward(model, data)

@@ -5,6 +5,7 @@ import json
 import numpy as np
 import pytest
 import trimesh
+from robots import HOME
 
 from dexgrasp.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
 from dexgrasp.grasp.content import grasp_json
@@ -17,7 +18,6 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME
 
 COUNT = 6
 

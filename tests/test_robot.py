@@ -3,12 +3,12 @@
 import mujoco
 import numpy as np
 import pytest
+from robots import CELL, MOUNTS
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot import limits, names
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.mounts import MOUNTS
 
 DH_A = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
 DH_D = (0.333, 0.0, 0.316, 0.0, 0.384, 0.0, 0.0)
@@ -18,7 +18,7 @@ HAND_ZERO = np.array([0.0] * 12 + [0.263, 0.0, 0.0, 0.0])
 
 @pytest.fixture(scope="module")
 def model():
-    return robot_spec().compile()
+    return robot_spec(CELL).compile()
 
 
 @pytest.fixture(scope="module")
@@ -59,19 +59,19 @@ def pairs_at(model, data, q):
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_names_and_orders(mount):
-    model = robot_spec(mount).compile()
+    model = robot_spec(CELL.mounted(mount)).compile()
     assert [model.joint(i).name for i in range(model.njnt)] == list(names.JOINTS)
     assert [model.actuator(i).name for i in range(model.nu)] == list(names.JOINTS)
     assert [model.body(i).name for i in range(1, model.nbody)] == list(names.BODIES)
     assert (model.actuator_trnid[:, 0] == np.arange(23)).all()
-    for site in ("flange", names.PALM_SITE, *names.TIP_SITES):
+    for site in ("flange", names.PALM_SITE, *names.TIPS):
         model.site(site)
-    for geom in names.TIP_GEOMS:
+    for geom in names.TIPS:
         assert model.geom(geom).size[0] == 0.014
 
 
 def test_the_specification_saves_and_loads_without_warnings(model, recwarn):
-    spec = robot_spec()
+    spec = robot_spec(CELL)
     spec.compile()
     shells = {file.name: file.read_bytes() for file in asset_path("robot", "shells").iterdir()}
     loaded = mujoco.MjModel.from_xml_string(spec.to_xml(), shells)
@@ -83,7 +83,7 @@ def test_the_specification_saves_and_loads_without_warnings(model, recwarn):
 
 def test_unknown_mount():
     with pytest.raises(InputError, match=r"mount 'sideways'.*palm_normal, fingers_along"):
-        robot_spec("sideways")
+        robot_spec(CELL.mounted("sideways"))
 
 
 def test_arm_kinematics_follow_the_dh_table(model):
@@ -175,7 +175,7 @@ def test_facts_of_the_hand_agree_with_the_model(model):
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_mount_geometry(mount):
-    data = placed(robot_spec(mount).compile(), limits.HOME)
+    data = placed(robot_spec(CELL.mounted(mount)).compile(), limits.HOME)
     T = dh_frames(limits.HOME_ARM)[-1]
     palm, R = data.site("palm").xpos, T[:3, :3].T @ data.site("palm").xmat.reshape(3, 3)
     origin = T[:3, :3].T @ (palm - T[:3, 3])
@@ -202,7 +202,7 @@ def test_only_named_geoms_of_group_3_collide(model):
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_no_contact_at_home_and_few_in_random_arm_poses(mount):
-    model = robot_spec(mount).compile()
+    model = robot_spec(CELL.mounted(mount)).compile()
     data = mujoco.MjData(model)
     assert not pairs_at(model, data, limits.HOME)
     rng = np.random.default_rng(1)
@@ -256,11 +256,11 @@ def test_servo_tracks_a_set_point(model):
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_gravity_is_compensated_through_the_actuators(mount):
-    model = robot_spec(mount).compile()
+    model = robot_spec(CELL.mounted(mount)).compile()
     data = placed(model, limits.HOME)
-    start = np.array([data.site(tip).xpos for tip in names.TIP_SITES])
+    start = np.array([data.site(tip).xpos for tip in names.TIPS])
     mujoco.mj_step(model, data, 500)
-    end = np.array([data.site(tip).xpos for tip in names.TIP_SITES])
+    end = np.array([data.site(tip).xpos for tip in names.TIPS])
     assert np.linalg.norm(end - start, axis=1).max() < 1e-3
     np.testing.assert_allclose(data.qfrc_actuator, data.qfrc_bias, atol=0.05)
     assert np.abs(data.qfrc_actuator).max() > 10.0

@@ -3,11 +3,10 @@
 import mujoco
 import numpy as np
 import pytest
+from robots import CELL, HOME, JOINTS, LOWER, TIPS, TORQUE, UPPER
 
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.rest_poses import rest_poses
-from dexgrasp_env.robot.limits import HOME, LOWER, TORQUE, UPPER
-from dexgrasp_env.robot.names import JOINTS, TIP_GEOMS
 from dexgrasp_env.scene.arena import set_physics
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, TIMESTEP
@@ -17,12 +16,12 @@ GRAVITY = 9.81
 
 @pytest.fixture(scope="module")
 def scene():
-    return build_scene(load_object("sugar_box"))
+    return build_scene(load_object("sugar_box"), CELL)
 
 
 def tip_pair(scene):
     """The first pair of a fingertip and the object."""
-    tips = {scene.geom(name).id for name in TIP_GEOMS}
+    tips = {scene.geom(name).id for name in TIPS}
     return next(i for i in range(scene.npair) if scene.pair_geom1[i] in tips or scene.pair_geom2[i] in tips)
 
 
@@ -71,7 +70,7 @@ def test_slip_begins_at_mu_times_the_normal_force(scene, friction, degrees):
 
 
 def test_every_contact_has_the_friction_asked_for():
-    model = build_scene(load_object("castle"), friction=0.45)
+    model = build_scene(load_object("castle"), CELL, friction=0.45)
     colliding = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     assert np.all(model.geom_friction[colliding, 0] == 0.45)
     assert np.all(model.pair_friction[:, :2] == 0.45)
@@ -124,7 +123,7 @@ def test_an_object_at_rest_stays(name):
     from dexgrasp_env.objects import load_object as load
 
     model = load(name)
-    scene = build_scene(model)
+    scene = build_scene(model, CELL)
     data = mujoco.MjData(scene)
     data.qpos[:23] = data.ctrl[:] = HOME
     pose = max(rest_poses(model), key=lambda pose: pose.probability)

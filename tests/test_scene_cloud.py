@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from robots import CELL
 
 from dexgrasp.cli.plan_cloud import scan_name
 from dexgrasp_env.errors import InputError
@@ -40,8 +41,8 @@ def scene_points(rng, *centres):
     return np.concatenate([table(rng), *(box(rng, centre) for centre in centres)])
 
 
-def find(points, **options):
-    return find_object(cloud_of(points), np.random.default_rng(0), **options)
+def find(points, cell=CELL, **options):
+    return find_object(cloud_of(points), np.random.default_rng(0), cell, **options)
 
 
 def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):
@@ -76,18 +77,17 @@ def test_what_is_wrong_is_named(rng):
         assert recorded.WORDS[reason] in found.sentence
 
 
-def test_a_table_at_another_height_is_where_the_cell_has_it(rng, monkeypatch):
+def test_a_table_at_another_height_is_where_the_cell_has_it(rng):
     points, up = scene_points(rng, (0.5, 0.15), (0.5, -0.15)), np.array([0.0, 0.0, 0.08])
     beside = find(points, near=(0.5, -0.15, 0.03))
     assert "the cell has 0 m" in find(points + up).sentence
-    raised = replace(recorded.active_cell(), table_height=0.08)
-    monkeypatch.setattr(recorded, "active_cell", lambda: raised)
-    found = find(points + up, near=(0.5, -0.15, 0.11))
+    raised = replace(CELL, table_height=0.08)
+    found = find(points + up, raised, near=(0.5, -0.15, 0.11))
     assert found.reason is None  # the object is in the world, whose z = 0 is the table's top
     assert np.abs(found.target.points.mean(0) - beside.target.points.mean(0)).max() < 0.002
-    assert "the cell has 0.08 m" in find(points).sentence
+    assert "the cell has 0.08 m" in find(points, raised).sentence
     # What is said is in the frame of the base: middles are 2.5 cm above the table.
-    assert find(points + up).sentence.count("0.11)") == 2
+    assert find(points + up, raised).sentence.count("0.11)") == 2
 
 
 def test_a_point_near_the_object_chooses_it(rng):

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from robots import CELL, HAND_JOINTS, TIPS
 
 from dexgrasp.cli.main import main
 from dexgrasp.cli.score import short_names
@@ -23,7 +24,6 @@ from dexgrasp.scoring.readers.plain import FORMAT
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.names import HAND_JOINTS, TIP_SITES
 
 OFFSET = np.array([0.02, -0.01, 0.05])  # of the box's centre in the mesh file, m
 SIDES = (0.05, 0.06, 0.10)
@@ -272,13 +272,13 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mo
     )  # fmt: skip
     monkeypatch.setattr(ours, "read_grasp", lambda path: record)
     (found,) = ours.read_ours(tmp_path / "grasp.json", ReadOptions())
-    robot, hand = robot_spec(mount).compile(), found.hand.model
+    robot, hand = robot_spec(CELL.mounted(mount)).compile(), found.hand.model
     whole, alone = mujoco.MjData(robot), mujoco.MjData(hand)
     whole.qpos[:23], alone.qpos[:] = q, found.grasp.joints
     mujoco.mj_kinematics(robot, whole)
     mujoco.mj_kinematics(hand, alone)
     T = found.grasp.T_world_hand
-    for tip in TIP_SITES:
+    for tip in TIPS:
         np.testing.assert_allclose(
             T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9
         )

@@ -4,12 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from robots import CELL, HOME
 
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.soundness import check_way
-from dexgrasp_env.robot.home import HOME
 
 
 def script(targets):
@@ -23,14 +22,14 @@ def still():
 
 
 def test_a_sound_way_passes(still):
-    check_way(still, robot_tree())
+    check_way(still, CELL)
 
 
 def test_a_set_point_that_stands_out_is_refused(still):
     targets = still.targets.copy()
     targets[9, 3] += 0.01
     with pytest.raises(NoPath, match="approach_bends"):
-        check_way(replace(still, targets=targets), robot_tree())
+        check_way(replace(still, targets=targets), CELL)
 
 
 def test_a_hand_that_meets_itself_on_the_way_up_is_refused(still):
@@ -38,4 +37,4 @@ def test_a_hand_that_meets_itself_on_the_way_up_is_refused(still):
     targets[24:34, 7:] = np.tile([0.0, 1.6, 1.6, 1.5], 4)  # a fist
     targets[24:34, 19:] = [1.35, 1.1, 1.6, 1.6]
     with pytest.raises(NoPath, match="lift_blocked"):
-        check_way(replace(still, targets=targets), robot_tree())
+        check_way(replace(still, targets=targets), CELL)

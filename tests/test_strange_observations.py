@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
+from robots import HOME
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME
 
 RNG = np.random.default_rng(0)
 BLOB = RNG.uniform([0.45, -0.03, 0.02], [0.51, 0.03, 0.08], (256, 3))

@@ -10,11 +10,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 from planned import MESHES, SETTINGS, failing
+from robots import LOWER, UPPER
 
 from dexgrasp.grasp.thresholds import planned_friction
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.objects.catalogue import CATALOGUE
-from dexgrasp_env.robot.limits import LOWER, UPPER
 
 
 def test_a_file_cannot_lower_the_bar_it_is_held_to(contents, check):

@@ -5,10 +5,10 @@ import copy
 import numpy as np
 import pytest
 from planned import failing
+from robots import HOME, LOWER, UPPER
 
 from dexgrasp.grasp.file import record_of
 from dexgrasp.verify.verify import verify
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 
 
 def shift_joints(c):

@@ -2,10 +2,10 @@
 
 import numpy as np
 import pytest
+from robots import HOME
 
 from dexgrasp.viewer.film import Film, carried, palm_poses
 from dexgrasp_env.objects import load_object
-from dexgrasp_env.robot.limits import HOME
 
 
 @pytest.fixture(scope="module")

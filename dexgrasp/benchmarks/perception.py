@@ -30,11 +30,12 @@ def run(quick: bool = False) -> dict[str, Any]:
     Args:
         quick: fewer repetitions.
     """
+    from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.sensing.perception import Perception
 
     repeats = 5 if quick else 31
     model, data, _ = _scene(OBJECT, np.random.default_rng(0), 0)
-    perception, rng = Perception(model), np.random.default_rng(1)
+    perception, rng = Perception(model, default_cell().make_cameras()), np.random.default_rng(1)
     perception.reset(rng)
     perception.observe(data, rng)  # compiles
     steps = _steps(perception, data, rng)
@@ -78,12 +79,13 @@ def accuracy(
 def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) -> dict[str, Any]:
     from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
     from dexgrasp_env.poses import pose_matrix
+    from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.sensing.groups import VISUAL_GROUPS
     from dexgrasp_env.sensing.perception import Perception
 
     rng = np.random.default_rng((seed, pose))
     model, data, shape = _scene(name, rng, pose)
-    perception = Perception(model, sensor=sensor)
+    perception = Perception(model, default_cell().make_cameras(), sensor=sensor)
     perception.reset(rng)
     scene = perception.observe(data, rng).scene
     geoms = object_geoms(model)
@@ -118,16 +120,17 @@ def _scene(
 
     from dexgrasp_env.objects.load import load_object
     from dexgrasp_env.objects.rest_poses import rest_poses
-    from dexgrasp_env.robot.limits import HOME
+    from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.scene.build import build_scene
     from dexgrasp_env.tasks.placement import Placement
 
     shape = load_object(name)
     rest = "likely" if shape.fixed_pose is not None else pose % len(rest_poses(shape))
-    model = build_scene(shape)
+    cell = default_cell()
+    model = build_scene(shape, cell)
     data = mujoco.MjData(model)
-    data.qpos[:23] = HOME
-    data.qpos[23:30] = Placement(rest_pose=rest).sample(shape, rng)
+    data.qpos[:-7] = cell.robot.home
+    data.qpos[-7:] = Placement(rest_pose=rest).sample(shape, rng)
     mujoco.mj_forward(model, data)
     return model, data, shape
 

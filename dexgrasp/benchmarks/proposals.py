@@ -89,8 +89,8 @@ def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> 
         np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
     )
     single = Proposals(contacts, normals, found.margins, assigned=True)
-    postures = atlas_postures(single, target, planner.tree, settings)
-    return sum(solve(p.q, planner.tree, target, settings).feasible for p in postures) / len(contacts)
+    postures = atlas_postures(single, target, planner.cell, settings)
+    return sum(solve(p.q, planner.cell, target, settings).feasible for p in postures) / len(contacts)
 
 
 def _sources() -> dict[str, Any]:
@@ -181,8 +181,9 @@ def _diversity(good: list[Attempt]) -> tuple[float | None, float | None]:
     """Return mean distances, cm and degrees, between verified grasps of the same scene."""
     from dexgrasp.kinematics.forward import body_frames
     from dexgrasp.kinematics.tree import robot_tree
+    from dexgrasp_env.robot.cell import default_cell
 
-    tree, spreads, angles = robot_tree(), [], []
+    tree, spreads, angles = robot_tree(default_cell()), [], []
     for scene in {a.scene for a in good}:
         grasps = [a.grasp for a in good if a.scene == scene and a.grasp is not None]
         palms = [body_frames(g.q, tree)[0][tree.palm] for g in grasps]

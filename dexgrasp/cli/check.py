@@ -35,9 +35,11 @@ def run(args: argparse.Namespace) -> int:
     from dexgrasp.cli.output import coloured, mark, print_json
     from dexgrasp.export.check import check_trajectory
     from dexgrasp.export.read import read_trajectory
+    from dexgrasp_env.robot.cell import make_cell
 
-    recording = read_trajectory(args.trajectory)
-    findings = check_trajectory(recording)
+    cell = make_cell(args.cell)
+    recording = read_trajectory(args.trajectory, cell)
+    findings = check_trajectory(recording, cell)
     good = all(finding.holds for finding in findings)
     held = _replays(args, recording) if args.replay else []
     if args.json:

@@ -64,7 +64,6 @@ def run_command(arguments: Sequence[str]) -> int:
         if isinstance(stream, io.TextIOWrapper):  # names of files need not be text
             stream.reconfigure(errors="backslashreplace")
     try:
-        _choose_cell(arguments)
         args = _parsed(arguments)
     except SystemExit as end:  # argparse: --help is 0, a mistake is 2
         return int(end.code or 0)
@@ -131,17 +130,6 @@ def _guarded(args: argparse.Namespace) -> int:
         return OK
     except Exception as error:
         return _unexpected(args.command, error)
-
-
-def _choose_cell(arguments: Sequence[str]) -> None:
-    """What is imported after this is of the cell that was named, and so are the choices of the command's options."""
-    finder = Parser(prog="dexgrasp", add_help=False)
-    finder.add_argument("--cell")
-    cell = finder.parse_known_args(arguments)[0].cell
-    if cell:
-        from dexgrasp_env.robot.active import use_cell
-
-        use_cell(cell)
 
 
 def _refused(command: str, error: InputError) -> int:

@@ -96,7 +96,7 @@ def _generate(args: argparse.Namespace) -> int:
     backend = backend_of(args)
     settings = DatasetSettings.of(
         args.objects, grasps_per_pose=args.grasps_per_pose, seed=args.seed, chunk=args.chunk, tries=args.tries,
-        mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
+        mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass, robot=args.cell,
     )  # fmt: skip
     check_mesh_options(args, settings.objects)
     with resumable(f"finished files are kept in {args.out}"), progress_bar("file", "dataset") as bar:

@@ -107,10 +107,10 @@ def _generate(args: argparse.Namespace) -> int:
     from dexgrasp.runs.progress import progress_bar
 
     backend = backend_of(args)
-    more = {} if args.mount is None else {"mount": args.mount}
     settings = DemoSettings.of(
         args.objects, agent=args.agent, episodes=args.episodes, seed=args.seed, obs_mode=args.obs_mode,
-        control_mode=args.control_mode, observe=args.observe, noise=args.noise, friction=args.friction, **more,
+        control_mode=args.control_mode, observe=args.observe, noise=args.noise, friction=args.friction,
+        robot=args.cell, mount=args.mount,
     )  # fmt: skip
     with resumable(f"finished files are kept in {args.out}"), progress_bar("file", "demos") as bar:
         generate(settings, args.out, tuple(args.formats), backend, bar)
@@ -145,7 +145,7 @@ def _replay(args: argparse.Namespace) -> int:
     from dexgrasp.runs.progress import progress_bar
 
     with progress_bar("episode", "replay") as bar:
-        figures = replay_all(args.folder, args.episodes, bar)
+        figures = replay_all(args.folder, args.episodes, bar, args.cell)
     if args.json:
         print_json(figures)
     else:

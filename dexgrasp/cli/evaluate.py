@@ -118,7 +118,8 @@ def run(args: argparse.Namespace) -> int:
 
     backend = backend_of(args)
     settings = EvaluationSettings.of(
-        args.agents, args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol), mount=args.mount,
+        args.agents, args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol), robot=args.cell,
+        mount=args.mount,
         friction=args.friction, mesh_scale=args.mesh_scale, mesh_mass=args.mesh_mass,
     )  # fmt: skip
     check_mesh_options(args, settings.objects)

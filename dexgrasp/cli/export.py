@@ -42,8 +42,9 @@ def run(args: argparse.Namespace) -> int:
     from dexgrasp.cli.output import make_folder, print_json
     from dexgrasp.export.grasp_export import export_grasp
     from dexgrasp.grasp.file import read_grasp
+    from dexgrasp_env.robot.cell import make_cell
 
-    record = read_grasp(args.grasp)
+    record = read_grasp(args.grasp, make_cell(args.cell))
     files = export_grasp(record, make_folder(args.out), args.format, args.stiffness)
     if args.json:
         print_json({"schema": 1, "object": record.object.name, "files": [str(file) for file in files]})

@@ -72,14 +72,14 @@ def list_envs() -> list[dict[str, Any]]:
     import gymnasium as gym
 
     import dexgrasp_env  # noqa: F401  (registers the environments)
-    from dexgrasp_env.robot.mounts import MOUNTS
+    from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.tasks.control import CONTROL_MODES
     from dexgrasp_env.tasks.rewards import REWARD_MODES
 
     choices = {
         "control_mode": list(CONTROL_MODES),
         "reward_mode": list(REWARD_MODES),
-        "mount": list(MOUNTS),
+        "mount": list(default_cell().mounts),
     }
     specs = {id: spec for id, spec in sorted(gym.registry.items()) if id.startswith("DexGrasp/")}
     return [

@@ -2,6 +2,7 @@
 
 import argparse
 import math
+import os
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, TypeVar
 
@@ -88,12 +89,10 @@ def picture_size(text: str) -> tuple[int, int]:
 
 def add_film(parser: argparse.ArgumentParser) -> None:
     """Add `--camera` and `--size`, of videos."""
-    from dexgrasp_env.sensing.cameras import CAMERA_NAMES
-
-    cameras = ("grasp", "front", *CAMERA_NAMES)
     parser.add_argument(
-        "--camera", choices=cameras, default="grasp",
-        help="of the video: close to the hand and following it, the whole cell, or a depth camera (default grasp)",
+        "--camera", metavar="CAMERA", default="grasp",
+        help="of the video: grasp (close to the hand, following it), front (the whole cell), or a depth camera "
+        "(default grasp)",
     )  # fmt: skip
     parser.add_argument(
         "--size", type=picture_size, default=(480, 640), metavar="WxH",
@@ -103,9 +102,9 @@ def add_film(parser: argparse.ArgumentParser) -> None:
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """Add `--mount`, `--friction` and `--cell`."""
-    from dexgrasp_env.robot.names import MOUNT_NAMES
-
-    parser.add_argument("--mount", choices=MOUNT_NAMES, help="how the hand sits on the arm's flange")
+    parser.add_argument(
+        "--mount", metavar="MOUNT", help="how the hand sits on the arm's flange: palm_normal, fingers_along"
+    )
     parser.add_argument(
         "--friction", type=positive_float, metavar="MU", help="sliding friction coefficient (default 0.7)"
     )
@@ -113,10 +112,11 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
 
 
 def add_cell(parser: argparse.ArgumentParser) -> None:
-    """Add `--cell`, which `commands` has applied before: choices of other options are the cell's."""
+    """Add `--cell`."""
     parser.add_argument(
-        "--cell", metavar="CELL.yaml",
-        help="table, mounts, limits, gains, torques and cameras of your cell (default: the simulated one)",
+        "--cell", metavar="CELL.yaml", default=os.environ.get("DEXGRASP_CELL"),
+        help="robot, table, mounts, limits, gains, torques and cameras of your cell, or a robot alone "
+        "(default: $DEXGRASP_CELL, else the simulated one)",
     )  # fmt: skip
 
 

@@ -145,9 +145,9 @@ def check_target(target: str, args: argparse.Namespace) -> None:
 def scene_settings(args: argparse.Namespace) -> dict[str, Any]:
     """Return the environment's arguments that the options name."""
     settings = {"mesh_scale": args.mesh_scale, "mesh_mass": args.mesh_mass}
-    for key in ("mount", "friction"):
-        if getattr(args, key) is not None:
-            settings[key] = getattr(args, key)
+    for key, name in (("robot", "cell"), ("mount", "mount"), ("friction", "friction")):
+        if getattr(args, name) is not None:
+            settings[key] = getattr(args, name)
     return settings
 
 

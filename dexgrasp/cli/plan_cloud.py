@@ -46,11 +46,12 @@ def plan_scan(
     """Plan on a cloud; return what came of it, and the same as JSON."""
     from dexgrasp.planning.from_cloud import default_planner, scene_of
     from dexgrasp.planning.seen import plan_scene
-    from dexgrasp_env.robot.limits import HOME
+    from dexgrasp_env.robot.cell import make_cell
 
-    planner = default_planner(args.mount or "palm_normal", args.friction)
-    scene = scene_of(scan, near=args.object_near, seed=args.seed, mount=planner.mount)
-    found = plan_scene(planner, scene, args.seed, HOME, mass=args.mass, count=args.count, progress=progress)
+    planner = default_planner(make_cell(args.cell, args.mount), args.friction)
+    scene = scene_of(scan, near=args.object_near, seed=args.seed, cell=planner.cell)
+    home = planner.cell.robot.home
+    found = plan_scene(planner, scene, args.seed, home, mass=args.mass, count=args.count, progress=progress)
     return found, found.as_json(scan_name(args.cloud))
 
 

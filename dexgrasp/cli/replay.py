@@ -41,7 +41,9 @@ def run(args: argparse.Namespace) -> int:
     from dexgrasp.evaluation.video import Film
 
     film = Film(args.camera, args.size) if args.video else None
-    found = replay(args.folder, args.agent, args.object, args.trial, protocol=args.protocol, film=film)
+    found = replay(
+        args.folder, args.agent, args.object, args.trial, protocol=args.protocol, film=film, robot=args.cell
+    )
     if found.stale:
         note(f"note: the evaluation was made with other {' and '.join(found.stale)}")
     if args.json:

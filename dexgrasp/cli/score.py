@@ -64,7 +64,7 @@ def run(args: argparse.Namespace) -> int:
     from dexgrasp.scoring.score import score_files
     from dexgrasp_env.files import write_atomically
 
-    options = ReadOptions(args.hand, tuple(args.mesh), args.mesh_scale)
+    options = ReadOptions(args.hand, tuple(args.mesh), args.mesh_scale, args.cell)
     content = score_files(args.files, args.protocol, options, seed=args.seed, workers=args.workers)
     if args.out is not None:
         write_atomically(args.out / "scores.json", (json.dumps(content, indent=1) + "\n").encode())

@@ -42,8 +42,10 @@ def run(args: argparse.Namespace) -> int:
     """Verify and print every check; of several files what came of each."""
     from dexgrasp.grasp.file import read_grasp
     from dexgrasp.verify.verify import verify
+    from dexgrasp_env.robot.cell import make_cell
 
-    records = [read_grasp(path) for path in args.grasps]
+    cell = make_cell(args.cell)
+    records = [read_grasp(path, cell) for path in args.grasps]
     found = [_finding(record, verify(record)) for record in records]
     good = all(one["holds"] for one in found)
     if args.json:

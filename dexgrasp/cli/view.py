@@ -61,12 +61,13 @@ def run(args: argparse.Namespace) -> int:
 def _films(args: argparse.Namespace) -> list[Any]:
     from dexgrasp.grasp.file import read_grasp
     from dexgrasp.viewer.from_record import film_of, films_of_run
+    from dexgrasp_env.robot.cell import make_cell
 
     path = Path(args.target)
     if path.is_dir():
-        return films_of_run(path)
+        return films_of_run(path, make_cell(args.cell))
     if path.suffix.lower() == ".json" and path.is_file():
-        return [film_of(read_grasp(path))]
+        return [film_of(read_grasp(path, make_cell(args.cell)))]
     return _planned(args)
 
 
@@ -76,6 +77,7 @@ def _planned(args: argparse.Namespace) -> list[Any]:
     from dexgrasp.grasp.file import record_of
     from dexgrasp.viewer.from_record import film_of
     from dexgrasp_env.perception.scene import Scene
+    from dexgrasp_env.robot.cell import make_cell
 
     look, found = plan_target(args, "bilevel")
     name, pose = look.subject
@@ -83,4 +85,7 @@ def _planned(args: argparse.Namespace) -> list[Any]:
         note(f"{name.name}: no grasp ({found.reason}), so there is nothing to show")
         return []
     seen = Scene.of_observation(look.observation).target.points
-    return [film_of(record_of(content), seen) for content in found.contents(name, "bilevel", pose)]
+    return [
+        film_of(record_of(content, cell=make_cell(args.cell)), seen)
+        for content in found.contents(name, "bilevel", pose)
+    ]

@@ -28,7 +28,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
-from dexgrasp_env.robot.active import active_cell
 
 
 @dataclass(frozen=True)
@@ -118,6 +117,6 @@ def _identity(settings: DatasetSettings) -> dict[str, Any]:
         "side_tolerance": SIDE_TOLERANCE,
     }  # fmt: skip
     return {
-        "settings": settings.as_json(), "objects": objects, "fixed": fixed, "cell": active_cell().version,
+        "settings": settings.as_json(), "objects": objects, "fixed": fixed, "cell": settings.cell.version,
         "versions": versions(),
     }  # fmt: skip

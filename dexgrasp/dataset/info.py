@@ -111,7 +111,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     from dexgrasp.grasp.record import GraspRecord
     from dexgrasp.grasp.thresholds import thresholds_for
     from dexgrasp.physics.strength import GRAVITY
-    from dexgrasp_env.robot.mounts import MOUNTS
+    from dexgrasp_env.robot.cell import default_cell
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
     seen = trimesh.convex.convex_hull(pose.scene["hull"])
@@ -131,7 +131,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     }
     grasp = Grasp(
         g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, Certificate(**claims),
-        GraspMotion(g["q"], g["q"], g["q"]), next(iter(MOUNTS)),
+        GraspMotion(g["q"], g["q"], g["q"]), default_cell(),
     )  # fmt: skip
     hull = target.distance.triangles.reshape(-1, 3)
     return GraspRecord(ObjectIdentity(pose.name), grasp, (hull,), target.centre, thresholds_for(settings))

@@ -32,7 +32,7 @@ from dexgrasp.planning.sqp import Solution, solve
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.cell import Cell
 
 BATCH = 128  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
@@ -69,14 +69,14 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
     ]
     own = np.asfortranarray(own)  # a corner's column is gathered from at every draw
     left, use, quota = np.ones(len(own), bool), np.zeros(len(scene.points)), settings.quota(chunk)
-    tree, budget = robot_tree(), settings.tries * quota
+    cell, budget = settings.cell, settings.tries * quota
     while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < budget:
         drawn = _draw(own, left, use, rng)
         left[drawn] = False
         found.counts["triples_tried"] += len(drawn)
         likely = bearable(scene, own[drawn], settings)
         if len(likely):
-            _try(scene, likely, use, found, quota, tree, settings, rng)
+            _try(scene, likely, use, found, quota, cell, settings, rng)
     if len(found):  # all at once: one costs as much as a hundred
         found.fields["palm_quat_wxyz"] = list(matrix_to_quat(np.array(found.fields.pop("palm_rotation"))))
     return found
@@ -119,27 +119,30 @@ def _free_loads(
 
 
 def _try(
-    scene: RestScene, triples: NDArray[np.int32], use: Array, found: Found, quota: int, tree: RobotTree,
+    scene: RestScene, triples: NDArray[np.int32], use: Array, found: Found, quota: int, cell: Cell,
     settings: DatasetSettings, rng: np.random.Generator,
 ) -> None:  # fmt: skip
     """Try all six assignments of some triples where the hand is likely to bear the object; add what is feasible."""
-    joints, obstacle, planner = hand_atlas().joints, scene.grasp_target.distance.obstacle, settings.planner
-    at = place_on_atlas(scene.points[triples], scene.normals[triples], obstacle, planner, ASSIGNMENTS).best()
+    tree, joints = robot_tree(cell), hand_atlas(cell).joints
+    obstacle, planner = scene.grasp_target.distance.obstacle, settings.planner
+    at = place_on_atlas(
+        scene.points[triples], scene.normals[triples], obstacle, planner, ASSIGNMENTS, cell
+    ).best()
     ordered = triples[:, ASSIGNMENTS].reshape(-1, 3)
     found.counts["assignments_tried"] += len(ordered)
-    loads = loads_on(at, scene.grasp_target, tree, planner, scene.friction[ordered])
+    loads = loads_on(at, scene.grasp_target, cell, planner, scene.friction[ordered])
     for k in np.flatnonzero(loads >= settings.least_load):
         if len(found) >= quota:
             return
         found.counts["placed_by_atlas"] += 1
-        q = HOME.copy()
-        q[7:] = joints[at.which[k]]
+        q = tree.home.copy()
+        q[tree.arm :] = joints[at.which[k]]
         placement = _reach(q, at.rotations[k], at.positions[k], tree, rng)
         if placement is None:
             continue
         found.counts["reached_by_arm"] += 1
         grasp_target = placed(scene.grasp_target, placement)
-        solution = solve(q, tree, grasp_target, planner)
+        solution = solve(q, cell, grasp_target, planner)
         if not solution.feasible:
             found.blocked[str(solution.blocking).split(":")[0]] += 1
             continue

@@ -8,6 +8,7 @@ from typing import Any
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell, make_cell
 
 SCHEMA = 1
 _PACKAGES = ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
@@ -35,6 +36,7 @@ class DatasetSettings:
         least_load: of the weight, what a posture is estimated to bear before it is tried; few below come to bear it.
         mesh_scale: factor to metres, of meshes alone.
         mesh_mass: kg, of meshes alone.
+        robot: path of a cell's or a robot's file; None for the simulated cell.
         planner: thresholds of the kinematic check.
     """
 
@@ -46,6 +48,7 @@ class DatasetSettings:
     least_load: float = 0.8
     mesh_scale: float = 1.0
     mesh_mass: float | None = None
+    robot: str | None = None
     planner: PlannerSettings = field(default_factory=dataset_planner)
 
     @classmethod
@@ -64,6 +67,11 @@ class DatasetSettings:
         if settings.seed < 0:
             raise InputError(f"seed is {settings.seed}: valid are whole numbers from 0 on")
         return settings
+
+    @property
+    def cell(self) -> Cell:
+        """The cell that `robot` means."""
+        return make_cell(self.robot)
 
     @property
     def chunks(self) -> int:

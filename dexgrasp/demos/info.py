@@ -39,13 +39,16 @@ def summary(folder: Path) -> dict[str, Any]:
     return figures
 
 
-def replay_all(folder: Path, number: int | None = None, progress: Show = silent) -> dict[str, Any]:
+def replay_all(
+    folder: Path, number: int | None = None, progress: Show = silent, robot: str | None = None
+) -> dict[str, Any]:
     """Play recorded actions again from their scenes; an episode that succeeds again is as good as it was.
 
     Args:
         folder: of the demonstrations.
         number: the first so many; None for all.
         progress: called with episodes done and episodes in all.
+        robot: path of the cell's file, where it is not where it was.
 
     Raises:
         InputError: if there are none.
@@ -53,7 +56,7 @@ def replay_all(folder: Path, number: int | None = None, progress: Show = silent)
     about = read_about(folder)
     if not about.get("complete"):
         raise InputError(f"{folder} is not complete: the same `dexgrasp demos generate` command goes on")
-    settings = DemoSettings.of_json(about["settings"])
+    settings = DemoSettings.of_json(about["settings"], robot)
     total = min(number or about["episodes"], about["episodes"])
     failed: list[dict[str, Any]] = []
     env: gym.Env[Any, Any] | None = None

@@ -18,7 +18,8 @@ from dexgrasp.demos.settings import DemoSettings
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_json
-from dexgrasp_env.robot.names import JOINTS
+from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.robot.robot import Names, Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 FOLDER = "lerobot"
@@ -36,7 +37,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         import pyarrow as pa
         import pyarrow.parquet as pq
 
-    making = folder / f"{FOLDER}.part"
+    making, robot = folder / f"{FOLDER}.part", make_cell(settings.robot).robot
     shutil.rmtree(making, ignore_errors=True)
     for file in (_DATA, _EPISODES):
         (making / file).parent.mkdir(parents=True)
@@ -63,7 +64,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
     pq.write_table(names, making / "meta" / "tasks.parquet")
     write_json(making / "meta" / "stats.json", {name: s.as_json() for name, s in spread.items()})
-    write_json(making / "meta" / "info.json", _info(columns, len(rows), start, len(tasks)))
+    write_json(making / "meta" / "info.json", _info(columns, len(rows), start, len(tasks), robot))
     shutil.rmtree(folder / FOLDER, ignore_errors=True)
     making.rename(folder / FOLDER)
 
@@ -109,20 +110,20 @@ def _episode_row(
     }
 
 
-def _info(columns: Arrays, episodes: int, frames: int, tasks: int) -> dict[str, Any]:
+def _info(columns: Arrays, episodes: int, frames: int, tasks: int, robot: Robot) -> dict[str, Any]:
     return {
-        "codebase_version": _VERSION, "robot_type": "panda_allegro", "total_episodes": episodes,
+        "codebase_version": _VERSION, "robot_type": robot.name, "total_episodes": episodes,
         "total_frames": frames, "total_tasks": tasks, "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
         "video_files_size_in_mb": _VIDEO_MB, "fps": round(1 / CONTROL_PERIOD), "splits": {"train": f"0:{episodes}"},
         "data_path": "data/chunk-{chunk_index:03d}/file-{file_index:03d}.parquet", "video_path": None,
-        "features": {name: _feature(name, values) for name, values in columns.items()},
+        "features": {name: _feature(name, values, robot.joints) for name, values in columns.items()},
     }  # fmt: skip
 
 
-def _feature(name: str, values: NDArray[Any]) -> dict[str, Any]:
+def _feature(name: str, values: NDArray[Any], joints: Names) -> dict[str, Any]:
     width = 1 if values.ndim == 1 else values.shape[1]
-    named = width == len(JOINTS) and name not in _INDEX
-    return {"dtype": str(values.dtype), "shape": [width], "names": list(JOINTS) if named else None}
+    named = width == len(joints) and name not in _INDEX
+    return {"dtype": str(values.dtype), "shape": [width], "names": list(joints) if named else None}
 
 
 class _Spread:

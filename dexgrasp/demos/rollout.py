@@ -15,10 +15,10 @@ from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step
 
 _LINGER = 10  # control steps that a replay may take longer than the rollout
@@ -65,7 +65,12 @@ class Recorder:
         self._settings, self._target = settings, target
         self._agent: Any = make_agent(settings.agent)
         asked = agent_settings(settings.agent, self._agent)
-        scene = {"objects": [target], "mount": settings.mount, "friction": settings.friction}
+        scene = {
+            "objects": [target],
+            "robot": settings.robot,
+            "mount": settings.mount,
+            "friction": settings.friction,
+        }
         self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
         arguments = settings.env_arguments | {"objects": [target]}
         self.demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
@@ -112,7 +117,9 @@ class Recorder:
         while not over:
             action = np.asarray(agent.act(observation), dtype=float)
             if self._settings.noise:
-                action = with_noise(mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot)
+                action = with_noise(
+                    mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot
+                )
             observation, _, terminated, truncated, info = env.step(action)
             path.append(_targets(env))
             over = terminated or truncated or info["is_success"]

@@ -6,7 +6,7 @@ from typing import Any
 
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.robot.active import active_cell
+from dexgrasp_env.robot.cell import make_cell
 
 SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v1"
@@ -30,7 +30,8 @@ class DemoSettings:
         noise: standard deviation added to what the agent commands, as a share of the velocity limits; the agent, which
             sees what comes of it, corrects it, and whoever learns from it learns to.
         friction: sliding coefficient; None for the default.
-        mount: how the hand sits on the flange.
+        robot: path of a cell's or a robot's file; None for the simulated cell.
+        mount: how the hand sits on the flange; None for the robot's own.
         chunk: scenes a file while it is made.
     """
 
@@ -43,7 +44,8 @@ class DemoSettings:
     observe: str = "reset"
     noise: float = 0.0
     friction: float | None = None
-    mount: str = "palm_normal"
+    robot: str | None = None
+    mount: str | None = None
     chunk: int = 25
 
     @classmethod
@@ -55,18 +57,17 @@ class DemoSettings:
         """
         from dexgrasp.registry import check_name
         from dexgrasp_env.objects.load import resolve_targets
-        from dexgrasp_env.robot.mounts import MOUNTS
         from dexgrasp_env.tasks.control import CONTROL_MODES
         from dexgrasp_env.tasks.observations import OBS_MODES
         from dexgrasp_env.tasks.settings import OBSERVE
 
         settings = cls(tuple(resolve_targets(list(objects))), **rest)
         check_name(settings.agent)
+        make_cell(settings.robot, settings.mount)
         valid = {
             "obs_mode": OBS_MODES,
             "control_mode": CONTROL_MODES,
             "observe": OBSERVE,
-            "mount": tuple(MOUNTS),
         }
         for key, names in valid.items():
             if getattr(settings, key) not in names:
@@ -84,6 +85,7 @@ class DemoSettings:
         return {
             "obs_mode": self.obs_mode,
             "control_mode": self.control_mode,
+            "robot": self.robot,
             "mount": self.mount,
             "friction": self.friction,
             **looks,
@@ -91,22 +93,22 @@ class DemoSettings:
 
     def as_json(self) -> dict[str, Any]:
         """Return the settings as JSON holds them, with the cell and the versions that they rest on."""
-        rest = {"cell": active_cell().version, "versions": package_versions(_PACKAGES)}
+        rest = {"cell": make_cell(self.robot).version, "versions": package_versions(_PACKAGES)}
         return asdict(self) | {"objects": list(self.objects)} | rest
 
     @classmethod
-    def of_json(cls, saved: Mapping[str, Any]) -> "DemoSettings":
-        """Return the settings that `as_json` wrote.
+    def of_json(cls, saved: Mapping[str, Any], robot: str | None = None) -> "DemoSettings":
+        """Return the settings that `as_json` wrote, in the cell of a file where they name none that is here.
 
         Raises:
             InputError: if they are of another cell, or none.
         """
-        cell = saved.get("cell", active_cell().version)  # before 0.2.0 none was stated
-        if cell != active_cell().version:
-            raise InputError(
-                f"demonstrations of cell {cell!r}: this is {active_cell().version!r}, give their --cell"
-            )
         given = {key: value for key, value in saved.items() if key not in ("cell", "versions")}
+        given["robot"] = robot or given.get("robot")
+        here = make_cell(given["robot"]).version
+        cell = saved.get("cell", here)  # before 0.2.0 none was stated
+        if cell != here:
+            raise InputError(f"demonstrations of cell {cell!r}: this is {here!r}, give their --cell")
         try:
             return cls(**given | {"objects": tuple(given["objects"])})
         except (TypeError, KeyError):

@@ -50,6 +50,7 @@ def replay(
     *,
     protocol: str | None = None,
     film: Film | None = None,
+    robot: str | None = None,
 ) -> Replay:
     """Make a trial of an evaluation again, from the seeds that its line holds.
 
@@ -60,6 +61,7 @@ def replay(
         trial: number.
         protocol: needed where the evaluation has several.
         film: what a video is taken with, into `videos/` of the folder; None for no video.
+        robot: path of the cell's file, where it is not where it was.
 
     Raises:
         InputError: if the folder holds no such trial, or its agent or object cannot be had any more.
@@ -67,6 +69,7 @@ def replay(
     row = _find(read_rows(folder), agent, target, trial, protocol)
     run = read_run(folder)
     settings = EvaluationSettings.of_run(run)
+    settings = dataclasses.replace(settings, robot=robot or settings.robot)
     spec, path = _specs([row], settings)[row_key(row)], None
     if film:
         check_rendering()

@@ -15,7 +15,7 @@ from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
 from dexgrasp_env.objects.load import target_files
-from dexgrasp_env.robot.active import active_cell
+from dexgrasp_env.robot.cell import make_cell
 
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
@@ -30,6 +30,7 @@ class EvaluationSettings:
         trials: of each agent on each object.
         seed: of the scenes and of the agents.
         protocols: names of protocols; every agent meets every scene under each.
+        robot: path of a cell's or a robot's file; None for the simulated cell.
         mount: how the hand sits on the flange; None for the protocol's.
         friction: sliding friction coefficient; None for the protocol's.
         mesh_scale: factor to metres, of meshes alone.
@@ -41,6 +42,7 @@ class EvaluationSettings:
     trials: int = 1
     seed: int = 0
     protocols: tuple[str, ...] = (DEFAULT_PROTOCOL,)
+    robot: str | None = None
     mount: str | None = None
     friction: float | None = None
     mesh_scale: float = 1.0
@@ -101,7 +103,7 @@ class EvaluationSettings:
 
     def scene(self, protocol: str) -> dict[str, Any]:
         """Settings of `gym.make` that make the scenes of a protocol."""
-        given = {"mount": self.mount, "friction": self.friction}
+        given = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
         chosen = {key: value for key, value in given.items() if value is not None}
         return {
             **get_protocol(protocol).scene,
@@ -117,7 +119,7 @@ class EvaluationSettings:
         }
         settings["protocol"] = "+".join(settings.pop("protocols"))
         return settings | {
-            "cell": active_cell().version,
+            "cell": make_cell(self.robot).version,
             "files": {str(path): _file_hash(path) for path in self._files()},
             "code": code_hash(self.agents),
             "versions": versions(),

@@ -7,8 +7,8 @@ from dexgrasp.grasp.older import of_schema_2
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.grasp.schema import SCHEMA, parse
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.files import read_json_object, write_json
+from dexgrasp_env.robot.cell import Cell, default_cell
 
 _LARGEST = 64 << 20  # bytes of a file that is read
 

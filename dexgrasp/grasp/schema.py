@@ -86,7 +86,9 @@ def parse(content: dict[str, Any], cell: Cell) -> GraspRecord:
         )
     script, chance = content["script"], content["holds_probability"]
     phases = (
-        () if script is None else tuple(_phase(p, cell.robot.dof) for p in items("phases", script["phases"], 2, 2))
+        ()
+        if script is None
+        else tuple(_phase(p, cell.robot.dof) for p in items("phases", script["phases"], 2, 2))
     )
     if phases and tuple(phase.name for phase in phases) != tuple(MEASURES):
         raise ValueError(f"the phases of a script are {', '.join(MEASURES)}, in this order")

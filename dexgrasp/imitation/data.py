@@ -14,6 +14,7 @@ from dexgrasp.demos.rollout import Episode, intended
 from dexgrasp.imitation.features import POINTS, features, first_look
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
+from dexgrasp_env.robot.cell import default_cell
 
 Floats = NDArray[np.float32]
 
@@ -116,5 +117,9 @@ def _parts(view: str, episode: Episode, folder: Path, noise: float) -> tuple[Flo
     points = scene.points if view == "cloud" else np.zeros((0, 3), np.float32)
     assert len(points) in (0, POINTS)
     targets = np.asarray(seen["joint_targets"], dtype=np.float32)
-    meant = intended(targets.astype(float), noise, episode.about["agent_seed"]) if noise else targets
+    meant = (
+        intended(targets.astype(float), noise, episode.about["agent_seed"], default_cell().robot)
+        if noise
+        else targets
+    )
     return looks.astype(np.float32), targets, meant.astype(np.float32), points

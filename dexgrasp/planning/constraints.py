@@ -85,7 +85,9 @@ def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with
     frames = empty_frames(tree)
     forward(q, tree, frames)
     touch = _touch(tree, frames, obstacle)
-    rows = Rows(np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, q.shape[0])), np.full((MAX_ROWS, 3), -1, dtype=np.int64))
+    rows = Rows(
+        np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, q.shape[0])), np.full((MAX_ROWS, 3), -1, dtype=np.int64)
+    )
     for i in range(3):
         gradient = touch.normals[i] @ touch.jacobians[i]
         rows.values[i], rows.gradients[i] = touch.distances[i] - bounds.low, gradient

@@ -52,7 +52,13 @@ def atlas_postures(
     """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
     tree, orders = robot_tree(cell), ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
     placed = place_on_atlas(
-        proposals.contacts, proposals.normals, target.distance.obstacle, settings, orders, cell, settings.neighbours
+        proposals.contacts,
+        proposals.normals,
+        target.distance.obstacle,
+        settings,
+        orders,
+        cell,
+        settings.neighbours,
     )
     merit = loads_on(placed, target, cell, settings) + _POSE * placed.scores
     tried: set[int] = set()
@@ -105,7 +111,12 @@ def _estimates(
 ) -> Array:  # fmt: skip
     """Loads (M,) of placements; a contact is `height` m from its tip's centre. The arm does not matter to them."""
     frames, room, q = empty_frames(tree), empty_room(12), np.zeros(tree.lower.shape[0])
-    out, J, nothing, shift = np.empty(len(placed.which)), np.empty((3, 3, q.shape[0])), np.zeros(3), np.empty(3)
+    out, J, nothing, shift = (
+        np.empty(len(placed.which)),
+        np.empty((3, 3, q.shape[0])),
+        np.zeros(3),
+        np.empty(3),
+    )
     points, normals, down, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
     forward(q, tree, frames)
     palm = frames.R[tree.palm] @ tree.palm_rotation

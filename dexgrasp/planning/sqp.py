@@ -84,9 +84,7 @@ def solve(
 
 
 class _Solver:
-    def __init__(
-        self, cell: Cell, target: GraspTarget, settings: PlannerSettings, with_margin: bool
-    ) -> None:
+    def __init__(self, cell: Cell, target: GraspTarget, settings: PlannerSettings, with_margin: bool) -> None:
         tree = self._tree = robot_tree(cell)
         self._robot, self._moved, self._target, self._settings, self._with_margin = (
             cell.robot, tree.moved, target, settings, with_margin

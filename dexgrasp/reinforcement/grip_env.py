@@ -44,8 +44,9 @@ class GripVecEnv(VecEnv):
             alike: how many begin alike.
             **kwargs: more arguments of `gym.make_vec`; `max_episode_steps` is the episodes' length.
         """
-        self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, autoreset_mode="Disabled", **kwargs)
-        self._clone, self._scaling, self._cell = clone, scaling, self.envs.unwrapped.settings.cell
+        envs: Any = gym.make_vec(env_id, num_envs=num_envs, autoreset_mode="Disabled", **kwargs)
+        self.envs, self._cell = envs, envs.settings.cell
+        self._clone, self._scaling = clone, scaling
         self._length, self._alike = int(kwargs["max_episode_steps"]), alike
         self._rng = np.random.default_rng()
         self._now: Observations = {}

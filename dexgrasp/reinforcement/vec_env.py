@@ -74,7 +74,11 @@ class FeatureVecEnv(VecEnvWrapper):
     def _begin(self, i: int, first: Observations) -> NDArray[np.float32]:
         self._steps[i], self._returns[i] = 0, 0.0
         self._scenes[i] = first_look("state", first)
-        self._runs[i] = None if self._clone is None else CloneRun(self._clone, first, self.envs.unwrapped.settings.cell.robot)
+        self._runs[i] = (
+            None
+            if self._clone is None
+            else CloneRun(self._clone, first, self.envs.unwrapped.settings.cell.robot)
+        )
         return self._look(i, first)
 
     def _look(self, i: int, now: Observations) -> NDArray[np.float32]:

@@ -96,7 +96,9 @@ def find_object(
     if robot is not None and data is not None:
         above = above.select(~robot.contains(above.points, data, s.robot_margin))
     above = remove_outliers(above, s.outlier_radius, s.outlier_neighbours)
-    chosen, reason, detail = _choose(above, None if near is None else np.asarray(near, dtype=float) + base, s, base)
+    chosen, reason, detail = _choose(
+        above, None if near is None else np.asarray(near, dtype=float) + base, s, base
+    )
     if chosen is None:
         return _none(reason, detail)
     return finish(_seen_from_outside(chosen), plane, s, rng)
@@ -195,9 +197,7 @@ def _middle(cloud: Cloud) -> Array:
 
 
 def _places(clouds: list[Cloud], base: Array) -> str:
-    return "at " + ", ".join(
-        "({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - base)) for c in clouds[:4]
-    )
+    return "at " + ", ".join("({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - base)) for c in clouds[:4])
 
 
 def _seen_from_outside(cloud: Cloud) -> Cloud:

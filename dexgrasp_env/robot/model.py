@@ -5,20 +5,18 @@ from functools import lru_cache
 
 import mujoco
 
-from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Adapter, Robot
 
 _PREFIX = "hand/"
 
 
-def robot_spec(cell: Cell | str = "palm_normal") -> mujoco.MjSpec:
+def robot_spec(cell: Cell) -> mujoco.MjSpec:
     """Build the arm with its hand where the cell has its base in the world, names as in the robot's files.
 
     Returns:
         A specification that can be compiled as it is or attached to a scene.
     """
-    cell = of_process(cell)
     robot = cell.robot
     arm = mujoco.MjSpec.from_file(str(robot.arm.mjcf))
     hand = mujoco.MjSpec.from_file(str(robot.hand.mjcf))
@@ -30,7 +28,7 @@ def robot_spec(cell: Cell | str = "palm_normal") -> mujoco.MjSpec:
 
 
 @lru_cache(maxsize=8)
-def compiled_robot(cell: Cell | str = "palm_normal") -> mujoco.MjModel:
+def compiled_robot(cell: Cell) -> mujoco.MjModel:
     """Return the robot alone, compiled; the same model at every call, not to be written to."""
     return robot_spec(cell).compile()
 

@@ -143,7 +143,7 @@ def _hand(path: Path, content: dict[str, Any]) -> Hand:
 
 
 def _finger(value: Any) -> Finger:
-    entry = mapping("a finger", value, ("name", "joints", "bodies", "tip", "pad"))
+    entry = mapping("a finger", value, ("name", "joints", "bodies", "tip", "pad", "aside"))
     name = word("name of a finger", entry.get("name"))
     joints, bodies = (words(f"{key} of {name}", entry.get(key)) for key in ("joints", "bodies"))
     pad = numbers(f"pad of {name}", entry.get("pad"), 3)

@@ -4,7 +4,6 @@ import mujoco
 
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.robot.active import of_process
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import robot_spec
@@ -24,9 +23,8 @@ from dexgrasp_env.sensing.cameras import add_cameras
 
 def scene_spec(
     model: ObjectModel,
-    cell: Cell | str | None = None,
+    cell: Cell,
     *,
-    mount: str | None = None,
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjSpec:
@@ -38,7 +36,6 @@ def scene_spec(
         friction: sliding friction coefficient of every contact.
         cameras: depth cameras to add, in the world frame.
     """
-    cell = of_process(cell or mount)
     spec = robot_spec(cell)
     spec.modelname = f"dexgrasp {model.name}"
     set_physics(spec)
@@ -57,14 +54,13 @@ def scene_spec(
 
 def build_scene(
     model: ObjectModel,
-    cell: Cell | str | None = None,
+    cell: Cell,
     *,
-    mount: str | None = None,
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjModel:
     """Compile `scene_spec`."""
-    return scene_spec(model, cell, mount=mount, friction=friction, cameras=cameras).compile()
+    return scene_spec(model, cell, friction=friction, cameras=cameras).compile()
 
 
 def _add_pairs(spec: mujoco.MjSpec, parts: list[str], tips: Names, friction: float) -> None:

@@ -6,21 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.active import active_cell
-from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+from dexgrasp_env.robot.camera import Camera
 
 if TYPE_CHECKING:
     import mujoco
 
 _GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
-
-
-CAMERA_NAMES = active_cell().camera_names
-
-
-def default_cameras(intrinsics: CameraIntrinsics | None = None) -> tuple[Camera, ...]:
-    """Return the cameras of the process's cell, in the world frame."""
-    return active_cell().make_cameras(intrinsics)
 
 
 def add_cameras(spec: "mujoco.MjSpec", cameras: Iterable[Camera]) -> None:

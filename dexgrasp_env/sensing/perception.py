@@ -12,7 +12,6 @@ from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.backends import make_backend
-from dexgrasp_env.sensing.cameras import default_cameras
 from dexgrasp_env.sensing.groups import VISUAL_GROUPS
 from dexgrasp_env.sensing.sensor import SensorModel
 
@@ -41,7 +40,7 @@ class Perception:
     def __init__(
         self,
         model: "mujoco.MjModel",
-        cameras: tuple[Camera, ...] | None = None,
+        cameras: tuple[Camera, ...],
         *,
         sensor: SensorModel | None = None,
         settings: SegmentationSettings | None = None,
@@ -58,7 +57,7 @@ class Perception:
             backend: see `make_backend`.
             groups: the geom groups that cameras see.
         """
-        self.cameras = default_cameras() if cameras is None else tuple(cameras)
+        self.cameras = tuple(cameras)
         self.sensor = SensorModel.realistic() if sensor is None else sensor
         self.settings = settings or SegmentationSettings()
         self.backend = make_backend(backend, model, self.cameras, groups)

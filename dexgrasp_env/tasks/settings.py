@@ -7,7 +7,6 @@ from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import Mass
 from dexgrasp_env.rendering import SHOW_CAMERAS
-from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.robot.cell import Cell, default_cell, make_cell
 from dexgrasp_env.scene.constants import FRICTION
 from dexgrasp_env.sensing.calibration import Calibration
@@ -54,8 +53,7 @@ class LiftSettings:
         Raises:
             InputError: one line that says which is wrong and what is valid.
         """
-        robot = given.pop("robot")
-        cell = make_cell(active_cell() if robot is None else robot, given.pop("mount"))
+        cell = make_cell(given.pop("robot"), given.pop("mount"))
         cameras = one_of((*SHOW_CAMERAS, *cell.camera_names))
         of_cell = {
             "cell": cell,

@@ -25,11 +25,13 @@ class ReadOptions:
         hand: "allegro", or the path of an MJCF file.
         meshes: mesh files, and folders of them, in which objects are looked for by name.
         mesh_scale: factor from the meshes' unit to metres, beside a scale in the file.
+        robot: path of the file of the cell or robot of our own files; None for the simulated cell.
     """
 
     hand: str = "allegro"
     meshes: tuple[Path, ...] = ()
     mesh_scale: float = 1.0
+    robot: str | None = None
 
 
 def find_object(name: str, scale: float, options: ReadOptions, source: Path) -> ObjectModel:

@@ -11,8 +11,8 @@ from dexgrasp.scoring.readers.objects import ReadOptions, find_object
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import pose_matrix
+from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot
-from dexgrasp_env.robot.cell import Cell
 
 SERVO_KP = 10.0  # Nm/rad, of the hand that the squeeze is made for
 
@@ -23,7 +23,7 @@ def read_ours(path: Path, options: ReadOptions) -> list[Candidate]:
     Raises:
         InputError: if the file is unusable, of another cell, knows no true pose, or its object is not found.
     """
-    record = read_grasp(path)
+    record = read_grasp(path, make_cell(options.robot))
     record.check_cell()
     if record.T_world_object is None:
         raise InputError(
