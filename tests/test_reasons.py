@@ -2,7 +2,8 @@
 
 from dexgrasp.evaluation.reasons import REASONS, explain, sentence
 from dexgrasp.evaluation.trial import NOT_HELD
-from dexgrasp.planning import cvae_source, planner, proposals, seen
+from dexgrasp.planning import cvae_source, planner, proposals
+from dexgrasp.shape import completion
 from dexgrasp_env.perception.segment import REASONS as UNSEEN
 
 PLANNERS = [
@@ -10,12 +11,12 @@ PLANNERS = [
     planner.BUDGET,
     proposals._NO_CLOSURE,
     proposals._NO_SURFACE,
-    seen.NO_CLOUD,
+    completion.NO_CLOUD,
 ]
 
 
 def test_every_code_has_a_sentence():
-    codes = [*PLANNERS, seen.NO_HULL, cvae_source._NO_CLOSURE, *UNSEEN, *NOT_HELD.values()]
+    codes = [*PLANNERS, completion.NO_VOLUME, cvae_source._NO_CLOSURE, *UNSEEN, *NOT_HELD.values()]
     assert [code for code in codes if code not in REASONS] == []
     assert all(reason.sentence and not reason.sentence.endswith(".") for reason in REASONS.values())
 
