@@ -23,7 +23,7 @@ from scipy.spatial.distance import pdist
 from tqdm import tqdm
 
 from dexgrasp.cvae.batches import split, test_batches
-from dexgrasp.cvae.training import WEIGHTS, TrainingSettings, evaluate, train
+from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeSettings, CvaeTraining, evaluate
 from dexgrasp.cvae.weights import read_weights
 from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
 from dexgrasp.kinematics.tree import robot_tree
@@ -44,10 +44,10 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def settings_of(kl_weight: float, latent: int, epochs: int) -> TrainingSettings:
+def settings_of(kl_weight: float, latent: int, epochs: int) -> CvaeSettings:
     """Return the settings of a training: a quarter of the grasps and half of the points of a usual step."""
     network = NetworkSettings(latent=latent, points=256)
-    return TrainingSettings(epochs, grasps=32, kl_weight=kl_weight, held_out_poses=False, network=network)
+    return CvaeSettings(epochs, grasps=32, kl_weight=kl_weight, held_out_poses=False, network=network)
 
 
 def judged(weights: Path, unseen: Sequence[PoseGrasps]) -> dict[str, float]:
@@ -98,7 +98,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     unseen = read_dataset(args.unseen)
     for weight, latent in tqdm(list(product(args.kl_weights, args.latents)), unit="training"):
         folder = args.out / f"kl-{weight}-latent-{latent}"
-        train(args.data, folder, settings_of(weight, latent, args.epochs), device="cpu")
+        CvaeTraining(args.data, folder, settings_of(weight, latent, args.epochs)).run()
         if not (folder / "judged.json").exists():
             pair = {"kl_weight": weight, "latent": latent}
             write_json(folder / "judged.json", pair | judged(folder / WEIGHTS, unseen))
