@@ -13,7 +13,8 @@ from dexgrasp.demos.generate import generate
 from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.imitation.cloning import BcSettings, Cloning
+from dexgrasp.imitation.cloning import Cloning
+from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.runs.pool import Backend
 
 

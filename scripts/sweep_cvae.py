@@ -23,7 +23,8 @@ from scipy.spatial.distance import pdist
 from tqdm import tqdm
 
 from dexgrasp.cvae.batches import split, test_batches
-from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeSettings, CvaeTraining, evaluate
+from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining, evaluate
+from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.cvae.weights import read_weights
 from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
 from dexgrasp.kinematics.tree import robot_tree
@@ -44,10 +45,10 @@ COLUMNS = {
 }  # fmt: skip
 
 
-def settings_of(kl_weight: float, latent: int, epochs: int) -> CvaeSettings:
+def settings_of(kl_weight: float, latent: int, epochs: int) -> TrainingSettings:
     """Return the settings of a training: a quarter of the grasps and half of the points of a usual step."""
     network = NetworkSettings(latent=latent, points=256)
-    return CvaeSettings(epochs, grasps=32, kl_weight=kl_weight, held_out_poses=False, network=network)
+    return TrainingSettings(epochs, grasps=32, kl_weight=kl_weight, held_out_poses=False, network=network)
 
 
 def judged(weights: Path, unseen: Sequence[PoseGrasps]) -> dict[str, float]:

@@ -27,7 +27,8 @@ from dexgrasp.agents.ablations import (  # noqa: E402
 from dexgrasp.cli.main import main  # noqa: E402
 from dexgrasp.cvae.autoencoder import Cvae, losses, rotation_of  # noqa: E402
 from dexgrasp.cvae.batches import split, training_batch  # noqa: E402
-from dexgrasp.cvae.cvae_training import CvaeSettings, CvaeTraining  # noqa: E402
+from dexgrasp.cvae.cvae_training import CvaeTraining  # noqa: E402
+from dexgrasp.cvae.settings import TrainingSettings  # noqa: E402
 from dexgrasp.cvae.weights import read_weights, write_weights  # noqa: E402
 from dexgrasp.dataset.dataset import read_dataset  # noqa: E402
 from dexgrasp.dataset.generate import generate  # noqa: E402
@@ -46,7 +47,7 @@ from dexgrasp.shape.target import GraspTarget  # noqa: E402
 from dexgrasp_env.errors import InputError  # noqa: E402
 
 NETWORK = NetworkSettings(latent=3, points=64, local=16, cloud=32, hidden=32)
-TRAINING = CvaeSettings(epochs=3, clouds=2, grasps=8, network=NETWORK)
+TRAINING = TrainingSettings(epochs=3, clouds=2, grasps=8, network=NETWORK)
 
 
 @pytest.fixture(scope="module")

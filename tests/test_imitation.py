@@ -24,8 +24,9 @@ from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
-from dexgrasp.imitation.clone_net import CloneNet, CloneNetwork  # noqa: E402
-from dexgrasp.imitation.cloning import BcSettings, Cloning  # noqa: E402
+from dexgrasp.imitation.clone_net import CloneNet  # noqa: E402
+from dexgrasp.imitation.cloning import Cloning  # noqa: E402
+from dexgrasp.imitation.settings import BcSettings, CloneNetwork  # noqa: E402
 from dexgrasp.imitation.trials import Trials  # noqa: E402
 from dexgrasp.runs.checkpoint import read_state  # noqa: E402
 from dexgrasp.runs.training import CHECKPOINT, Course  # noqa: E402

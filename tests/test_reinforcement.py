@@ -15,12 +15,14 @@ import dexgrasp_env  # noqa: E402, F401
 from dexgrasp.imitation.clone import Clone  # noqa: E402
 from dexgrasp.imitation.features import features, first_look  # noqa: E402
 from dexgrasp.reinforcement import policy_training  # noqa: E402
-from dexgrasp.reinforcement.policy_training import PolicyTraining, RlSettings  # noqa: E402
+from dexgrasp.reinforcement import settings as settings_module  # noqa: E402
+from dexgrasp.reinforcement.policy_training import PolicyTraining  # noqa: E402
+from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
 def short_rounds(monkeypatch):
-    monkeypatch.setattr(policy_training, "MAX_EPISODE_STEPS", 12)
+    monkeypatch.setattr(settings_module, "MAX_EPISODE_STEPS", 12)
     monkeypatch.setattr(policy_training, "_ROLLOUT", 6)
     monkeypatch.setattr(policy_training, "_MEASURED", 4)
 

@@ -71,13 +71,14 @@ def run(args: argparse.Namespace) -> int:
 
 def _cvae(args: argparse.Namespace) -> int:
     from dexgrasp.cli.training import run_training
-    from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeSettings, CvaeTraining
+    from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining
+    from dexgrasp.cvae.settings import TrainingSettings
     from dexgrasp.planning.decoder import NetworkSettings
     from dexgrasp.runs.training import Course
 
-    settings = CvaeSettings(
+    settings = TrainingSettings(
         seed=args.seed, threads=args.threads, held_out_object=args.held_out_object, kl_weight=args.kl_weight,
-        network=NetworkSettings(latent=args.latent), epochs=args.epochs or CvaeSettings.epochs,
+        network=NetworkSettings(latent=args.latent), epochs=args.epochs or TrainingSettings.epochs,
     )  # fmt: skip
     make = partial(CvaeTraining, args.data, args.out, settings, Course(args.device, args.minutes))
     training = run_training(make, args.out, "epoch", "cvae", _losses)

@@ -50,8 +50,8 @@ def add_bc_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
 
 def run_bc(args: argparse.Namespace) -> int:
     """Train a policy for each seed, print losses and successes."""
-    from dexgrasp.imitation.clone_net import CloneNetwork
-    from dexgrasp.imitation.cloning import BcSettings, Cloning
+    from dexgrasp.imitation.cloning import Cloning
+    from dexgrasp.imitation.settings import BcSettings, CloneNetwork
     from dexgrasp_env.errors import InputError
 
     if args.execute > args.chunk:

@@ -55,7 +55,8 @@ def add_grip_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParse
 
 def run_grip(args: argparse.Namespace) -> int:
     """Train a policy for each seed, print returns and successes."""
-    from dexgrasp.reinforcement.grip_training import GripSettings, GripTraining
+    from dexgrasp.reinforcement.grip_settings import GripSettings
+    from dexgrasp.reinforcement.grip_training import GripTraining
     from dexgrasp_env.objects.load import resolve_targets
 
     settings = GripSettings(

@@ -62,7 +62,8 @@ def add_rl_parsers(commands: "argparse._SubParsersAction[argparse.ArgumentParser
 
 def run_rl(args: argparse.Namespace) -> int:
     """Train a policy for each seed, print returns and successes."""
-    from dexgrasp.reinforcement.policy_training import PolicyTraining, RlSettings
+    from dexgrasp.reinforcement.policy_training import PolicyTraining
+    from dexgrasp.reinforcement.settings import RlSettings
     from dexgrasp_env.objects.load import resolve_targets
 
     more = {"spread": args.spread} if args.train_command == "ppo" else {}

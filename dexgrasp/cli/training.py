@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 from dexgrasp.cli.options import natural_int, positive_float, positive_int
 
 if TYPE_CHECKING:
-    from dexgrasp.imitation.cloning import BcSettings
+    from dexgrasp.imitation.settings import BcSettings
     from dexgrasp.imitation.trials import Trials
-    from dexgrasp.reinforcement.grip_training import GripSettings
-    from dexgrasp.reinforcement.policy_training import RlSettings
+    from dexgrasp.reinforcement.grip_settings import GripSettings
+    from dexgrasp.reinforcement.settings import RlSettings
     from dexgrasp.runs.training import Progress, Training
 
     Settings = BcSettings | GripSettings | RlSettings

@@ -1,16 +1,15 @@
 """Training of the CVAE."""
 
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from dexgrasp.cvae.autoencoder import Cvae, Losses, losses
 from dexgrasp.cvae.batches import Batch, split, test_batches, training_batch
+from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.cvae.weights import write_weights
 from dexgrasp.dataset.dataset import read_dataset
 from dexgrasp.dataset.shards import read_manifest
-from dexgrasp.planning.decoder import NetworkSettings
 from dexgrasp.runs.training import CHECKPOINT, Course, Row, StepTraining
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
@@ -21,43 +20,12 @@ with from_extra():
 WEIGHTS = "cvae.safetensors"
 
 
-@dataclass(frozen=True)
-class CvaeSettings:
-    """How the CVAE is trained.
-
-    Attributes:
-        epochs: of 50 steps each.
-        seed: of weights, batches and splits.
-        clouds: a step.
-        grasps: on each cloud.
-        rate: of Adam at first; constant for the first half, then down to 2 % in a straight line.
-        kl_weight: reached after `warm_up` of the steps.
-        warm_up: share of the steps.
-        held_out_object: kept apart, None for none.
-        held_out_poses: whether a rest pose of every other object is kept apart.
-        threads: of torch on the CPU; results differ in the last bits with it.
-        network: sizes.
-    """
-
-    epochs: int = 150
-    seed: int = 0
-    clouds: int = 8
-    grasps: int = 128
-    rate: float = 1e-3
-    kl_weight: float = 0.05
-    warm_up: float = 0.2
-    held_out_object: str | None = None
-    held_out_poses: bool = True
-    threads: int = 1
-    network: NetworkSettings = field(default_factory=NetworkSettings)
-
-
 class CvaeTraining(StepTraining):
     """Training on a dataset; the weights of the least test loss are kept in `WEIGHTS`."""
 
     about, steps, clip = "run.json", 50, 5.0
 
-    def __init__(self, data: Path, out: Path, settings: CvaeSettings, course: Course = Course()) -> None:
+    def __init__(self, data: Path, out: Path, settings: TrainingSettings, course: Course = Course()) -> None:
         """Read the dataset.
 
         Args:

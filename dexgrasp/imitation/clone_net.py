@@ -1,36 +1,17 @@
 """The network that is trained; `clone` runs it in numpy."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.imitation.clone import FARTHEST
+from dexgrasp.imitation.settings import CloneNetwork
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
     import torch
     from torch import nn
-
-
-@dataclass(frozen=True)
-class CloneNetwork:
-    """Sizes of the network.
-
-    Attributes:
-        hidden: width of the layers.
-        layers: hidden layers.
-        local: width of the points' features.
-        cloud: width of the cloud's feature.
-        chunk: set-points predicted, one a control step.
-    """
-
-    hidden: int = 512
-    layers: int = 3
-    local: int = 64
-    cloud: int = 128
-    chunk: int = 8
 
 
 class CloneNet(nn.Module):

@@ -1,14 +1,14 @@
 """Cloning of a policy from demonstrations."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
 
 from dexgrasp.imitation.clone import KIND
-from dexgrasp.imitation.clone_net import CloneNet, CloneNetwork
+from dexgrasp.imitation.clone_net import CloneNet
 from dexgrasp.imitation.data import Batch, read_rows
+from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.runs.policy_folder import ABOUT, write_policy
 from dexgrasp.runs.training import Course, Row, StepTraining
 from dexgrasp.runs.versions import package_versions
@@ -24,35 +24,6 @@ _BEND = (
 _LAST_RATE = 0.02
 _LEAST_UNIT = 0.005  # rad: joints that hardly move need not be predicted better
 _PACKAGES = ("dexgrasp", "numpy", "torch")
-
-
-@dataclass(frozen=True)
-class BcSettings:
-    """How a policy is cloned.
-
-    Attributes:
-        view: `state`, or `cloud`: joints and one look at a cloud.
-        epochs: of 200 steps each.
-        seed: of weights and batches.
-        episodes: a batch is drawn from.
-        rows: control steps drawn of each of them.
-        rate: of Adam at first; it goes down by a cosine.
-        execute: control steps of a chunk that are carried out before the policy looks again.
-        held_out: share of the demonstrations that the loss is tested on.
-        threads: of torch on the CPU; results differ in the last bits with it.
-        network: sizes.
-    """
-
-    view: str = "state"
-    epochs: int = 20
-    seed: int = 0
-    episodes: int = 64
-    rows: int = 16
-    rate: float = 1e-3
-    execute: int = 4
-    held_out: float = 0.05
-    threads: int = 1
-    network: CloneNetwork = field(default_factory=CloneNetwork)
 
 
 class Cloning(StepTraining):
