@@ -13,8 +13,8 @@ from dexgrasp.demos.generate import generate
 from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.imitation.cloning import Cloning
 from dexgrasp.imitation.settings import BcSettings
-from dexgrasp.imitation.training import train_bc
 from dexgrasp.runs.pool import Backend
 
 
@@ -44,7 +44,7 @@ def main(argv: list[str] | None = None) -> dict[str, float]:
     made = generate(settings, demos, backend=backend)
     print(f"{made['episodes']} of {made['tried']} scenes became demonstrations")
 
-    trained = train_bc([demos], clone, BcSettings(view=args.view, epochs=args.epochs))
+    trained = Cloning([demos], clone, BcSettings(view=args.view, epochs=args.epochs)).run()
     print(f"loss {trained.curve[-1]['loss']:.3f} after {trained.seconds:.0f} s; the policy is {clone}")
 
     scored = EvaluationSettings.of([str(clone), *args.beside], args.test, trials=args.trials)

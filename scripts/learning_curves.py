@@ -39,7 +39,7 @@ def read_runs(folders: Sequence[Path]) -> dict[str, Any]:
     for folder in folders:
         run = json.loads((folder / "training.json").read_text())
         _, note = read_arrays(folder / "checkpoint.safetensors")
-        progress = note.get("progress", note)
+        progress = note["progress"]
         seeds.append({"seed": run["settings"].pop("seed"), **{k: progress[k] for k in ("seconds", "curve")}})
         settings.append({"settings": run["settings"], "trials": run["trials"]})
     if any(one != settings[0] for one in settings[1:]):

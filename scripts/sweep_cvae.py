@@ -23,7 +23,8 @@ from scipy.spatial.distance import pdist
 from tqdm import tqdm
 
 from dexgrasp.cvae.batches import split, test_batches
-from dexgrasp.cvae.training import WEIGHTS, TrainingSettings, evaluate, train
+from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining, evaluate
+from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.cvae.weights import read_weights
 from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
 from dexgrasp.physics.margin import margins
@@ -98,7 +99,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     unseen = read_dataset(args.unseen)
     for weight, latent in tqdm(list(product(args.kl_weights, args.latents)), unit="training"):
         folder = args.out / f"kl-{weight}-latent-{latent}"
-        train(args.data, folder, settings_of(weight, latent, args.epochs), device="cpu")
+        CvaeTraining(args.data, folder, settings_of(weight, latent, args.epochs)).run()
         if not (folder / "judged.json").exists():
             pair = {"kl_weight": weight, "latent": latent}
             write_json(folder / "judged.json", pair | judged(folder / WEIGHTS, unseen))

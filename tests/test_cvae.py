@@ -26,9 +26,10 @@ from dexgrasp.agents.ablations import (  # noqa: E402
     RawPlanner,
 )
 from dexgrasp.cli.main import main  # noqa: E402
+from dexgrasp.cvae.autoencoder import Cvae, losses, rotation_of  # noqa: E402
 from dexgrasp.cvae.batches import split, training_batch  # noqa: E402
-from dexgrasp.cvae.network import Cvae, losses, rotation_of  # noqa: E402
-from dexgrasp.cvae.training import TrainingSettings, train  # noqa: E402
+from dexgrasp.cvae.cvae_training import CvaeTraining  # noqa: E402
+from dexgrasp.cvae.settings import TrainingSettings  # noqa: E402
 from dexgrasp.cvae.weights import read_weights, write_weights  # noqa: E402
 from dexgrasp.dataset.dataset import read_dataset  # noqa: E402
 from dexgrasp.dataset.generate import generate  # noqa: E402
@@ -60,7 +61,7 @@ def data(tmp_path_factory):
 @pytest.fixture(scope="module")
 def trained(data, tmp_path_factory):
     out = tmp_path_factory.mktemp("trained") / "run"
-    state = train(data, out, TRAINING)
+    state = CvaeTraining(data, out, TRAINING).run()
     return out, state
 
 
@@ -137,7 +138,7 @@ def test_splits_share_no_grasp(data):
 def test_stopped_training_ends_with_the_same_bits(data, trained, tmp_path):
     out, state = trained
     for _ in range(3):
-        last = train(data, tmp_path / "run", TRAINING, stop_after=1)
+        last = CvaeTraining(data, tmp_path / "run", TRAINING).run(stop_after=1)
     assert last.epoch == 3
     assert last.curve == state.curve
     for name in ("cvae.safetensors",):
@@ -148,7 +149,7 @@ def test_stopped_training_ends_with_the_same_bits(data, trained, tmp_path):
 
 def test_other_settings_in_the_folder_are_refused(data, trained):
     with pytest.raises(InputError, match="other settings"):
-        train(data, trained[0], replace(TRAINING, seed=9))
+        CvaeTraining(data, trained[0], replace(TRAINING, seed=9)).run()
 
 
 def copied(trained, tmp_path):
@@ -159,7 +160,7 @@ def test_a_finished_training_without_its_weights_says_so(data, trained, tmp_path
     out = copied(trained, tmp_path)
     (out / "cvae.safetensors").unlink()
     with pytest.raises(InputError, match=r"weights of epoch .* are gone"):
-        train(data, out, TRAINING)
+        CvaeTraining(data, out, TRAINING).run()
 
 
 @pytest.mark.parametrize(
@@ -176,7 +177,7 @@ def test_damaged_metadata_of_a_checkpoint_is_refused(data, trained, tmp_path, no
         tensors = {name: tensor for name, tensor in tensors.items() if not name.startswith("model.")}
     save_file(tensors, path, {"dexgrasp": note})
     with pytest.raises(InputError, match="damaged"):
-        train(data, out, TRAINING)
+        CvaeTraining(data, out, TRAINING).run()
 
 
 def test_two_trainings_may_not_write_one_folder(data, trained, tmp_path):
@@ -185,8 +186,8 @@ def test_two_trainings_may_not_write_one_folder(data, trained, tmp_path):
         RunFolder(out, "run.json", "training").claim({}),
         pytest.raises(InputError, match="another process is writing"),
     ):
-        train(data, out, TRAINING)
-    assert train(data, out, TRAINING).epoch == TRAINING.epochs
+        CvaeTraining(data, out, TRAINING).run()
+    assert CvaeTraining(data, out, TRAINING).run().epoch == TRAINING.epochs
 
 
 def test_command_line(data, tmp_path, capsys):
@@ -377,7 +378,10 @@ def test_sweep_goes_on_and_chooses_the_most_feasible(data, tmp_path, monkeypatch
     worth = {"kl-0.05-latent-2": 0.1, "kl-0.05-latent-3": 0.4}
     given = dict.fromkeys(sweep.COLUMNS, 1.0)
     asked = []
-    monkeypatch.setattr(sweep, "train", lambda _, out, settings, device: asked.append((out.name, settings)))
+    monkeypatch.setattr(
+        sweep.CvaeTraining, "__init__", lambda _, data, out, settings: asked.append((out.name, settings))
+    )
+    monkeypatch.setattr(sweep.CvaeTraining, "run", lambda _: None)
     monkeypatch.setattr(sweep, "judged", lambda path, _: given | {"feasible": worth.pop(path.parent.name)})
     words = [str(data), str(data), "--out", str(tmp_path), "--kl-weights", "0.05", "--latents", "2", "3"]
     for _ in range(2):  # what was judged is not judged again

@@ -17,10 +17,8 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.reinforcement.checkpoint import load_learner  # noqa: E402
 from dexgrasp.reinforcement.grip_settings import GripSettings  # noqa: E402
-from dexgrasp.reinforcement.grip_training import GripTraining, train_grip  # noqa: E402
-from dexgrasp.reinforcement.rounds import CHECKPOINT  # noqa: E402
+from dexgrasp.reinforcement.grip_training import GripTraining  # noqa: E402
 
 SETTINGS = GripSettings(
     ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8
@@ -94,14 +92,14 @@ def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
 
 
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
-    train_grip(tmp_path / "whole", SETTINGS, clone=clone)
-    train_grip(tmp_path / "parts", SETTINGS, clone=clone, stop_after=1)
-    state = train_grip(tmp_path / "parts", SETTINGS, clone=clone)
+    GripTraining(tmp_path / "whole", SETTINGS, clone).run()
+    GripTraining(tmp_path / "parts", SETTINGS, clone).run(stop_after=1)
+    state = GripTraining(tmp_path / "parts", SETTINGS, clone).run()
     assert state.epoch == state.epochs == 3
     files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
     assert files[0] == files[1]
-    work = GripTraining(tmp_path / "whole", SETTINGS, read_policy(clone), torch.device("cpu"))
-    load_learner(tmp_path / "whole" / CHECKPOINT, work.model)
+    work = GripTraining(tmp_path / "whole", SETTINGS, clone)
+    work.begin()
     work.envs.seed(5)
     meant, _ = work.model.predict(work.envs.reset()[:1], deterministic=True)
     work.envs.close()
@@ -122,4 +120,4 @@ def test_what_does_not_fit_is_refused(tmp_path, clone):
         Grip({"kind": "grip", "env": about["env"], "base": about}, arrays)
     write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
     with pytest.raises(InputError, match="clone another"):
-        train_grip(tmp_path / "out", SETTINGS, clone=clone)
+        GripTraining(tmp_path / "out", SETTINGS, clone).run()

@@ -18,17 +18,18 @@ from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.imitation.data import read_rows
 from dexgrasp.imitation.features import features, first_look
-from dexgrasp.imitation.settings import BcSettings, CloneNetwork
-from dexgrasp.imitation.trials import Trials
 from dexgrasp.registry import make_agent
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
-from dexgrasp.imitation import training  # noqa: E402
-from dexgrasp.imitation.network import CloneNet  # noqa: E402
-from dexgrasp.imitation.training import train_bc  # noqa: E402
+from dexgrasp.imitation.clone_net import CloneNet  # noqa: E402
+from dexgrasp.imitation.cloning import Cloning  # noqa: E402
+from dexgrasp.imitation.settings import BcSettings, CloneNetwork  # noqa: E402
+from dexgrasp.imitation.trials import Trials  # noqa: E402
+from dexgrasp.runs.checkpoint import read_state  # noqa: E402
+from dexgrasp.runs.training import CHECKPOINT, Course  # noqa: E402
 
 SMALL = CloneNetwork(hidden=24, layers=2, local=8, cloud=12)
 
@@ -42,7 +43,7 @@ def demos(tmp_path_factory):
 
 @pytest.fixture(autouse=True)
 def short_epochs(monkeypatch):
-    monkeypatch.setattr(training, "STEPS_PER_EPOCH", 4)
+    monkeypatch.setattr(Cloning, "steps", 4)
 
 
 def settings_of(view, **more):
@@ -98,14 +99,14 @@ def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
 @pytest.mark.parametrize("view", ["state", "cloud"])
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, view):
     settings = settings_of(view)
-    train_bc([demos], tmp_path / "whole", settings)
-    train_bc([demos], tmp_path / "parts", settings, stop_after=1)
-    state = train_bc([demos], tmp_path / "parts", settings)
+    Cloning([demos], tmp_path / "whole", settings).run()
+    Cloning([demos], tmp_path / "parts", settings).run(stop_after=1)
+    state = Cloning([demos], tmp_path / "parts", settings).run()
     assert state.epoch == 2
     files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
     assert files[0] == files[1]
     with pytest.raises(InputError, match="other settings"):
-        train_bc([demos], tmp_path / "parts", settings_of(view, seed=1))
+        Cloning([demos], tmp_path / "parts", settings_of(view, seed=1)).run()
     agent = make_agent(str(tmp_path / "whole"))
     assert agent.env_settings["obs_mode"] == {"state": "state", "cloud": "pointcloud"}[view]
     evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"])
@@ -116,15 +117,13 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, v
 
 
 def test_numpy_predicts_what_torch_does(demos, tmp_path):
-    train_bc([demos], tmp_path / "out", settings_of("cloud"))
+    Cloning([demos], tmp_path / "out", settings_of("cloud")).run()
     clone = Clone.read(tmp_path / "out")
     rows, _ = read_rows([demos], "cloud")
     batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
     net = CloneNet(SMALL, *rows.looks[:2], with_cloud=True)
-    about = training.read_state(
-        tmp_path / "out" / training.CHECKPOINT, net, torch.optim.Adam(net.parameters())
-    )
-    assert about["epoch"] == 2
+    note = read_state(tmp_path / "out" / CHECKPOINT, {"net": net, "adam": torch.optim.Adam(net.parameters())})
+    assert note["progress"]["epoch"] == 2
     episode = next(read_episodes(demos))
     _, code = clone.look({key: array[0] for key, array in episode.observations.items()} | episode.once)
     ours = clone.predict(batch.looks[0], np.repeat(code[None], 2, 0))
@@ -133,7 +132,7 @@ def test_numpy_predicts_what_torch_does(demos, tmp_path):
 
 
 def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):
-    train_bc([demos], tmp_path / "out", settings_of("state", execute=3))
+    Cloning([demos], tmp_path / "out", settings_of("state", execute=3)).run()
     clone, looks = Clone.read(tmp_path / "out"), []
     predict = clone.predict
     monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
@@ -146,14 +145,14 @@ def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, mo
 
 def test_policies_are_tried_while_they_learn(demos, tmp_path):
     trials = Trials(("sugar_box",), every=2)
-    state = train_bc([demos], tmp_path / "out", settings_of("state"), trials=trials)
+    state = Cloning([demos], tmp_path / "out", settings_of("state"), Course(judge=trials)).run()
     assert "success" not in state.curve[0]
     assert state.curve[1]["trials"] == 1
 
 
 def test_damaged_policies_are_refused(demos, tmp_path):
     out = tmp_path / "out"
-    train_bc([demos], out, settings_of("state"))
+    Cloning([demos], out, settings_of("state")).run()
     about = json.loads((out / "policy.json").read_text())
     for key, value, says in (("chunk", 7, "do not fit"), ("kind", "x", "kind"), ("execute", 99, "executes")):
         (out / "policy.json").write_text(json.dumps(about | {key: value}))

@@ -151,9 +151,9 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
     [
         (["dataset", "generate", "--objects", "pear"], "dexgrasp.dataset.generate.generate"),
         (["demos", "generate", "--objects", "pear"], "dexgrasp.demos.generate.generate"),
-        (["train", "cvae", "--data", "data"], "dexgrasp.cvae.training.train"),
-        (["train", "bc", "--data", "data", "--view", "state"], "dexgrasp.imitation.training.train_bc"),
-        (["train", "ppo", "--objects", "pear"], "dexgrasp.reinforcement.training.train_rl"),
+        (["train", "cvae", "--data", "data"], "dexgrasp.cvae.cvae_training.CvaeTraining"),
+        (["train", "bc", "--data", "data", "--view", "state"], "dexgrasp.imitation.cloning.Cloning"),
+        (["train", "ppo", "--objects", "pear"], "dexgrasp.reinforcement.policy_training.PolicyTraining"),
     ],
 )
 def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dexgrasp.registry import make_agent
-from dexgrasp.runs.policy_folder import write_policy
+from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.errors import InputError
 
 torch = pytest.importorskip("torch")
@@ -14,19 +14,17 @@ import gymnasium as gym  # noqa: E402
 import dexgrasp_env  # noqa: E402, F401
 from dexgrasp.imitation.clone import Clone  # noqa: E402
 from dexgrasp.imitation.features import features, first_look  # noqa: E402
+from dexgrasp.reinforcement import policy_training  # noqa: E402
 from dexgrasp.reinforcement import settings as settings_module  # noqa: E402
-from dexgrasp.reinforcement import training  # noqa: E402
-from dexgrasp.reinforcement.checkpoint import load_learner  # noqa: E402
-from dexgrasp.reinforcement.rounds import CHECKPOINT  # noqa: E402
+from dexgrasp.reinforcement.policy_training import PolicyTraining  # noqa: E402
 from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
-from dexgrasp.reinforcement.training import train_rl  # noqa: E402
 
 
 @pytest.fixture(autouse=True)
 def short_rounds(monkeypatch):
     monkeypatch.setattr(settings_module, "MAX_EPISODE_STEPS", 12)
-    monkeypatch.setattr(training, "_ROLLOUT", 6)
-    monkeypatch.setattr(training, "_MEASURED", 4)
+    monkeypatch.setattr(policy_training, "_ROLLOUT", 6)
+    monkeypatch.setattr(policy_training, "_MEASURED", 4)
 
 
 def settings_of(algorithm, **more):
@@ -57,9 +55,9 @@ def clone(tmp_path):
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
     settings = settings_of(algorithm)
     base = clone if algorithm == "ppo" else None
-    train_rl(tmp_path / "whole", settings, clone=base)
-    train_rl(tmp_path / "parts", settings, clone=base, stop_after=1)
-    state = train_rl(tmp_path / "parts", settings, clone=base)
+    PolicyTraining(tmp_path / "whole", settings, base).run()
+    PolicyTraining(tmp_path / "parts", settings, base).run(stop_after=1)
+    state = PolicyTraining(tmp_path / "parts", settings, base).run()
     assert state.epoch == state.epochs == 3
     files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
     assert files[0] == files[1]
@@ -71,15 +69,15 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_pat
     action = agent.act(observation)
     assert env.action_space.contains(action)
     with pytest.raises(InputError, match="other settings"):
-        train_rl(tmp_path / "parts", settings_of(algorithm, seed=1), clone=base)
+        PolicyTraining(tmp_path / "parts", settings_of(algorithm, seed=1), base).run()
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
     settings = settings_of(algorithm)
-    train_rl(tmp_path / "out", settings)
-    work = training._Training(tmp_path / "out", settings, None, torch.device("cpu"))
-    load_learner(tmp_path / "out" / CHECKPOINT, work.model)
+    PolicyTraining(tmp_path / "out", settings).run()
+    work = PolicyTraining(tmp_path / "out", settings)
+    work.begin()
     agent = make_agent(str(tmp_path / "out"))
     work.envs.seed(5)
     looks = work.envs.reset()
@@ -93,8 +91,10 @@ def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
 
 def test_a_correction_begins_at_the_clone(tmp_path, clone):
     settings = settings_of("ppo")
-    work = training._Training(tmp_path, settings, training.read_policy(clone), torch.device("cpu"))
-    work._write_policy({})
+    work = PolicyTraining(tmp_path, settings, clone)
+    work.begin()
+    work.state.curve.append({})
+    work.write()
     work.envs.close()
     env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
     observation, info = env.reset(seed=3)
@@ -109,8 +109,8 @@ def test_a_correction_begins_at_the_clone(tmp_path, clone):
 
 
 def test_clones_of_clouds_are_refused(tmp_path, clone):
-    about, arrays = training.read_policy(clone)
+    about, arrays = read_policy(clone)
     write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
     assert Clone.read(clone)
     with pytest.raises(InputError, match="clone another"):
-        train_rl(tmp_path / "out", settings_of("ppo"), clone=clone)
+        PolicyTraining(tmp_path / "out", settings_of("ppo"), clone).run()

@@ -1,9 +1,9 @@
 """`dexgrasp train`: the learned half of the paper, policies cloned from demonstrations or reinforced."""
 
 import argparse
-import dataclasses
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dexgrasp.cli.options import add_json, add_seed, positive_float, positive_int
 from dexgrasp.cli.train_bc import add_bc_parser, run_bc
@@ -11,6 +11,9 @@ from dexgrasp.cli.train_grip import add_grip_parser, run_grip
 from dexgrasp.cli.train_rl import add_rl_parsers, run_rl
 from dexgrasp.cli.training import add_length, add_torch
 from dexgrasp_env.extras import require_extra
+
+if TYPE_CHECKING:
+    from dexgrasp.runs.training import Progress
 
 _EPILOG = """examples:
   dexgrasp train cvae --data runs/ycb6 --out runs/cvae --minutes 25
@@ -67,52 +70,43 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _cvae(args: argparse.Namespace) -> int:
-    from dexgrasp.cli.output import resumable
-    from dexgrasp.cvae.curves import draw_curves, write_curve
-    from dexgrasp.cvae.training import CvaeProgress, TrainingSettings, train
+    from dexgrasp.cli.training import run_training
+    from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining
+    from dexgrasp.cvae.settings import TrainingSettings
     from dexgrasp.planning.decoder import NetworkSettings
-    from dexgrasp.runs.progress import progress_bar
+    from dexgrasp.runs.training import Course
 
     settings = TrainingSettings(
         seed=args.seed, threads=args.threads, held_out_object=args.held_out_object, kl_weight=args.kl_weight,
-        network=NetworkSettings(latent=args.latent),
+        network=NetworkSettings(latent=args.latent), epochs=args.epochs or TrainingSettings.epochs,
     )  # fmt: skip
-    if args.epochs:
-        settings = dataclasses.replace(settings, epochs=args.epochs)
-    kept = resumable(f"the last checkpoint is kept in {args.out}")
-    with kept, progress_bar("epoch", "cvae") as bar:
-
-        def show(state: CvaeProgress) -> None:
-            last = state.curve[-1]
-            train_loss, test_cm = last["train"]["total"], last["test"]["fingertip_cm"]
-            bar(state.epoch, state.epochs, train=f"{train_loss:.3f}", test_cm=f"{test_cm:.2f}")
-            if state.epoch % 10 == 0 or state.epoch == state.epochs:
-                draw_curves(state.curve, state.best_epoch, args.out / "curves.png")
-
-        state = train(args.data, args.out, settings, minutes=args.minutes, device=args.device, progress=show)
-    draw_curves(state.curve, state.best_epoch, args.out / "curves.png")
-    write_curve(state.curve, args.out / "curve.jsonl")
-    return _print(args, state)
+    make = partial(CvaeTraining, args.data, args.out, settings, Course(args.device, args.minutes))
+    training = run_training(make, args.out, "epoch", "cvae", _losses)
+    state = training.state
+    return _print(args, {
+        "schema": 1, "epochs": state.epochs, "best_epoch": training.best, "seconds": state.seconds,
+        "losses": state.curve[training.best - 1], "weights": str(args.out / WEIGHTS),
+        "curves": str(args.out / "curves.png"),
+    })  # fmt: skip
 
 
-def _print(args: argparse.Namespace, state: Any) -> int:
+def _losses(state: "Progress") -> dict[str, str]:
+    last = state.curve[-1]
+    return {"train": f"{last['train']['total']:.3f}", "test_cm": f"{last['test']['fingertip_cm']:.2f}"}
+
+
+def _print(args: argparse.Namespace, figures: dict[str, Any]) -> int:
     from dexgrasp.cli.output import print_json
 
-    best = state.curve[state.best_epoch - 1]
-    figures = {
-        "schema": 1, "epochs": state.epochs, "best_epoch": state.best_epoch, "seconds": state.seconds, "losses": best,
-        "weights": str(args.out / "cvae.safetensors"), "curves": str(args.out / "curves.png"),
-    }  # fmt: skip
     if args.json:
         print_json(figures)
         return 0
-    for split, values in best.items():
+    for split, values in figures["losses"].items():
         if isinstance(values, dict) and values:
             print(
                 f"{split}: loss {values['total']:.4f}, fingertips {values['fingertip_cm']:.2f} cm, "
                 f"KL {values['kl']:.2f}"
             )
-    print(
-        f"epoch {state.best_epoch} of {state.epochs}, {state.seconds:.0f} s; weights in {figures['weights']}"
-    )
+    epoch = f"epoch {figures['best_epoch']} of {figures['epochs']}, {figures['seconds']:.0f} s"
+    print(f"{epoch}; weights in {figures['weights']}")
     return 0

@@ -50,8 +50,8 @@ def add_bc_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParser]
 
 def run_bc(args: argparse.Namespace) -> int:
     """Train a policy for each seed, print losses and successes."""
+    from dexgrasp.imitation.cloning import Cloning
     from dexgrasp.imitation.settings import BcSettings, CloneNetwork
-    from dexgrasp.imitation.training import train_bc
     from dexgrasp_env.errors import InputError
 
     if args.execute > args.chunk:
@@ -60,8 +60,7 @@ def run_bc(args: argparse.Namespace) -> int:
         view=args.view or _view(args.data[0]), epochs=args.epochs or BcSettings.epochs, execute=args.execute,
         threads=args.threads, network=CloneNetwork(hidden=args.hidden, chunk=args.chunk),
     )  # fmt: skip
-    train = partial(train_bc, args.data, minutes=args.minutes)
-    return train_each_seed(args, "epoch", settings, train)
+    return train_each_seed(args, "epoch", settings, partial(Cloning, args.data))
 
 
 def _view(folder: Path) -> str:

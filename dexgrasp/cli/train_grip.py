@@ -56,11 +56,11 @@ def add_grip_parser(commands: "argparse._SubParsersAction[argparse.ArgumentParse
 def run_grip(args: argparse.Namespace) -> int:
     """Train a policy for each seed, print returns and successes."""
     from dexgrasp.reinforcement.grip_settings import GripSettings
-    from dexgrasp.reinforcement.grip_training import train_grip
+    from dexgrasp.reinforcement.grip_training import GripTraining
     from dexgrasp_env.objects.load import resolve_targets
 
     settings = GripSettings(
         objects=tuple(resolve_targets(args.objects)), friction=tuple(args.friction), mass=tuple(args.mass),
         episodes=args.episodes, num_envs=args.num_envs, rate=args.rate, threads=args.threads,
     )  # fmt: skip
-    return train_each_seed(args, "round", settings, partial(train_grip, clone=args.clone))
+    return train_each_seed(args, "round", settings, partial(GripTraining, clone=args.clone))

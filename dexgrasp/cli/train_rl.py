@@ -62,8 +62,8 @@ def add_rl_parsers(commands: "argparse._SubParsersAction[argparse.ArgumentParser
 
 def run_rl(args: argparse.Namespace) -> int:
     """Train a policy for each seed, print returns and successes."""
+    from dexgrasp.reinforcement.policy_training import PolicyTraining
     from dexgrasp.reinforcement.settings import RlSettings
-    from dexgrasp.reinforcement.training import train_rl
     from dexgrasp_env.objects.load import resolve_targets
 
     more = {"spread": args.spread} if args.train_command == "ppo" else {}
@@ -71,4 +71,4 @@ def run_rl(args: argparse.Namespace) -> int:
         algorithm=args.train_command, objects=tuple(resolve_targets(args.objects)), steps=args.steps,
         num_envs=args.num_envs, share=args.share, rate=args.rate, threads=args.threads, **more,
     )  # fmt: skip
-    return train_each_seed(args, "round", settings, partial(train_rl, clone=args.clone))
+    return train_each_seed(args, "round", settings, partial(PolicyTraining, clone=args.clone))

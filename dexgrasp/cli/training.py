@@ -3,6 +3,7 @@
 import argparse
 from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +14,7 @@ if TYPE_CHECKING:
     from dexgrasp.imitation.trials import Trials
     from dexgrasp.reinforcement.grip_settings import GripSettings
     from dexgrasp.reinforcement.settings import RlSettings
-    from dexgrasp.runs.epochs import Progress
+    from dexgrasp.runs.training import Progress, Training
 
     Settings = BcSettings | GripSettings | RlSettings
 
@@ -57,22 +58,26 @@ def add_trials(parser: argparse.ArgumentParser, every: int, unit: str) -> None:
 
 
 def train_each_seed(
-    args: argparse.Namespace, unit: str, settings: "Settings", train: Callable[..., "Progress"]
+    args: argparse.Namespace, unit: str, settings: "Settings", make: "Callable[..., Training]"
 ) -> int:
     """Train a policy for each seed; draw its curves, print the figures of its last epoch.
 
     Args:
-        args: with all options but those of `add_length`, `--out` and `--json`.
+        args: with all options of this module, `--out` and `--json`.
         unit: of the bar.
         settings: of the training, the seed apart.
-        train: given a folder, settings, device, trials and what shows the progress.
+        make: given a folder, settings and a course, makes the training.
     """
     from dexgrasp.cli.output import print_json
+    from dexgrasp.runs.training import Course
 
-    trials, results = _trials(args), []
+    course = Course(args.device, getattr(args, "minutes", None), _trials(args))
+    results = []
     for seed in dict.fromkeys(args.seed):
         out = args.out if len(set(args.seed)) == 1 else args.out / f"seed-{seed}"
-        results.append(_train_one(args, replace(settings, seed=seed), out, trials, unit, train))
+        training = partial(make, out=out, settings=replace(settings, seed=seed), course=course)
+        state = run_training(training, out, unit, f"{args.train_command}, seed {seed}", _last_figures).state
+        results.append({"policy": str(out), **state.curve[-1], "seconds": state.seconds})
     if args.json:
         print_json({"schema": 1, "policies": results})
         return 0
@@ -90,26 +95,28 @@ def _trials(args: argparse.Namespace) -> "Trials | None":
     return Trials(tuple(resolve_targets(args.try_on)), args.trials, every=args.every)
 
 
-def _train_one(
-    args: argparse.Namespace, settings: "Settings", out: Path, trials: "Trials | None", unit: str,
-    train: Callable[..., "Progress"],
-) -> dict[str, Any]:  # fmt: skip
+def run_training(
+    make: "Callable[[], Training]",
+    out: Path,
+    unit: str,
+    of: str,
+    figures: "Callable[[Progress], dict[str, str]]",
+) -> "Training":
+    """Make and run a training in `out` behind a bar of `unit`s that shows `figures`; draw its curves."""
     from dexgrasp.cli.output import resumable
-    from dexgrasp.imitation.curves import draw
+    from dexgrasp.runs.curves import draw_curves
     from dexgrasp.runs.progress import progress_bar
 
-    kept = resumable(f"the last checkpoint is kept in {out}")
-    with kept, progress_bar(unit, f"{args.train_command}, seed {settings.seed}") as bar:
+    with resumable(f"the last checkpoint is kept in {out}"), progress_bar(unit, of) as bar:
+        training = make()
+        training.run(lambda state: bar(state.epoch, state.epochs, **figures(state)))
+    draw_curves(training.state.curve, out / "curves.png", training.best)
+    return training
 
-        def show(state: "Progress") -> None:
-            last = {
-                key: value for key, value in state.curve[-1].items() if key != "epoch" and value is not None
-            }
-            bar(state.epoch, state.epochs, **{key: _shown(value) for key, value in last.items()})
 
-        state = train(out, settings, device=args.device, trials=trials, progress=show)
-    draw(state.curve, out / "curves.png")
-    return {"policy": str(out), **state.curve[-1], "seconds": state.seconds}
+def _last_figures(state: "Progress") -> dict[str, str]:
+    last = state.curve[-1]
+    return {key: _shown(value) for key, value in last.items() if key != "epoch" and value is not None}
 
 
 def _shown(value: Any) -> str:

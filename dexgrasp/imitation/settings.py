@@ -1,7 +1,6 @@
 """How a policy is cloned."""
 
-from dataclasses import asdict, dataclass, field
-from typing import Any
+from dataclasses import dataclass, field
 
 
 @dataclass(frozen=True)
@@ -50,7 +49,3 @@ class BcSettings:
     held_out: float = 0.05
     threads: int = 1
     network: CloneNetwork = field(default_factory=CloneNetwork)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the settings as JSON holds them."""
-        return asdict(self)

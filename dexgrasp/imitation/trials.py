@@ -2,17 +2,16 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.spec import plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.runs.epochs import Progress
+from dexgrasp.runs.training import Judge, Progress, Row
 
 
 @dataclass(frozen=True)
-class Trials:
-    """What a policy is tried on.
+class Trials(Judge):
+    """What a policy is tried on, under protocol `lift`.
 
     Attributes:
         objects: names, expanded.
@@ -26,20 +25,14 @@ class Trials:
     seed: int = 0
     every: int = 5
 
-
-def due_success(folder: Path, trials: Trials | None, state: Progress) -> dict[str, Any]:
-    """Return `success_rate` after an epoch after which the policy is to be tried, nothing after others."""
-    if trials is None or (state.epoch % trials.every and state.epoch != state.epochs):
-        return {}
-    return success_rate(folder, trials)
-
-
-def success_rate(folder: Path, trials: Trials) -> dict[str, Any]:
-    """Return how many trials of the policy in a folder succeeded, under protocol `lift`."""
-    settings = EvaluationSettings.of(
-        [str(folder)], list(trials.objects), trials=trials.number, seed=trials.seed
-    )
-    runner = TrialRunner(settings)
-    outcomes = [bool(runner.run(spec)[0]["success"]) for spec in plan_trials(settings)]
-    runner.close()
-    return {"success": sum(outcomes) / len(outcomes), "trials": len(outcomes)}
+    def after(self, folder: Path, state: Progress) -> Row:
+        """Return the share of trials that succeeded, after an epoch that is due; nothing after others."""
+        if state.epoch % self.every and state.epoch != state.epochs:
+            return {}
+        settings = EvaluationSettings.of(
+            [str(folder)], list(self.objects), trials=self.number, seed=self.seed
+        )
+        runner = TrialRunner(settings)
+        outcomes = [bool(runner.run(spec)[0]["success"]) for spec in plan_trials(settings)]
+        runner.close()
+        return {"success": sum(outcomes) / len(outcomes), "trials": len(outcomes)}

@@ -31,12 +31,12 @@ class Actor:
             self.env = {str(key): value for key, value in about["env"].items()}
             self.share = float(about["share"])
             self._tanh, self._squashed = about["activation"] == "tanh", bool(about["squashed"])
-            self._mean, self._scale = (arrays[name].astype(float) for name in ("mean", "scale"))
+            self._scaling = arrays["mean"].astype(float), arrays["scale"].astype(float)
             self._layers: Layers = read_layers(arrays, "actor")
             own = {key.removeprefix(_BASE): array for key, array in arrays.items() if key.startswith(_BASE)}
             self.base = Clone(about["base"], own) if about.get("base") else None
             actions = self._layers[-1][1].size
-            width = len(self._mean) + (actions if self.base else 0)
+            width = len(self._scaling[0]) + (actions if self.base else 0)
             fits = self._layers[0][0].shape[1] == width and (not self.base or actions == self.base.joints)
         except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
             raise InputError(f"the policy is incomplete ({error})") from None
@@ -60,7 +60,7 @@ class Actor:
 
     def look(self, scene: Scene, observation: Observation, step: int, clones: Array | None) -> Array:
         """Return what the network is given: scaled features, and the clone's action (m,)."""
-        return network_input(self._mean, self._scale, scene, observation, step, clones)
+        return network_input(self._scaling, scene, observation, step, clones)
 
     def _bent(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         return np.tanh(x) if self._tanh else np.maximum(x, 0.0)
@@ -83,9 +83,10 @@ class ActorRun:
 
 
 def network_input(
-    mean: Array, scale: Array, scene: Scene, observation: Observation, step: int, clones: Array | None
+    scaling: tuple[Array, Array], scene: Scene, observation: Observation, step: int, clones: Array | None
 ) -> Array:
     """Return what the network of an actor is given for one observation: scaled features, and the clone's action."""
+    mean, scale = scaling
     looks = features("state", scene, observation, step)
     scaled = np.clip((looks - mean) / scale, -FARTHEST, FARTHEST)
     return scaled if clones is None else np.concatenate([scaled, clones])

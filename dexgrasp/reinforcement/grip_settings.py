@@ -1,7 +1,6 @@
 """How a clone is taught a firmer grip."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from dexgrasp_env.errors import InputError
 
@@ -56,12 +55,11 @@ class GripSettings:
             raise InputError(f"num_envs is {self.num_envs}: valid are multiples of {self.alike}")
 
     @property
+    def round_steps(self) -> int:
+        """Decisions of a round: one an episode."""
+        return self.num_envs * self.round_episodes
+
+    @property
     def rounds(self) -> int:
         """Rounds that the episodes come to, rounded up."""
-        return -(-self.episodes // (self.num_envs * self.round_episodes))
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the settings as JSON holds them."""
-        return {
-            key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
-        }
+        return -(-self.episodes // self.round_steps)

@@ -1,7 +1,6 @@
 """How a policy is trained by reinforcement."""
 
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
@@ -65,7 +64,3 @@ class RlSettings:
     def rounds(self) -> int:
         """Rounds that the steps come to, rounded up."""
         return -(-self.steps // self.round_steps)
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the settings as JSON holds them."""
-        return asdict(self) | {"objects": list(self.objects)}

@@ -18,20 +18,19 @@ Observations = dict[str, NDArray[Any]]
 class FeatureVecEnv(VecEnvWrapper):
     """Gives what an `Actor`'s network is given, and carries out what an `Actor` would."""
 
-    def __init__(self, envs: VecEnv, mean: Array, scale: Array, clone: Clone | None, share: float) -> None:
+    def __init__(self, envs: VecEnv, scaling: tuple[Array, Array], clone: Clone | None, share: float) -> None:
         """Wrap environments of `obs_mode="state"`.
 
         Args:
             envs: with dict observations.
-            mean: (F,) of the features.
-            scale: (F,) of the features.
+            scaling: mean and spread (F,) of the features.
             clone: that acts along, or None.
             share: of the network's action on the clone's.
         """
-        width = len(mean) + (0 if clone is None else 23)
+        width = len(scaling[0]) + (0 if clone is None else 23)
         space = spaces.Box(-np.inf, np.inf, (width,), np.float32)
         super().__init__(envs, observation_space=space)
-        self._mean, self._scale, self._clone, self._share = mean, scale, clone, share
+        self._scaling, self._clone, self._share = scaling, clone, share
         self._scenes: list[Scene | None] = [None] * self.num_envs
         self._runs: list[CloneRun | None] = [None] * self.num_envs
         self._clones: list[Array | None] = [None] * self.num_envs
@@ -85,7 +84,7 @@ class FeatureVecEnv(VecEnvWrapper):
         run, scene = self._runs[i], self._scenes[i]
         assert scene is not None
         self._clones[i] = None if run is None else run.action(now).astype(float)
-        looks = network_input(self._mean, self._scale, scene, now, int(self._steps[i]), self._clones[i])
+        looks = network_input(self._scaling, scene, now, int(self._steps[i]), self._clones[i])
         return looks.astype(np.float32)
 
 

@@ -1,8 +1,9 @@
 """TensorBoard, where it is installed."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
+
+from dexgrasp.runs.curves import Row, numbers
 
 
 class Board:
@@ -16,17 +17,11 @@ class Board:
             return
         self._writer = SummaryWriter(str(folder))
 
-    def add(self, row: Mapping[str, Any], step: int) -> None:
-        """Write the numbers of a row, and those of a dict in it as name/split."""
-        if self._writer is None:
-            return
-        for key, value in row.items():
-            numbers = (
-                {f"{name}/{key}": v for name, v in value.items()} if isinstance(value, dict) else {key: value}
-            )
-            for name, number in numbers.items():
-                if isinstance(number, int | float):
-                    self._writer.add_scalar(name, number, step)
+    def add(self, row: Row, step: int) -> None:
+        """Write the numbers of a row, those of splits as name/split."""
+        if self._writer is not None:
+            for name, split, number in numbers(row):
+                self._writer.add_scalar(f"{name}/{split}".rstrip("/"), number, step)
 
     def close(self) -> None:
         """Write what is left."""

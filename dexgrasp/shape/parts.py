@@ -1,12 +1,16 @@
 """Convex parts of a cloud: where its convex hull holds much air, it is cut by planes until the parts hold little."""
 
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.shape.hull import REACH, cloud_corners
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.cutting import best_cut, cut_up, held
 from dexgrasp_env.perception.plane import Plane
 
 MOST_PARTS = 6
@@ -50,13 +54,14 @@ def parts_within(hull: Array, points: NDArray[Any], plane: Plane | None) -> list
     return [hull] if len(parts) < len(found) or little else parts
 
 
-class _Piece(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Piece:
     """What of the cloud lies within half-spaces n . x <= offset, and how much air its hull may hold."""
 
     points: Array  # (N, 3) m, those that cuts are tried on
     normals: Array  # (K, 3)
     offsets: Array  # (K,) m
-    volume: float  # m3, of the points' hull
+    hull_volume: float  # m3, of the points' hull
     planes: Array  # (F, 4) of the hull
 
     @classmethod
@@ -92,19 +97,16 @@ class _Piece(NamedTuple):
                 found.append(int(k))
         return self.points[found]
 
-    def cut(self, normal: Array, offset: float) -> "list[_Piece] | None":
-        """Return the two sides of a plane, or None where one is nothing."""
+    def cut(self, normal: Array, offset: float) -> "list[_Piece]":
+        """Return the two sides of a plane; none where one is nothing."""
         sides = []
         for sign in (1.0, -1.0):
             normals, offsets = (
                 np.vstack([self.normals, sign * normal]),
                 np.append(self.offsets, sign * offset),
             )
-            side = _Piece.of(self.points, normals, offsets)
-            if side is None:
-                return None
-            sides.append(side)
-        return sides
+            sides.append(_Piece.of(self.points, normals, offsets))
+        return [side for side in sides if side] if all(sides) else []
 
 
 def _within(points: Array, normals: Array, offsets: Array) -> NDArray[np.bool_]:
@@ -117,34 +119,20 @@ def _cut_up(points: Array, plane: Plane | None) -> list[_Piece]:
     whole = _Piece.of(_sample(points, plane), np.zeros((0, 3)), np.zeros(0))
     if whole is None or (whole.depths() > _DEEP).mean() < _SHARE:
         return []
-    least = _LEAST * whole.volume
-    cuts = [(whole, _best_cut(whole, least))]
-    while len(cuts) < MOST_PARTS:
-        gains = [_gain(piece, sides) for piece, sides in cuts]
-        k = int(np.argmax(gains))
-        sides = cuts[k][1]
-        if sides is None:
-            break
-        last = len(cuts) + 1 == MOST_PARTS
-        cuts[k : k + 1] = [(side, None if last else _best_cut(side, least)) for side in sides]
-    return [piece for piece, _ in cuts]
 
+    @cache
+    def sides(piece: _Piece) -> Sequence[_Piece]:
+        """Return the sides of the cut that takes away most, the piece itself where that is too little."""
+        least = max(_LEAST * whole.hull_volume, _GAIN * piece.hull_volume)
+        if piece.hull_volume < 2.0 * least:
+            return [piece]
+        found = best_cut(piece, [(n, float(n @ notch)) for notch in piece.notches() for n in _DIRECTIONS])[1]
+        return found if piece.hull_volume - held(found) > least else [piece]
 
-def _gain(piece: _Piece, sides: list[_Piece] | None) -> float:
-    return piece.volume - sum(side.volume for side in sides) if sides else 0.0
+    def gains(pieces: list[_Piece]) -> list[float]:
+        return [piece.hull_volume - held(sides(piece)) for piece in pieces]
 
-
-def _best_cut(piece: _Piece, least: float) -> list[_Piece] | None:
-    """Return the sides of the cut that takes away most, None where none takes away `least`, m3, and `_GAIN`."""
-    best, least = None, max(least, _GAIN * piece.volume)
-    if piece.volume < 2.0 * least:
-        return None
-    for notch in piece.notches():
-        for normal in _DIRECTIONS:
-            sides = piece.cut(normal, float(normal @ notch))
-            if (gain := _gain(piece, sides)) > least:
-                best, least = sides, gain
-    return best
+    return cut_up([whole], gains, sides, MOST_PARTS - 1)
 
 
 def _sample(points: Array, plane: Plane | None) -> Array:

@@ -1,15 +1,11 @@
-"""Convex parts of a solid: cut by planes, piece by piece, and pieces merged again where that costs least.
-
-Bounded by work (faces, cuts, parts), never by time, and of two ways that are as good the first is taken, so that no
-rounding decides for solids with a symmetry: the parts are the same on every machine.
-"""
+"""Convex parts of a solid: cut by planes, piece by piece, and pieces merged again where that costs least."""
 
 from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,6 +13,7 @@ import trimesh
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import Arrays, cached_arrays, content_hash
+from dexgrasp_env.objects.cutting import Plane, best_cut, cut_up, held, rounded
 from dexgrasp_env.objects.model import reduced_hull
 from dexgrasp_env.objects.parts import MAX_VERTICES, ContactPart
 from dexgrasp_env.objects.repair import closed_gently
@@ -34,13 +31,16 @@ _FACES = 1500
 _CUTS = 48
 _PIECES = 160  # enough: merging takes time with the square of their number, and crumbs are no parts
 _EXCESS = 0.02  # of the volume: what the parts' hulls may add before cutting ends
+_LEAST = 0.001  # of the volume: the excess from which a piece is cut
 _FREE = 0.002  # of the volume: what a merge may add even where there are few parts already
 _OFFSETS = (1 / 6, 1 / 3, 1 / 2, 2 / 3, 5 / 6)  # of a piece's length: where cuts are tried
 _GAIN = 0.1  # of a piece's excess: below it no cut helps at once, and the piece is halved
 _SECTORS = 12
-_ALIKE = 1e-6  # relative: measures of two cuts, merges or axes that differ by less differ by rounding alone
 _CRUMB = 1e-9  # of a piece: what a plane through its corners leaves on the wrong side
-_VERSION = 5
+_VERSION = 6
+_NORMALS = np.array([n for n in product((1, 0, -1), repeat=3) if n > (0, 0, 0)], dtype=float)
+_NORMALS /= np.linalg.norm(_NORMALS, axis=1, keepdims=True)
+"""(13, 3) directions that cuts are tried across: to a cube's faces, edges and corners."""
 _LAYOUT = {"points": (None, 3), "counts": (None,)}
 
 
@@ -74,13 +74,17 @@ def decompose(mesh: trimesh.Trimesh) -> list[Array]:
     whole = _Piece(to_manifold(_coarse(mesh)))
     if not whole.volume > 0.0:
         return []
+    hull = trimesh.Trimesh(whole.corners, np.asarray(whole.hull.to_mesh64().tri_verts, dtype=np.int64))
+    axes = _frame(hull)
+    normals = _NORMALS @ axes
     every = 0.2 if sys.stderr.isatty() else 10.0  # seconds; a log file wants fewer lines
     with tqdm(
         total=2 * _CUTS, desc="convex parts", unit="cut", delay=3.0, mininterval=every, leave=False
     ) as bar:
-        tries = [_merged(_cut_up([whole], whole.volume, bar), whole.volume)]
+        tries = [_merged(_cut_up([whole], normals, whole.volume, bar), whole.volume)]
         if _volume(tries[0]) > (1.0 + 5 * _EXCESS) * whole.volume:
-            tries.append(_merged(_cut_up(_sectors(whole), whole.volume, bar), whole.volume))
+            sectors = _sectors(whole, axes, np.array(hull.center_mass))
+            tries.append(_merged(_cut_up(sectors, normals, whole.volume, bar), whole.volume))
     best = min(tries, key=_volume)
     return [np.asarray(reduced_hull(_points(solid), _VERTICES).vertices) for solid in best]
 
@@ -108,73 +112,59 @@ class _Piece:
         """(n, 3) vertices of the hull."""
         return _points(self.hull)
 
-    @cached_property
-    def axes(self) -> Array:
-        """(3, 3) rows: principal axes of the hull's inertia, longest first."""
-        moments, directions = np.linalg.eigh(_surface(self.hull).moment_inertia)
-        return _settled(directions.T, moments)
 
-
-@dataclass(frozen=True)
-class _Cut:
-    """A cut that was tried: where along `normal`, and the pieces it makes."""
-
-    normal: Array
-    share: float
-    pieces: list[_Piece]
-
-    @property
-    def volume(self) -> float:
-        """Of the pieces' hulls: the less, the better."""
-        return sum(piece.hull_volume for piece in self.pieces)
-
-
-def _cut_up(pieces: list[_Piece], volume: float, bar: Any) -> list[_Piece]:
+def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> list[_Piece]:
     """Cut the piece of the most excess, again and again, until `_EXCESS` is reached or cuts or pieces are enough."""
-    pieces = list(pieces)
-    for _ in range(_CUTS):
-        if len(pieces) > _PIECES:
-            break
-        worst = max(pieces, key=lambda piece: _rounded(piece.excess / volume))
-        if sum(piece.excess for piece in pieces) < _EXCESS * volume or worst.excess < 1e-3 * volume:
-            break
-        pieces.remove(worst)
-        pieces += _best_cut(worst)
+
+    def worth(pieces: list[_Piece]) -> list[float]:
+        excess = [piece.excess / volume for piece in pieces]
+        enough = len(pieces) > _PIECES or sum(excess) < _EXCESS
+        return [0.0 if enough or share < _LEAST else rounded(share) for share in excess]
+
+    def cut(piece: _Piece) -> Sequence[_Piece]:
         bar.update()
+        return _best_cut(piece, normals)
+
+    return cut_up(pieces, worth, cut, _CUTS)
+
+
+def _best_cut(piece: _Piece, normals: Array) -> Sequence[_Piece]:
+    """Return the piece cut in the best of 65 ways, the offset refined; halved across where no way helps at once."""
+    (normal, offset), pieces = best_cut(
+        piece, [_plane(piece, n, share) for n in normals for share in _OFFSETS]
+    )
+    if piece.hull_volume - held(pieces) < _GAIN * piece.excess:
+        lengths = [rounded(float(np.ptp(piece.corners @ normal)), 1e-5) for normal in normals]
+        return best_cut(piece, [_plane(piece, normals[np.argmax(lengths)], 0.5)])[1]
+    reach = float(np.ptp(piece.corners @ normal))
+    for step in (reach / 12, reach / 24, reach / 48):
+        (_, offset), pieces = best_cut(piece, [(normal, at) for at in (offset, offset - step, offset + step)])
     return pieces
 
 
-def _best_cut(piece: _Piece) -> list[_Piece]:
-    """Return the piece cut in the best of 45 ways, the offset refined; halved where no way helps at once."""
-    normals = _directions(piece.axes)
-    tries = [_try(piece, normal, share) for normal in normals for share in _OFFSETS]
-    best = min(tries, key=lambda cut: _rounded(cut.volume / piece.hull_volume))
-    if piece.hull_volume - best.volume < _GAIN * piece.excess:
-        halves = [tries[k * len(_OFFSETS) + len(_OFFSETS) // 2] for k in range(3)]
-        return min(halves, key=lambda cut: round(cut.volume / piece.hull_volume, 2)).pieces
-    for step in (1 / 12, 1 / 24, 1 / 48):
-        near = [_try(piece, best.normal, best.share + side * step) for side in (-1, 1)]
-        best = min([best, *near], key=lambda cut: _rounded(cut.volume / piece.hull_volume))
-    return best.pieces
-
-
-def _try(piece: _Piece, normal: Array, share: float) -> _Cut:
+def _plane(piece: _Piece, normal: Array, share: float) -> Plane:
+    """Return the plane across a direction (3,) with `share` of the piece's length below it."""
     reach = piece.corners @ normal
-    return _Cut(normal, share, piece.cut(normal, reach.min() + share * np.ptp(reach)))
+    return normal, float(reach.min() + share * np.ptp(reach))
 
 
-def _directions(axes: Array) -> Array:
-    """Three axes and the six diagonals between them, (9, 3)."""
-    a, b, c = axes
-    diagonals = np.array([a + b, a - b, a + c, a - c, b + c, b - c]) / np.sqrt(2.0)
-    return np.concatenate([axes, diagonals])
+def _frame(hull: trimesh.Trimesh) -> Array:
+    """Return the axes (3, 3), rows, that cuts follow: first that of a round body's turns, or the longest."""
+    moments, axes = np.linalg.eigh(hull.moment_inertia)
+    gaps = [rounded(gap / moments[2]) for gap in np.diff(moments)]
+    if not any(gaps):
+        return np.eye(3)
+    own = axes[:, 2 if gaps[0] < gaps[1] else 0]
+    own *= np.sign(own[np.argmax(np.abs(own).round(6))])
+    side = np.cross(own, np.eye(3)[np.argmin(np.abs(own).round(6))])
+    side /= np.linalg.norm(side)
+    return np.array([own, side, np.cross(own, side)])
 
 
-def _sectors(whole: _Piece) -> list[_Piece]:
+def _sectors(whole: _Piece, axes: Array, centre: Array) -> list[_Piece]:
     """Cut into `_SECTORS` sectors about the one of three axes that leaves the least excess."""
-    axes, centre = whole.axes, np.array(_surface(whole.hull).center_mass)
-    fans = [_fan(whole, axes[k], axes[(k + 1) % 3], centre) for k in range(3)]
-    return min(fans, key=lambda pieces: _rounded(sum(piece.excess for piece in pieces) / whole.volume))
+    fans = [_fan(whole, axes[k], axes[k - 1], centre) for k in range(3)]
+    return min(fans, key=lambda pieces: rounded(sum(piece.excess for piece in pieces) / whole.volume))
 
 
 def _fan(whole: _Piece, axis: Array, side: Array, centre: Array) -> list[_Piece]:
@@ -198,7 +188,7 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
 
     pairs = {(a, b): join(a, b) for a in hulls for b in range(a)}
     while pairs:
-        (a, b), (cost, both) = min(pairs.items(), key=lambda item: _rounded(item[1][0] / volume))
+        (a, b), (cost, both) = min(pairs.items(), key=lambda item: rounded(item[1][0] / volume))
         if len(hulls) <= MOST_PARTS and cost > _FREE * volume:
             break
         new = max(sizes) + 1
@@ -207,27 +197,6 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
         hulls[new], sizes[new] = both, both.volume()
         pairs |= {(new, other): join(new, other) for other in hulls if other != new}
     return list(hulls.values())
-
-
-def _settled(axes: Array, sizes: Array) -> Array:
-    """Return principal axes (3, 3), rows, of which those of equal size are turned as near to x, y, z as they go.
-
-    Their signs are such that the largest component is positive.
-    """
-    out = np.empty((3, 3))
-    group = np.concatenate([[0], np.cumsum(np.abs(np.diff(sizes)) > _ALIKE * np.abs(sizes).max())])
-    for k in range(3):
-        span = axes[group == group[k]]
-        left = span - span @ out[:k].T @ out[:k]  # without the axes that are settled
-        near = left.T @ left  # columns: x, y, z as far as they lie in what is left
-        out[k] = near[:, np.argmax(np.round(np.diag(near), 6))]
-        out[k] /= np.linalg.norm(out[k])
-        out[k] *= np.sign(out[k, np.argmax(np.round(np.abs(out[k]), 6))])
-    return out
-
-
-def _rounded(share: float) -> int:
-    return round(share / _ALIKE)
 
 
 def _coarse(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
@@ -244,10 +213,6 @@ def _volume(solids: Sequence[manifold3d.Manifold]) -> float:
 
 def _points(solid: manifold3d.Manifold) -> Array:
     return np.asarray(solid.to_mesh64().vert_properties, dtype=float)[:, :3]
-
-
-def _surface(solid: manifold3d.Manifold) -> trimesh.Trimesh:
-    return trimesh.Trimesh(_points(solid), np.asarray(solid.to_mesh64().tri_verts, dtype=np.int64))
 
 
 def _part(points: Array) -> ContactPart:

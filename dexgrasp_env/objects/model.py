@@ -120,7 +120,6 @@ def centred_model(
     parts: Sequence[ContactPart],
     mass: float,
     *,
-    fixed_pose: Array | None = None,
     rgba: tuple[float, float, float, float] = (0.75, 0.55, 0.3, 1.0),
     notes: tuple[str, ...] = (),
 ) -> ObjectModel:
@@ -131,7 +130,6 @@ def centred_model(
         mesh: watertight surface, metres.
         parts: convex parts in the frame of the mesh.
         mass: kilograms.
-        fixed_pose: (4,) wxyz of the pose it is presented in, or None.
         rgba: colour.
         notes: what was done to it.
 
@@ -147,7 +145,7 @@ def centred_model(
     inertia = 0.5 * (inertia + inertia.T)
     moved = tuple(part.translated(-centre) for part in parts)
     solid = Solid.of(centred)
-    return ObjectModel(name, solid, moved, mass, inertia, fixed_pose=fixed_pose, rgba=rgba, notes=notes)
+    return ObjectModel(name, solid, moved, mass, inertia, rgba=rgba, notes=notes)
 
 
 def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:

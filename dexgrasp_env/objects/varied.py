@@ -24,8 +24,6 @@ _DENSITY = (150.0, 700.0)  # kg/m^3: from a filled cardboard box to a bottle tha
 _MASS = (0.04, 0.6)  # kg
 _RGBA = (0.55, 0.6, 0.7, 1.0)
 
-_Drawn = tuple[Callable[..., shapes.Shape], dict[str, Any]]
-
 
 def varied_targets(target: str) -> tuple[str, ...]:
     """Return the names that `varied-N` or `varied-FIRST..LAST` stands for; none for other targets.
@@ -48,108 +46,63 @@ def varied_targets(target: str) -> tuple[str, ...]:
 def varied_object(target: str) -> ObjectModel:
     """Return the object that `varied-N` names: its kind, sizes and mass are drawn by its number."""
     rng = np.random.default_rng([int(target.removeprefix("varied-")), 20221])
-    builder, params = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES))](rng)
-    shape = builder(**params)
+    _, builder, drawn = _KINDS[int(rng.choice(len(_KINDS), p=_SHARES))]
+    shape = builder(**drawn(rng))
     mass = float(np.clip(shape.mesh.volume * rng.uniform(*_DENSITY), *_MASS))
     notes = (f"{builder.__name__} of random size",)
     return centred_model(target, shape.mesh, shape.parts, mass, rgba=_RGBA, notes=notes)
 
 
-def _box(rng: Generator) -> _Drawn:
-    sides = rng.uniform((0.025, 0.045, 0.05), (0.085, 0.16, 0.21))
-    return shapes.box, {"size": sides}
-
-
-def _rounded_box(rng: Generator) -> _Drawn:
-    size = rng.uniform((0.035, 0.05, 0.05), (0.08, 0.13, 0.16))
-    return shapes.rounded_box, {"size": size, "corner": 0.3 * size[0] * rng.uniform(0.4, 1.0), "edge": 0.003}
-
-
-def _cylinder(rng: Generator) -> _Drawn:
-    return shapes.cylinder, {"diameter": rng.uniform(0.04, 0.085), "height": rng.uniform(0.06, 0.24)}
-
-
-def _can(rng: Generator) -> _Drawn:
-    d = rng.uniform(0.05, 0.085)
-    return bottles.tapered_can, {
-        "diameter": d,
-        "height": rng.uniform(0.09, 0.18),
-        "foot": 0.76 * d,
-        "rim": 0.82 * d,
-    }
-
-
-def _cup(rng: Generator) -> _Drawn:
-    top = rng.uniform(0.07, 0.1)
-    return bottles.cup, {"top": top, "foot": top * rng.uniform(0.6, 0.85), "height": rng.uniform(0.07, 0.13)}
-
-
-def _pill_bottle(rng: Generator) -> _Drawn:
-    d, height = rng.uniform(0.04, 0.075), rng.uniform(0.07, 0.13)
-    return bottles.pill_bottle, {
-        "diameter": d, "height": height, "cap_diameter": d * rng.uniform(0.8, 1.08), "cap_height": 0.2 * height,
-    }  # fmt: skip
-
-
-def _tower(rng: Generator) -> _Drawn:
-    d = rng.uniform(0.05, 0.08)
-    return bottles.cone_tower, {
-        "diameter": d, "wall": rng.uniform(0.06, 0.11), "roof_diameter": d * rng.uniform(1.0, 1.25),
-        "roof": rng.uniform(0.03, 0.08),
-    }  # fmt: skip
-
-
-def _spray(rng: Generator) -> _Drawn:
-    return bottles.domed_bottle, {"diameter": rng.uniform(0.042, 0.075), "height": rng.uniform(0.13, 0.24)}
-
-
-def _squeeze_bottle(rng: Generator) -> _Drawn:
-    return bottles.squeeze_bottle, {"diameter": rng.uniform(0.048, 0.08), "height": rng.uniform(0.14, 0.21)}
-
-
-def _oval_bottle(rng: Generator) -> _Drawn:
-    size = rng.uniform((0.04, 0.06, 0.13), (0.07, 0.1, 0.2))
-    neck = 0.011 * rng.uniform(0.9, 1.6)
-    return bottles.oval_bottle, {
-        "size": size, "square": rng.uniform(2.2, 3.2), "body": rng.uniform(0.55, 0.68), "shoulder": 0.79,
-        "top": ((neck, 0.82), (1.2 * neck, 0.82), (1.2 * neck, 1.0)),
-    }  # fmt: skip
-
-
-def _pear(rng: Generator) -> _Drawn:
-    d = rng.uniform(0.055, 0.085)
-    return bottles.pear, {"diameter": d, "height": d * rng.uniform(1.2, 1.6)}
-
-
-def _clamshell(rng: Generator) -> _Drawn:
-    return bottles.clamshell, {"size": rng.uniform((0.11, 0.055, 0.045), (0.18, 0.085, 0.07))}
-
-
-def _wedge(rng: Generator) -> _Drawn:
-    a, b = rng.uniform(0.08, 0.14, 2)
-    return shapes.prism, {"polygon": ((0.0, 0.0), (a, 0.0), (0.0, b)), "thickness": rng.uniform(0.05, 0.085)}
-
-
-def _tetrahedron(rng: Generator) -> _Drawn:
-    return shapes.tetrahedron, {"edge": rng.uniform(0.08, 0.12)}
-
-
-def _spiked_ball(rng: Generator) -> _Drawn:
-    return shapes.spiked_ball, {
+_KINDS: tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], dict[str, Any]]], ...] = (
+    (4.0, shapes.box, lambda rng: {"size": rng.uniform((0.025, 0.045, 0.05), (0.085, 0.16, 0.21))}),
+    (2.0, shapes.rounded_box, lambda rng: {
+        "size": (size := rng.uniform((0.035, 0.05, 0.05), (0.08, 0.13, 0.16))),
+        "corner": 0.3 * size[0] * rng.uniform(0.4, 1.0), "edge": 0.003,
+    }),
+    (3.0, shapes.cylinder, lambda rng: {"diameter": rng.uniform(0.04, 0.085), "height": rng.uniform(0.06, 0.24)}),
+    (1.0, bottles.tapered_can, lambda rng: {
+        "diameter": (d := rng.uniform(0.05, 0.085)), "height": rng.uniform(0.09, 0.18),
+        "foot": 0.76 * d, "rim": 0.82 * d,
+    }),
+    (1.0, bottles.cup, lambda rng: {
+        "top": (top := rng.uniform(0.07, 0.1)), "foot": top * rng.uniform(0.6, 0.85), "height": rng.uniform(0.07, 0.13),
+    }),
+    (1.0, bottles.pill_bottle, lambda rng: {
+        "diameter": (d := rng.uniform(0.04, 0.075)), "height": (height := rng.uniform(0.07, 0.13)),
+        "cap_diameter": d * rng.uniform(0.8, 1.08), "cap_height": 0.2 * height,
+    }),
+    (1.0, bottles.cone_tower, lambda rng: {
+        "diameter": (d := rng.uniform(0.05, 0.08)), "wall": rng.uniform(0.06, 0.11),
+        "roof_diameter": d * rng.uniform(1.0, 1.25), "roof": rng.uniform(0.03, 0.08),
+    }),
+    (1.0, bottles.domed_bottle, lambda rng: {
+        "diameter": rng.uniform(0.042, 0.075), "height": rng.uniform(0.13, 0.24),
+    }),
+    (1.0, bottles.squeeze_bottle, lambda rng: {
+        "diameter": rng.uniform(0.048, 0.08), "height": rng.uniform(0.14, 0.21),
+    }),
+    (2.0, bottles.oval_bottle, lambda rng: {
+        "size": rng.uniform((0.04, 0.06, 0.13), (0.07, 0.1, 0.2)),
+        "top": (((neck := 0.011 * rng.uniform(0.9, 1.6)), 0.82), (1.2 * neck, 0.82), (1.2 * neck, 1.0)),
+        "square": rng.uniform(2.2, 3.2), "body": rng.uniform(0.55, 0.68), "shoulder": 0.79,
+    }),
+    (1.0, bottles.pear, lambda rng: {
+        "diameter": (d := rng.uniform(0.055, 0.085)), "height": d * rng.uniform(1.2, 1.6),
+    }),
+    (1.0, bottles.clamshell, lambda rng: {"size": rng.uniform((0.11, 0.055, 0.045), (0.18, 0.085, 0.07))}),
+    (2.0, shapes.prism, lambda rng: {
+        "polygon": ((0.0, 0.0), (rng.uniform(0.08, 0.14), 0.0), (0.0, rng.uniform(0.08, 0.14))),
+        "thickness": rng.uniform(0.05, 0.085),
+    }),
+    (1.0, shapes.tetrahedron, lambda rng: {"edge": rng.uniform(0.08, 0.12)}),
+    (1.0, shapes.spiked_ball, lambda rng: {
         "diameter": rng.uniform(0.055, 0.085), "spike": rng.uniform(0.004, 0.009), "radius": 0.004, "count": 32,
-    }  # fmt: skip
-
-
-def _brick_tower(rng: Generator) -> _Drawn:
-    side, bricks = rng.uniform(0.03, 0.045), int(rng.integers(3, 8))
-    return shapes.brick_tower, {
-        "side": side, "height": bricks * rng.uniform(0.018, 0.02) + 0.0046, "bricks": bricks, "stud": 0.0046,
-    }  # fmt: skip
-
-
-_KINDS = (
-    _box, _rounded_box, _cylinder, _can, _cup, _pill_bottle, _tower, _spray, _squeeze_bottle, _oval_bottle, _pear,
-    _clamshell, _wedge, _tetrahedron, _spiked_ball, _brick_tower,
+    }),
+    (1.0, shapes.brick_tower, lambda rng: {
+        "side": rng.uniform(0.03, 0.045), "bricks": (bricks := int(rng.integers(3, 8))),
+        "height": bricks * rng.uniform(0.018, 0.02) + 0.0046, "stud": 0.0046,
+    }),
 )  # fmt: skip
-_WEIGHTS = np.array([4.0, 2.0, 3.0, *(1.0,) * 6, 2.0, 1.0, 1.0, 2.0, 1.0, 1.0, 1.0])
-_SHARES = _WEIGHTS / _WEIGHTS.sum()
+"""Weight, builder, and what draws its arguments, in metres, in the order in which they stand."""
+_SHARES = np.array([weight for weight, *_ in _KINDS])
+_SHARES /= _SHARES.sum()

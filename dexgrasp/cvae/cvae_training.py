@@ -1,0 +1,118 @@
+"""Training of the CVAE."""
+
+from pathlib import Path
+
+import numpy as np
+
+from dexgrasp.cvae.autoencoder import Cvae, Losses, losses
+from dexgrasp.cvae.batches import Batch, split, test_batches, training_batch
+from dexgrasp.cvae.settings import TrainingSettings
+from dexgrasp.cvae.weights import write_weights
+from dexgrasp.dataset.dataset import read_dataset
+from dexgrasp.dataset.shards import read_manifest
+from dexgrasp.runs.training import CHECKPOINT, Course, Row, StepTraining
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
+
+with from_extra():
+    import torch
+
+WEIGHTS = "cvae.safetensors"
+
+
+class CvaeTraining(StepTraining):
+    """Training on a dataset; the weights of the least test loss are kept in `WEIGHTS`."""
+
+    about, steps, clip = "run.json", 50, 5.0
+
+    def __init__(self, data: Path, out: Path, settings: TrainingSettings, course: Course = Course()) -> None:
+        """Read the dataset.
+
+        Args:
+            data: its folder.
+            out: folder of the training.
+            settings: of the training.
+            course: where it runs.
+
+        Raises:
+            InputError: no usable dataset, no such device.
+        """
+        super().__init__(out, settings, settings.epochs, course)
+        self._dataset = str(read_manifest(data)["key"])
+        parts = split(
+            read_dataset(data), settings.held_out_object, settings.held_out_poses, seed=settings.seed
+        )
+        self._poses = parts.pop("train")
+        net = settings.network
+        self._tests = {
+            name: test_batches(poses, settings.seed, net.points, net.latent) for name, poses in parts.items()
+        }
+
+    def identity(self) -> Row:
+        """Return the dataset's key."""
+        return {"dataset": self._dataset}
+
+    def network(self) -> Cvae:
+        """Make the network."""
+        return Cvae(self.settings.network)
+
+    def rate(self, done: float) -> float:
+        """Return Adam's rate."""
+        return float(self.settings.rate * max(0.02, min(1.0, 2.0 * (1.0 - done))))
+
+    def losses(self, step: int, done: float) -> Losses:
+        """Return the losses of a step."""
+        s, net = self.settings, self.settings.network
+        batch = training_batch(self._poses, step, s.seed, s.clouds, s.grasps, net.points, net.latent)
+        return _losses(self.net, batch, s.kl_weight * min(1.0, done / s.warm_up), self.place)
+
+    def learn(self) -> Row:
+        """Do an epoch; return the losses of every split."""
+        trained = dict(zip(Losses._fields, self.epoch_losses(), strict=True))
+        tested = {
+            name: evaluate(self.net, batches, self.settings.kl_weight, self.place)
+            for name, batches in self._tests.items()
+        }
+        return {"train": trained, **tested}
+
+    @property
+    def best(self) -> int:
+        """The epoch of the least test loss, the first fifth of all epochs apart; 0 before."""
+        late = [row for row in self.state.curve if 5 * row["epoch"] >= self.state.epochs]
+        return int(min(late, key=lambda row: row["test"]["total"])["epoch"]) if late else 0
+
+    def write(self) -> None:
+        """Write the weights, where they are the best so far."""
+        if self.best == self.state.epoch:
+            row = dict(self.state.curve[-1])
+            about = {
+                "epoch": row.pop("epoch"), "dataset": self._dataset, "seed": self.settings.seed, "losses": row,
+            }  # fmt: skip
+            write_weights(self.out / WEIGHTS, self.net, about)
+
+    def begin(self) -> Row | None:
+        """As every training.
+
+        Raises:
+            InputError: damaged, or its best weights are gone, which no further epoch can bring back.
+        """
+        note = super().begin()
+        if self.best and not (self.out / WEIGHTS).is_file():
+            raise InputError(
+                f"the weights of epoch {self.best} are gone from {self.out} ({WEIGHTS}): remove {CHECKPOINT} to train "
+                "from the start, or choose another --out"
+            )
+        return note
+
+
+@torch.no_grad()
+def evaluate(model: Cvae, batches: list[Batch], kl_weight: float, place: torch.device) -> dict[str, float]:
+    """Return the losses, means over rest poses, of grasps decoded from the posterior's mean."""
+    model.eval()
+    rows = [[float(v) for v in _losses(model, batch, kl_weight, place)] for batch in batches]
+    return dict(zip(Losses._fields, np.mean(rows, axis=0).tolist(), strict=True)) if rows else {}
+
+
+def _losses(model: Cvae, batch: Batch, kl_weight: float, place: torch.device) -> Losses:
+    cloud, grasp, noise = (torch.from_numpy(array).to(place) for array in batch)
+    return losses(model(cloud, grasp, noise), grasp, kl_weight)

@@ -1,0 +1,78 @@
+"""What a training needs to go on, as safetensors: arrays and text, nothing that runs when it is read."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from dexgrasp.runs.arrays import below, read_arrays
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import write_atomically
+
+with from_extra():
+    import torch
+    from torch.optim import Optimizer
+
+Part = torch.nn.Module | Optimizer | torch.Tensor
+Parts = Mapping[str, Part]
+"""What learns: networks, optimisers, single tensors."""
+
+
+def write_state(path: Path, parts: Parts, note: Mapping[str, Any]) -> None:
+    """Write parts, and a note as JSON holds it."""
+    write_tensors(
+        path, {f"{name}/{key}": t for name, part in parts.items() for key, t in _tensors(part).items()}, note
+    )
+
+
+def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], note: Mapping[str, Any]) -> None:
+    """Write tensors, and a note as JSON holds it."""
+    from safetensors.torch import save
+
+    kept = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
+    write_atomically(path, save(kept, {"dexgrasp": json.dumps(note, sort_keys=True)}))
+
+
+def read_state(path: Path, parts: Parts) -> dict[str, Any] | None:
+    """Fill parts from what `write_state` wrote; return its note, None where there is no file.
+
+    Raises:
+        InputError: damaged, or of other parts.
+    """
+    if not path.is_file():
+        return None
+    arrays, note = read_arrays(path)
+    try:
+        for name, part in parts.items():
+            _fill(part, {key: torch.from_numpy(array) for key, array in below(arrays, f"{name}/").items()})
+        return dict(note)
+    except (RuntimeError, ValueError, KeyError, TypeError):
+        raise damaged(path) from None
+
+
+def damaged(path: Path) -> InputError:
+    """Return the error for a checkpoint that a training cannot go on from."""
+    return InputError(f"{path} is damaged, or of another training: remove it to train from the start")
+
+
+def _tensors(part: Part) -> dict[str, torch.Tensor]:
+    if isinstance(part, torch.Tensor):
+        return {"": part}
+    if isinstance(part, Optimizer):
+        states = part.state_dict()["state"].items()
+        return {f"{k}/{key}": tensor for k, state in states for key, tensor in state.items()}
+    return part.state_dict()
+
+
+def _fill(part: Part, tensors: dict[str, torch.Tensor]) -> None:
+    if isinstance(part, torch.Tensor):
+        part.data.copy_(tensors[""])
+    elif isinstance(part, Optimizer):
+        states: dict[int, dict[str, torch.Tensor]] = {}
+        for name, tensor in tensors.items():
+            k, _, key = name.partition("/")
+            states.setdefault(int(k), {})[key] = tensor
+        part.load_state_dict({"state": states, "param_groups": part.state_dict()["param_groups"]})
+    else:
+        part.load_state_dict(tensors)

@@ -1,0 +1,59 @@
+"""Curves of a training: the figures of its epochs, as a picture."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+Row = Mapping[str, Any]
+_PANELS = {
+    "loss": ("loss", "test_loss", "total"),
+    "fingertip reconstruction, cm": ("fingertip_cm",),
+    "return": ("return",),
+    "success": ("success", "training_success", "training_held"),
+}
+"""Title -> figures that are drawn beside each other."""
+_LOGARITHMIC = ("loss", "fingertip reconstruction, cm")
+
+
+def numbers(row: Row) -> Iterator[tuple[str, str, float]]:
+    """Yield the numbers of a row as name, split and value; those that are of no split have the split ""."""
+    for key, value in row.items():
+        for name, number in value.items() if isinstance(value, Mapping) else [("", value)]:
+            if isinstance(number, int | float):
+                yield (name, key, number) if name else (key, "", number)
+
+
+def draw_curves(curve: Sequence[Row], path: Path, best: int = 0) -> None:
+    """Draw what there is of losses, errors, returns and successes.
+
+    Args:
+        curve: a row an epoch, in which a figure may stand for each split of the data.
+        path: of the picture.
+        best: epoch that is marked; 0 for none.
+    """
+    import matplotlib
+
+    matplotlib.use("Agg")
+    import matplotlib.pyplot as plt
+
+    lines: dict[str, dict[str, list[tuple[int, float]]]] = {}
+    for row in curve:
+        for name, split, number in numbers(row):
+            for title in (title for title, names in _PANELS.items() if name in names):
+                label = (split or name).replace("_", " ")
+                lines.setdefault(title, {}).setdefault(label, []).append((row["epoch"], number))
+    size = (4.5 * max(len(lines), 1), 3.3)
+    figure, axes = plt.subplots(1, max(len(lines), 1), figsize=size, layout="constrained", squeeze=False)
+    for axis, (title, drawn) in zip(axes[0], lines.items(), strict=False):
+        for label, points in drawn.items():
+            axis.plot(*zip(*points, strict=True), lw=1, marker=".", markersize=3, label=label)
+        if best:
+            axis.axvline(best, color="grey", lw=0.7, ls=":")
+        axis.set(xlabel="epoch or round", title=title, yscale="log" if title in _LOGARITHMIC else "linear")
+        if title == "success":
+            axis.set_ylim(0.0, 1.05)
+        axis.grid(alpha=0.3, which="both")
+        axis.legend(fontsize=7)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=100)
+    plt.close(figure)

@@ -1,0 +1,252 @@
+"""Training in a folder, an epoch at a time; stopped, it goes on to the same bits on a CPU."""
+
+import json
+import time
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Sequence
+from contextlib import ExitStack
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.runs.board import Board
+from dexgrasp.runs.checkpoint import Parts, damaged, read_state, write_state
+from dexgrasp.runs.device import torch_device
+from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.interrupt import held
+from dexgrasp_env.extras import from_extra
+from dexgrasp_env.files import write_atomically
+
+with from_extra():
+    import torch
+
+Row = dict[str, Any]
+CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
+_MEASURED = 20  # steps that tell how many epochs fit into the minutes
+
+
+@dataclass
+class Progress:
+    """Where a training stands; `curve` has a row an epoch."""
+
+    epoch: int = 0
+    epochs: int = 0
+    seconds: float = 0.0
+    curve: list[Row] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Judge(ABC):
+    """Tries what is learned while it learns."""
+
+    @abstractmethod
+    def after(self, folder: Path, state: Progress) -> Row:
+        """Return figures that join the row of the epoch that ended, or none."""
+
+
+@dataclass(frozen=True)
+class Course:
+    """Where a training runs, and what it is not told by its settings.
+
+    Attributes:
+        device: cpu, cuda or auto.
+        minutes: as many epochs as fit into these, by the first steps' speed; None for those of the settings.
+        judge: what tries it while it learns; None for nothing.
+    """
+
+    device: str = "cpu"
+    minutes: float | None = None
+    judge: Judge | None = None
+
+
+class Training(ABC):
+    """A training: who inherits says what is trained on what, and does an epoch of it.
+
+    An epoch depends on what learns and on the epoch's number alone.
+    """
+
+    about = "training.json"
+    """File that says what is trained on what."""
+
+    def __init__(self, out: Path, settings: Any, epochs: int, course: Course) -> None:
+        """Prepare.
+
+        Args:
+            out: folder of the training.
+            settings: a dataclass; a folder of others is refused. Has `threads`, of torch on the CPU: results differ in
+                the last bits with it.
+            epochs: how many.
+            course: where it runs.
+
+        Raises:
+            InputError: for a device that is not there.
+        """
+        self.out, self.settings, self.course = out, settings, course
+        self.place = torch_device(course.device)
+        self.state = Progress(epochs=epochs)
+        self.open = ExitStack()
+        """Closes what is open when the training ends."""
+
+    @abstractmethod
+    def identity(self) -> Row:
+        """Return what it is trained on; the settings are added."""
+
+    @abstractmethod
+    def build(self) -> None:
+        """Make what learns, with nothing learned."""
+
+    @abstractmethod
+    def parts(self) -> Parts:
+        """Return what learns."""
+
+    @abstractmethod
+    def learn(self) -> Row:
+        """Do an epoch; return its row of the curve."""
+
+    @abstractmethod
+    def write(self) -> None:
+        """Write what is worth keeping of the epoch that ended, the last of `state.curve`."""
+
+    @property
+    def best(self) -> int:
+        """The epoch that is kept where it is not the last, else 0."""
+        return 0
+
+    def note(self) -> Row:
+        """Return what a checkpoint holds beside the parts."""
+        return {}
+
+    def run(
+        self, progress: Callable[[Progress], object] | None = None, stop_after: int | None = None
+    ) -> Progress:
+        """Train to the end, or go on with what the folder holds.
+
+        Args:
+            progress: called after every epoch.
+            stop_after: epochs of this call, for tests of resuming.
+
+        Raises:
+            InputError: other settings or another process in the folder, a damaged checkpoint.
+        """
+        torch.set_num_threads(self.settings.threads)
+        course = {"minutes": self.course.minutes, "trials": self.course.judge and asdict(self.course.judge)}
+        run = {"schema": 1, **self.identity(), "settings": asdict(self.settings), **course}
+        with RunFolder(self.out, self.about, "training").claim(run), self.open:
+            self.begin()
+            self._go_on(progress, stop_after)
+        return self.state
+
+    def begin(self) -> Row | None:
+        """Make what learns, and go on from the checkpoint, where there is one; return its note.
+
+        Raises:
+            InputError: if it is damaged.
+        """
+        self.build()
+        path = self.out / CHECKPOINT
+        note = read_state(path, self.parts())
+        if note is None:
+            return None
+        try:
+            self.state = Progress(**note["progress"])
+            whole = [row["epoch"] for row in self.state.curve] == list(range(1, self.state.epoch + 1))
+        except (LookupError, TypeError):
+            raise damaged(path) from None
+        if not whole or self.state.epoch > self.state.epochs:
+            raise damaged(path)
+        return note
+
+    def _go_on(self, progress: Callable[[Progress], object] | None, stop_after: int | None) -> None:
+        board, calls, state = Board(self.out / "tensorboard"), 0, self.state
+        while state.epoch < state.epochs and calls != stop_after:
+            began = time.perf_counter()
+            row = {"epoch": state.epoch + 1} | self.learn()
+            state.seconds += time.perf_counter() - began
+            state.epoch, calls = state.epoch + 1, calls + 1
+            state.curve.append(row)
+            # What is kept is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
+            with held():
+                self.write()
+            if self.course.judge:
+                row |= self.course.judge.after(self.out, state)
+            with held():
+                self._keep()
+            board.add(row, row.get("steps", state.epoch))
+            if progress:
+                progress(state)
+        board.close()
+
+    def _keep(self) -> None:
+        note = {"progress": asdict(self.state), **self.note()}
+        write_state(self.out / CHECKPOINT, self.parts(), note)
+        lines = "".join(json.dumps(row) + "\n" for row in self.state.curve)
+        write_atomically(self.out / CURVE, lines.encode())
+
+
+class StepTraining(Training):
+    """Epochs of steps of Adam, each on a batch that depends on the seed and the step alone."""
+
+    steps: int
+    """Of an epoch."""
+    clip: float
+    """Norm that gradients are cut off at."""
+    net: Any
+    """What learns."""
+
+    @abstractmethod
+    def network(self) -> torch.nn.Module:
+        """Make the network."""
+
+    @abstractmethod
+    def rate(self, done: float) -> float:
+        """Return the rate of Adam when a share of all steps is done."""
+
+    @abstractmethod
+    def losses(self, step: int, done: float) -> Sequence[torch.Tensor]:
+        """Return the loss of a step, and parts of it that are reported."""
+
+    def build(self) -> None:
+        """Make network and optimiser."""
+        torch.manual_seed(self.settings.seed)
+        self.net = self.network().to(self.place)
+        self.adam = torch.optim.Adam(self.net.parameters(), lr=self.settings.rate)
+
+    def parts(self) -> Parts:
+        """Return network and optimiser."""
+        return {"net": self.net, "adam": self.adam}
+
+    def begin(self) -> Row | None:
+        """As every training; one that is told in minutes has as many epochs as fit, by the speed of some steps.
+
+        What these steps learn is dropped.
+        """
+        note = super().begin()
+        if note is None and self.course.minutes is not None:
+            self._step(0)
+            began = time.perf_counter()
+            for number in range(_MEASURED):
+                self._step(number)
+            each = (time.perf_counter() - began) / _MEASURED
+            self.state.epochs = max(1, int(60.0 * self.course.minutes / (1.05 * each * self.steps)))
+            self.build()
+        return note
+
+    def epoch_losses(self) -> list[float]:
+        """Do the steps of an epoch; return the means of their losses."""
+        self.net.train()
+        first = self.state.epoch * self.steps
+        rows = [self._step(number) for number in range(first, first + self.steps)]
+        return [float(np.mean(column)) for column in zip(*rows, strict=True)]
+
+    def _step(self, number: int) -> list[float]:
+        done = number / (self.state.epochs * self.steps)
+        for group in self.adam.param_groups:
+            group["lr"] = self.rate(done)
+        losses = self.losses(number, done)
+        self.adam.zero_grad(set_to_none=True)
+        losses[0].backward()
+        torch.nn.utils.clip_grad_norm_(self.net.parameters(), self.clip)
+        self.adam.step()
+        return [float(loss.detach()) for loss in losses]
