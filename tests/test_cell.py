@@ -1,17 +1,14 @@
 """The cell as data: the default is the model's own numbers, mistakes take a line, another one is used throughout."""
 
 import json
-import os
-import subprocess
-import sys
 from dataclasses import replace
 from pathlib import Path
 
+import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 import yaml
-from dexgrasp_env.robot.active import active_cell, use_cell
 from robots import ARM_JOINTS, CELL, HAND_JOINTS
 
 from dexgrasp.cli.commands import run_command
@@ -23,7 +20,7 @@ from dexgrasp.evaluation.store import TrialStore, check_folder
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import SIMULATED
+from dexgrasp_env.robot.cell import SIMULATED, default_cell
 from dexgrasp_env.robot.cell_file import read_cell
 from dexgrasp_env.robot.model import robot_spec
 
@@ -61,9 +58,9 @@ def test_the_default_cell_says_what_the_robots_files_say(file, joints):
                 assert np.array_equal(a, b), (name, part)
 
 
-def test_this_process_is_in_the_simulated_cell():
-    assert active_cell().stamp == SIMULATED
-    assert read_cell(asset_path("robot", "cell.yaml")) == active_cell()
+def test_the_default_is_the_simulated_cell():
+    assert default_cell().stamp == SIMULATED
+    assert read_cell(asset_path("robot", "cell.yaml")) == default_cell()
 
 
 @pytest.mark.parametrize(
@@ -110,62 +107,32 @@ def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def test_a_second_cell_in_one_process_is_refused(lab):
-    with pytest.raises(InputError, match="in use in this process"):
-        use_cell(lab)
-
-
-def run(words, environment):
-    return subprocess.run(words, capture_output=True, text=True, env=environment, timeout=300)
-
-
-LOOK = """
-import json, gymnasium as gym, numpy as np, dexgrasp_env
-from dexgrasp.demos.settings import DemoSettings
-from dexgrasp.dataset.generate import _identity
-from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.evaluation.settings import EvaluationSettings
-env = gym.make("DexGrasp/Lift-v1", objects="pear", obs_mode="pointcloud", control_mode="joint_delta")
-observation, info = env.reset(seed=0)
-before = observation["joint_targets"]
-after = env.step(np.r_[1.0, np.zeros(22)].astype(np.float32))[0]["joint_targets"]
-model = env.unwrapped.model
-print(json.dumps({
-    "step": float(after[0] - before[0]), "palm": model.body("palm").pos.tolist(), "cloud": int(observation["cloud_mask"].sum()),
-    "cameras": [model.camera(k).name for k in range(model.ncam)], "kp": float(model.actuator("thumb_0").gainprm[0]),
-    "most": float(model.actuator("thumb_0").forcerange[1]),
-    "base": float(env.unwrapped.data.body("panda_link0").xpos[2]), "camera": float(model.camera("left").pos[2]),
-    "lowest": float(observation["cloud"][observation["cloud_mask"] == 1, 2].min()),
-    "plane": float(observation["table_plane"][3]),
-    "cells": [EvaluationSettings.of(["random"], ["pear"]).identity()["cell"], _identity(DatasetSettings.of(["pear"]))["cell"],
-              DemoSettings.of(["pear"]).as_json()["cell"]],
-}))
-"""  # noqa: E501
-
-
 def test_the_environment_is_of_the_cell(lab):
-    done = run([sys.executable, "-c", LOOK], os.environ | {"DEXGRASP_CELL": str(lab)})
-    assert done.returncode == 0, done.stderr
-    seen = json.loads(done.stdout)
-    assert seen["step"] == pytest.approx(1.0 * 0.05, rel=1e-5)  # its velocity limit times the control period
-    assert seen["palm"] == [0.0475, 0.0, 0.162]
-    assert seen["cameras"] == ["left", "right"]
-    assert seen["cloud"] > 300
-    assert seen["base"] == -TABLE  # in the world the table's top is z = 0, and files are seen from the base
-    assert seen["camera"] == 0.5 - TABLE
-    assert 0.0 < seen["lowest"] < 0.01
-    assert abs(seen["plane"]) < 0.005
-    assert (seen["kp"], seen["most"]) == (8.0, 0.5)
-    assert len(set(seen["cells"])) == 1
-    assert seen["cells"][0].startswith("our lab-")
-
-
-COMMANDS = """
-import json, sys
-from dexgrasp.cli.commands import run_command
-for command, code in json.loads(sys.argv[1]):
-    assert run_command([*command, "--cell", sys.argv[2]]) == code, command
-"""
+    modes = {"obs_mode": "pointcloud", "control_mode": "joint_delta"}
+    env = gym.make("DexGrasp/Lift-v1", objects="pear", robot=str(lab), **modes)
+    observation, _ = env.reset(seed=0)
+    before = observation["joint_targets"]
+    after = env.step(np.r_[1.0, np.zeros(22)].astype(np.float32))[0]["joint_targets"]
+    model, data = env.unwrapped.model, env.unwrapped.data
+    assert after[0] - before[0] == pytest.approx(
+        1.0 * 0.05, rel=1e-5
+    )  # its velocity limit times the control period
+    assert model.body("palm").pos.tolist() == [0.0475, 0.0, 0.162]
+    assert [model.camera(k).name for k in range(model.ncam)] == ["left", "right"]
+    seen = observation["cloud"][observation["cloud_mask"] == 1]
+    assert len(seen) > 300
+    assert data.body("panda_link0").xpos[2] == -TABLE  # in the world the table's top is z = 0
+    assert model.camera("left").pos[2] == 0.5 - TABLE
+    assert 0.0 < seen[:, 2].min() < 0.01
+    assert abs(observation["table_plane"][3]) < 0.005
+    assert (model.actuator("thumb_0").gainprm[0], model.actuator("thumb_0").forcerange[1]) == (8.0, 0.5)
+    here = {"robot": str(lab)}
+    cells = {
+        EvaluationSettings.of(["random"], ["pear"], **here).identity()["cell"],
+        _identity(DatasetSettings.of(["pear"], **here))["cell"],
+        DemoSettings.of(["pear"], **here).as_json()["cell"],
+    }
+    assert cells == {read_cell(lab).version}
 
 
 def box_on_the_table(rng, height):
@@ -192,10 +159,9 @@ def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_pat
         (["verify", f"{folder}/seen/grasp.json"], 0),
         (["replay", f"{folder}/none", "--agent=rl", "--object=pear", "--trial=0", "--camera=left"], 2),
     ]
-    environment = {key: value for key, value in os.environ.items() if key != "DEXGRASP_CELL"}
-    done = run([sys.executable, "-c", COMMANDS, json.dumps(commands), str(lab)], environment)
-    assert done.returncode == 0, done.stderr
-    assert "camera" not in done.stderr  # the cell's cameras are choices of the command's options
+    for command, code in commands:
+        assert run_command([*command, "--cell", str(lab)]) == code, command
+    capsys.readouterr()
     grasp, robot, seen = tmp_path / "grasp.json", tmp_path / "robot", tmp_path / "seen" / "grasp.json"
     for content in (json.loads(path.read_text()) for path in (grasp, seen)):
         assert content["cell"] == "our lab"
@@ -226,9 +192,9 @@ def slowed(cell):
 
 
 def test_the_default_cell_has_a_hash_too():
-    assert active_cell().version.startswith(SIMULATED + "-")
-    slower = slowed(active_cell())
-    assert slower.version != active_cell().version
+    assert default_cell().version.startswith(SIMULATED + "-")
+    slower = slowed(default_cell())
+    assert slower.version != default_cell().version
     saved = DemoSettings.of(["pear"]).as_json()
     assert DemoSettings.of_json(saved) == DemoSettings.of(["pear"])
     with pytest.raises(InputError, match="give their --cell"):
