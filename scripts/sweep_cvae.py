@@ -32,6 +32,7 @@ from dexgrasp.physics.margin import margins
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.decoder import NetworkSettings
 from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp.shape.target import GraspTarget
@@ -65,16 +66,15 @@ def judged(weights: Path, unseen: Sequence[PoseGrasps]) -> dict[str, float]:
 
 def of_prior(source: CvaeProposals, pose: PoseGrasps) -> dict[str, float | None]:
     """Return the shares of samples in closure and feasible, and how far apart the feasible are, if there are two."""
-    settings, tree = replace(PlannerSettings(), triples=SAMPLES, postures=SAMPLES), robot_tree()
+    settings = replace(PlannerSettings(), triples=SAMPLES, postures=SAMPLES)
     hull = trimesh.convex.convex_hull(pose.scene["hull"] + PLACE)
     target = GraspTarget.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"] + PLACE)
     found = source.propose(target, settings, np.random.default_rng([pose.pose, *pose.name.encode()]))
     closed, solutions = 0, []
     if len(found.contacts):
         closed = int((margins(found.contacts, found.normals, settings.friction)[0] > 0.0).sum())
-        solutions = [
-            solve(p.q, tree, target, settings) for p in atlas_postures(found, target, tree, settings)
-        ]
+        problem = Problem(target, robot_tree(), settings)
+        solutions = [solve(p.q, problem) for p in atlas_postures(found, problem)]
     good = [solution for solution in solutions if solution.feasible]
     centres = [solution.evaluation.contacts.mean(0) for solution in good]
     return {

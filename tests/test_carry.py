@@ -16,6 +16,7 @@ from dexgrasp.physics.strength import capacity_of, hold_residual, torque_fractio
 from dexgrasp.planning.carry import ENOUGH, plan_turn
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.robot.limits import HOME
@@ -36,7 +37,7 @@ def planned(mass):
 @pytest.fixture(scope="module")
 def heavy():
     plan, target = planned(0.6)
-    return plan, target, plan_turn(plan.grasp, plan.script, target, TREE, SETTINGS)
+    return plan, target, plan_turn(plan.grasp, plan.script, Problem(target, TREE, SETTINGS))
 
 
 def at_the_end_of(turn, plan):
@@ -64,7 +65,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
     plan, target, turn = heavy
     start, end = at_the_end_of(turn, plan)
     R = palm_frame(end, TREE)[0] @ palm_frame(start, TREE)[0].T
-    before, _ = contacts_of(plan.grasp.q, target, TREE, SETTINGS.friction_hold)
+    before, _ = contacts_of(plan.grasp.q, Problem(target, TREE, SETTINGS), SETTINGS.friction_hold)
     turned = before._replace(
         points=before.points @ R.T, normals=before.normals @ R.T, centre=R @ before.centre,
         jacobians=R @ before.jacobians,
@@ -79,7 +80,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
 def test_what_is_held_firmly_is_carried_as_it_was_lifted():
     plan, target = planned(0.08)
     assert plan.grasp.certificate.capacity >= ENOUGH
-    assert plan_turn(plan.grasp, plan.script, target, TREE, SETTINGS) is None
+    assert plan_turn(plan.grasp, plan.script, Problem(target, TREE, SETTINGS)) is None
 
 
 def test_an_arm_that_cannot_turn_is_told(heavy):
@@ -147,7 +148,7 @@ def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
 def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
     plan, target, _ = heavy
     strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))
-    assert plan_turn(strong, plan.script, target, TREE, SETTINGS) is None
+    assert plan_turn(strong, plan.script, Problem(target, TREE, SETTINGS)) is None
 
 
 def test_rotation_is_that_of_its_vector():

@@ -18,6 +18,7 @@ from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
 from dexgrasp.planning.ranking import robustness
 from dexgrasp.planning.settings import PlannerSettings
@@ -165,7 +166,7 @@ def test_no_proposals_with_the_reason(grasp_target, settings, reason):
     found = propose(grasp_target, settings)
     assert found.failure == reason
     assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, grasp_target, TREE, settings)) == []
+    assert list(atlas_postures(found, Problem(grasp_target, TREE, settings))) == []
 
 
 def test_uniform_proposals_are_not_judged():
@@ -219,7 +220,7 @@ def test_atlas_postures_are_what_mujoco_says():
 def test_starting_postures_are_near_their_contacts(name, proposals):
     found, grasp_target = proposals[name], SUBJECTS[name]
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, grasp_target, TREE, SETTINGS))
+    postures = list(atlas_postures(found, Problem(grasp_target, TREE, SETTINGS)))
     assert 10 < len(postures) <= SETTINGS.postures
     assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
     for posture in postures:
@@ -238,7 +239,7 @@ def test_oriented_postures_say_how_far_they_miss(proposals):
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
     total = 0
     for k in range(6):
-        postures = oriented_postures(k, found, grasp_target, TREE, SETTINGS)
+        postures = oriented_postures(k, found, Problem(grasp_target, TREE, SETTINGS))
         assert len(postures) <= SETTINGS.initial_orientations
         assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
         targets = found.contacts[k] + reach * found.normals[k]
@@ -286,7 +287,9 @@ def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
 
 def near_contact(name, proposals, count, seed=0):
     rng = np.random.default_rng(seed)
-    for posture in itertools.islice(atlas_postures(proposals[name], SUBJECTS[name], TREE, SETTINGS), count):
+    for posture in itertools.islice(
+        atlas_postures(proposals[name], Problem(SUBJECTS[name], TREE, SETTINGS)), count
+    ):
         q = posture.q.copy()
         q[MOVED] += rng.normal(0, 0.02, len(MOVED))
         yield np.clip(q, LOWER, UPPER)

@@ -14,6 +14,7 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals, ProposalSource
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
@@ -89,8 +90,9 @@ def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> 
         np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
     )
     single = Proposals(contacts, normals, found.margins, assigned=True)
-    postures = atlas_postures(single, target, planner.tree, settings)
-    return sum(solve(p.q, planner.tree, target, settings).feasible for p in postures) / len(contacts)
+    problem = Problem(target, planner.tree, settings)
+    postures = atlas_postures(single, problem)
+    return sum(solve(p.q, problem).feasible for p in postures) / len(contacts)
 
 
 def _sources() -> dict[str, Any]:

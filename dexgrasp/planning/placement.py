@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
 
 ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
@@ -154,8 +154,7 @@ def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacl
 def place_on_atlas(
     contacts: Array,
     normals: Array,
-    obstacle: Obstacle,
-    settings: PlannerSettings,
+    problem: Problem,
     orders: NDArray[np.int64],
     neighbours: int = NEIGHBOURS,
 ) -> Placements:
@@ -164,8 +163,7 @@ def place_on_atlas(
     Args:
         contacts: (K, 3, 3) m.
         normals: (K, 3, 3) out of the object.
-        obstacle: the object.
-        settings: how deep the tips are to be.
+        problem: the object; of the settings how deep the tips are to be.
         orders: (A, 3) rows of `ASSIGNMENTS`: which contact thumb, index and middle take.
         neighbours: postures of the atlas looked at for each.
 
@@ -173,8 +171,8 @@ def place_on_atlas(
         What will do; goal A k + a is triple k in order a.
     """
     atlas = hand_atlas()
-    centres = (contacts + settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
+    centres = (contacts + problem.settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
     inward = -normals[:, orders].reshape(-1, 3, 3)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
-    return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle)
+    return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), problem.target.distance.obstacle)

@@ -14,10 +14,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.kinematics.clearance import KINDS
-from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.planning.constraints import CLOSURE, FIXED_ROWS, MARGIN_SCALE, Bounds, Evaluation, evaluate
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.names import BODIES, FINGER_COLUMNS, GRASP_FINGERS
 
@@ -68,27 +67,22 @@ def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> B
     )
 
 
-def solve(
-    q: Array, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, *, with_margin: bool = True
-) -> Solution:
+def solve(q: Array, problem: Problem, *, with_margin: bool = True) -> Solution:
     """Make a configuration feasible.
 
     Args:
         q: (23,) rad, start.
-        tree: the robot.
-        target: the object.
-        settings: thresholds and the budget of iterations.
+        problem: object and robot; of the settings thresholds and the budget of iterations.
         with_margin: whether force closure is asked for.
     """
-    solver = _Solver(tree, target, settings, with_margin)
-    return solver.run(np.array(q, dtype=float))
+    return _Solver(problem, with_margin).run(np.array(q, dtype=float))
 
 
 class _Solver:
-    def __init__(
-        self, tree: RobotTree, target: GraspTarget, settings: PlannerSettings, with_margin: bool
-    ) -> None:
-        self._tree, self._target, self._settings, self._with_margin = tree, target, settings, with_margin
+    def __init__(self, problem: Problem, with_margin: bool) -> None:
+        target, tree, settings = problem
+        self._obstacle, self._tree, self._budget = target.distance.obstacle, tree, settings.iterations
+        self._with_margin = with_margin
         self._low = tree.lower[MOVED] + settings.joint_margin
         self._high = tree.upper[MOVED] - settings.joint_margin
         self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
@@ -96,14 +90,14 @@ class _Solver:
         self._least = bounds_of(settings, settings.closure_margin)
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
-        return evaluate(q, self._tree, self._target.distance.obstacle, bounds, self._with_margin)
+        return evaluate(q, self._tree, self._obstacle, bounds, self._with_margin)
 
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""
         q[MOVED] = np.clip(q[MOVED], self._low, self._high)
         steps = 0
         for goal in (self._goal, self._modest):
-            q, now, used = self._descend(q, goal, self._settings.iterations - steps)
+            q, now, used = self._descend(q, goal, self._budget - steps)
             steps += used
             solution = self._solution(q, now, goal, steps)
             if solution.feasible or not self._with_margin:
