@@ -21,12 +21,12 @@ from dexgrasp.planning.constraints import FIXED_ROWS
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, oriented_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp.planning.result import SearchLog
-from dexgrasp.planning.setpoints import OPENINGS, grasp_motion
+from dexgrasp.planning.setpoints import OPENINGS, grasp_motion, opened
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.robot.cell import Cell
 
 from .bilevel import BilevelAgent
@@ -71,22 +71,20 @@ class LatentPlanner(Planner):
         plain = replace(settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf)
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)
 
-    def starts(
-        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
-    ) -> Iterator[Posture]:
+    def starts(self, proposals: Proposals, problem: Problem) -> Iterator[Posture]:
         """Yield what IK finds for each latent, in the order drawn: from its own palm, then from those above."""
         for k in range(len(proposals.contacts)):
-            yield from self._at_decoded_palm(k, proposals, target)
-            yield from oriented_postures(k, proposals, target, self.tree, settings)
+            yield from self._at_decoded_palm(k, proposals, problem)
+            yield from oriented_postures(k, proposals, problem)
 
-    def _at_decoded_palm(self, k: int, proposals: Proposals, target: GraspTarget) -> Iterator[Posture]:
+    def _at_decoded_palm(self, k: int, proposals: Proposals, problem: Problem) -> Iterator[Posture]:
         """Yield the posture that IK finds from the palm of a latent, if the arm reaches that."""
         if proposals.palms is None:
             return
         q, palm = self.tree.home.copy(), proposals.palms[k]
         if reach_palm(q, np.ascontiguousarray(palm[:3, :3]), palm[:3, 3].copy(), self.tree):
             tips = proposals.contacts[k] + self.settings.tip_height * proposals.normals[k]
-            yield Posture(q, target, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
+            yield Posture(q, problem, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
 
 
 class RejectingCertifier(Certifier):
@@ -121,11 +119,12 @@ class UncheckedCertifier(Certifier):
 
     def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
         """Return the grasp, whatever it is worth."""
-        target, q, at = candidate.start.target, candidate.solution.q, candidate.solution.evaluation
-        forces = solve_wrench_qp(at.contacts, at.normals, self.settings.friction, f_min=PRESS).forces
-        motion = grasp_motion(q, at.normals, forces, target, self.tree, self.settings, OPENINGS[0])
-        certificate = certificate_of(q, forces, target, self.tree, self.settings, with_capacity=False)
-        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, self.cell)
+        problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
+        forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=PRESS).forces
+        pregrasp = opened(q, at.normals, problem, OPENINGS[0])
+        motion = grasp_motion(q, at.normals, forces, problem, pregrasp)
+        certificate = certificate_of(q, forces, problem, with_capacity=False)
+        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
 
 
 class RawPlanner(LatentPlanner):

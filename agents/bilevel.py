@@ -13,6 +13,7 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.retreat import Retreat
 from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.seen import plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
@@ -147,7 +148,7 @@ class BilevelAgent(Agent):
     def _carry(self, held: GuardedGrasp, plan: PlanResult) -> GuardedCarry:
         turn = None
         if self._turns and plan.target is not None:
-            turn = plan_turn(held.grasp, held.script, plan.target, self.settings)
+            turn = plan_turn(held.grasp, held.script, Problem(plan.target, held.grasp.cell, self.settings))
         return GuardedCarry(held, turn)
 
     def _way_home(self, observation: Observation) -> Retreat | None:

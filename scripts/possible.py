@@ -34,6 +34,7 @@ from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.physics.closure import closure_sweep
 from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, graspable_points
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import PlannerSettings
@@ -161,7 +162,7 @@ def search(model: ObjectModel, friction: float, factor: float, postures: int, se
             for target, others in scene.wholes():
                 log = SearchLog()
                 proposals = planner.source.propose(target, planner.settings, rng)
-                starts = planner.starts(proposals, target, planner.settings)
+                starts = planner.starts(proposals, Problem(target, planner.tree, planner.settings))
                 for _, at, hold in planner.candidates(starts, log):
                     if scene.parts and not _real(planner, at.q, at.evaluation.contacts, scene, others):
                         continue

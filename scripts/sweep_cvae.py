@@ -27,15 +27,16 @@ from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining, evaluate
 from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.cvae.weights import read_weights
 from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
+from dexgrasp_env.robot.cell import default_cell
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.decoder import NetworkSettings
 from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.files import write_json
-from dexgrasp_env.robot.cell import default_cell
 
 SAMPLES = 100  # of the prior, a rest pose
 PLACE = np.array([0.5, 0.0, 0.0])  # m, where objects lie before the robot
@@ -65,16 +66,15 @@ def judged(weights: Path, unseen: Sequence[PoseGrasps]) -> dict[str, float]:
 
 def of_prior(source: CvaeProposals, pose: PoseGrasps) -> dict[str, float | None]:
     """Return the shares of samples in closure and feasible, and how far apart the feasible are, if there are two."""
-    settings, cell = replace(PlannerSettings(), triples=SAMPLES, postures=SAMPLES), default_cell()
+    settings = replace(PlannerSettings(), triples=SAMPLES, postures=SAMPLES)
     hull = trimesh.convex.convex_hull(pose.scene["hull"] + PLACE)
     target = GraspTarget.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"] + PLACE)
     found = source.propose(target, settings, np.random.default_rng([pose.pose, *pose.name.encode()]))
     closed, solutions = 0, []
     if len(found.contacts):
         closed = int((margins(found.contacts, found.normals, settings.friction)[0] > 0.0).sum())
-        solutions = [
-            solve(p.q, cell, target, settings) for p in atlas_postures(found, target, cell, settings)
-        ]
+        problem = Problem(target, default_cell(), settings)
+        solutions = [solve(p.q, problem) for p in atlas_postures(found, problem)]
     good = [solution for solution in solutions if solution.feasible]
     centres = [solution.evaluation.contacts.mean(0) for solution in good]
     return {

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from robots import CELL, HOME
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -17,11 +16,13 @@ from dexgrasp.physics.strength import capacity_of, hold_residual, torque_fractio
 from dexgrasp.planning.carry import ENOUGH, plan_turn
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.tasks.control import denormalise
 
-TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
+TREE, SETTINGS = robot_tree(), PlannerSettings()
 
 
 def planned(mass):
@@ -36,7 +37,7 @@ def planned(mass):
 @pytest.fixture(scope="module")
 def heavy():
     plan, target = planned(0.6)
-    return plan, target, plan_turn(plan.grasp, plan.script, target, SETTINGS)
+    return plan, target, plan_turn(plan.grasp, plan.script, Problem(target, TREE, SETTINGS))
 
 
 def at_the_end_of(turn, plan):
@@ -64,7 +65,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
     plan, target, turn = heavy
     start, end = at_the_end_of(turn, plan)
     R = palm_frame(end, TREE)[0] @ palm_frame(start, TREE)[0].T
-    before, _ = contacts_of(plan.grasp.q, target, TREE, SETTINGS.friction_hold)
+    before, _ = contacts_of(plan.grasp.q, Problem(target, TREE, SETTINGS), SETTINGS.friction_hold)
     turned = before._replace(
         points=before.points @ R.T, normals=before.normals @ R.T, centre=R @ before.centre,
         jacobians=R @ before.jacobians,
@@ -79,7 +80,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
 def test_what_is_held_firmly_is_carried_as_it_was_lifted():
     plan, target = planned(0.08)
     assert plan.grasp.certificate.capacity >= ENOUGH
-    assert plan_turn(plan.grasp, plan.script, target, SETTINGS) is None
+    assert plan_turn(plan.grasp, plan.script, Problem(target, TREE, SETTINGS)) is None
 
 
 def test_an_arm_that_cannot_turn_is_told(heavy):
@@ -103,7 +104,7 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     first = dict(script.phases)
 
     def played(turn):
-        execution = GuardedGrasp(script, grasp)
+        execution = GuardedGrasp(script, grasp, TREE)
         touching, q, out = script.targets[first["squeeze"] - 1][7:], script.start, []
         for step in range(len(script.targets) + 40):
             execution = carried(execution, turn)
@@ -131,7 +132,7 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
 def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
-    execution = GuardedGrasp(script, grasp)
+    execution = GuardedGrasp(script, grasp, TREE)
     touching, q = script.targets[dict(script.phases)["squeeze"] - 1], script.start
     for step in range(len(script.targets) + 60):
         execution = carried(execution, turn if turned else None)
@@ -147,7 +148,7 @@ def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
 def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
     plan, target, _ = heavy
     strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))
-    assert plan_turn(strong, plan.script, target, SETTINGS) is None
+    assert plan_turn(strong, plan.script, Problem(target, TREE, SETTINGS)) is None
 
 
 def test_rotation_is_that_of_its_vector():

@@ -9,7 +9,6 @@ import time
 
 import numpy as np
 import pytest
-from robots import CELL
 
 from dexgrasp.cli.dataset import describe
 from dexgrasp.cli.main import main
@@ -20,9 +19,11 @@ from dexgrasp.dataset.rest_scene import placed, rest_scene, turn
 from dexgrasp.dataset.sampler import bearable
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
 from dexgrasp.planning.postures import loads_on
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import closure_sweep
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.shards import text_of, write_shard
@@ -81,9 +82,9 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     scene = rest_scene("mustard_bottle", 0, DatasetSettings.of(["mustard_bottle"]))
     triples, planner = scene.triples[:: len(scene.triples) // 300], SETTINGS.planner
     kept = {tuple(t) for t in bearable(scene, triples, SETTINGS)}
-    obstacle = scene.grasp_target.distance.obstacle
-    at = place_on_atlas(scene.points[triples], scene.normals[triples], obstacle, planner, ASSIGNMENTS, CELL)
-    loads = loads_on(at, scene.grasp_target, CELL, planner)
+    problem = Problem(scene.grasp_target, robot_tree(), planner)
+    at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, ASSIGNMENTS)
+    loads = loads_on(at, problem)
     margin = margins(scene.points[triples], scene.normals[triples], planner.friction)[0]
     borne = at.triple[loads >= SETTINGS.least_load] // 6
     firm = {tuple(triples[k]) for k in borne if margin[k] >= planner.closure_margin}

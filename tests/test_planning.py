@@ -7,29 +7,31 @@ import numpy as np
 import pytest
 import trimesh
 from planned import hammer
-from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.physics.conic import conic_margin, conic_residual
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
 from dexgrasp.planning.ranking import robustness
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
 from dexgrasp.planning.sqp import MOVED, bounds_of
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp.verify.cones import conic_margin, conic_residual
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
 
-TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
-MODEL = robot_spec(CELL).compile()
+TREE, SETTINGS = robot_tree(), PlannerSettings()
+MODEL = robot_spec().compile()
 DATA = mujoco.MjData(MODEL)
 FRICTIONLESS = PlannerSettings(friction=0.01)
 
@@ -127,7 +129,7 @@ def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
     for k in range(0, len(found.contacts), 5 if len(found.contacts) > 20 else 1):
         p, n = found.contacts[k], found.normals[k]
         assert solve_wrench_qp(p, n, SETTINGS.friction, solver="daqp").residual < 1e-6
-        margin = conic_margin(p, n, SETTINGS.friction)
+        margin = conic_margin(p, n, SETTINGS.friction).value
         assert abs(margin - found.margins[k]) < 1e-5
         closed.append(conic_residual(p, n, SETTINGS.friction).upper < 1e-6)
         assert closed[-1] == (margin > 0) or abs(margin) < 1e-3
@@ -164,7 +166,7 @@ def test_no_proposals_with_the_reason(grasp_target, settings, reason):
     found = propose(grasp_target, settings)
     assert found.failure == reason
     assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, grasp_target, CELL, settings)) == []
+    assert list(atlas_postures(found, Problem(grasp_target, TREE, settings))) == []
 
 
 def test_uniform_proposals_are_not_judged():
@@ -197,7 +199,7 @@ def test_subject_assumptions_and_bad_input():
 
 
 def test_atlas_postures_are_what_mujoco_says():
-    atlas = hand_atlas(CELL)
+    atlas = hand_atlas()
     assert len(atlas.joints) > 5000
     rng = np.random.default_rng(0)
     for k in rng.choice(len(atlas.joints), 60, replace=False):
@@ -218,7 +220,7 @@ def test_atlas_postures_are_what_mujoco_says():
 def test_starting_postures_are_near_their_contacts(name, proposals):
     found, grasp_target = proposals[name], SUBJECTS[name]
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, grasp_target, CELL, SETTINGS))
+    postures = list(atlas_postures(found, Problem(grasp_target, TREE, SETTINGS)))
     assert 10 < len(postures) <= SETTINGS.postures
     assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
     for posture in postures:
@@ -237,7 +239,7 @@ def test_oriented_postures_say_how_far_they_miss(proposals):
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
     total = 0
     for k in range(6):
-        postures = oriented_postures(k, found, grasp_target, TREE, SETTINGS)
+        postures = oriented_postures(k, found, Problem(grasp_target, TREE, SETTINGS))
         assert len(postures) <= SETTINGS.initial_orientations
         assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
         targets = found.contacts[k] + reach * found.normals[k]
@@ -249,7 +251,7 @@ def test_oriented_postures_say_how_far_they_miss(proposals):
 
 
 def test_tip_ik_reaches_what_can_be_reached():
-    rng, atlas, met = np.random.default_rng(3), hand_atlas(CELL), 0
+    rng, atlas, met = np.random.default_rng(3), hand_atlas(), 0
     for k in rng.choice(len(atlas.joints), 40, replace=False):
         goal = HOME.copy()
         goal[7:] = atlas.joints[k]
@@ -285,7 +287,9 @@ def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
 
 def near_contact(name, proposals, count, seed=0):
     rng = np.random.default_rng(seed)
-    for posture in itertools.islice(atlas_postures(proposals[name], SUBJECTS[name], CELL, SETTINGS), count):
+    for posture in itertools.islice(
+        atlas_postures(proposals[name], Problem(SUBJECTS[name], TREE, SETTINGS)), count
+    ):
         q = posture.q.copy()
         q[MOVED] += rng.normal(0, 0.02, len(MOVED))
         yield np.clip(q, LOWER, UPPER)
@@ -341,7 +345,7 @@ def test_values_of_the_fixed_rows_by_another_way(name, proposals):
         np.testing.assert_allclose(at.contacts, tips - distance[:, None] * normals, atol=1e-6)
         np.testing.assert_allclose(at.values[:3], distance - bounds.low, atol=1e-7)
         np.testing.assert_allclose(at.values[3:6], bounds.high - distance, atol=1e-7)
-        margin = conic_margin(at.contacts, at.normals, SETTINGS.friction)
+        margin = conic_margin(at.contacts, at.normals, SETTINGS.friction).value
         assert abs(at.margin - margin) < 1e-5
         for i, finger in enumerate(GRASP_FINGERS):
             frame = DATA.body(f"{finger}_distal").xmat.reshape(3, 3)

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from robots import CELL, HOME, LOWER, UPPER
 
 from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
@@ -13,13 +12,15 @@ from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.planning.constraints import evaluate
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
-from dexgrasp.planning.setpoints import grasp_motion
+from dexgrasp.planning.setpoints import grasp_motion, opened
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 
-TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
+TREE, SETTINGS = robot_tree(), PlannerSettings()
 
 
 def lying(size, at=(0.5, 0.0)):
@@ -30,6 +31,7 @@ def lying(size, at=(0.5, 0.0)):
 
 BOX = lying((0.05, 0.08, 0.12))
 HUGE = lying((0.5, 0.5, 0.5), at=(0.6, 0.0))
+PROBLEM = Problem(BOX, TREE, SETTINGS)
 FAR = lying((0.05, 0.08, 0.12), at=(1.4, 0.0))
 PLATE = lying((0.3, 0.2, 0.002))
 
@@ -37,7 +39,7 @@ PLATE = lying((0.3, 0.2, 0.002))
 @pytest.fixture(scope="module")
 def solutions():
     proposals = SurfaceProposals().propose(BOX, SETTINGS, np.random.default_rng(0))
-    return [solve(p.q, CELL, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, CELL, SETTINGS)]
+    return [solve(p.q, PROBLEM) for p in atlas_postures(proposals, PROBLEM)]
 
 
 @pytest.fixture(scope="module")
@@ -80,12 +82,12 @@ def test_failures_name_the_constraint_and_by_how_much(solutions):
 def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
     rng, recovered, tried = np.random.default_rng(0), 0, 0
     for s in [s for s in solutions if s.feasible][:10]:
-        again = solve(s.q, CELL, BOX, replace(SETTINGS, closure_aim=SETTINGS.closure_margin))
+        again = solve(s.q, Problem(BOX, TREE, replace(SETTINGS, closure_aim=SETTINGS.closure_margin)))
         assert again.feasible
         assert np.abs(again.q - s.q).max() < 0.02
         shaken = s.q.copy()
         shaken[[*range(15), *range(19, 23)]] += rng.normal(0, 0.02, 19)  # the fingertips by 2 cm
-        solution = solve(np.clip(shaken, LOWER, UPPER), CELL, BOX, SETTINGS)
+        solution = solve(np.clip(shaken, LOWER, UPPER), PROBLEM)
         np.testing.assert_array_equal(solution.q[15:19], s.q[15:19])
         recovered, tried = recovered + solution.feasible, tried + 1
     assert recovered >= 0.8 * tried
@@ -94,16 +96,16 @@ def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
 def test_no_iterations_no_motion(solutions):
     start = np.clip(HOME, LOWER + 0.02, UPPER - 0.02)
     for budget in (0, 3):
-        solution = solve(start, CELL, HUGE, replace(SETTINGS, iterations=budget))
+        solution = solve(start, Problem(HUGE, TREE, replace(SETTINGS, iterations=budget)))
         assert not solution.feasible
         assert solution.iterations <= budget
         assert solution.violation > 1e-3
-    assert np.abs(solve(start, CELL, HUGE, replace(SETTINGS, iterations=0)).q - start).max() < 1e-12
+    assert np.abs(solve(start, Problem(HUGE, TREE, replace(SETTINGS, iterations=0))).q - start).max() < 1e-12
 
 
 def test_same_start_same_solution_bit_for_bit(solutions):
     proposals = SurfaceProposals().propose(BOX, SETTINGS, np.random.default_rng(0))
-    again = [solve(p.q, CELL, BOX, SETTINGS) for p in atlas_postures(proposals, BOX, CELL, SETTINGS)]
+    again = [solve(p.q, PROBLEM) for p in atlas_postures(proposals, PROBLEM)]
     assert len(again) == len(solutions)
     for one, two in zip(solutions, again, strict=True):
         np.testing.assert_array_equal(one.q, two.q)
@@ -126,7 +128,7 @@ def test_plan_is_whole_and_repeats_itself(plan):
 def test_approach_keeps_clear_of_the_object(plan):
     """Up to the close, the way is free; the robot never leaves its joint range."""
     first = dict(plan.script.phases)
-    checker = CollisionChecker(CELL, BOX.distance, margin=0.0)
+    checker = CollisionChecker(TREE, BOX.distance, margin=0.0)
     assert checker.first_contact(plan.script.targets[: first["close"]]) is None
     assert ((plan.script.targets >= LOWER - 1e-9) & (plan.script.targets <= UPPER + 1e-9)).all()
 
@@ -146,10 +148,8 @@ def test_a_heavy_flat_bar_is_searched_for_until_a_grasp_bears_it():
 
 def test_a_hand_may_open_upwards(plan):
     grasp = plan.grasp
-    level, risen = (
-        grasp_motion(grasp.q, grasp.normals, grasp.forces, BOX, TREE, SETTINGS, 0.018, rise)
-        for rise in (0.0, 0.006)
-    )
+    ways = (opened(grasp.q, grasp.normals, PROBLEM, 0.018, rise) for rise in (0.0, 0.006))
+    level, risen = (grasp_motion(grasp.q, grasp.normals, grasp.forces, PROBLEM, way) for way in ways)
     up = fingertips(risen.pregrasp, TREE) - fingertips(level.pregrasp, TREE)
     np.testing.assert_allclose(up, np.tile([0.0, 0.0, 0.006], (3, 1)), atol=0.001)
     np.testing.assert_array_equal(risen.squeeze, level.squeeze)
@@ -202,9 +202,9 @@ def test_without_closure_the_margin_is_not_asked_for():
 class Oriented(Planner):
     """Starts from palms above the object, as section 3.3 does."""
 
-    def starts(self, proposals, target, settings):
+    def starts(self, proposals, problem):
         for k in range(len(proposals.contacts)):
-            yield from oriented_postures(k, proposals, target, self.tree, settings)
+            yield from oriented_postures(k, proposals, problem)
 
 
 def test_oriented_starts_find_a_grasp_too():
@@ -219,7 +219,7 @@ def test_the_squeeze_presses_with_the_planned_forces(plan):
 
     from dexgrasp_env.robot.model import robot_spec
 
-    model = robot_spec(CELL).compile()
+    model = robot_spec().compile()
     data, J, torque = mujoco.MjData(model), np.zeros((3, model.nv)), np.zeros(23)
     data.qpos[:23] = plan.grasp.motion.grasp
     mujoco.mj_forward(model, data)

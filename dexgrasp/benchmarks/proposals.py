@@ -14,6 +14,7 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals, ProposalSource
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
@@ -89,8 +90,9 @@ def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> 
         np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
     )
     single = Proposals(contacts, normals, found.margins, assigned=True)
-    postures = atlas_postures(single, target, planner.cell, settings)
-    return sum(solve(p.q, planner.cell, target, settings).feasible for p in postures) / len(contacts)
+    problem = Problem(target, planner.cell, settings)
+    postures = atlas_postures(single, problem)
+    return sum(solve(p.q, problem).feasible for p in postures) / len(contacts)
 
 
 def _sources() -> dict[str, Any]:
@@ -139,8 +141,7 @@ def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> b
     import tempfile
     from pathlib import Path
 
-    from dexgrasp.grasp.content import grasp_json
-    from dexgrasp.grasp.file import read_grasp
+    from dexgrasp.grasp.file import grasp_json, read_grasp
     from dexgrasp.verify.verify import UNEXECUTED, verify
 
     with tempfile.TemporaryDirectory() as folder:

@@ -10,7 +10,8 @@ from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.cvae.weights import write_weights
 from dexgrasp.dataset.dataset import read_dataset
 from dexgrasp.dataset.shards import read_manifest
-from dexgrasp.runs.training import CHECKPOINT, Course, Row, StepTraining
+from dexgrasp.runs.step_training import StepTraining
+from dexgrasp.runs.training import CHECKPOINT, Course, Row
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 

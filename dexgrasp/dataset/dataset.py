@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.dataset.sampler import COUNTS
-from dexgrasp.dataset.shards import FIELDS, file_hash, read_arrays, read_manifest
+from dexgrasp.dataset.shards import FIELDS, read_arrays, read_manifest
 from dexgrasp.runs.shards import Arrays, text_of
 from dexgrasp_env.errors import InputError
 
@@ -54,8 +54,8 @@ class PoseGrasps:
         return len(np.unique(nearest)) / len(points)
 
 
-def read_dataset(folder: Path, check_hashes: bool = True) -> list[PoseGrasps]:
-    """Read all rest poses of a complete dataset, in the order of the manifest.
+def read_dataset(folder: Path) -> list[PoseGrasps]:
+    """Read all rest poses of a complete dataset, in the order of their names.
 
     Raises:
         InputError: no dataset, not complete, files missing, cut off or changed.
@@ -65,29 +65,22 @@ def read_dataset(folder: Path, check_hashes: bool = True) -> list[PoseGrasps]:
         raise InputError(
             f"{folder} is not complete: run `dexgrasp dataset generate` with the same settings again"
         )
-    found: list[PoseGrasps] = []
-    for path, hashed in manifest["files"].items():
-        if check_hashes and (folder / path).is_file() and file_hash(folder / path) != hashed:
-            read_arrays(folder / path)  # says so where it is cut off
-            raise InputError(
-                f"{folder / path} was changed after it was made: remove it and run `dexgrasp dataset generate` again"
-            )
-    for path in sorted(p for p in manifest["files"] if p.startswith("poses/")):
-        name, _, pose = Path(path).stem.rpartition("-pose")
-        shards = sorted(p for p in manifest["files"] if p.startswith(f"grasps/{name}-pose{pose}-"))
-        if not shards:
-            raise InputError(
-                f"{folder / 'manifest.json'} names no grasps of {path}: run `dexgrasp dataset generate` again"
-            )
-        found.append(_pose(folder, path, shards, name, int(pose), manifest["key"]))
-    return found
+    files = {
+        name: read_arrays(folder / name, manifest["key"], hashed)
+        for name, hashed in sorted(manifest["files"].items())
+    }
+    return [_pose(folder, name, files) for name in files if name.startswith("poses/")]
 
 
-def _pose(folder: Path, path: str, shards: list[str], name: str, pose: int, key: str) -> PoseGrasps:
-    parts = [read_arrays(folder / shard, key) for shard in shards]
+def _pose(folder: Path, name: str, files: dict[str, Arrays]) -> PoseGrasps:
+    stem = Path(name).stem
+    parts = [arrays for shard, arrays in files.items() if shard.startswith(f"grasps/{stem}-")]
+    if not parts:
+        raise InputError(f"{folder} has no grasps of {name}: run `dexgrasp dataset generate` again")
     counts, blocked = Counter[str](), Counter[str]()
     for part in parts:
         counts.update(dict(zip(COUNTS, part["counts"].tolist(), strict=True)))
         blocked.update(json.loads(text_of(part["blocked"])))
-    grasps = {name: np.concatenate([part[name] for part in parts]) for name in FIELDS}
-    return PoseGrasps(name, pose, read_arrays(folder / path, key), grasps, dict(counts), dict(blocked))
+    grasps = {field: np.concatenate([part[field] for part in parts]) for field in FIELDS}
+    label, _, pose = stem.rpartition("-pose")
+    return PoseGrasps(label, int(pose), files[name], grasps, dict(counts), dict(blocked))

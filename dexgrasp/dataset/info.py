@@ -74,15 +74,13 @@ def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
     """
     from dexgrasp.verify.verify import verify
 
-    poses, failures, passed = read_dataset(folder), Counter[str](), 0
-    owner = np.repeat(np.arange(len(poses)), [len(p) for p in poses])
-    local = np.concatenate([np.arange(len(p)) for p in poses])
-    chosen = np.random.default_rng(seed).permutation(len(owner))[:count]
-    for k in chosen:
-        pose, settings = poses[owner[k]], planner_settings(folder)
-        holds = int(pose.grasps["load"][local[k]]) >= 0
-        parts = (*_PARTS, "forces") if holds else _PARTS
-        failed = [c.name for c in verify(_record(pose, int(local[k]), settings), parts) if not c.holds]
+    poses, settings, failures = read_dataset(folder), planner_settings(folder), Counter[str]()
+    grasps = [(pose, k) for pose in poses for k in range(len(pose))]
+    chosen = np.random.default_rng(seed).permutation(len(grasps))[:count]
+    passed = 0
+    for pose, k in (grasps[i] for i in chosen):
+        parts = (*_PARTS, "forces") if pose.grasps["load"][k] >= 0 else _PARTS
+        failed = [check.name for check in verify(_record(pose, k, settings), parts) if not check.holds]
         passed += not failed
         failures.update(failed)
     return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
@@ -91,10 +89,8 @@ def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
 def planner_settings(folder: Path) -> PlannerSettings:
     """Return the thresholds a dataset was made with."""
     saved = read_manifest(folder)["settings"]["planner"]
-    known: dict[str, Any] = {
-        k: _tuples(v) for k, v in saved.items() if k in PlannerSettings.__dataclass_fields__
-    }
-    return PlannerSettings(**known)
+    known = PlannerSettings.__dataclass_fields__
+    return PlannerSettings(**{name: _tuples(value) for name, value in saved.items() if name in known})
 
 
 def _tuples(value: Any) -> Any:
@@ -146,30 +142,26 @@ def picture(folder: Path, path: Path) -> None:
 
     poses = read_dataset(folder)
     names = list(dict.fromkeys(p.name for p in poses))
-    figure = plt.figure(figsize=(3.2 * max(len(names), 4), 7.2), layout="constrained")
-    halves: Any = figure.subfigures(2, 1)
-    top, bottom = halves
-    axes = top.subplots(1, 3)
-    colours = [f"C{names.index(p.name)}" for p in poses]
-    axes[0].bar(range(len(poses)), [len(p) for p in poses], color=colours)
-    axes[0].set(title="grasps a rest pose", xlabel="rest poses, by object")
+    columns = max(3, len(names))
+    size = (3.2 * columns, 7.2)
+    figure, (top, bottom) = plt.subplots(2, columns, figsize=size, layout="constrained")
+    for axis in (*top[3:], *bottom[len(names) :]):
+        axis.axis("off")
+    top[0].bar(range(len(poses)), [len(p) for p in poses], color=[f"C{names.index(p.name)}" for p in poses])
     for i, name in enumerate(names):
         own = [p for p in poses if p.name == name]
-        axes[1].hist(
-            _joined(own, "margin"), np.linspace(0, 1, 41), histtype="step", color=f"C{i}", label=name
-        )
-        axes[2].hist(_approach(own), np.linspace(0, 110, 41), histtype="step", color=f"C{i}")
-    axes[1].set(title="closure margin")
-    axes[1].legend(fontsize=6)
-    axes[2].set(title="palm from straight down, degrees")
-    below = np.atleast_1d(bottom.subplots(1, len(names)))
-    for axis, name in zip(below, names, strict=True):
-        pose = next(p for p in poses if p.name == name)
-        sample = pose.grasps["contacts"][:1500]
+        look = {"histtype": "step", "color": f"C{i}", "label": name}
+        top[1].hist(_joined(own, "margin"), np.linspace(0, 1, 41), **look)
+        top[2].hist(_approach(own), np.linspace(0, 110, 41), **look)
+        sample = own[0].grasps["contacts"][:1500]
         for f, finger in enumerate(("thumb", "index", "middle")):
-            axis.plot(100 * sample[:, f, 0], 100 * sample[:, f, 2], ".", ms=1, color=f"C{f}", label=finger)
-        axis.set(title=f"{name}, pose 0", xlabel="x, cm", ylabel="z, cm", aspect="equal")
-    below[0].legend(fontsize=6, markerscale=6)
+            bottom[i].plot(*100 * sample[:, f, ::2].T, ".", ms=1, color=f"C{f}", label=finger)
+        bottom[i].set(title=f"{name}, pose 0", xlabel="x, cm", ylabel="z, cm", aspect="equal")
+    top[0].set(title="grasps a rest pose", xlabel="rest poses, by object")
+    top[1].set(title="closure margin")
+    top[2].set(title="palm from straight down, degrees")
+    top[1].legend(fontsize=6)
+    bottom[0].legend(fontsize=6, markerscale=6)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=90)
     plt.close(figure)

@@ -20,7 +20,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.load import load_target, object_name
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.rest_poses import rest_poses
+from dexgrasp_env.objects.rest_poses import RestPose, rest_poses
 from dexgrasp_env.poses import pose_matrix
 
 CLOUD = 2048
@@ -35,9 +35,7 @@ class RestScene:
         name: of the object.
         pose: index of the rest pose, likeliest first.
         grasp_target: hull, distance, centre of mass and mass.
-        quat_wxyz: (4,) and
-        height: of the object's frame in the rest frame.
-        probability: of the pose when dropped.
+        rest: rest pose: turn and height of the object's frame in the rest frame, probability when dropped.
         points: (N, 3) candidate contacts and
         normals: (N, 3) out of the object.
         friction: (N,) that an error in place leaves there; see `narrowed_friction`.
@@ -49,9 +47,7 @@ class RestScene:
     name: str
     pose: int
     grasp_target: GraspTarget
-    quat_wxyz: Array
-    height: float
-    probability: float
+    rest: RestPose
     points: Array
     normals: Array
     friction: Array
@@ -84,30 +80,14 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     points, normals = graspable_points(grasp_target, settings.planner, rng)
     tips = points + settings.planner.tip_height * normals
     friction = narrowed_friction(tips, normals, grasp_target, settings.planner)
-    some = len(points) >= 3
-    triples = (
-        closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE)
-        if some
-        else np.zeros((0, 3), np.int32)
-    )
+    triples = np.zeros((0, 3), np.int32)
+    if len(points) >= 3:
+        triples = closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE)
     gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
     decided = round(float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
     samples = surface_samples(grasp_target.hull, CLOUD, rng)
     cloud = np.concatenate([samples.points, samples.normals], axis=1)
-    return RestScene(
-        name,
-        pose,
-        grasp_target,
-        np.array(rest.quat_wxyz),
-        rest.height,
-        rest.probability,
-        points,
-        normals,
-        friction,
-        triples,
-        decided,
-        cloud,
-    )
+    return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)
 
 
 def turn(yaw: float) -> Array:

@@ -7,6 +7,7 @@ gets a random placement of the object before the robot, arm and hand, and the bi
 """
 
 from collections import Counter
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,22 +18,21 @@ from numpy.typing import NDArray
 from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.physics.margin import rough_margins
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.physics.strength import GRAVITY, load_of, torque_fraction
 from dexgrasp.planning.atlas import hand_atlas
+from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.claims import FAR
 from dexgrasp.planning.constraints import FIXED_ROWS
-from dexgrasp.planning.holding import NONE, firmest_hold, level_of
+from dexgrasp.planning.holding import NONE, level_of
 from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
-from dexgrasp.planning.postures import loads_on
-from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.planning.sqp import Solution, solve
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.postures import Posture, loads_on
+from dexgrasp.planning.problem import Problem
+from dexgrasp.planning.result import SearchLog
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.cell import Cell
 
 BATCH = 128  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
@@ -48,7 +48,12 @@ class Found:
 
     fields: dict[str, list[NDArray[Any]]] = field(default_factory=dict)
     counts: Counter[str] = field(default_factory=Counter)
-    blocked: Counter[str] = field(default_factory=Counter)
+    log: SearchLog = field(default_factory=SearchLog)
+
+    @property
+    def blocked(self) -> Counter[str]:
+        """How often each reason blocked."""
+        return self.log.totals()
 
     def add(self, **values: NDArray[Any] | float) -> None:
         """Append one grasp."""
@@ -60,26 +65,103 @@ class Found:
         return self.counts["feasible"]
 
 
+@dataclass(frozen=True)
+class Placed(Posture):
+    """A start with the object put where the arm reaches it.
+
+    Attributes:
+        triple: (3,) indices of the contacts, thumb, index, middle.
+        placement: of the object: x m, y m, yaw rad.
+    """
+
+    triple: NDArray[np.int32]
+    placement: Array
+
+
 def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) -> Found:
     """Find the grasps of one shard; the same for the same settings, on any machine with the same versions."""
-    scene, found = rest_scene(target, pose, settings), Found()
-    rng = rng_of(settings, scene.name, pose, 1 + chunk)
+    scene, quota = rest_scene(target, pose, settings), settings.quota(chunk)
+    sampler = _Sampler(scene, settings, rng_of(settings, scene.name, pose, 1 + chunk))
     own = scene.triples[rng_of(settings, scene.name, pose, 0).permutation(len(scene.triples))][
         chunk :: settings.chunks
     ]
-    own = np.asfortranarray(own)  # a corner's column is gathered from at every draw
-    left, use, quota = np.ones(len(own), bool), np.zeros(len(scene.points)), settings.quota(chunk)
-    cell, budget = settings.cell, settings.tries * quota
-    while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < budget:
-        drawn = _draw(own, left, use, rng)
-        left[drawn] = False
-        found.counts["triples_tried"] += len(drawn)
-        likely = bearable(scene, own[drawn], settings)
-        if len(likely):
-            _try(scene, likely, use, found, quota, cell, settings, rng)
+    found = sampler.run(np.asfortranarray(own), quota)  # a corner's column is gathered from at every draw
     if len(found):  # all at once: one costs as much as a hundred
         found.fields["palm_quat_wxyz"] = list(matrix_to_quat(np.array(found.fields.pop("palm_rotation"))))
     return found
+
+
+class _Sampler:
+    def __init__(self, scene: RestScene, settings: DatasetSettings, rng: np.random.Generator) -> None:
+        self._scene, self._settings, self._rng = scene, settings, rng
+        self._planner, self._found = Planner(settings.planner), Found()
+        self._problem = Problem(scene.grasp_target, settings.cell, settings.planner)
+        self._use = np.zeros(len(scene.points))
+
+    def run(self, own: NDArray[np.int32], quota: int) -> Found:
+        """Try triples (M, 3), the less used before the others, until there are enough grasps or tries."""
+        left, found, tries = np.ones(len(own), bool), self._found, self._settings.tries * quota
+        while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < tries:
+            drawn = _draw(own, left, self._use, self._rng)
+            left[drawn] = False
+            found.counts["triples_tried"] += len(drawn)
+            likely = bearable(self._scene, own[drawn], self._settings)
+            for candidate in self._planner.candidates(self._starts(likely), found.log):
+                self._add(candidate)
+                if len(found) == quota:
+                    break
+        return found
+
+    def _starts(self, triples: NDArray[np.int32]) -> Iterator[Placed]:
+        """Yield all six assignments of some triples where the hand is likely to bear the object and the arm reaches."""
+        if not len(triples):
+            return
+        scene, counts, problem = self._scene, self._found.counts, self._problem
+        at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, ASSIGNMENTS).best()
+        ordered = triples[:, ASSIGNMENTS].reshape(-1, 3)
+        counts["assignments_tried"] += len(ordered)
+        loads = loads_on(at, problem, scene.friction[ordered])
+        for k in np.flatnonzero(loads >= self._settings.least_load):
+            counts["placed_by_atlas"] += 1
+            q = problem.tree.home.copy()
+            q[problem.tree.arm :] = hand_atlas(problem.cell).joints[at.which[k]]
+            placement = self._reach(q, at.rotations[k], at.positions[k])
+            if placement is not None:
+                counts["reached_by_arm"] += 1
+                there = problem._replace(target=placed(problem.target, placement))
+                goal = int(at.triple[k])
+                yield Placed(q, there, goal, float(loads[k]), ordered[goal], placement)
+
+    def _reach(self, q: Array, R: Array, p: Array) -> Array | None:
+        """Put the object where the arm reaches the palm's pose; return x, y, yaw, and the arm's joints in `q`."""
+        low, high = np.array(REACH).T
+        for u in self._rng.random((PLACEMENTS, 3)):
+            x, y = low + u[:2] * (high - low)
+            placement = np.array([x, y, 2.0 * np.pi * u[2] - np.pi])
+            turned = turn(placement[2])
+            if reach_palm(q, turned @ R, turned @ p + np.array([x, y, 0.0]), self._planner.tree):
+                return placement
+        return None
+
+    def _add(self, candidate: Candidate[Placed]) -> None:
+        start, solution, hold = candidate
+        (x, y, yaw), settings, tree = start.placement, self._settings.planner, self._planner.tree
+        at, back, shift = solution.evaluation, turn(-yaw), np.array([x, y, 0.0])
+        palm_R, palm_p = palm_frame(solution.q, tree)
+        level = level_of(load_of(hold.contacts, hold.forces), settings)
+        clearances = at.values[FIXED_ROWS:]
+        self._use[start.triple] += 1
+        self._found.counts["feasible"] += 1
+        self._found.counts["holding"] += level != NONE
+        self._found.add(
+            q=solution.q, placement=start.placement, triple=start.triple,
+            contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces @ back.T,
+            palm_position=back @ (palm_p - shift), palm_rotation=back @ palm_R,
+            margin=at.margin, distances=at.distances - settings.tip_radius,
+            clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
+            joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
+            load=level, torque_fraction=torque_fraction(hold.contacts, hold.forces),
+        )  # fmt: skip
 
 
 def _draw(
@@ -116,72 +198,3 @@ def _free_loads(
         t = triples[m]
         out[m] = squeeze_estimate(points[t], normals[t], centre, gravity, friction[t], J, limit, most, room)
     return out
-
-
-def _try(
-    scene: RestScene, triples: NDArray[np.int32], use: Array, found: Found, quota: int, cell: Cell,
-    settings: DatasetSettings, rng: np.random.Generator,
-) -> None:  # fmt: skip
-    """Try all six assignments of some triples where the hand is likely to bear the object; add what is feasible."""
-    tree, joints = robot_tree(cell), hand_atlas(cell).joints
-    obstacle, planner = scene.grasp_target.distance.obstacle, settings.planner
-    at = place_on_atlas(
-        scene.points[triples], scene.normals[triples], obstacle, planner, ASSIGNMENTS, cell
-    ).best()
-    ordered = triples[:, ASSIGNMENTS].reshape(-1, 3)
-    found.counts["assignments_tried"] += len(ordered)
-    loads = loads_on(at, scene.grasp_target, cell, planner, scene.friction[ordered])
-    for k in np.flatnonzero(loads >= settings.least_load):
-        if len(found) >= quota:
-            return
-        found.counts["placed_by_atlas"] += 1
-        q = tree.home.copy()
-        q[tree.arm :] = joints[at.which[k]]
-        placement = _reach(q, at.rotations[k], at.positions[k], tree, rng)
-        if placement is None:
-            continue
-        found.counts["reached_by_arm"] += 1
-        grasp_target = placed(scene.grasp_target, placement)
-        solution = solve(q, cell, grasp_target, planner)
-        if not solution.feasible:
-            found.blocked[str(solution.blocking).split(":")[0]] += 1
-            continue
-        use[ordered[at.triple[k]]] += 1
-        found.counts["feasible"] += 1
-        _add(solution, placement, ordered[at.triple[k]], grasp_target, tree, planner, found)
-
-
-def _reach(q: Array, R: Array, p: Array, tree: RobotTree, rng: np.random.Generator) -> Array | None:
-    """Put the object where the arm reaches the palm's pose; return x, y, yaw, and the arm's joints in `q`."""
-    tries = rng.random((PLACEMENTS, 3))
-    for u in tries:
-        placement = np.array([
-            REACH[0][0] + u[0] * (REACH[0][1] - REACH[0][0]), REACH[1][0] + u[1] * (REACH[1][1] - REACH[1][0]),
-            2.0 * np.pi * u[2] - np.pi,
-        ])  # fmt: skip
-        turned = turn(placement[2])
-        if reach_palm(q, turned @ R, turned @ p + np.array([placement[0], placement[1], 0.0]), tree):
-            return placement
-    return None
-
-
-def _add(
-    solution: Solution, placement: Array, triple: NDArray[np.int32], grasp_target: GraspTarget, tree: RobotTree,
-    settings: PlannerSettings, found: Found,
-) -> None:  # fmt: skip
-    at, back = solution.evaluation, turn(-placement[2])
-    shift = np.array([placement[0], placement[1], 0.0])
-    palm_R, palm_p = palm_frame(solution.q, tree)
-    hold = firmest_hold(solution.q, grasp_target, tree, settings)
-    level = level_of(load_of(hold.contacts, hold.forces), settings)
-    found.counts["holding"] += level != NONE
-    clearances = at.values[FIXED_ROWS:]
-    found.add(
-        q=solution.q, placement=placement, triple=triple,
-        contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces @ back.T,
-        palm_position=back @ (palm_p - shift), palm_rotation=back @ palm_R,
-        margin=at.margin, distances=at.distances - settings.tip_radius,
-        clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
-        joint_margin=float(np.minimum(solution.q - tree.lower, tree.upper - solution.q).min()),
-        load=level, torque_fraction=torque_fraction(hold.contacts, hold.forces),
-    )  # fmt: skip

@@ -86,13 +86,7 @@ class DatasetSettings:
         """Return the settings as JSON holds them; meshes by their file name (their content is hashed apart)."""
         from dexgrasp_env.objects.load import object_name
 
-        out = asdict(self) | {"objects": [object_name(name) for name in self.objects]}
-        out["planner"] = {k: _plain(v) for k, v in out["planner"].items()}
-        return out
-
-
-def _plain(value: Any) -> Any:
-    return [_plain(v) for v in value] if isinstance(value, (list, tuple)) else value
+        return asdict(self) | {"objects": [object_name(name) for name in self.objects]}
 
 
 def versions() -> dict[str, str]:

@@ -13,7 +13,7 @@ from dexgrasp.dataset.sampler import COUNTS, Found
 from dexgrasp.dataset.settings import SCHEMA
 from dexgrasp.runs.shards import Arrays, bytes_of, read_shard
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Layout, fits, read_json_object
+from dexgrasp_env.files import read_json_object
 
 MANIFEST = "manifest.json"
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
@@ -54,47 +54,35 @@ def pose_arrays(scene: RestScene) -> Arrays:
         "cloud": scene.cloud.astype("float32"), "points": scene.points.astype("float32"),
         "normals": scene.normals.astype("float32"),
         "hull": np.asarray(scene.grasp_target.hull.vertices), "centre": scene.grasp_target.centre,
-        "mass": np.array(scene.grasp_target.mass), "quat_wxyz": scene.quat_wxyz, "height": np.array(scene.height),
-        "probability": np.array(scene.probability), "triples": np.array([scene.decided, len(scene.triples)]),
+        "mass": np.array(scene.grasp_target.mass), "quat_wxyz": np.array(scene.rest.quat_wxyz),
+        "height": np.array(scene.rest.height), "probability": np.array(scene.rest.probability), "triples": np.array([scene.decided, len(scene.triples)]),
     }  # fmt: skip
 
 
-def read_arrays(path: Path, key: str | None = None) -> Arrays:
+def read_arrays(path: Path, key: str | None = None, hashed: str | None = None) -> Arrays:
     """Read a file of a dataset whole.
 
+    Args:
+        path: of the file.
+        key: of the dataset that it must be of; None for any.
+        hashed: SHA-256 that it must have; None for any.
+
     Raises:
-        InputError: as `read_shard`, and where numbers are not finite or arrays are others.
+        InputError: as `read_shard`, and where numbers are not finite.
     """
     arrays = read_shard(path, key)
-    if fault := _fault(arrays):
-        raise InputError(f"{path} is damaged ({fault}): the command that made it makes it anew")
-    return arrays
-
-
-def _fault(arrays: Arrays) -> str:
-    """Return what is wrong with the arrays of a shard or of a rest pose; empty if nothing is."""
+    if hashed not in (None, file_hash(path)):
+        raise InputError(f"{path} was changed after it was made: the command that made it makes it anew")
     for name, array in arrays.items():
         if array.dtype.kind == "f" and not np.isfinite(array).all():
-            return f"{name} holds numbers that are not finite"
-    layout = _POSE if "cloud" in arrays else _SHARD
-    lengths = {len(arrays[name]) for name in FIELDS if name in arrays and arrays[name].ndim}
-    return "" if fits(arrays, layout) and len(lengths) < 2 else "not the arrays of a dataset"
-
-
-_POSE: Layout = {
-    "cloud": (None, 6), "points": (None, 3), "normals": (None, 3), "hull": (None, 3), "centre": (3,), "mass": (),
-    "quat_wxyz": (4,), "height": (), "probability": (), "triples": (2,), "key": (None,),
-}  # fmt: skip
-_SHARD: Layout = {name: (None, *shape) for name, (shape, _, _) in FIELDS.items()} | {
-    "counts": (len(COUNTS),), "blocked": (None,), "key": (None,),
-}  # fmt: skip
+            raise InputError(f"{path} is damaged ({name} holds numbers that are not finite): remove it")
+    return arrays
 
 
 def complete(path: Path, key: str, hashed: str | None = None) -> bool:
     """Whether a file is there, whole, of this dataset, and, where its hash is known, as it was made."""
     try:
-        read_arrays(path, key)
-        return hashed is None or file_hash(path) == hashed
+        return bool(read_arrays(path, key, hashed))
     except InputError:
         return False
 

@@ -9,6 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from dexgrasp.demos.lerobot_format import write_lerobot
+from dexgrasp.demos.minari_format import write_minari
 from dexgrasp.demos.parts import part_arrays, read_part
 from dexgrasp.demos.rollout import Episode, Recorder
 from dexgrasp.demos.settings import SCHEMA, DemoSettings
@@ -20,7 +22,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
 
-FORMATS = ("minari", "lerobot")
+FORMATS = {"minari": write_minari, "lerobot": write_lerobot}
 ABOUT = "demos.json"
 _PARTS = "parts"
 
@@ -129,13 +131,11 @@ def _converted(
             for episode in found:
                 kept[episode.about["object"]] += 1
                 yield episode
+        if not kept:
+            raise InputError("not one demonstration succeeded: see `failures` of `dexgrasp demos info`")
 
     for name in formats:
-        if name == "minari":
-            from dexgrasp.demos.minari_format import write_minari as write
-        else:
-            from dexgrasp.demos.lerobot_format import write_lerobot as write
-        write(folder, settings, episodes())
+        FORMATS[name](folder, settings, episodes())
     return {
         "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
         "kept": dict(kept), "failures": dict(failures.most_common()),

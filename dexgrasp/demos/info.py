@@ -1,6 +1,6 @@
 """What a folder of demonstrations holds, and whether its actions still do what they did."""
 
-from itertools import islice
+from itertools import groupby, islice
 from pathlib import Path
 from typing import Any
 
@@ -59,17 +59,15 @@ def replay_all(
     settings = DemoSettings.of_json(about["settings"], robot)
     total = min(number or about["episodes"], about["episodes"])
     failed: list[dict[str, Any]] = []
-    env: gym.Env[Any, Any] | None = None
-    target = None
-    for done, episode in enumerate(islice(read_episodes(folder), total), start=1):
-        if env is None or episode.about["target"] != target:
-            target = episode.about["target"]
-            if env is not None:
-                env.close()
-            env = gym.make(ENV_ID, objects=[target], **settings.env_arguments, disable_env_checker=True)
-        if not _succeeds(env, episode):
-            failed.append({"episode": done - 1, **{k: episode.about[k] for k in ("object", "scene_seed")}})
-        progress(done, total)
+    done = 0
+    for target, episodes in groupby(islice(read_episodes(folder), total), lambda e: e.about["target"]):
+        env = gym.make(ENV_ID, objects=[target], **settings.env_arguments, disable_env_checker=True)
+        for episode in episodes:
+            if not _succeeds(env, episode):
+                failed.append({"episode": done, **{k: episode.about[k] for k in ("object", "scene_seed")}})
+            done += 1
+            progress(done, total)
+        env.close()
     return {"schema": 1, "replayed": total, "successes": total - len(failed), "failed": failed}
 
 

@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from dexgrasp.demos.rollout import Arrays, Episode
 from dexgrasp.demos.settings import DemoSettings
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_json
 from dexgrasp_env.robot.cell import make_cell
@@ -57,8 +56,6 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
             spread.setdefault(name, _Spread()).with_rows(values)
         rows.append(_episode_row(episode, number, start, task, own))
         start += len(episode)
-    if writer is None:
-        raise InputError("not one demonstration succeeded: see `failures` of `dexgrasp demos info`")
     writer.close()
     pq.write_table(pa.Table.from_pylist(rows), making / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
@@ -131,14 +128,14 @@ class _Spread:
 
     def __init__(self) -> None:
         self._count = 0
-        self._low = self._high = self._sum = self._squares = np.zeros(0)
+        self._low: Any = np.inf
+        self._high: Any = -np.inf
+        self._sum: Any = 0.0
+        self._squares: Any = 0.0
 
     def with_rows(self, values: NDArray[Any]) -> "_Spread":
         """Take rows (n,) or (n, m) into account."""
         x = values.reshape(len(values), -1).astype(float)
-        if not self._count:
-            self._low, self._high = x.min(0), x.max(0)
-            self._sum, self._squares = np.zeros(x.shape[1]), np.zeros(x.shape[1])
         self._low, self._high = np.minimum(self._low, x.min(0)), np.maximum(self._high, x.max(0))
         self._sum, self._squares = self._sum + x.sum(0), self._squares + (x**2).sum(0)
         self._count += len(x)

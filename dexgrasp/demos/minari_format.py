@@ -40,8 +40,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
         jpeg_encoding=False,
     )  # fmt: skip
     env.close()
-    count = 0
-    for episode in episodes:
+    for number, episode in enumerate(episodes):
         storage.update_episodes([
             EpisodeBuffer(
                 seed=episode.about["scene_seed"], observations=episode.observations, actions=episode.actions,
@@ -50,13 +49,10 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
             )
         ])  # fmt: skip
         with h5py.File(making / _FILE, "a") as file:
-            group = file[f"episode_{count}"]
+            group = file[f"episode_{number}"]
             group.attrs["about"] = json.dumps(episode.about)
             for name, array in episode.once.items():
                 group.create_dataset(f"{_ONCE}/{name}", data=array)
-        count += 1
-    if not count:
-        raise InputError("not one demonstration succeeded: see `failures` of `dexgrasp demos info`")
     storage.update_metadata({
         "dataset_id": f"dexgrasp/{settings.agent.rpartition(':')[2].lower()}-{settings.obs_mode}-v0",
         "minari_version": minari.__version__,

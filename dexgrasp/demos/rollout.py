@@ -1,5 +1,6 @@
 """One demonstration: an agent's rollout, converted, replayed, and recorded where the replay succeeds too."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -90,7 +91,6 @@ class Recorder:
         episode = replay(self.demo_env, seeds.scene, path, self._tree)
         if episode is None:
             return None, NOT_REPLAYED
-        details = jsonable(report_of(self._agent).details)
         episode.once = {key: seen[key] for key in CAMERA_KEYS if key in seen} | episode.once
         episode.about = {
             "object": object_name(self._target),
@@ -98,7 +98,7 @@ class Recorder:
             "trial": trial,
             "scene_seed": seeds.scene,
             "agent_seed": seeds.agent,
-            "certificate": details.get("certificate"),
+            "certificate": jsonable(report_of(self._agent).details).get("certificate"),
             "steps": len(episode),
         }
         return episode, ""
@@ -151,50 +151,27 @@ def _noise_rng(agent_seed: int) -> np.random.Generator:
 
 def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> Episode | None:
     """Follow set-points (T + 1, n) in another mode from the same scene; None where that does not succeed."""
-    mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
-    actions: list[NDArray[np.float32]] = []
-
-    def follow(step: int) -> NDArray[np.float32]:
-        wanted = path[min(step + 1, len(path) - 1)]
-        return to_action(mode, _targets(env), wanted, tree)
-
-    observation, _ = env.reset(seed=seed)
-    observations, rewards, ends = [observation], [], []
+    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    first, _ = env.reset(seed=seed)
+    steps: list[tuple[Any, ...]] = []
     for step in range(len(path) - 1 + _LINGER):
-        actions.append(follow(step))
-        observation, reward, terminated, truncated, info = env.step(actions[-1])
-        observations.append(observation)
-        rewards.append(float(reward))
-        ends.append((terminated, truncated))
+        wanted = path[min(step + 1, len(path) - 1)]
+        action = to_action(settings.control_mode, _targets(env), wanted, tree)
+        observation, reward, terminated, truncated, info = env.step(action)
+        steps.append((observation, action, float(reward), terminated, truncated))
         if info["is_success"]:
-            return _episode(env, observations, actions, rewards, ends)
+            return _episode(first, steps, CAMERA_KEYS if settings.observe == "reset" else ())
         if terminated or truncated:
             return None
     return None
 
 
-def _episode(
-    env: gym.Env[Any, Any],
-    observations: list[Arrays],
-    actions: list[NDArray[np.float32]],
-    rewards: list[float],
-    ends: list[tuple[bool, bool]],
-) -> Episode:
-    still = CAMERA_KEYS if env.unwrapped.settings.observe == "reset" else ()  # type: ignore[attr-defined]
-    first = observations[0]
-    terminated, truncated = np.array(ends, dtype=bool).T
-    return Episode(
-        {
-            key: np.stack([observation[key] for observation in observations])
-            for key in first
-            if key not in still
-        },
-        np.stack(actions),
-        np.array(rewards),
-        terminated,
-        truncated,
-        {key: np.asarray(first[key]) for key in first if key in still},
-    )
+def _episode(first: Arrays, steps: Sequence[tuple[Any, ...]], still: Sequence[str]) -> Episode:
+    observations, *rest = zip(*steps, strict=True)
+    moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}
+    once = {key: np.asarray(first[key]) for key in first if key in still}
+    actions, rewards, terminated, truncated = map(np.array, rest)
+    return Episode(moving, actions, rewards, terminated, truncated, once)
 
 
 def _targets(env: gym.Env[Any, Any]) -> Array:

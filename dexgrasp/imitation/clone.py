@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.imitation.features import VIEWS, Observation, Scene, features, first_look
+from dexgrasp.imitation.policy import Mlp, Policy, relu
 from dexgrasp.runs.policy_folder import Arrays, read_policy
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step, normalise
 
 KIND = "clone"
@@ -21,32 +21,25 @@ FARTHEST = 6.0
 """Standard deviations that features are clipped at."""
 
 
-class Clone:
+class Clone(Policy):
     """The network: arrays and how to use them."""
 
-    def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
-        """Check what was read.
-
-        Raises:
-            InputError: if arrays are missing or do not fit.
-        """
-        try:
-            self.view, self.chunk = str(about["view"]), int(about["chunk"])
-            self.execute = int(about["execute"])
-            self.env = {str(key): value for key, value in about["env"].items()}
-            self._mean, self._scale, self._unit = (arrays[name] for name in ("mean", "scale", "unit"))
-            self._trunk = read_layers(arrays, "trunk")
-            self._encoder = read_layers(arrays, "encoder") if self.view == "cloud" else []
-            widths = [len(self._mean) + (self._encoder[-1][1].size if self._encoder else 0)]
-            fits = all(w.shape == (b.size, n) for w, b, n in _with_inputs(self._trunk, widths[0]))
-            self.joints = self._unit.size // self.chunk
-            fits &= self._trunk[-1][1].size == self.joints * self.chunk == self._unit.size
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            raise InputError(f"the policy is incomplete ({error})") from None
-        if not fits or self.view not in VIEWS or self.env.get("control_mode") not in CONTROL_MODES:
-            raise InputError("the policy's arrays do not fit what it says of itself")
+    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+        self.view, self.chunk = str(about["view"]), int(about["chunk"])
+        self.execute = int(about["execute"])
         if not 1 <= self.execute <= self.chunk:
             raise InputError(f"the policy executes {self.execute} of {self.chunk} steps: valid are 1 to all")
+        self._mean, self._scale, self._unit = (arrays[name] for name in ("mean", "scale", "unit"))
+        self._trunk = Mlp(arrays, "trunk", relu)
+        self._encoder = Mlp(arrays, "encoder", relu) if self.view == "cloud" else None
+        self.joints = self._unit.size // self.chunk
+        inputs = len(self._mean) + (self._encoder.outputs if self._encoder else 0)
+        known = self.view in VIEWS and self.env.get("control_mode") in CONTROL_MODES
+        return (
+            known
+            and self._trunk.inputs == inputs
+            and self._trunk.outputs == self.joints * self.chunk == self._unit.size
+        )
 
     @classmethod
     def read(cls, folder: Path) -> "Clone":
@@ -61,12 +54,8 @@ class Clone:
         return cls(about, arrays)
 
     def begin(self, first: Observation, cell: Cell) -> "CloneRun":
-        """Start an episode in a cell.
-
-        Raises:
-            InputError: where there is nothing to look at, or the robot is another.
-        """
-        return CloneRun(self, first, cell.robot)
+        """Start an episode in a cell."""
+        return CloneRun(self, first, cell)
 
     def look(self, first: Observation) -> tuple[Scene, NDArray[np.float32]]:
         """Return what is remembered of the first observation, and the code (K,) of its cloud.
@@ -75,9 +64,9 @@ class Clone:
             InputError: where there is nothing to look at.
         """
         scene = first_look(self.view, first)
-        if not self._encoder:
+        if self._encoder is None:
             return scene, np.zeros(0, np.float32)
-        return scene, np.maximum(_through(self._encoder, scene.points), 0.0).max(axis=0)
+        return scene, relu(self._encoder(scene.points)).max(axis=0)
 
     def predict(self, looks: Array, codes: NDArray[np.float32]) -> Array:
         """Return the set-points of the next steps relative to now, (n, chunk, joints) rad.
@@ -87,22 +76,24 @@ class Clone:
             codes: (n, K) of the clouds.
         """
         scaled = np.clip((looks - self._mean) / self._scale, -FARTHEST, FARTHEST).astype(np.float32)
-        out = _through(self._trunk, np.concatenate([scaled, codes], axis=-1)) * self._unit
+        out = self._trunk(np.concatenate([scaled, codes], axis=-1)) * self._unit
         return out.reshape(len(looks), self.chunk, self.joints).astype(float)
 
 
 class CloneRun:
     """A clone in one episode."""
 
-    def __init__(self, clone: Clone, first: Observation, robot: Robot) -> None:
+    def __init__(self, clone: Clone, first: Observation, cell: Cell) -> None:
         """Look at the first observation.
 
         Raises:
             InputError: where there is nothing to look at, or the robot is another.
         """
-        if robot.dof != clone.joints:
-            raise InputError(f"the policy moves {clone.joints} joints: {robot.name} has {robot.dof}")
-        self._clone, self._robot = clone, robot
+        self._clone, self._robot = clone, cell.robot
+        if self._robot.dof != clone.joints:
+            raise InputError(
+                f"the policy moves {clone.joints} joints: {self._robot.name} has {self._robot.dof}"
+            )
         self._scene, self._code = clone.look(first)
         self._step, self._wanted = 0, np.zeros((0, clone.joints))
 
@@ -124,27 +115,3 @@ class CloneRun:
             return normalise(wanted, self._robot).astype(np.float32)
         now = np.asarray(observation["joint_targets"], dtype=float)
         return np.clip((wanted - now) / max_step(self._robot), -1.0, 1.0).astype(np.float32)
-
-
-Layers = list[tuple[NDArray[np.float32], NDArray[np.float32]]]
-
-
-def read_layers(arrays: Arrays, name: str) -> Layers:
-    """Weights (out, in) and biases (out,) of the layers of a part, in order."""
-    found: Layers = []
-    while f"{name}.{len(found)}.weight" in arrays:
-        k = len(found)
-        found.append((arrays[f"{name}.{k}.weight"], arrays[f"{name}.{k}.bias"]))
-    if not found:
-        raise KeyError(name)
-    return found
-
-
-def _with_inputs(layers: Layers, inputs: int) -> list[tuple[Any, Any, int]]:
-    return [(w, b, n) for (w, b), n in zip(layers, [inputs, *(b.size for _, b in layers)], strict=False)]
-
-
-def _through(layers: Layers, x: NDArray[np.float32]) -> NDArray[np.float32]:
-    for k, (weight, bias) in enumerate(layers):
-        x = (np.maximum(x, 0.0) if k else x) @ weight.T + bias
-    return x

@@ -10,7 +10,8 @@ from dexgrasp.imitation.clone_net import CloneNet
 from dexgrasp.imitation.data import Batch, read_rows
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.runs.policy_folder import ABOUT, write_policy
-from dexgrasp.runs.training import Course, Row, StepTraining
+from dexgrasp.runs.step_training import StepTraining
+from dexgrasp.runs.training import Course, Row
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.extras import from_extra
 

@@ -10,15 +10,13 @@ from itertools import product
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.script import ActionScript
 from dexgrasp.motion.turn import Turn, rotation, turn_arm
 from dexgrasp.physics.strength import Contacts, capacity_of, directions
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.holding import DOWN, robust_squeeze
-from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
 
 ENOUGH = 4.0
@@ -29,21 +27,18 @@ _GAIN = 0.1  # weights that a turn must win
 _COST = 0.06  # weights a radian: of two turns that win as much the shorter
 
 
-def plan_turn(
-    grasp: Grasp, script: ActionScript, target: GraspTarget, settings: PlannerSettings
-) -> Turn | None:
+def plan_turn(grasp: Grasp, script: ActionScript, problem: Problem) -> Turn | None:
     """Return the turn after the lift that wins most, None where none wins enough or can be made.
 
     Args:
         grasp: with its certificate.
         script: that lifts it.
-        target: the object where it lies.
-        settings: friction that is counted on, and torque limits.
+        problem: the object where it lies, and the robot; of the settings friction and torque limits.
     """
+    target, tree, settings = problem.target, problem.tree, problem.settings
     if grasp.certificate.capacity >= ENOUGH:
         return None
-    tree = robot_tree(grasp.cell)
-    contacts, distance = contacts_of(grasp.q, target, tree, settings.friction_squeeze)
+    contacts, distance = contacts_of(grasp.q, problem, settings.friction_squeeze)
     start = script.targets[dict(script.phases)["hold"] - 1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
     corners, pushes = np.concatenate(target.corners) - target.centre, directions()
@@ -54,12 +49,12 @@ def plan_turn(
         worth = capacity_of(_turned(contacts, R), most + _COST * angle, pushes) - _COST * angle
         if worth <= most:
             continue
-        way = turn_arm(start, vector, centre, corners, grasp.cell)
+        way = turn_arm(start, vector, centre, corners, problem.cell)
         if way is not None:
             arm, most, down = way, worth, R.T @ DOWN
     if arm is None:
         return None
-    squeeze = robust_squeeze(contacts, distance, target, settings, down)
+    squeeze = robust_squeeze(contacts, distance, problem, down)
     return Turn(arm, squeeze.forces) if squeeze.share >= 1.0 else None
 
 

@@ -5,20 +5,19 @@ import numpy as np
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
-from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.ratios import wrench_ratios
 from dexgrasp.physics.strength import Contacts, capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
 
 FAR = 0.02  # m: clearances beyond are not measured
 
 
-def contacts_of(q: Array, target: GraspTarget, tree: RobotTree, friction: float) -> tuple[Contacts, Array]:
+def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, Array]:
     """Return the contacts of a configuration `q` (n,) rad, and the tips' distances (3,) m from the surface."""
+    target, tree = problem.target, problem.tree
     frames = body_frames(q, tree)
     tips = tip_positions(tree, frames)
     distance, normals = target.distance.distance_gradient(tips)
@@ -27,31 +26,27 @@ def contacts_of(q: Array, target: GraspTarget, tree: RobotTree, friction: float)
     return Contacts(points, normals, jacobians, tree.torque, friction, target.centre, target.mass), distance
 
 
-def certificate_of(
-    q: Array, forces: Array, target: GraspTarget, tree: RobotTree, settings: PlannerSettings, *,
-    with_capacity: bool = True,
-) -> Certificate:  # fmt: skip
+def certificate_of(q: Array, forces: Array, problem: Problem, *, with_capacity: bool = True) -> Certificate:
     """Return what is true of a grasp, however its configuration and forces were found.
 
     Args:
         q: (n,) rad.
         forces: (3, 3) N on the object, thumb, index, middle.
-        target: the object.
-        tree: the robot.
-        settings: friction coefficients and tip radius.
+        problem: object and robot; of the settings friction coefficients and tip radius.
         with_capacity: False leaves `capacity` at NaN, for grasps still to be chosen among (26 conic programmes).
     """
-    contacts, distances = contacts_of(q, target, tree, settings.friction_hold)
+    target, tree, settings = problem.target, problem.tree, problem.settings
+    contacts, distances = contacts_of(q, problem, settings.friction_hold)
     internal = solve_wrench_qp(contacts.points, contacts.normals, settings.friction)
     ratios = wrench_ratios(contacts.points, internal.forces, target.centre)
     load = load_of(contacts, forces)
     return Certificate(
-        distances_cm=tuple(float(d) for d in 100.0 * (distances - settings.tip_radius)),
+        distances_cm=tuple(float(d) for d in 100.0 * (distances - settings.tip_radius)),  # type: ignore[arg-type]
         force_ratio_percent=ratios.force,
         torque_ratio_percent=ratios.torque,
         closure_residual=float(internal.residual),
         closure_margin=float(margins(contacts.points[None], contacts.normals[None], settings.friction)[0][0]),
-        min_clearance_m=least_clearance(q, target, tree, tips_touch=True),
+        min_clearance_m=least_clearance(q, problem),
         joint_limit_margin_rad=float(np.minimum(q - tree.lower, tree.upper - q).min()),
         max_joint_torque_fraction=torque_fraction(contacts, forces),
         holds=load >= 1.0,
@@ -63,14 +58,18 @@ def certificate_of(
     )
 
 
-def least_clearance(q: Array, target: GraspTarget, tree: RobotTree, tips_touch: bool) -> float:
+def least_clearance(q: Array, problem: Problem) -> float:
     """Return the least clearance, m, at most `FAR`; a lower bound, as spheres cover the robot from outside."""
-    frames, rows = body_frames(q, tree), empty_rows(160, tree)
-    n = clearance_rows(tree, frames, target.distance.obstacle, FAR, tips_touch, rows)
-    return float(rows.values[:n].min()) if n else FAR
+    return float(min(_clearances(q, problem, FAR, tips_touch=True), default=FAR))
 
 
-def is_clear(q: Array, target: GraspTarget, tree: RobotTree, least: float) -> bool:
+def is_clear(q: Array, problem: Problem, least: float) -> bool:
     """Whether every clearance is `least`, m, or more, the tips' from the object too."""
-    rows = empty_rows(160, tree)
-    return clearance_rows(tree, body_frames(q, tree), target.distance.obstacle, least, False, rows) == 0
+    return not len(_clearances(q, problem, least, tips_touch=False))
+
+
+def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> Array:
+    """Return the clearances (K,) that are below `far` m."""
+    tree, rows = problem.tree, empty_rows(160, problem.tree)
+    n = clearance_rows(tree, body_frames(q, tree), problem.target.distance.obstacle, far, tips_touch, rows)
+    return rows.values[:n]

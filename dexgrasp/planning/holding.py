@@ -4,11 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.physics.squeeze import Squeeze, firmest_squeeze
 from dexgrasp.physics.strength import GRAVITY, Contacts
 from dexgrasp.planning.claims import contacts_of
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
@@ -60,19 +60,18 @@ def narrowed_friction(tips: Array, normals: Array, target: GraspTarget, settings
     return narrowed
 
 
-def firmest_hold(q: Array, target: GraspTarget, tree: RobotTree, settings: PlannerSettings) -> Hold:
+def firmest_hold(q: Array, problem: Problem) -> Hold:
     """Return the forces that bear the largest push within narrowed cones; failing that, within those of the judge.
 
     Where nothing balances any of the weight, they press straight in.
 
     Args:
         q: (n,) rad.
-        target: the object.
-        tree: the robot.
-        settings: friction, error in place, least press and torque limits.
+        problem: object and robot; of the settings friction, error in place, least press and torque limits.
     """
-    contacts, distance = contacts_of(q, target, tree, settings.friction_hold)
-    firm = robust_squeeze(contacts, distance, target, settings)
+    settings = problem.settings
+    contacts, distance = contacts_of(q, problem, settings.friction_hold)
+    firm = robust_squeeze(contacts, distance, problem)
     if firm.share >= 1.0:
         return Hold(contacts, firm.forces, firm.share, firm.load)
     most = _squeeze(contacts, np.full(3, settings.friction_hold), settings, DOWN)
@@ -81,21 +80,18 @@ def firmest_hold(q: Array, target: GraspTarget, tree: RobotTree, settings: Plann
     return Hold(contacts, most.forces, most.share, min(firm.load, most.load))
 
 
-def robust_squeeze(
-    contacts: Contacts, distance: Array, target: GraspTarget, settings: PlannerSettings, down: Array = DOWN
-) -> Squeeze:
+def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: Array = DOWN) -> Squeeze:
     """Return the forces within narrowed cones and torque limits that bear the largest push.
 
     Args:
         contacts: of the grasp.
         distance: (3,) m, of the tips' centres from the surface.
-        target: the object.
-        settings: friction, error in place, least press and torque limits.
+        problem: the object; of the settings friction, error in place, least press and torque limits.
         down: (3,) the way gravity points.
     """
     tips = contacts.points + distance[:, None] * contacts.normals
-    friction = narrowed_friction(tips, contacts.normals, target, settings)
-    return _squeeze(contacts, friction, settings, down)
+    friction = narrowed_friction(tips, contacts.normals, problem.target, problem.settings)
+    return _squeeze(contacts, friction, problem.settings, down)
 
 
 def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:

@@ -7,11 +7,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
-from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.cell import Cell
 
 ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
 """Orders in which thumb, index and middle can take three contacts; the first leaves them as they are."""
@@ -159,10 +157,8 @@ def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacl
 def place_on_atlas(
     contacts: Array,
     normals: Array,
-    obstacle: Obstacle,
-    settings: PlannerSettings,
+    problem: Problem,
     orders: NDArray[np.int64],
-    cell: Cell,
     neighbours: int = NEIGHBOURS,
 ) -> Placements:
     """Put hand postures on contact triples: a neighbour search by triangle, and one rigid alignment each.
@@ -170,19 +166,17 @@ def place_on_atlas(
     Args:
         contacts: (K, 3, 3) m.
         normals: (K, 3, 3) out of the object.
-        obstacle: the object.
-        settings: how deep the tips are to be.
+        problem: the object; of the settings how deep the tips are to be.
         orders: (A, 3) rows of `ASSIGNMENTS`: which contact thumb, index and middle take.
-        cell: of the robot.
         neighbours: postures of the atlas looked at for each.
 
     Returns:
         What will do; goal A k + a is triple k in order a.
     """
-    atlas = hand_atlas(cell)
-    centres = (contacts + settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
+    atlas, palm = hand_atlas(problem.cell), problem.tree.palm_box_centre
+    centres = (contacts + problem.settings.tip_height * normals)[:, orders].reshape(-1, 3, 3)
     inward = -normals[:, orders].reshape(-1, 3, 3)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
-    palm = robot_tree(cell).palm_box_centre
-    return _useful(goals, near, Tips(atlas.tips, atlas.axes, atlas.pads), obstacle, palm)
+    tips, obstacle = Tips(atlas.tips, atlas.axes, atlas.pads), problem.target.distance.obstacle
+    return _useful(goals, near, tips, obstacle, palm)

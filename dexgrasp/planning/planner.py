@@ -11,9 +11,10 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.motion.soundness import check_way
-from dexgrasp.planning.certifier import Candidate, Certifier, Start
+from dexgrasp.planning.certifier import Candidate, Certifier, Start, completed
 from dexgrasp.planning.holding import Hold, firmest_hold
 from dexgrasp.planning.postures import Posture, atlas_postures
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
 from dexgrasp.planning.settings import PlannerSettings
@@ -55,7 +56,7 @@ class Planner:
         self.settings, self.cell = settings or PlannerSettings(), cell or default_cell()
         self.tree: RobotTree = robot_tree(self.cell)
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
-        self.certifier = self.certifies(self.cell, self.settings, with_closure)
+        self.certifier = self.certifies(with_closure)
 
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
@@ -108,19 +109,17 @@ class Planner:
             if not solution.feasible:
                 log.block(str(solution.blocking), solution.violation)
                 continue
-            hold = firmest_hold(solution.q, start.target, self.tree, self.settings)
+            hold = firmest_hold(solution.q, start.problem)
             log.lap("certificate")
             yield Candidate(start, solution, hold)
 
-    def starts(
-        self, proposals: Proposals, target: GraspTarget, settings: PlannerSettings
-    ) -> Iterator[Posture]:
+    def starts(self, proposals: Proposals, problem: Problem) -> Iterator[Posture]:
         """Yield the postures that proposals are refined from, the likeliest first."""
-        return atlas_postures(proposals, target, self.cell, settings)
+        return atlas_postures(proposals, problem)
 
     def refine(self, start: Posture) -> Solution:
         """Return where the optimiser ends from a posture."""
-        return solve(start.q, self.cell, start.target, self.settings, with_margin=self._with_closure)
+        return solve(start.q, start.problem, with_margin=self._with_closure)
 
     def _out_of_time(self, log: SearchLog) -> bool:
         over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
@@ -142,18 +141,20 @@ class Search:
         self, planner: Planner, target: GraspTarget, seed: int, start: Array | None, asked: int | None = None
     ) -> None:
         """Prepare; the arguments are those of `Planner.plan`, `asked` the number of grasps wanted."""
-        self.planner, self._target, self._start = planner, target, start
+        self.planner, self._start = planner, start
+        self._problem = Problem(target, planner.cell, planner.settings)
         self._rng = np.random.default_rng(seed)
         self.result = PlanResult(target, planner.settings, seed, asked)
         self.log = self.result.log
 
     def round(self, source: ProposalSource, settings: PlannerSettings) -> Iterator[Candidate[Posture]]:
         """Yield the feasible configurations of one round of proposals, with their squeeze."""
-        proposals = source.propose(self._target, settings, self._rng)
+        proposals = source.propose(self._problem.target, settings, self._rng)
         self.log.rounds += 1
         self.log.lap("proposals")
         self.result.shortfall = proposals.failure
-        yield from self.planner.candidates(self.planner.starts(proposals, self._target, settings), self.log)
+        starts = self.planner.starts(proposals, self._problem._replace(settings=settings))
+        yield from self.planner.candidates(starts, self.log)
 
     def take(self, pool: list[Candidate[Posture]], enough: Callable[[Hold], bool]) -> bool:
         """Whether a candidate that is good enough can be carried out; it is found then, and failures leave the pool."""
@@ -176,9 +177,9 @@ class Search:
         script, planner = None, self.planner
         try:
             if self._start is not None:
-                script = make_script(self._start, grasp.motion, self._target.distance, planner.cell)
+                script = make_script(self._start, grasp.motion, self._problem.target.distance, planner.cell)
                 check_way(script, planner.cell)
-            self.result.found.append(Planned(planner.certifier.complete(grasp, self._target), script))
+            self.result.found.append(Planned(completed(grasp, self._problem), script))
             return True
         except NoPath as blocked:
             self.log.block(blocked.reason)

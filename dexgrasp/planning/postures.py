@@ -6,6 +6,7 @@ The way of section 3.3 starts from a palm above the object in six orientations a
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -13,17 +14,15 @@ from numba import njit
 from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, hand_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.physics.strength import GRAVITY
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
 from dexgrasp.planning.placement import ASSIGNMENTS, Placements, place_on_atlas
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
-from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.cell import Cell
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
 _POSE = 0.2  # load that a unit of a placement's score is worth
@@ -35,32 +34,23 @@ class Posture:
 
     Attributes:
         q: (n,) rad.
-        target: the object.
+        problem: what it is a start for.
         proposal: which it came from.
         score: the higher, the likelier.
     """
 
     q: Array
-    target: GraspTarget
+    problem: Problem
     proposal: int
     score: float
 
 
-def atlas_postures(
-    proposals: Proposals, target: GraspTarget, cell: Cell, settings: PlannerSettings
-) -> Iterator[Posture]:
+def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
     """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
-    tree, orders = robot_tree(cell), ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
-    placed = place_on_atlas(
-        proposals.contacts,
-        proposals.normals,
-        target.distance.obstacle,
-        settings,
-        orders,
-        cell,
-        settings.neighbours,
-    )
-    merit = loads_on(placed, target, cell, settings) + _POSE * placed.scores
+    settings, tree = problem.settings, problem.tree
+    orders = ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
+    placed = place_on_atlas(proposals.contacts, proposals.normals, problem, orders, settings.neighbours)
+    merit = loads_on(placed, problem) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
     for k in np.argsort(-merit, kind="stable"):
@@ -71,45 +61,45 @@ def atlas_postures(
             continue
         tried.add(placed.triple[k])
         q = tree.home.copy()
-        q[tree.arm :] = hand_atlas(cell).joints[placed.which[k]]
-        if reach_palm(q, placed.rotations[k], placed.positions[k], tree):
+        q[tree.arm :] = hand_atlas(problem.cell).joints[placed.which[k]]
+        if reach_palm(q, placed.rotations[k], placed.positions[k], problem.tree):
             found += 1
-            yield Posture(q, target, int(placed.triple[k]) // len(orders), float(merit[k]))
+            yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(merit[k]))
 
 
-def loads_on(
-    placed: Placements,
-    target: GraspTarget,
-    cell: Cell,
-    settings: PlannerSettings,
-    friction: Array | None = None,
-) -> Array:
+def loads_on(placed: Placements, problem: Problem, friction: Array | None = None) -> Array:
     """Return what the squeeze of each placement would bear (M,), were its tips to reach their goals exactly.
 
     Args:
         placed: postures of the atlas on goals.
-        target: the object.
-        cell: of the robot.
-        settings: friction, error in place and torque limits.
+        problem: object and robot; of the settings friction, error in place and torque limits.
         friction: (K, 3) at the goals, where it is known: what `narrowed_friction` says by default.
     """
-    goals = placed.goals
+    goals, target, tree, settings = placed.goals, problem.target, problem.tree, problem.settings
     if friction is None:
         tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
         friction = narrowed_friction(tips, normals, target, settings).reshape(-1, 3)
-    tree = robot_tree(cell)
-    limit, gravity = settings.torque_share * tree.torque, np.array([0.0, 0.0, -GRAVITY * target.mass])
-    return _estimates(
-        placed, hand_atlas(cell).joints, tree, settings.tip_height, target.centre, gravity, friction, limit
+    gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
+    burden = _Burden(
+        settings.tip_height, target.centre, gravity, friction, settings.torque_share * tree.torque
     )
+    return _estimates(placed, hand_atlas(problem.cell).joints, tree, burden)
+
+
+class _Burden(NamedTuple):
+    """What a squeeze has to bear, and by what; a contact is `height` from its tip's centre."""
+
+    height: float  # m
+    centre: Array  # (3,) m
+    gravity: Array  # (3,) N
+    friction: Array  # (K, 3) at the goals
+    limit: Array  # (h,) Nm
 
 
 @njit(cache=True, error_model="numpy")
-def _estimates(
-    placed: Placements, joints: Array, tree: RobotTree, height: float, centre: Array, gravity: Array, friction: Array,
-    limit: Array,
-) -> Array:  # fmt: skip
-    """Loads (M,) of placements; a contact is `height` m from its tip's centre. The arm does not matter to them."""
+def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burden) -> Array:
+    """Loads (M,) of placements. The arm does not matter to them."""
+    height, friction, limit = burden.height, burden.friction, burden.limit
     frames, room, q = empty_frames(tree), empty_room(12), np.zeros(tree.lower.shape[0])
     out, J, nothing, shift = (
         np.empty(len(placed.which)),
@@ -133,8 +123,8 @@ def _estimates(
                     frames.R[tree.palm, r, c] * tree.palm_offset[c] - turn[r, c] * placed.positions[m, c]
                 )
         tips = tip_positions(tree, frames)
-        _turned(turn, centre, shift, middle)
-        _turned(turn, gravity, nothing, down)
+        _turned(turn, burden.centre, shift, middle)
+        _turned(turn, burden.gravity, nothing, down)
         for i in range(3):
             inward = placed.goals.inward[goal, i]
             _turned(turn, placed.goals.centres[goal, i] + height * inward, shift, points[i])
@@ -153,10 +143,9 @@ def _turned(turn: Array, x: Array, shift: Array, out: Array) -> None:
         out[r] = shift[r] + turn[r, 0] * x[0] + turn[r, 1] * x[1] + turn[r, 2] * x[2]
 
 
-def oriented_postures(
-    proposal: int, proposals: Proposals, target: GraspTarget, tree: RobotTree, settings: PlannerSettings
-) -> list[Posture]:
+def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> list[Posture]:
     """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
+    target, tree, settings = problem.target, problem.tree, problem.settings
     targets = proposals.contacts[proposal] + settings.tip_height * proposals.normals[proposal]
     top = target.distance.triangles[:, :, 2].max()
     postures = []
@@ -171,5 +160,5 @@ def oriented_postures(
         if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):
             continue
         miss = solve_tips(q, targets, tree, 60, 1e-3)
-        postures.append(Posture(q, target, proposal, -float(miss)))
+        postures.append(Posture(q, problem, proposal, -float(miss)))
     return sorted(postures, key=lambda posture: -posture.score)

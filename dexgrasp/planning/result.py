@@ -69,11 +69,16 @@ class SearchLog:
         """Return how often each reason blocked."""
         return {reason: count for reason, (count, _) in self.blocked.items()}
 
-    def commonest(self) -> str | None:
-        """Return what stopped most postures, without the names of fingers and bodies; None if nothing did."""
+    def totals(self) -> Counter[str]:
+        """Return the same without the names of fingers and bodies."""
         totals: Counter[str] = Counter()
         for reason, count in self.counts().items():
             totals[reason.split(":")[0]] += count
+        return totals
+
+    def commonest(self) -> str | None:
+        """Return what stopped most postures; None if nothing did."""
+        totals = self.totals()
         return totals.most_common(1)[0][0] if totals else None
 
 

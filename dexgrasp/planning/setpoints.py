@@ -1,15 +1,11 @@
 """Set-points of the joint servos that open around a grasp, touch, and press."""
 
-from collections.abc import Callable, Iterable
-
 import numpy as np
 
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
 from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
+from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
@@ -18,26 +14,23 @@ RISES = (0.0, 0.006)
 """m that they rise besides: none, or off the table, where contacts are low."""
 
 
-def grasp_motion(
-    q: Array, normals: Array, forces: Array, target: GraspTarget, tree: RobotTree, settings: PlannerSettings,
-    opening: float, rise: float = 0.0,
-) -> GraspMotion:  # fmt: skip
-    """Return the set-points of a grasp that opens in one way; the arguments are those of `first_motion`.
+def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: float = 0.0) -> Array:
+    """Return the configuration (n,) rad that a grasp closes from.
 
     Args:
+        q: (n,) rad, the grasp.
+        normals: (3, 3) out of the object.
+        problem: object and robot.
         opening: m that the tips back off before they close.
         rise: m that they come down as they close.
     """
-    motion = first_motion(q, normals, forces, target, tree, settings, [(rise, opening)], lambda _: True)
-    assert motion is not None
-    return motion
+    (_, goals), pregrasp = _touching(q, normals, problem), q.copy()
+    solve_tips(pregrasp, goals + opening * normals + [0.0, 0.0, rise], problem.tree, 40, 1e-4, True)
+    return pregrasp
 
 
-def first_motion(
-    q: Array, normals: Array, forces: Array, target: GraspTarget, tree: RobotTree, settings: PlannerSettings,
-    ways: Iterable[tuple[float, float]], clear: Callable[[Array], bool],
-) -> GraspMotion | None:  # fmt: skip
-    """Return the set-points of a grasp with the first way to open that is clear, None where none is.
+def grasp_motion(q: Array, normals: Array, forces: Array, problem: Problem, pregrasp: Array) -> GraspMotion:
+    """Return the set-points of a grasp that closes from `pregrasp` (n,) rad.
 
     The squeeze is exact for position servos: at rest on the surface a servo whose set-point is J^T f / kp further in
     presses with f, J being that of the contact points.
@@ -46,28 +39,24 @@ def first_motion(
         q: (n,) rad, the grasp.
         normals: (3, 3) out of the object.
         forces: (3, 3) N on the object.
-        target: the object.
-        tree: the robot.
-        settings: of the planner.
-        ways: of opening: rise and opening, m (see `grasp_motion`).
-        clear: whether a pregrasp (n,) rad will do.
+        problem: object and robot.
+        pregrasp: see `opened`.
     """
-    tips = fingertips(q, tree)
-    distance, _ = target.distance.distance_gradient(tips)
-    goals = tips + (settings.tip_radius - distance)[:, None] * normals
-    for rise, opening in ways:
-        pregrasp = q.copy()
-        solve_tips(pregrasp, goals + opening * normals + [0.0, 0.0, rise], tree, 40, 1e-4, True)
-        if clear(pregrasp):
-            break
-    else:
-        return None
-    touching = q.copy()
+    tree, touching = problem.tree, q.copy()
+    contacts, goals = _touching(q, normals, problem)
     solve_tips(touching, goals, tree, 30, 1e-5, True)
-    contacts = tips - distance[:, None] * normals
     J = tip_jacobian(tree, body_frames(touching, tree), contacts)[:, :, tree.arm :]
     torque = np.einsum("frj,fr->j", J, forces)
     squeeze = touching.copy()
     hand = slice(tree.arm, None)
     squeeze[hand] = np.clip(touching[hand] + torque / tree.stiffness, tree.lower[hand], tree.upper[hand])
     return GraspMotion(pregrasp, touching, squeeze)
+
+
+def _touching(q: Array, normals: Array, problem: Problem) -> tuple[Array, Array]:
+    """Return the contacts (3, 3) m, and where the tips' centres are (3, 3) m when they touch there."""
+    tips = fingertips(q, problem.tree)
+    distance, _ = problem.target.distance.distance_gradient(tips)
+    return tips - distance[:, None] * normals, tips + (problem.settings.tip_radius - distance)[
+        :, None
+    ] * normals

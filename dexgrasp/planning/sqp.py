@@ -14,12 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.kinematics.clearance import KINDS
-from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.constraints import CLOSURE, FIXED_ROWS, MARGIN_SCALE, Bounds, Evaluation, evaluate
+from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 
 _SOFT = 8  # daqp's mark of a soft constraint
@@ -67,29 +65,24 @@ def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> B
     )
 
 
-def solve(
-    q: Array, cell: Cell, target: GraspTarget, settings: PlannerSettings, *, with_margin: bool = True
-) -> Solution:
+def solve(q: Array, problem: Problem, *, with_margin: bool = True) -> Solution:
     """Make a configuration feasible.
 
     Args:
         q: (n,) rad, start.
-        cell: of the robot.
-        target: the object.
-        settings: thresholds and the budget of iterations.
+        problem: object and robot; of the settings thresholds and the budget of iterations.
         with_margin: whether force closure is asked for.
     """
-    solver = _Solver(cell, target, settings, with_margin)
-    return solver.run(np.array(q, dtype=float))
+    return _Solver(problem, with_margin).run(np.array(q, dtype=float))
 
 
 class _Solver:
-    def __init__(self, cell: Cell, target: GraspTarget, settings: PlannerSettings, with_margin: bool) -> None:
-        tree = self._tree = robot_tree(cell)
-        self._robot, self._moved, self._target, self._settings, self._with_margin = (
-            cell.robot, tree.moved, target, settings, with_margin
-        )  # fmt: skip
+    def __init__(self, problem: Problem, with_margin: bool) -> None:
+        target, tree, settings = problem.target, problem.tree, problem.settings
+        self._robot, self._moved = problem.cell.robot, tree.moved
         self._block, self._turn = np.ix_(tree.moved, tree.moved), _TURN * np.eye(len(tree.moved))
+        self._obstacle, self._tree, self._budget = target.distance.obstacle, tree, settings.iterations
+        self._with_margin = with_margin
         self._low = tree.lower[tree.moved] + settings.joint_margin
         self._high = tree.upper[tree.moved] - settings.joint_margin
         self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
@@ -97,14 +90,14 @@ class _Solver:
         self._least = bounds_of(settings, settings.closure_margin)
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
-        return evaluate(q, self._tree, self._target.distance.obstacle, bounds, self._with_margin)
+        return evaluate(q, self._tree, self._obstacle, bounds, self._with_margin)
 
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""
         q[self._moved] = np.clip(q[self._moved], self._low, self._high)
         steps = 0
         for goal in (self._goal, self._modest):
-            q, now, used = self._descend(q, goal, self._settings.iterations - steps)
+            q, now, used = self._descend(q, goal, self._budget - steps)
             steps += used
             solution = self._solution(q, now, goal, steps)
             if solution.feasible or not self._with_margin:

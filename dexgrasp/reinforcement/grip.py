@@ -12,15 +12,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dexgrasp.imitation.clone import FARTHEST, Clone, CloneRun, Layers, read_layers
+from dexgrasp.imitation.clone import FARTHEST, Clone, CloneRun
 from dexgrasp.imitation.features import Observation, features, first_look
+from dexgrasp.imitation.policy import Mlp, Policy
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import empty_frames, forward
 from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.reinforcement.actor import Scaling
+from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step
@@ -53,43 +55,23 @@ def _tables(robot: Robot) -> tuple[Array, Array]:
     return moves, synergies
 
 
-class Grip:
+class Grip(Policy):
     """The network, and the clone it corrects."""
 
-    def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
-        """Check what was read.
-
-        Raises:
-            InputError: if arrays are missing or do not fit.
-        """
-        try:
-            self.env = {str(key): value for key, value in about["env"].items()}
-            base = {
-                key.removeprefix("base."): array for key, array in arrays.items() if key.startswith("base.")
-            }
-            self.clone = Clone(about["base"], base)
-            self.mean, self.scale = (base[name].astype(float) for name in ("mean", "scale"))
-            self._layers: Layers = read_layers(arrays, "actor")
-            fits = self._layers[0][0].shape[1] == len(self.mean) and self._layers[-1][1].size == SIZE
-        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
-            raise InputError(f"the policy is incomplete ({error})") from None
-        if not fits or self.clone.view != "state" or self.env != self.clone.env:
-            raise InputError("the policy's arrays do not fit what it says of itself")
+    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+        base = below(arrays, "base.")
+        self.clone, self._actor = Clone(about["base"], base), Mlp(arrays, "actor", np.tanh)
+        self.scaling = base["mean"].astype(float), base["scale"].astype(float)
+        sized = self._actor.inputs == len(self.scaling[0]) and self._actor.outputs == SIZE
+        return sized and self.clone.view == "state" and self.env == self.clone.env
 
     def begin(self, first: Observation, cell: Cell) -> "GripRun":
-        """Decide on the correction and start an episode in a cell.
-
-        Raises:
-            InputError: where there is nothing to look at.
-        """
-        return GripRun(self.clone, first, self.correction(look(self.mean, self.scale, first)), cell)
+        """Decide on the correction and start an episode in a cell."""
+        return GripRun(self.clone, first, self.correction(look(self.scaling, first)), cell)
 
     def correction(self, looks: NDArray[np.float32]) -> Array:
         """Return the correction (SIZE,) for what `look` returns."""
-        x = looks
-        for k, (weight, bias) in enumerate(self._layers):
-            x = (np.tanh(x) if k else x) @ weight.T + bias
-        return np.clip(x, -1.0, 1.0).astype(float)
+        return np.clip(self._actor(looks), -1.0, 1.0).astype(float)
 
 
 class GripRun:
@@ -105,7 +87,7 @@ class GripRun:
             cell: of the robot.
         """
         self._robot, self._tree = cell.robot, robot_tree(cell)
-        self._run, self._step = CloneRun(clone, first, cell.robot), 0
+        self._run, self._step = CloneRun(clone, first, cell), 0
         self._own = np.array(first["joint_targets"], dtype=float)  # the clone's set-points, not corrected
         moves, synergies = _tables(cell.robot)
         self._palm = correction[: len(moves)] @ moves
@@ -124,8 +106,9 @@ class GripRun:
         return np.clip((corrected - now) / most, -1.0, 1.0).astype(np.float32)
 
 
-def look(mean: Array, scale: Array, first: Observation) -> NDArray[np.float32]:
+def look(scaling: Scaling, first: Observation) -> NDArray[np.float32]:
     """Return what the network is given: the first observation's features (F,), scaled as the clone's."""
+    mean, scale = scaling
     looks = features("state", first_look("state", first), first, 0)
     return np.clip((looks - mean) / scale, -FARTHEST, FARTHEST).astype(np.float32)
 

@@ -2,22 +2,20 @@
 
 from typing import Any
 
-import gymnasium as gym
 import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
-from stable_baselines3.common.vec_env import VecEnv
 
-import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.features import Observation
+from dexgrasp.reinforcement.actor import Scaling
 from dexgrasp.reinforcement.grip import SIZE, GripRun, look
+from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
+from dexgrasp.reinforcement.vec_env import one
 from dexgrasp_env.arrays import Array
 
-Observations = dict[str, NDArray[Any]]
 
-
-class GripVecEnv(VecEnv):
+class GripVecEnv(SB3VecEnv):
     """Environments in which a clone acts, and an action is the correction of its grip for an episode.
 
     All episodes have the same length; one that ends before, its object lost, earns nothing more. Groups of environments
@@ -26,13 +24,7 @@ class GripVecEnv(VecEnv):
     """
 
     def __init__(
-        self,
-        env_id: str,
-        num_envs: int,
-        clone: Clone,
-        scaling: tuple[Array, Array],
-        alike: int,
-        **kwargs: Any,
+        self, env_id: str, num_envs: int, clone: Clone, scaling: Scaling, alike: int, **kwargs: Any
     ) -> None:
         """Make the environments.
 
@@ -40,20 +32,19 @@ class GripVecEnv(VecEnv):
             env_id: of one that has a native vector environment.
             num_envs: how many, a multiple of `alike`.
             clone: that acts.
-            scaling: mean and spread (F,) of the features.
+            scaling: of the features.
             alike: how many begin alike.
             **kwargs: more arguments of `gym.make_vec`; `max_episode_steps` is the episodes' length.
         """
-        envs: Any = gym.make_vec(env_id, num_envs=num_envs, autoreset_mode="Disabled", **kwargs)
-        self.envs, self._cell = envs, envs.settings.cell
+        super().__init__(env_id, num_envs, autoreset_mode="Disabled", **kwargs)
+        self.observation_space = spaces.Box(-np.inf, np.inf, (len(scaling[0]),), np.float32)
+        self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
         self._clone, self._scaling = clone, scaling
+        self._cell = self.get_attr("settings")[0].cell
         self._length, self._alike = int(kwargs["max_episode_steps"]), alike
         self._rng = np.random.default_rng()
-        self._now: Observations = {}
-        self._actions: NDArray[Any] = np.zeros((num_envs, SIZE))
+        self._now: Observation = {}
         self.finished: list[tuple[float, bool]] = []
-        looks = spaces.Box(-np.inf, np.inf, (len(scaling[0]),), np.float32)
-        super().__init__(num_envs, looks, spaces.Box(-1.0, 1.0, (SIZE,), np.float32))
 
     def reset(self) -> NDArray[np.float32]:
         """Start all episodes; `finished` then holds return, and whether the object is held at the end, of each."""
@@ -68,10 +59,6 @@ class GripVecEnv(VecEnv):
         seeds = self._rng.integers(2**31, size=self.num_envs // self._alike)
         self._now, _ = self.envs.reset(seed=np.repeat(seeds, self._alike).tolist())
 
-    def step_async(self, actions: NDArray[Any]) -> None:
-        """Note the corrections."""
-        self._actions = np.clip(actions, -1.0, 1.0).astype(float)
-
     def step_wait(self) -> Any:
         """Play the episodes to their end and begin the next."""
         seen = self._looks()
@@ -85,13 +72,13 @@ class GripVecEnv(VecEnv):
 
     def _play(self) -> tuple[Array, NDArray[np.bool_]]:
         runs = [
-            GripRun(self._clone, _one(self._now, i), correction, self._cell)
-            for i, correction in enumerate(self._actions)
+            GripRun(self._clone, one(self._now, i), correction, self._cell)
+            for i, correction in enumerate(np.clip(self._actions, -1.0, 1.0).astype(float))
         ]
         now, running = self._now, np.ones(self.num_envs, bool)
         returns, held = np.zeros(self.num_envs), np.zeros(self.num_envs, bool)
         for _ in range(self._length):
-            actions = np.stack([run.action(_one(now, i)) for i, run in enumerate(runs)])
+            actions = np.stack([run.action(one(now, i)) for i, run in enumerate(runs)])
             now, rewards, terminated, _, infos = self.envs.step(actions)
             running &= ~terminated
             returns[running] += rewards[running]
@@ -101,28 +88,4 @@ class GripVecEnv(VecEnv):
         return returns / self._length, held
 
     def _looks(self) -> NDArray[np.float32]:
-        return np.stack([look(*self._scaling, _one(self._now, i)) for i in range(self.num_envs)])
-
-    def close(self) -> None:
-        """Free the environments."""
-        self.envs.close()
-
-    def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """Return an attribute of the vector environment, once for each environment asked for."""
-        return [getattr(self.envs, attr_name) for _ in self._get_indices(indices)]
-
-    def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of the vector environment."""
-        setattr(self.envs, attr_name, value)
-
-    def env_method(self, method_name: str, *args: Any, indices: Any = None, **kwargs: Any) -> list[Any]:
-        """Call a method of the vector environment with each index asked for as first argument."""
-        return [getattr(self.envs, method_name)(i, *args, **kwargs) for i in self._get_indices(indices)]
-
-    def env_is_wrapped(self, wrapper_class: type, indices: Any = None) -> list[bool]:
-        """Return False for each: nothing wraps the simulations singly."""
-        return [False for _ in self._get_indices(indices)]
-
-
-def _one(observations: Observations, i: int) -> Observation:
-    return {key: values[i] for key, values in observations.items()}
+        return np.stack([look(self._scaling, one(self._now, i)) for i in range(self.num_envs)])

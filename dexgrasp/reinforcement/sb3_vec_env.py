@@ -26,8 +26,9 @@ class SB3VecEnv(VecEnv):
             num_envs: how many.
             **kwargs: more arguments of `gym.make_vec`.
         """
-        self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, autoreset_mode="SameStep", **kwargs)
-        self._actions: NDArray[Any] | None = None
+        arguments = {"autoreset_mode": "SameStep", **kwargs}
+        self.envs: Any = gym.make_vec(env_id, num_envs=num_envs, **arguments)
+        self._actions: Any = None
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
 
     def reset(self) -> Any:
@@ -44,7 +45,6 @@ class SB3VecEnv(VecEnv):
 
     def step_wait(self) -> Any:
         """Advance all by 50 ms."""
-        assert self._actions is not None
         observation, rewards, terminated, truncated, infos = self.envs.step(self._actions)
         done = terminated | truncated
         told = [self._one(infos, i) for i in range(self.num_envs)]

@@ -62,8 +62,7 @@ def read_shard(path: Path, key: str | None = None) -> Arrays:
     """
     try:
         arrays = read_npz(path)
-        seal = arrays.pop("seal", None)  # 0.1.0 wrote none
-        if seal is not None and text_of(seal) != _seal(arrays):
+        if text_of(arrays.pop("seal")) != _seal(arrays):
             raise ValueError("changed")
         made_from = text_of(arrays["key"])
     except FileNotFoundError:

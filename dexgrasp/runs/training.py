@@ -3,13 +3,11 @@
 import json
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from dexgrasp.runs.board import Board
 from dexgrasp.runs.checkpoint import Parts, damaged, read_state, write_state
@@ -24,7 +22,6 @@ with from_extra():
 
 Row = dict[str, Any]
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
-_MEASURED = 20  # steps that tell how many epochs fit into the minutes
 
 
 @dataclass
@@ -183,70 +180,3 @@ class Training(ABC):
         write_state(self.out / CHECKPOINT, self.parts(), note)
         lines = "".join(json.dumps(row) + "\n" for row in self.state.curve)
         write_atomically(self.out / CURVE, lines.encode())
-
-
-class StepTraining(Training):
-    """Epochs of steps of Adam, each on a batch that depends on the seed and the step alone."""
-
-    steps: int
-    """Of an epoch."""
-    clip: float
-    """Norm that gradients are cut off at."""
-    net: Any
-    """What learns."""
-
-    @abstractmethod
-    def network(self) -> torch.nn.Module:
-        """Make the network."""
-
-    @abstractmethod
-    def rate(self, done: float) -> float:
-        """Return the rate of Adam when a share of all steps is done."""
-
-    @abstractmethod
-    def losses(self, step: int, done: float) -> Sequence[torch.Tensor]:
-        """Return the loss of a step, and parts of it that are reported."""
-
-    def build(self) -> None:
-        """Make network and optimiser."""
-        torch.manual_seed(self.settings.seed)
-        self.net = self.network().to(self.place)
-        self.adam = torch.optim.Adam(self.net.parameters(), lr=self.settings.rate)
-
-    def parts(self) -> Parts:
-        """Return network and optimiser."""
-        return {"net": self.net, "adam": self.adam}
-
-    def begin(self) -> Row | None:
-        """As every training; one that is told in minutes has as many epochs as fit, by the speed of some steps.
-
-        What these steps learn is dropped.
-        """
-        note = super().begin()
-        if note is None and self.course.minutes is not None:
-            self._step(0)
-            began = time.perf_counter()
-            for number in range(_MEASURED):
-                self._step(number)
-            each = (time.perf_counter() - began) / _MEASURED
-            self.state.epochs = max(1, int(60.0 * self.course.minutes / (1.05 * each * self.steps)))
-            self.build()
-        return note
-
-    def epoch_losses(self) -> list[float]:
-        """Do the steps of an epoch; return the means of their losses."""
-        self.net.train()
-        first = self.state.epoch * self.steps
-        rows = [self._step(number) for number in range(first, first + self.steps)]
-        return [float(np.mean(column)) for column in zip(*rows, strict=True)]
-
-    def _step(self, number: int) -> list[float]:
-        done = number / (self.state.epochs * self.steps)
-        for group in self.adam.param_groups:
-            group["lr"] = self.rate(done)
-        losses = self.losses(number, done)
-        self.adam.zero_grad(set_to_none=True)
-        losses[0].backward()
-        torch.nn.utils.clip_grad_norm_(self.net.parameters(), self.clip)
-        self.adam.step()
-        return [float(loss.detach()) for loss in losses]

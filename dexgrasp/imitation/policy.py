@@ -1,0 +1,80 @@
+"""A learned policy at work, in numpy: what its folder says of it, and the perceptrons it is made of."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.runs.policy_folder import Arrays
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import Cell
+
+
+class Policy(ABC):
+    """A policy; who inherits reads it and begins episodes of it.
+
+    Attributes:
+        env: keywords of `gym.make` that it needs.
+    """
+
+    def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
+        """Take what `read_policy` returns.
+
+        Raises:
+            InputError: if arrays are missing or do not fit.
+        """
+        try:
+            self.env = {str(key): value for key, value in about["env"].items()}
+            fits = self._read(about, arrays)
+        except InputError:
+            raise
+        except (KeyError, TypeError, ValueError, IndexError, AttributeError) as error:
+            raise InputError(f"the policy is incomplete ({error})") from None
+        if not fits:
+            raise InputError("the policy's arrays do not fit what it says of itself")
+
+    @abstractmethod
+    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+        """Take what there is; return whether it fits together."""
+
+    @abstractmethod
+    def begin(self, first: Mapping[str, NDArray[Any]], cell: Cell) -> Any:
+        """Start an episode in a cell at its first observation; the `action` of what is returned gives the next action.
+
+        Raises:
+            InputError: where there is nothing to look at, or the robot is another.
+        """
+
+
+class Mlp:
+    """Linear layers with an activation between them, float32."""
+
+    def __init__(self, arrays: Arrays, name: str, activation: Callable[[Any], Any]) -> None:
+        """Take the layers `name.K.weight` (out, in) and `name.K.bias` (out,).
+
+        Raises:
+            KeyError: if there are none.
+            ValueError: if one does not fit the one before it.
+        """
+        count = sum(key.startswith(f"{name}.") and key.endswith(".weight") for key in arrays)
+        self._layers = [
+            (arrays[f"{name}.{k}.weight"], arrays[f"{name}.{k}.bias"]) for k in range(max(1, count))
+        ]
+        self._activation = activation
+        sizes = [self._layers[0][0].shape[1], *(bias.size for _, bias in self._layers)]
+        self.inputs, self.outputs = sizes[0], sizes[-1]
+        if any(w.shape != (n, m) for (w, _), m, n in zip(self._layers, sizes, sizes[1:], strict=False)):
+            raise ValueError(f"the layers of {name} do not fit")
+
+    def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return what comes out (..., outputs) for inputs (..., inputs)."""
+        for k, (weight, bias) in enumerate(self._layers):
+            x = (self._activation(x) if k else x) @ weight.T + bias
+        return x
+
+
+def relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return what is above 0, 0 elsewhere."""
+    return np.maximum(x, 0.0)

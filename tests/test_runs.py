@@ -1,0 +1,97 @@
+"""What long work shares: workers that die, lines where no terminal is, folders of something else."""
+
+import os
+from functools import partial
+
+import pytest
+
+from dexgrasp.runs import progress
+from dexgrasp.runs.folder import RunFolder
+from dexgrasp.runs.pool import Backend, WorkerDiedError, run_pool
+from dexgrasp.runs.progress import progress_bar
+from dexgrasp.runs.shards import is_shard, make_missing, write_shard
+from dexgrasp_env.errors import InputError
+
+
+def doubled(task):
+    return 2 * task
+
+
+def killed_at(task, last):
+    if task == last:
+        os.kill(os.getpid(), 9)
+    return task
+
+
+def empty(task):
+    return next(iter(()))
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_task_is_done_whoever_does_it(workers):
+    assert sorted(run_pool(doubled, range(7), Backend(workers=workers))) == [0, 2, 4, 6, 8, 10, 12]
+    assert list(run_pool(doubled, [], Backend(workers=workers))) == []
+
+
+def test_a_worker_that_dies_is_said():
+    with pytest.raises(WorkerDiedError, match="killed"):
+        list(run_pool(partial(killed_at, last=2), range(4), Backend(workers=2)))
+
+
+def test_a_task_that_stops_early_is_no_end_of_all():
+    with pytest.raises(RuntimeError, match="StopIteration"):
+        list(run_pool(empty, range(2), Backend()))
+
+
+def test_an_unknown_backend_is_refused():
+    with pytest.raises(InputError, match="valid are processes, ray"):
+        Backend("loky")
+
+
+def test_pieces_that_are_there_are_not_made_again(tmp_path):
+    made, shown = [], []
+
+    def make(name):
+        made.append(name)
+        write_shard(tmp_path / name, {}, "key")
+
+    def there(name):
+        return is_shard(tmp_path / name, "key")
+
+    def show(done, total):
+        shown.append((done, total))
+
+    write_shard(tmp_path / "b", {}, "key")
+    write_shard(tmp_path / "c", {}, "another key")
+    assert make_missing(make, ["a", "b", "c"], there, Backend(), show)
+    assert made == ["a", "c"]
+    assert shown == [(1, 3), (2, 3), (3, 3)]
+    assert not make_missing(make, ["a", "b", "c"], there, Backend(), show)
+
+
+def test_progress_is_lines_where_no_terminal_is(monkeypatch, capsys):
+    monkeypatch.setattr(progress, "_EVERY", 0.0)
+    with progress_bar("trial", "evaluate") as show:
+        show(1, 4, bilevel="1/1")
+    error = capsys.readouterr().err
+    assert error.startswith("evaluate: trial 1 of 4, ")
+    assert error.endswith(", bilevel 1/1\n")
+    with progress_bar("trial", "evaluate", shown=False) as show:
+        show(1, 4)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_folder_says_what_is_different_and_what_is_in_the_way(tmp_path):
+    run = RunFolder(tmp_path / "run", "run.json", "training")
+    run.claim({"settings": {"seed": 1, "rate": 0.1}, "data": "a"}, complete=False).close()
+    run.claim({"settings": {"seed": 1, "rate": 0.1}, "data": "a"}).close()
+    with pytest.raises(
+        InputError, match=r"another training.*seed: 1 there, 2 now; rate: 0.1 there, null now"
+    ):
+        run.check({"settings": {"seed": 2}, "data": "a"})
+    (tmp_path / "file").write_text("x")
+    with pytest.raises(InputError, match="is a file"):
+        RunFolder(tmp_path / "file", "run.json", "training").claim({})
+    with pytest.raises(InputError, match=r"not empty and holds no training \(no run.json\)"):
+        RunFolder(tmp_path, "run.json", "training").check({})
+    RunFolder(tmp_path, "run.json", "training", pieces="trials.jsonl").check({})
