@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 from dexgrasp.agent import Agent, Observation, Report
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import solve_palm
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.script import ActionScript, make_script
+from dexgrasp.motion.script import make_script
 from dexgrasp.planning.seen import start_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError

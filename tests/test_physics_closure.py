@@ -7,8 +7,8 @@ from oracles import against_proof, closed
 from dexgrasp.benchmarks.wrench import sample_box, sample_can
 from dexgrasp.physics.checks import rms_radius
 from dexgrasp.physics.closure import closure_sweep
-from dexgrasp.physics.conic import conic_residual
 from dexgrasp.physics.wrench import solve_wrench_qp
+from dexgrasp.verify.cones import conic_residual
 from dexgrasp_env.errors import InputError
 
 

@@ -3,8 +3,7 @@ import pytest
 from oracles import closed, pyramid_violation
 
 from dexgrasp.physics.active_set import SOLVED, solve_qp
-from dexgrasp.physics.conic import _bracket, _cutting_planes, conic_residual
-from dexgrasp.physics.wrench import grasp_map, solve_wrench_qp
+from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp_env.errors import InputError
 
 
@@ -63,15 +62,3 @@ def test_unknown_solver_and_bad_contacts():
         solve_wrench_qp(np.zeros((0, 3)), np.zeros((0, 3)), 0.5)
     with pytest.raises(InputError, match="normals"):
         solve_wrench_qp(np.eye(3), np.eye(3)[:2], 0.5)
-
-
-def test_conic_residual_is_bracketed_and_both_methods_agree():
-    P, N = random_grasps(60, 2)
-    for p, n in zip(P, N, strict=True):
-        answer = conic_residual(p, n, 0.5)
-        assert answer.lower <= answer.upper * (1 + 1e-9) + 1e-12
-        assert answer.closed() is not None
-        scale = np.sqrt(((p - p.mean(0)) ** 2).sum(-1).mean())
-        G = grasp_map(p, p.mean(0), scale)
-        other = _bracket(G, _cutting_planes(G, n, 0.5, 1.0), n, 0.5, 1.0, "cutting planes")
-        assert other.upper == pytest.approx(answer.upper, rel=1e-4, abs=1e-5)

@@ -13,7 +13,6 @@ from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.physics.conic import conic_margin, conic_residual
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
@@ -25,6 +24,7 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
 from dexgrasp.planning.sqp import MOVED, bounds_of
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp.verify.cones import conic_margin, conic_residual
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec
@@ -129,7 +129,7 @@ def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
     for k in range(0, len(found.contacts), 5 if len(found.contacts) > 20 else 1):
         p, n = found.contacts[k], found.normals[k]
         assert solve_wrench_qp(p, n, SETTINGS.friction, solver="daqp").residual < 1e-6
-        margin = conic_margin(p, n, SETTINGS.friction).value
+        margin = conic_margin(p, n, SETTINGS.friction)
         assert abs(margin - found.margins[k]) < 1e-5
         closed.append(conic_residual(p, n, SETTINGS.friction).upper < 1e-6)
         assert closed[-1] == (margin > 0) or abs(margin) < 1e-3
@@ -345,7 +345,7 @@ def test_values_of_the_fixed_rows_by_another_way(name, proposals):
         np.testing.assert_allclose(at.contacts, tips - distance[:, None] * normals, atol=1e-6)
         np.testing.assert_allclose(at.values[:3], distance - bounds.low, atol=1e-7)
         np.testing.assert_allclose(at.values[3:6], bounds.high - distance, atol=1e-7)
-        margin = conic_margin(at.contacts, at.normals, SETTINGS.friction).value
+        margin = conic_margin(at.contacts, at.normals, SETTINGS.friction)
         assert abs(at.margin - margin) < 1e-5
         for i, finger in enumerate(GRASP_FINGERS):
             frame = DATA.body(f"{finger}_distal").xmat.reshape(3, 3)

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.script import ActionScript
 from dexgrasp.motion.soundness import check_way
 from dexgrasp_env.robot.home import HOME
 

@@ -1,7 +1,11 @@
 """Certificates confirmed by `verify`; older files, thresholds, planned friction."""
 
+import ast
 import copy
 import json
+import subprocess
+import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -85,6 +89,34 @@ def test_older_files_are_checked_as_far_as_they_go(contents):
 def test_a_grasp_without_a_way_to_it_is_not_verified(contents, check):
     content = contents["pear"] | {"approach": None, "lift": None}
     assert failing(check(content)) == {"approach given", "lift given"}
+
+
+SHARED = {
+    "geometry.exact", "grasp.identity", "grasp.path", "grasp.record", "grasp.thresholds", "kinematics.tree",
+}  # fmt: skip
+"""All of the library that the judge imports, also within functions."""
+
+
+def test_the_judge_shares_what_the_docs_say_and_no_more():
+    root = Path(__file__).parents[1]
+    nodes = [
+        n
+        for file in (root / "dexgrasp" / "verify").rglob("*.py")
+        for n in ast.walk(ast.parse(file.read_text()))
+    ]
+    names = {n.module for n in nodes if isinstance(n, ast.ImportFrom)}
+    names |= {alias.name for n in nodes if isinstance(n, ast.Import) for alias in n.names}
+    ours = {name.removeprefix("dexgrasp.") for name in names if name.startswith("dexgrasp.")}
+    assert {name for name in ours if not name.startswith("verify")} == SHARED
+    text = (root / "docs" / "concepts.md").read_text()
+    assert [name for name in SHARED if f"`dexgrasp.{name}`" not in text] == []
+    code = "import sys, dexgrasp.verify.verify; print(*sys.modules)"
+    loaded = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert [
+        m for m in loaded if m.startswith(("dexgrasp.planning", "dexgrasp.physics", "dexgrasp.registry"))
+    ] == []
 
 
 def test_planned_friction_is_a_share_of_the_true_one_and_never_more_than_frozen():

@@ -200,7 +200,7 @@ def claims(key, value):
         (same_words("finger_order", ["index", "thumb", "middle"]), {"finger_order"}),
         (same_words("table_height", 0.01), {"table_height", "contacts as claimed"}),
         (same_words("units", {"length": "mm"}), {"units"}),
-        (same_words("agent", "nobody"), {"agent"}),
+        (same_words("agent", "no body"), {"agent"}),
         (claims("load", 2.6), {"load as claimed"}),
         (claims("capacity", 9.0), {"capacity as claimed"}),
         (claims("friction", 0.51), {"friction as claimed"}),

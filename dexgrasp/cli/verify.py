@@ -16,9 +16,9 @@ _EPILOG = """examples:
   dexgrasp plan pear --out grasps/pear && dexgrasp verify grasps/pear/grasp.json
   dexgrasp plan pear --count 20 --out grasps/pear && dexgrasp verify grasps/pear/grasp_*.json
 
-Another way than the planner's: MuJoCo's kinematics and collision shapes, exact distances to the mesh, conic and linear
-solvers. Every field of the file is computed again or held to what it must be: docs/grasp-file.md. Exit code 0 only if
-all checks of all files hold, 1 otherwise; 1 as well for files of 0.1.0 (schema 1), of which not everything can be
+Another way than the planner's: MuJoCo's kinematics and collision shapes, exact distances to the mesh, cone
+programmes. Every field of the file is computed again or held to what it must be: docs/grasp-file.md. Exit code 0 only
+if all checks of all files hold, 1 otherwise; 1 as well for files of 0.1.0 (schema 1), of which not everything can be
 checked."""
 
 

@@ -3,7 +3,7 @@
 import json
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.path import bend, stray
 from dexgrasp.grasp.record import CONVENTIONS, SCHEMA, GraspRecord, parse, parse_1, shifted
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.thresholds import thresholds_for
 from dexgrasp.shape.target import GraspTarget, assumed_mass, hull_volume, volume_centre
 from dexgrasp_env import __version__
@@ -21,15 +22,12 @@ from dexgrasp_env.objects.solid import Solid
 from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
-if TYPE_CHECKING:
-    from dexgrasp.motion.script import ActionScript
-
 _LARGEST = 64 << 20  # bytes of a file that is read
 
 
 def grasp_json(
     name: str | ObjectIdentity, grasp: Grasp, target: GraspTarget, settings: Any, *,
-    script: "ActionScript | None" = None, pose: "ObjectPose | None" = None, agent: str = "", seed: int = 0,
+    script: ActionScript | None = None, pose: "ObjectPose | None" = None, agent: str = "", seed: int = 0,
     planning_seconds: float | None = None,
 ) -> dict[str, Any]:  # fmt: skip
     """Return the JSON object of a grasp (lengths m, angles rad, forces N, frame of the robot's base).
@@ -100,12 +98,12 @@ def _known(target: GraspTarget, base: Array) -> dict[str, Any]:
     }
 
 
-def _approach(script: "ActionScript") -> dict[str, Any]:
+def _approach(script: ActionScript) -> dict[str, Any]:
     rows = np.concatenate([script.start[None], script.targets[: dict(script.phases)["close"]]])
     return {"bend": bend(rows), **_timed(rows)}
 
 
-def _lift(script: "ActionScript", grasp: Grasp) -> dict[str, Any]:
+def _lift(script: ActionScript, grasp: Grasp) -> dict[str, Any]:
     from dexgrasp.kinematics.palm_ik import palm_frame
     from dexgrasp.kinematics.tree import robot_tree
 

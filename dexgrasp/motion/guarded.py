@@ -10,10 +10,10 @@ has.
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.motion import Motion
-from dexgrasp.motion.script import ActionScript
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.limits import HAND_STIFFNESS, HAND_TORQUE
 from dexgrasp_env.robot.names import FINGER_COLUMNS, GRASP_FINGERS

@@ -1,13 +1,11 @@
 """A grasp carried out: approach, close, squeeze, lift, hold, as set-points for every control step."""
 
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.path import jerkiness
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
@@ -16,35 +14,12 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.timing import smooth_step, time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import MAX_STEP, normalise
+from dexgrasp_env.tasks.control import MAX_STEP
 
 _SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
 _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
 _LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
 _LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
-
-
-@dataclass(frozen=True)
-class ActionScript:
-    """Set-points of an episode.
-
-    Attributes:
-        targets: (T, 23) rad, one a control step.
-        phases: names and first steps: approach, close, squeeze, lift, hold.
-        start: (23,) rad, set-points before the first step.
-    """
-
-    targets: Array
-    phases: tuple[tuple[str, int], ...]
-    start: Array
-
-    def action(self, step: int) -> NDArray[np.float32]:
-        """Return the `joint_position` action (23,) of a step from 0 on; the last one is held."""
-        return normalise(self.targets[min(step, len(self.targets) - 1)]).astype(np.float32)
-
-    def phase(self, step: int) -> str:
-        """Return the name of the phase that a step belongs to."""
-        return [name for name, first in self.phases if first <= step][-1]
 
 
 def make_script(

@@ -3,10 +3,10 @@
 import numpy as np
 
 from dexgrasp.grasp.path import bend
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.script import ActionScript
 
 _BEND = 2.3e-3  # rad that a set-point of the approach may stand out of its neighbours' plane; `verify` allows 2.5e-3
 

@@ -12,8 +12,8 @@ from dexgrasp.agent import Observation, Report
 from dexgrasp.grasp.file import ObjectPose, grasp_json
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.variety import component_shares, grasp_features
-from dexgrasp.motion.script import ActionScript
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 

@@ -2,7 +2,7 @@
 
 The planner uses its own kinematics, its own distance to convex hulls, covering spheres and closed forms. Here: MuJoCo's
 kinematics, exact distances to the mesh by closest triangles, MuJoCo's distances between the true collision shapes,
-conic and linear solvers. `checks` has one file a subject; `docs/grasp-file.md` says what each field is held to.
+cone and quadratic programmes. `checks` has one file a subject; `docs/grasp-file.md` says what each field is held to.
 """
 
 from collections.abc import Collection

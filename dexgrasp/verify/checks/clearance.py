@@ -4,7 +4,6 @@ import numpy as np
 
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.kinematics.clearance import EDGE_ERROR, TABLE_FROM
 from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
 from dexgrasp.verify.checks.check import LENGTH, Check, at_least, at_most
 from dexgrasp.verify.checks.scene import Scene
@@ -14,6 +13,8 @@ from dexgrasp_env.robot.names import BODIES
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
 OPEN = 0.004  # m between the open hand and the object, the table
 _TRUE = 2e-5  # m, of MuJoCo's distances
+_TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
+_EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
 _ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do not count in the claim
 
 
@@ -70,7 +71,7 @@ def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float
 
 
 def _table(tree: RobotTree, body: Index, centres: Array) -> float:
-    over = (body >= 2) & ~((centres[:, 0] < TABLE_FROM) & (body < 4))
+    over = (body >= 2) & ~((centres[:, 0] < _TABLE_FROM) & (body < 4))
     return float((centres[:, 2] - tree.sphere_radius)[over].min())
 
 
@@ -89,4 +90,4 @@ def _palm(tree: RobotTree, R: Array, p: Array) -> float:
     points = tree.beside_edges @ R[tree.beside].T + p[tree.beside]
     out = np.abs((points - p[tree.palm]) @ R[tree.palm] - tree.palm_box_centre) - tree.palm_box_half
     outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)
-    return float(np.where(outside > 0.0, outside, out.max(1)).min()) - EDGE_ERROR
+    return float(np.where(outside > 0.0, outside, out.max(1)).min()) - _EDGE_ERROR

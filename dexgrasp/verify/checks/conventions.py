@@ -1,11 +1,14 @@
 """Names, units, orders and thresholds: what a file must state in the words that everybody reads it by."""
 
+import re
 from dataclasses import fields
 
 from dexgrasp.grasp.record import CONVENTIONS, GraspRecord
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, FROZEN, HOLD_SHARE, Thresholds
 from dexgrasp.verify.checks.check import ROUNDING, Check
 
+_AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
+"""A registered name, `package.module:Class`, or a checkpoint's path."""
 _OF_FRICTION = ("friction", "friction_hold")
 
 
@@ -16,7 +19,7 @@ def convention_checks(record: GraspRecord) -> list[Check]:
         *(_flag(name, stated.get(name) == expected) for name, expected in CONVENTIONS.items()),
         threshold_check(record),
         *_exact_thresholds(record.thresholds),
-        _flag("agent", _is_agent(record.agent)),
+        _flag("agent", _AGENT.fullmatch(record.agent) is not None),
     ]
 
 
@@ -38,13 +41,6 @@ def _exact_thresholds(stated: Thresholds) -> list[Check]:
         Check("thresholds as frozen", float(len(others)), ", ".join(others) or "none others", not others),
         _flag("friction and friction_hold of one surface", of_one),
     ]
-
-
-def _is_agent(name: str) -> bool:
-    """Whether a name is one of ours, `package.module:Class`, or a checkpoint's path."""
-    from dexgrasp.registry import AGENTS
-
-    return name in AGENTS or ":" in name or name.endswith(".zip")
 
 
 def _flag(name: str, good: bool) -> Check:

@@ -5,7 +5,6 @@ import numpy as np
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.identity import surface_hash
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.shape.target import assumed_mass
 from dexgrasp.verify.checks.check import LENGTH, ROUNDING, Check, at_most, same
 from dexgrasp.verify.checks.scene import Scene
 from dexgrasp_env.arrays import Array
@@ -17,6 +16,11 @@ OUTSIDE = (
 )
 SUNK = 0.003  # m that the object's lowest point may be off the table
 MASS = 1e-6  # kg
+_DENSITY, _LEAST, _MOST = (
+    900.0,
+    0.08,
+    0.65,
+)  # kg/m3 and kg: what the mass of an object that nobody weighed is taken for
 
 
 def identity_checks(record: GraspRecord, scene: Scene) -> list[Check]:
@@ -27,7 +31,7 @@ def identity_checks(record: GraspRecord, scene: Scene) -> list[Check]:
 def mass_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Mass and centre of mass are the known ones, or follow from hull and parts."""
     known, centre = record.object.known_mass, record.object.known_centre
-    mass = assumed_mass(scene.hull.volume) if known is None else known
+    mass = min(max(_DENSITY * scene.hull.volume, _LEAST), _MOST) if known is None else known
     middle = _middle(scene) if centre is None else np.array(centre)
     return [
         same("mass", abs(record.mass - mass), MASS, "kg"),

@@ -1,0 +1,72 @@
+"""The judge's programmes: bracketed, the same as on fine pyramids, refused where open."""
+
+import numpy as np
+import pytest
+import qpsolvers
+from scipy.optimize import linprog
+from scipy.sparse import csc_matrix
+
+from dexgrasp.verify import cones
+from dexgrasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
+
+FACES = 256
+
+
+def random_grasps(count, seed):
+    rng = np.random.default_rng(seed)
+    p = 0.05 * rng.normal(size=(count, 3, 3))
+    n = rng.normal(size=(count, 3, 3)) + p / 0.03
+    return p, n / np.linalg.norm(n, axis=-1, keepdims=True)
+
+
+def faces(n, mu):
+    """Rows (3 FACES, 9), at most 0 for forces within pyramids about the cones."""
+    rows = np.zeros((3, FACES, 3, 3))
+    angle = 2 * np.pi * np.arange(FACES)[:, None] / FACES
+    for i, normal in enumerate(n):
+        u, v, _ = np.linalg.svd(np.eye(3) - np.outer(normal, normal))[0].T
+        rows[i, :, i] = np.cos(angle) * u + np.sin(angle) * v + mu * normal
+    return rows.reshape(-1, 9)
+
+
+def test_the_residual_is_bracketed_and_as_on_fine_pyramids():
+    for p, n in zip(*random_grasps(60, 2), strict=True):
+        answer = conic_residual(p, n, 0.5)
+        assert answer.lower <= answer.upper * (1 + 1e-9) + 1e-12
+        assert answer.closed() is not None
+        G, A = wrench_map(p, p.mean(0)), np.concatenate([-cones.press_rows(n), faces(n, 0.5)])
+        b = np.r_[-np.ones(3), np.zeros(3 * FACES)]
+        H = csc_matrix(G.T @ G)
+        x = qpsolvers.solve_qp(H, np.zeros(9), csc_matrix(A), b, solver="clarabel")
+        assert ((G @ x) ** 2).sum() == pytest.approx(answer.upper, rel=2e-2, abs=1e-5)
+
+
+def test_the_largest_push_is_as_on_fine_pyramids():
+    rng = np.random.default_rng(3)
+    for p, n in zip(*random_grasps(20, 3), strict=True):
+        G, torques = wrench_map(p, p.mean(0)), rng.normal(size=(16, 9))
+        direction = np.r_[rng.normal(size=3), np.zeros(3)]
+        found = largest_push(G, n, 0.6, torques, (np.zeros(6), direction))
+        A = np.concatenate([faces(n, 0.6), torques, -torques])
+        b = np.r_[np.zeros(3 * FACES), np.ones(32)]
+        A, most = np.c_[A, np.zeros(len(A))], np.r_[np.zeros(9), -1.0]
+        other = linprog(most, A, b, np.c_[G, direction], np.zeros(6), bounds=(None, None))
+        assert found == pytest.approx(-other.fun, rel=2e-3, abs=1e-6)
+
+
+def test_what_a_solver_leaves_open_is_not_shown(monkeypatch):
+    p, n = random_grasps(1, 5)
+    p, n = p[0], n[0]
+    for x in (np.full(15, np.nan), np.zeros(15), np.arange(15.0)):
+        monkeypatch.setattr(cones, "_minimise", lambda P, q, x=x, **_: (x[: len(q)], False))
+        assert conic_margin(p, n, 0.5) is None
+        assert conic_residual(p, n, 0.5).closed() is not True
+        assert largest_push(np.zeros((6, 9)), n, 0.5, np.zeros((1, 9)), (np.zeros(6), np.ones(6))) is None
+
+
+def test_forces_of_eq_4_press_within_their_pyramids():
+    for p, n in zip(*random_grasps(10, 4), strict=True):
+        f = pyramid_forces(p, n, 0.5)
+        press = -(f * n).sum(1)
+        assert (press >= 1.0 - 1e-6).all()
+        assert (np.linalg.norm(f + press[:, None] * n, axis=1) <= 2**0.5 * 0.5 * press + 1e-6).all()
