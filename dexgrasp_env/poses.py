@@ -113,3 +113,10 @@ def pose_matrix(position: Array, quat_wxyz: Array) -> Array:
     T[..., :3, 3] = position
     T[..., 3, 3] = 1.0
     return T
+
+
+def shifted(T: Array, offset: Array) -> Array:
+    """Return a pose (4, 4) moved by `offset` (3,) m."""
+    moved = T.copy()
+    moved[:3, 3] += offset
+    return moved

@@ -27,19 +27,15 @@ from dexgrasp_env.errors import InputError
 
 FREE = ("schema", "seed", "version", "versions", "created", "seconds", "planning_seconds", "agent")
 """Fields that say where a file comes from; no physics hangs on them."""
-SETPOINTS = ("q", "pregrasp", "grasp", "squeeze", "approach.setpoints", "lift.setpoints")
+SETPOINTS = ("q", "pregrasp", "grasp", "squeeze", "script.approach.setpoints", "script.lift.setpoints")
 SHIFTED = {**dict.fromkeys(SETPOINTS, "rad"), "table_height": "m"}
 """Fields that are changed by 0.05 of their unit as well; shares of 0 are no change."""
-LONG = {
-    "approach.setpoints": ("approach", "setpoints"), "approach.times": ("approach", "times"),
-    "lift.setpoints": ("lift", "setpoints"), "lift.times": ("lift", "times"), "hull_vertices": ("hull_vertices",),
-}  # fmt: skip
-"""Arrays of which only some rows are changed."""
 SMALL = {
-    "q": 2e-4, "grasp": 1e-6, "pregrasp": 1e-6, "squeeze": 1e-6, "approach.setpoints": 2.5e-3, "lift.setpoints": 4e-3,
-    "approach.times": 1e-9, "lift.times": 1e-9, "approach.bend": 1e-8, "lift.stray": 2e-6, "lift.height": 5e-4,
-    "hull_vertices": 5e-4, "T_world_object": 1e-6, "hull_offset": 2e-6, "centre": 2e-6, "contacts": 2e-6,
-    "normals": 1e-5, "forces": 2e-3, "certificate.distances_cm": 2e-4, "certificate.force_ratio_percent": 1e-3,
+    "q": 2e-4, "grasp": 1e-6, "pregrasp": 1e-6, "squeeze": 1e-6, "script.approach.setpoints": 2.5e-3,
+    "script.lift.setpoints": 4e-3, "script.approach.times": 1e-9, "script.lift.times": 1e-9,
+    "script.approach.bend": 1e-8, "script.lift.stray": 2e-6, "script.lift_height": 5e-4, "parts": 5e-4,
+    "T_world_object": 1e-6, "hull_offset": 2e-6, "centre": 2e-6, "contacts.point": 2e-6, "contacts.normal": 1e-5,
+    "contacts.force": 2e-3, "certificate.distances_cm": 2e-4, "certificate.force_ratio_percent": 1e-3,
     "certificate.torque_ratio_percent": 1e-3, "certificate.closure_residual": 1e-6, "certificate.hold_residual": 1e-4,
     "certificate.min_clearance_m": 2e-6, "certificate.max_joint_torque_fraction": 1e-5,
     "certificate.closure_margin": 2e-4, "certificate.load": 5e-3, "certificate.capacity": 1e-2,
@@ -47,71 +43,66 @@ SMALL = {
 """Changes up to these, in the field's unit, are below what it can mean or what two ways of computing it agree to."""
 OBJECTS = ("pear", "sugar_box", "tomato_soup_can", "tetrahedron", "mustard_bottle", "lego")
 _NEAR = {
-    "approach": ("approach",), "lift": ("lift",), "hull_vertices": ("object", "contacts"), "certificate": (
+    "script": ("approach", "lift"), "parts": ("object", "contacts"), "certificate": (
         "object", "contacts", "limits", "clearance", "closure", "forces", "strength"),
-    "forces": ("forces", "setpoints"), "thresholds": ("conventions",), "q": ("contacts", "limits", "setpoints"),
+    "contacts": ("contacts", "forces", "setpoints"), "thresholds": ("conventions",),
+    "q": ("contacts", "limits", "setpoints"),
 }  # fmt: skip
 """Where a field is most likely to be missed first: the other parts are asked only if these let it pass."""
 
 
 class Mutation(NamedTuple):
-    """One change: the field's path, what kind of change, and its size in the field's unit (0 for words)."""
+    """One change: its path, what kind of change, its size in the field's unit (0 for words), and the field's name."""
 
     path: tuple[str | int, ...]
     kind: str
     size: float
     value: Any
-
-    @property
-    def field(self) -> str:
-        """The path without indices."""
-        return ".".join(key for key in self.path if isinstance(key, str))
+    field: str
 
 
 def mutations(content: dict[str, Any], rows: int, rng: np.random.Generator) -> Iterator[Mutation]:
     """Yield every change of a file, of `rows` random rows of each long array."""
-    chosen = {field: _chosen(content, keys, rows, rng) for field, keys in LONG.items()}
-    for path, value in _leaves(content, ()):
-        field = ".".join(key for key in path if isinstance(key, str))
-        if path[0] in FREE:
-            continue
-        if field in LONG and path[len(LONG[field])] not in chosen[field]:
-            continue
+    for key, value in content.items():
+        if key not in FREE:
+            yield from _inside(value, (key,), key, rows, rng)
+
+
+def _inside(
+    value: Any, path: tuple[str | int, ...], field: str, rows: int, rng: np.random.Generator
+) -> Iterator[Mutation]:
+    """Changes of a value and all that it holds; `field` is its path without indices, phases by their names."""
+    if isinstance(value, dict):
+        name = f".{value['name']}" if "setpoints" in value else ""
+        field = field.removesuffix(".phases") + name
+        for key, item in value.items():
+            yield from _inside(item, (*path, key), f"{field}.{key}", rows, rng)
+    elif isinstance(value, list):
+        for index in _chosen(len(value), path, rows, rng):
+            yield from _inside(value[index], (*path, index), field, rows, rng)
+    elif value is not None:
         yield from _changes(path, field, value)
 
 
-def _chosen(content: dict[str, Any], keys: tuple[str, ...], rows: int, rng: np.random.Generator) -> set[int]:
-    array = content
-    for key in keys:
-        array = array[key]
-    count = len(array)
-    return {0, count - 1, *rng.choice(count, min(rows, count), replace=False).tolist()}
-
-
-def _leaves(value: Any, path: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], Any]]:
-    if isinstance(value, dict):
-        for key, item in value.items():
-            yield from _leaves(item, (*path, key))
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            yield from _leaves(item, (*path, index))
-    elif value is not None:
-        yield path, value
+def _chosen(count: int, path: tuple[str | int, ...], rows: int, rng: np.random.Generator) -> list[int]:
+    if path[-1] in ("setpoints", "times") or (path[0] == "parts" and len(path) == 2):
+        return sorted({0, count - 1, *rng.choice(count, min(rows, count), replace=False).tolist()})
+    return list(range(count))
 
 
 def _changes(path: tuple[str | int, ...], field: str, value: Any) -> Iterator[Mutation]:
     if isinstance(value, bool):
-        yield Mutation(path, "not", 0.0, not value)
+        yield Mutation(path, "not", 0.0, not value, field)
     elif isinstance(value, str):
-        yield Mutation(path, "word", 0.0, value + "x")
+        yield Mutation(path, "word", 0.0, value + "x", field)
     else:
         for share in (0.01, -0.01, 0.1, -0.1):
             changed = value * (1.0 + share)
             if changed != value:
-                yield Mutation(path, f"{100 * share:+.0f} %", abs(changed - value), changed)
+                yield Mutation(path, f"{100 * share:+.0f} %", abs(changed - value), changed, field)
         if field in SHIFTED:
             for shift in (0.05, -0.05):
-                yield Mutation(path, f"{shift:+} {SHIFTED[field]}", 0.05, value + shift)
+                yield Mutation(path, f"{shift:+} {SHIFTED[field]}", 0.05, value + shift, field)
 
 
 def passes(content: dict[str, Any], mutation: Mutation) -> bool:

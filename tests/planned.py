@@ -2,8 +2,9 @@
 
 import trimesh
 
-from dexgrasp.grasp.file import ObjectPose, grasp_json
+from dexgrasp.grasp.content import ObjectPose, grasp_json
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.record import Origin
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
@@ -71,8 +72,7 @@ def plan_contents():
             SETTINGS,
             script=plan.script,
             pose=pose,
-            agent="bilevel",
-            seed=seed,
+            origin=Origin("bilevel", seed),
         )
     return found
 

@@ -43,7 +43,8 @@ def test_plan_json_is_what_the_interface_says(capsys):
     assert certificate["holds"] is True
     grasp = result["grasp"]
     assert np.shape(grasp["q"]) == (23,)
-    assert np.shape(grasp["contacts"]) == np.shape(grasp["forces"]) == (3, 3)
+    assert [contact["finger"] for contact in grasp["contacts"]] == ["thumb", "index", "middle"]
+    assert np.shape([contact["force"] for contact in grasp["contacts"]]) == (3, 3)
     assert grasp["certificate"] == certificate
 
 
@@ -74,7 +75,7 @@ def test_plan_for_people_names_the_figures(planned, capsys):
 
 def test_verify_says_no_and_which_check(planned, capsys, tmp_path):
     content = json.loads((planned[0] / "grasp.json").read_text())
-    content["contacts"][0][0] += 0.005
+    content["contacts"][0]["point"][0] += 0.005
     path = tmp_path / "moved.json"
     path.write_text(json.dumps(content))
     capsys.readouterr()

@@ -7,7 +7,9 @@ import pytest
 import trimesh
 
 from dexgrasp.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
-from dexgrasp.grasp.file import grasp_json, record_of
+from dexgrasp.grasp.content import grasp_json
+from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.record import Origin
 from dexgrasp.grasp.variety import component_shares, hand_points
 from dexgrasp.planning.from_cloud import plan_cloud
 from dexgrasp.planning.many import MOST, plan_many
@@ -44,7 +46,9 @@ def test_every_grasp_is_verified_and_bears_the_weight(found):
     assert grasps.reason is None
     for plan in grasps.found:
         assert plan.grasp.certificate.load >= 1.0
-        content = grasp_json("box", plan.grasp, target, planner.settings, script=plan.script, agent="bilevel")
+        content = grasp_json(
+            "box", plan.grasp, target, planner.settings, script=plan.script, origin=Origin("bilevel")
+        )
         assert [check.name for check in verify(record_of(content)) if not check.holds] == []
 
 

@@ -18,8 +18,7 @@ _EPILOG = """examples:
 
 Another way than the planner's: MuJoCo's kinematics and collision shapes, exact distances to the mesh, cone
 programmes. Every field of the file is computed again or held to what it must be: docs/grasp-file.md. Exit code 0 only
-if all checks of all files hold, 1 otherwise; 1 as well for files of 0.1.0 (schema 1), of which not everything can be
-checked."""
+if all checks of all files hold, 1 otherwise."""
 
 
 def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
@@ -42,10 +41,10 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
 def run(args: argparse.Namespace) -> int:
     """Verify and print every check; of several files what came of each."""
     from dexgrasp.grasp.file import read_grasp
-    from dexgrasp.verify.verify import unchecked, verify
+    from dexgrasp.verify.verify import verify
 
     records = [read_grasp(path) for path in args.grasps]
-    found = [_finding(record, verify(record), unchecked(record)) for record in records]
+    found = [_finding(record, verify(record)) for record in records]
     good = all(one["holds"] for one in found)
     if args.json:
         each = [{"file": str(path)} | one for path, one in zip(args.grasps, found, strict=True)]
@@ -59,12 +58,13 @@ def run(args: argparse.Namespace) -> int:
     return 0 if good else 1
 
 
-def _finding(record: "GraspRecord", checks: "list[Check]", lacking: list[str]) -> dict[str, Any]:
+def _finding(record: "GraspRecord", checks: "list[Check]") -> dict[str, Any]:
     """What `--json` prints of a grasp."""
     return {
-        "object": record.object.name, "holds": all(check.holds for check in checks) and not lacking,
-        "not_checked": lacking, "checks": [asdict(check) for check in checks],
-    }  # fmt: skip
+        "object": record.object.name,
+        "holds": all(check.holds for check in checks),
+        "checks": [asdict(check) for check in checks],
+    }
 
 
 def _print_checks(found: dict[str, Any]) -> None:
@@ -78,7 +78,4 @@ def _answer(found: dict[str, Any]) -> str:
     failed = [check["name"] for check in found["checks"] if not check["holds"]]
     if failed:
         return f"NOT verified: {', '.join(failed)}"
-    if found["not_checked"]:
-        lacking = ", ".join(found["not_checked"])
-        return f"NOT verified: a file of schema 1 has nothing to check {lacking} by; plan it again"
     return "every constraint holds"

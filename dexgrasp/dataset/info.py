@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import fields
 from pathlib import Path
 from typing import Any
 
@@ -100,6 +101,8 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     import trimesh
 
     from dexgrasp.dataset.rest_scene import turn
+    from dexgrasp.grasp.certificate import Certificate
+    from dexgrasp.grasp.grasp import Grasp, GraspMotion
     from dexgrasp.grasp.identity import ObjectIdentity
     from dexgrasp.grasp.record import GraspRecord
     from dexgrasp.grasp.thresholds import thresholds_for
@@ -107,23 +110,27 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     from dexgrasp_env.robot.mounts import MOUNTS
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
-    hull = trimesh.convex.convex_hull(pose.scene["hull"])
+    seen = trimesh.convex.convex_hull(pose.scene["hull"])
     target = placed(
-        GraspTarget.of(hull, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
+        GraspTarget.of(seen, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
     )
     R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
-    arrays = {
-        "q": g["q"], "contacts": g["contacts"] @ R.T + shift, "normals": g["normals"] @ R.T,
-        "forces": g["forces"] @ R.T, "centre": target.centre,
-    }  # fmt: skip
-    borne = float(arrays["forces"][:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
-    certificate = {
-        "distances_cm": 100.0 * g["distances"], "closure_margin": float(g["margin"]), "mass": borne,
-    }  # fmt: skip
-    return GraspRecord(
-        ObjectIdentity(pose.name), next(iter(MOUNTS)), arrays, (target.distance.triangles.reshape(-1, 3),),
-        thresholds_for(settings), certificate,
+    forces = g["forces"] @ R.T
+    borne = float(forces[:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
+    claims: dict[str, Any] = dict.fromkeys(
+        (f.name for f in fields(Certificate)), np.nan
+    )  # most are not made here
+    claims |= {
+        "distances_cm": tuple(100.0 * g["distances"]),
+        "closure_margin": float(g["margin"]),
+        "mass": borne,
+    }
+    grasp = Grasp(
+        g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, Certificate(**claims),
+        GraspMotion(g["q"], g["q"], g["q"]), next(iter(MOUNTS)),
     )  # fmt: skip
+    hull = target.distance.triangles.reshape(-1, 3)
+    return GraspRecord(ObjectIdentity(pose.name), grasp, (hull,), target.centre, thresholds_for(settings))
 
 
 def picture(folder: Path, path: Path) -> None:

@@ -18,7 +18,7 @@ from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.robot.limits import HAND_STIFFNESS
-from dexgrasp_env.robot.names import GRASP_FINGERS, HAND_JOINTS
+from dexgrasp_env.robot.names import HAND_JOINTS
 from dexgrasp_env.scene.constants import FRICTION
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
@@ -28,7 +28,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     """Write a grasp's trajectory, or its scene, into a folder.
 
     Args:
-        record: of a grasp file of schema 2.
+        record: of a grasp file.
         folder: made if it is not there.
         kind: one of `FORMATS`; `mjcf` and `ros2` have the csv beside them, so that it can be checked and, with a scene,
             replayed. Where only a cloud was seen, the scene's object is what was planned on.
@@ -61,26 +61,27 @@ def trajectory_of(record: GraspRecord) -> Trajectory:
     Raises:
         InputError: if the file has no approach and no lift, or they cannot be timed within the limits.
     """
-    if record.approach is None or record.lift is None:
+    approach, lift = record.phase("approach"), record.phase("lift")
+    if approach is None or lift is None:
         raise InputError(
             "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
         )
-    grasp, squeeze = record.arrays["grasp"], record.arrays["squeeze"]
-    return make_trajectory(Waypoints(record.approach.setpoints, grasp, squeeze, record.lift.setpoints))
+    motion = record.grasp.motion
+    return make_trajectory(Waypoints(approach.setpoints, motion.grasp, motion.squeeze, lift.setpoints))
 
 
 def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
     """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
-    torque, base = _torque(record), active_cell().base
-    tree = robot_tree(record.mount)
-    R, p = body_frames(record.arrays["q"], tree)
+    torque, base, grasp = _torque(record), active_cell().base, record.grasp
+    tree = robot_tree(grasp.mount)
+    R, p = body_frames(grasp.q, tree)
     palm_R, palm_p = R[tree.palm] @ tree.palm_rotation, p[tree.palm] + R[tree.palm] @ tree.palm_offset
     return {
         "object": record.object.name,
-        "mount": record.mount,
+        "mount": grasp.mount,
         "cell": active_cell().stamp,
-        "open": record.arrays["pregrasp"][7:].tolist(),
-        "closed": record.arrays["squeeze"][7:].tolist(),
+        "open": grasp.motion.pregrasp[7:].tolist(),
+        "closed": grasp.motion.squeeze[7:].tolist(),
         "palm": {"position": (palm_p - base).tolist(), "quat_wxyz": matrix_to_quat(palm_R).tolist()},
         "squeeze": {
             "joints": list(HAND_JOINTS),
@@ -88,11 +89,11 @@ def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
             "stiffness": stiffness,
             "offset": (torque / stiffness).tolist(),
         },
-        "contacts": {"fingers": list(GRASP_FINGERS), "points": (record.arrays["contacts"] - base).tolist(),
-                     "forces": record.arrays["forces"].tolist()},
-        "largest_force": float(np.linalg.norm(record.arrays["forces"], axis=1).max()),
-        "quality": float(record.certificate["closure_margin"]),
-        "lift_height": record.lift_height,
+        "contacts": {"fingers": list(grasp.fingers), "points": (grasp.contacts - base).tolist(),
+                     "forces": grasp.forces.tolist()},
+        "largest_force": float(np.linalg.norm(grasp.forces, axis=1).max()),
+        "quality": grasp.certificate.closure_margin,
+        "lift_height": grasp.motion.lift_height,
         "hull": (record.hull - base).tolist(),
         "part_sizes": None if len(record.parts) == 1 else [len(part) for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
@@ -101,16 +102,16 @@ def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
 
 def _torque(record: GraspRecord) -> Array:
     """Joint torques (16,) Nm that press with the planned forces, J^T f at the contact points."""
-    tree = robot_tree(record.mount)
-    J = tip_jacobian(tree, body_frames(record.arrays["grasp"], tree), record.arrays["contacts"])[:, :, 7:]
-    return np.asarray(np.einsum("frj,fr->j", J, record.arrays["forces"]))
+    grasp, tree = record.grasp, robot_tree(record.grasp.mount)
+    J = tip_jacobian(tree, body_frames(grasp.motion.grasp, tree), grasp.contacts)[:, :, 7:]
+    return np.asarray(np.einsum("frj,fr->j", J, grasp.forces))
 
 
 def _scene(record: GraspRecord, folder: Path) -> list[Path]:
     model, pose = record.object.load(), record.T_world_object
     if model is None or pose is None:
         model, pose = _seen(record)
-    return write_scene(folder, model, pose, record.mount, FRICTION)
+    return write_scene(folder, model, pose, record.grasp.mount, FRICTION)
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:

@@ -6,11 +6,10 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Certificate:
-    """What a planner claims of a grasp; `verify` computes all of it again by another way.
+    """What a planner claims of a grasp; `verify` computes all of it again by another way. NaN is no claim.
 
     Attributes:
-        distances_cm: signed distance of each tip (centre of the compliant sphere less its radius): thumb, index,
-            middle.
+        distances_cm: signed distance of each tip (centre of the compliant sphere less its radius), as the contacts.
         force_ratio_percent: |sum f| / sum |f| of the forces of Eq. 4.
         torque_ratio_percent: |sum (p - c) x f| / sum |(p - c) x f|.
         closure_residual: optimum of Eq. 4 (f_min 1 N, torques over the object's radius).
@@ -28,7 +27,7 @@ class Certificate:
         friction: coefficient that was planned with.
     """
 
-    distances_cm: tuple[float, float, float]
+    distances_cm: tuple[float, ...]
     force_ratio_percent: float
     torque_ratio_percent: float
     closure_residual: float

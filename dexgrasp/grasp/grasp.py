@@ -7,11 +7,12 @@ import numpy as np
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.names import GRASP_FINGERS
 
 
 @dataclass(frozen=True)
 class GraspMotion:
-    """A grasp as set-points of the joint servos, (23,) rad each, robot order.
+    """A grasp as set-points of the joint servos, (n,) rad each, robot order.
 
     Attributes:
         pregrasp: fingers open around the object, touching nothing.
@@ -29,8 +30,10 @@ class GraspMotion:
         """Check shapes and numbers."""
         for name in ("pregrasp", "grasp", "squeeze"):
             value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != (23,) or not np.isfinite(value).all():
-                raise InputError(f"{name} of a grasp motion must be 23 finite joint positions in radians")
+            if value.shape != np.shape(self.pregrasp) or value.ndim != 1 or not np.isfinite(value).all():
+                raise InputError(
+                    f"{name} of a grasp motion must be finite joint positions in radians, one a joint"
+                )
             object.__setattr__(self, name, value)
         if not 0.0 < self.lift_height <= 0.5:
             raise InputError(f"lift_height is {self.lift_height}: valid is above 0 and up to 0.5 m")
@@ -38,16 +41,17 @@ class GraspMotion:
 
 @dataclass(frozen=True)
 class Grasp:
-    """A certified grasp; fingers in the order thumb, index, middle, world frame.
+    """A certified grasp with N contacts; world frame.
 
     Attributes:
-        q: (23,) rad, the configuration that the optimisation made feasible.
-        contacts: (3, 3) m on the object's surface.
-        normals: (3, 3) out of the object.
-        forces: (3, 3) N on the object, that hold it.
+        q: (n,) rad, the configuration that the optimisation made feasible.
+        contacts: (N, 3) m on the object's surface.
+        normals: (N, 3) out of the object.
+        forces: (N, 3) N on the object, that hold it.
         certificate: residuals and margins of every constraint.
         motion: set-points of pregrasp, grasp and squeeze.
         mount: of the hand.
+        fingers: whose tips make the contacts, in their order.
     """
 
     q: Array
@@ -57,3 +61,4 @@ class Grasp:
     certificate: Certificate
     motion: GraspMotion
     mount: str
+    fingers: tuple[str, ...] = GRASP_FINGERS

@@ -6,7 +6,7 @@ import gymnasium as gym
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agent import Agent, Observation, public_info
-from dexgrasp.grasp.file import ObjectPose
+from dexgrasp.grasp.content import ObjectPose
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.poses import pose_matrix

@@ -9,9 +9,10 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from dexgrasp.agent import Observation, Report
-from dexgrasp.grasp.file import ObjectPose, grasp_json
+from dexgrasp.grasp.content import ObjectPose, grasp_json
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.record import Origin
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.variety import component_shares, grasp_features
 from dexgrasp.planning.settings import PlannerSettings
@@ -185,14 +186,19 @@ class PlanResult:
         """
         if self.target is None:
             return []
-        seconds = self.planning_seconds / max(len(self.found), 1)
+        origin = Origin(agent, self.seed, self.planning_seconds / max(len(self.found), 1))
         return [
             grasp_json(
-                name, planned.grasp, self.target, self.settings, script=planned.script, pose=pose, agent=agent,
-                seed=self.seed, planning_seconds=seconds,
+                name,
+                planned.grasp,
+                self.target,
+                self.settings,
+                script=planned.script,
+                pose=pose,
+                origin=origin,
             )
             for planned in self.found
-        ]  # fmt: skip
+        ]
 
     def as_json(
         self, name: str | ObjectIdentity, agent: str = "bilevel", pose: ObjectPose | None = None

@@ -27,23 +27,23 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
         InputError: for a grasp of another cell, or one whose object is not here.
     """
     record.check_cell()
-    arrays = record.arrays
-    approach = arrays["pregrasp"][None] if record.approach is None else record.approach.setpoints
-    close, squeeze = (
-        _between(arrays["pregrasp"], arrays["grasp"]),
-        _between(arrays["grasp"], arrays["squeeze"]),
-    )
-    lift = arrays["squeeze"][None] if record.lift is None else record.lift.setpoints
-    pieces = {"approach": approach, "close": close, "squeeze": squeeze, "lift": lift}
+    grasp, motion = record.grasp, record.grasp.motion
+    approach, lift = record.phase("approach"), record.phase("lift")
+    pieces = {
+        "approach": motion.pregrasp[None] if approach is None else approach.setpoints,
+        "close": _between(motion.pregrasp, motion.grasp),
+        "squeeze": _between(motion.grasp, motion.squeeze),
+        "lift": motion.squeeze[None] if lift is None else lift.setpoints,
+    }
     starts = np.cumsum([0, *(len(piece) for piece in pieces.values())])[:-1]
     states = np.concatenate(list(pieces.values()))
     pose = np.eye(4) if record.T_world_object is None else record.T_world_object
     model = None if record.T_world_object is None else record.object.load()
     return Film(
-        title=record.object.name, mount=record.mount, states=states,
-        object_poses=carried(states, int(starts[3]), pose, record.mount), period=CONTROL_PERIOD,
+        title=record.object.name, mount=grasp.mount, states=states,
+        object_poses=carried(states, int(starts[3]), pose, grasp.mount), period=CONTROL_PERIOD,
         segments=tuple(zip(pieces, (int(start) for start in starts), strict=True)), parts=record.parts,
-        contacts=arrays["contacts"], normals=arrays["normals"], forces=arrays["forces"],
+        contacts=grasp.contacts, normals=grasp.normals, forces=grasp.forces,
         friction=record.thresholds.friction, object=model, cloud=np.zeros((0, 3)) if cloud is None else cloud,
         facts=_facts(record),
     )  # fmt: skip
@@ -68,14 +68,14 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def _facts(record: GraspRecord) -> dict[str, str]:
-    c = record.certificate
+    c = record.grasp.certificate
     return {
-        "planned by": record.agent or "unknown",
-        "fingertip distances, cm": ", ".join(f"{d:.2f}" for d in c["distances_cm"]),
-        "closure margin": f"{c['closure_margin']:.2f}",
-        "load, weights": f"{c.get('load', float('nan')):.2f}",
+        "planned by": record.origin.agent or "unknown",
+        "fingertip distances, cm": ", ".join(f"{d:.2f}" for d in c.distances_cm),
+        "closure margin": f"{c.closure_margin:.2f}",
+        "load, weights": f"{c.load:.2f}",
         "assumed mass, g": f"{1000 * record.mass:.0f}",
-        "least clearance, mm": f"{1000 * c['min_clearance_m']:.1f}",
-        "joint torque over limit": f"{c['max_joint_torque_fraction']:.2f}",
-        "holds": str(c.get("holds", "unknown")),
+        "least clearance, mm": f"{1000 * c.min_clearance_m:.1f}",
+        "joint torque over limit": f"{c.max_joint_torque_fraction:.2f}",
+        "holds": str(c.holds),
     }

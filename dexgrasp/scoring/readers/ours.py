@@ -32,10 +32,10 @@ def read_ours(path: Path, options: ReadOptions) -> list[Candidate]:
         )
     identity = record.object
     target = find_object(identity.source or identity.name, identity.scale, options, path)
-    stages = {name: _stage(record.mount, record.arrays[name]) for name in ("pregrasp", "grasp", "squeeze")}
-    return [
-        Candidate(str(path), find_hand(ALLEGRO), target, record.T_world_object, **stages, servo_kp=SERVO_KP)
-    ]
+    mount, motion = record.grasp.mount, record.grasp.motion
+    first, middle, last = (_stage(mount, q) for q in (motion.pregrasp, motion.grasp, motion.squeeze))
+    hand, pose = find_hand(ALLEGRO), record.T_world_object
+    return [Candidate(str(path), hand, target, pose, first, middle, last, SERVO_KP)]
 
 
 def _stage(mount: str, q: Array) -> HandStage:

@@ -8,7 +8,6 @@ from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
 from dexgrasp.verify.checks.check import LENGTH, Check, at_least, at_most
 from dexgrasp.verify.checks.scene import Scene
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.names import BODIES
 
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
 OPEN = 0.004  # m between the open hand and the object, the table
@@ -20,22 +19,23 @@ _ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do n
 
 def clearance_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it."""
-    bound, found = record.thresholds.clearance, scene.clearances(record.arrays["q"], tips_touch=True)
+    bound, found = record.thresholds.clearance, scene.clearances(record.grasp.q, tips_touch=True)
     checks = [at_least(f"clearance {kind}", value, bound, "m", _TRUE) for kind, value in found.items()]
-    if "min_clearance_m" not in record.certificate:
+    claimed = record.grasp.certificate.min_clearance_m
+    if np.isnan(claimed):
         return checks
-    claimed = float(record.certificate["min_clearance_m"])
     counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
-    checks.append(at_most("min_clearance_m over the true one", claimed - min(counted), 0.0, "m", _TRUE))
-    if record.schema > 1:
-        off = abs(claimed - cover_clearance(record, scene))
-        checks.append(at_most("min_clearance_m as claimed", off, LENGTH, "m"))
-    return checks
+    off = abs(claimed - cover_clearance(record, scene))
+    return [
+        *checks,
+        at_most("min_clearance_m over the true one", claimed - min(counted), 0.0, "m", _TRUE),
+        at_most("min_clearance_m as claimed", off, LENGTH, "m"),
+    ]
 
 
 def pregrasp_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Check that the open hand, tips included, is clear."""
-    found = scene.clearances(record.arrays["pregrasp"], tips_touch=False)
+    found = scene.clearances(record.grasp.motion.pregrasp, tips_touch=False)
     bounds = {"hand_object": OPEN, "hand_table": OPEN, "self": 0.0}
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
@@ -45,11 +45,11 @@ def pregrasp_checks(record: GraspRecord, scene: Scene) -> list[Check]:
 
 def cover_clearance(record: GraspRecord, scene: Scene) -> float:
     """Return the least clearance of the covering spheres, m, frames and distances being the judge's own."""
-    tree = robot_tree(record.mount)
-    scene.place(record.arrays["q"])
-    R = np.array([scene.data.body(name).xmat.reshape(3, 3) for name in BODIES])
-    p = np.array([scene.data.body(name).xpos for name in BODIES])
-    body: Index = np.repeat(np.arange(len(BODIES), dtype=np.int64), np.diff(tree.sphere_first))
+    tree, names = robot_tree(scene.cell), scene.robot.bodies
+    scene.place(record.grasp.q)
+    R = np.array([scene.data.body(name).xmat.reshape(3, 3) for name in names])
+    p = np.array([scene.data.body(name).xpos for name in names])
+    body: Index = np.repeat(np.arange(len(names), dtype=np.int64), np.diff(tree.sphere_first))
     centres = np.einsum("sij,sj->si", R[body], tree.sphere_centre) + p[body]
     return min(
         COVER_FAR, _object(tree, body, centres, scene), _table(tree, body, centres), _self(tree, centres),
@@ -71,7 +71,7 @@ def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float
 
 
 def _table(tree: RobotTree, body: Index, centres: Array) -> float:
-    over = (body >= 2) & ~((centres[:, 0] < _TABLE_FROM) & (body < 4))
+    over = (body >= 2) & ~((centres[:, 0] < _TABLE_FROM) & (body < tree.base))
     return float((centres[:, 2] - tree.sphere_radius)[over].min())
 
 
@@ -86,7 +86,9 @@ def _self(tree: RobotTree, centres: Array) -> float:
 
 
 def _palm(tree: RobotTree, R: Array, p: Array) -> float:
-    """The thumb's medial link against the palm's box, edge by edge."""
+    """The link that works right beside the palm against the palm's box, edge by edge."""
+    if tree.beside < 0:
+        return COVER_FAR
     points = tree.beside_edges @ R[tree.beside].T + p[tree.beside]
     out = np.abs((points - p[tree.palm]) @ R[tree.palm] - tree.palm_box_centre) - tree.palm_box_half
     outside = np.linalg.norm(np.maximum(out, 0.0), axis=1)

@@ -5,12 +5,8 @@ import numpy as np
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.verify.checks.check import LENGTH, ROUNDING, Check, at_least, at_most, claim
 from dexgrasp.verify.checks.scene import Touch
-from dexgrasp_env.robot.limits import LOWER, UPPER
-from dexgrasp_env.robot.names import GRASP_FINGERS
+from dexgrasp_env.robot.robot import Robot
 
-GRASPING = np.r_[0:15, 19:23]
-"""Joints of the arm and of the grasping fingers."""
-RING = np.r_[15:19]
 _NORMAL = 1e-5  # of unit vectors
 _COSINE = 2e-4  # what the optimiser leaves of an angle
 
@@ -21,15 +17,15 @@ def contact_checks(record: GraspRecord, touch: Touch) -> list[Check]:
     low, high = limits.distance
     depth = touch.distance - limits.tip_radius
     inward = -touch.normals
-    off = float(np.abs(touch.points - record.arrays["contacts"]).max())
-    turned = float(np.abs(touch.normals - record.arrays["normals"]).max())
+    off = float(np.abs(touch.points - record.grasp.contacts).max())
+    turned = float(np.abs(touch.normals - record.grasp.normals).max())
     return [
         *(
             Check(
                 f"distance:{finger}", 100.0 * float(d), f"[{100 * low:.2f}, {100 * high:.2f}] cm",
                 bool(low - LENGTH <= d <= high + LENGTH),
             )
-            for finger, d in zip(GRASP_FINGERS, depth, strict=True)
+            for finger, d in zip(record.grasp.fingers, depth, strict=True)
         ),
         at_most("contacts as claimed", off, LENGTH, "m"),
         at_most("normals as claimed", turned, _NORMAL),
@@ -40,16 +36,28 @@ def contact_checks(record: GraspRecord, touch: Touch) -> list[Check]:
     ]  # fmt: skip
 
 
-def limit_checks(record: GraspRecord) -> list[Check]:
+def limit_checks(record: GraspRecord, robot: Robot) -> list[Check]:
     """Check the joint range of every configuration, and the margin of the grasp."""
-    q = record.arrays["q"]
-    margin = np.minimum(q - LOWER, UPPER - q)
-    checks = [
-        at_least("joint margin", float(margin[GRASPING].min()), record.thresholds.joint_margin, "rad", 1e-6)
+    motion = record.grasp.motion
+    rows = {
+        "q": record.grasp.q,
+        "pregrasp": motion.pregrasp,
+        "grasp": motion.grasp,
+        "squeeze": motion.squeeze,
+    }
+    margins = {name: np.minimum(row - robot.lower, robot.upper - row) for name, row in rows.items()}
+    busy, bound = np.delete(margins["q"], idle_joints(record, robot)), record.thresholds.joint_margin
+    return [
+        at_least("joint margin", float(busy.min()), bound, "rad", 1e-6),
+        *(
+            at_least(f"joint limits:{name}", float(margin.min()), 0.0, "rad", ROUNDING)
+            for name, margin in margins.items()
+        ),
+        *claim(record, "joint_limit_margin_rad", float(margins["q"].min()), ROUNDING, unit="rad"),
     ]
-    for name in ("q", "pregrasp", "grasp", "squeeze"):
-        if name in record.arrays:
-            values = record.arrays[name]
-            least = float(np.minimum(values - LOWER, UPPER - values).min())
-            checks.append(at_least(f"joint limits:{name}", least, 0.0, "rad", ROUNDING))
-    return [*checks, *claim(record, "joint_limit_margin_rad", float(margin.min()), ROUNDING, unit="rad")]
+
+
+def idle_joints(record: GraspRecord, robot: Robot) -> list[int]:
+    """Return the joints of the fingers that make no contact."""
+    idle = [columns for finger, columns in robot.columns.items() if finger not in record.grasp.fingers]
+    return [joint for columns in idle for joint in range(columns.start, columns.stop)]

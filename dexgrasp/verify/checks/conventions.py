@@ -3,23 +3,27 @@
 import re
 from dataclasses import fields
 
-from dexgrasp.grasp.record import CONVENTIONS, GraspRecord
+from dexgrasp.grasp.conventions import STATED, conventions
+from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, FROZEN, HOLD_SHARE, Thresholds
 from dexgrasp.verify.checks.check import ROUNDING, Check
+from dexgrasp_env.robot.cell import Cell
 
 _AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
 """A registered name, `package.module:Class`, or a checkpoint's path."""
 _OF_FRICTION = ("friction", "friction_hold")
 
 
-def convention_checks(record: GraspRecord) -> list[Check]:
-    """Check the stated conventions, the thresholds, and the agent's name."""
-    stated = record.conventions or {}
+def convention_checks(record: GraspRecord, cell: Cell) -> list[Check]:
+    """Check the stated conventions, the thresholds, who planned, and that nothing is stated that is not looked at."""
+    here = conventions(cell)
     return [
-        *(_flag(name, stated.get(name) == expected) for name, expected in CONVENTIONS.items()),
+        *(_flag(name, record.conventions[name] == here[name]) for name in STATED),
         threshold_check(record),
         *_exact_thresholds(record.thresholds),
-        _flag("agent", _AGENT.fullmatch(record.agent) is not None),
+        _flag("agent", _AGENT.fullmatch(record.origin.agent) is not None),
+        _flag("no neighbours, which are not looked at yet", not record.neighbours),
+        _flag("no holds_probability, which no model says yet", record.holds_probability is None),
     ]
 
 
@@ -31,11 +35,8 @@ def threshold_check(record: GraspRecord) -> Check:
 
 def _exact_thresholds(stated: Thresholds) -> list[Check]:
     """All but friction are the frozen ones to the letter, and both coefficients are of one surface."""
-    others = [
-        f.name
-        for f in fields(Thresholds)
-        if f.name not in _OF_FRICTION and getattr(stated, f.name) != getattr(FROZEN, f.name)
-    ]
+    names = [f.name for f in fields(Thresholds) if f.name not in _OF_FRICTION]
+    others = [name for name in names if getattr(stated, name) != getattr(FROZEN, name)]
     of_one = abs(stated.friction / FRICTION_SHARE - stated.friction_hold / HOLD_SHARE) < ROUNDING
     return [
         Check("thresholds as frozen", float(len(others)), ", ".join(others) or "none others", not others),

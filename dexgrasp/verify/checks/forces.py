@@ -8,11 +8,10 @@ import numpy as np
 
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.verify.checks.check import Check, at_least, at_most, claim
-from dexgrasp.verify.checks.scene import Touch
+from dexgrasp.verify.checks.scene import Scene, Touch
 from dexgrasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
 from dexgrasp.verify.rays import least_way
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import HAND_TORQUE
 
 GRAVITY = 9.81  # m/s^2
 RESIDUAL = 1e-6  # N^2, as in the paper's feasibility test
@@ -45,7 +44,7 @@ def _claims_of_eq4(record: GraspRecord, touch: Touch) -> list[Check]:
     points = touch.points
     forces = pyramid_forces(points, touch.normals, record.thresholds.friction)
     wrench = wrench_map(points, points.mean(0)) @ forces.ravel()
-    arms = np.cross(points - record.arrays["centre"], forces)
+    arms = np.cross(points - record.centre, forces)
     return [
         *claim(record, "closure_residual", float(wrench @ wrench), RESIDUAL, 1e-3, "N^2"),
         *claim(record, "force_ratio_percent", _ratio(forces), _RATIO, 1e-3),
@@ -59,29 +58,26 @@ def _ratio(vectors: Array) -> float:
 
 
 class Hold:
-    """What the planned forces do, about the centre of mass, in weights: balance, friction and torque that they use."""
+    """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use."""
 
-    def __init__(self, record: GraspRecord, touch: Touch) -> None:
+    def __init__(self, record: GraspRecord, scene: Scene, touch: Touch) -> None:
         """Compute it."""
-        self.forces, self.normals, self.mu = (
-            record.arrays["forces"],
-            touch.normals,
-            record.thresholds.friction_hold,
-        )
-        self.weight = GRAVITY * record.mass
-        self.G = wrench_map(touch.points, record.arrays["centre"])
+        self.forces, self.normals = record.grasp.forces, touch.normals
+        self.mu, self.weight = record.thresholds.friction_hold, GRAVITY * record.mass
+        self.G = wrench_map(touch.points, record.centre)
         self.wrench = self.G @ self.forces.ravel() / self.weight
         self.left = self.wrench - [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
         self.press = -(self.forces * self.normals).sum(1)
         sliding = np.linalg.norm(self.forces + self.press[:, None] * self.normals, axis=1)
         self.friction_use = float((sliding / np.maximum(self.mu * self.press, 1e-9)).max())
-        self.torques = touch.jacobians.transpose(2, 0, 1).reshape(len(HAND_TORQUE), -1) / HAND_TORQUE[:, None]
+        most = scene.robot.max_torque
+        self.torques = touch.jacobians.transpose(2, 0, 1).reshape(len(most), -1) / most[:, None]
         self.torque_use = float(np.abs(self.torques @ self.forces.ravel()).max())
 
 
-def force_checks(record: GraspRecord, touch: Touch) -> list[Check]:
+def force_checks(record: GraspRecord, scene: Scene, touch: Touch) -> list[Check]:
     """Check that the forces balance gravity within cones and joint torques, and what is claimed of them."""
-    hold, limits = Hold(record, touch), record.thresholds
+    hold, limits = Hold(record, scene, touch), record.thresholds
     kinds = (("forces", hold.left[:3]), ("torques", hold.left[3:]))
     return [
         *(at_most(f"{kind} leave of gravity", float(np.linalg.norm(left)), BALANCE, "of the weight")
@@ -94,10 +90,10 @@ def force_checks(record: GraspRecord, touch: Touch) -> list[Check]:
     ]  # fmt: skip
 
 
-def strength_checks(record: GraspRecord, touch: Touch) -> list[Check]:
+def strength_checks(record: GraspRecord, scene: Scene, touch: Touch) -> list[Check]:
     """Check `load` and `capacity`, and that `holds` says what they say."""
-    hold = Hold(record, touch)
-    found, claimed = _load(hold), bool(record.certificate["holds"])
+    hold = Hold(record, scene, touch)
+    found, claimed = _load(hold), record.grasp.certificate.holds
     return [
         at_least("load", found, 1.0, "", LOAD),
         *claim(record, "load", found, 0.0, LOAD),

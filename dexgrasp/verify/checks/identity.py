@@ -25,17 +25,17 @@ _DENSITY, _LEAST, _MOST = (
 
 def identity_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Check mass, centre of mass, and, where the file knows the object, that object and its pose."""
-    return [*mass_checks(record, scene), *_object_checks(record, scene)]
+    return [*_mass_checks(record, scene), *_object_checks(record, scene)]
 
 
-def mass_checks(record: GraspRecord, scene: Scene) -> list[Check]:
+def _mass_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Mass and centre of mass are the known ones, or follow from hull and parts."""
     known, centre = record.object.known_mass, record.object.known_centre
     mass = min(max(_DENSITY * scene.hull.volume, _LEAST), _MOST) if known is None else known
     middle = _middle(scene) if centre is None else np.array(centre)
     return [
         same("mass", abs(record.mass - mass), MASS, "kg"),
-        same("centre of mass", float(np.abs(record.arrays["centre"] - middle).max()), LENGTH, "m"),
+        same("centre of mass", float(np.abs(record.centre - middle).max()), LENGTH, "m"),
     ]
 
 

@@ -5,12 +5,12 @@ from itertools import pairwise
 import numpy as np
 
 from dexgrasp.grasp.path import bend, jerkiness, stray
-from dexgrasp.grasp.record import GraspRecord, Segment
+from dexgrasp.grasp.record import GraspRecord, Phase
 from dexgrasp.verify.checks.check import ROUNDING, Check, at_least, at_most, same
-from dexgrasp.verify.checks.contacts import RING
+from dexgrasp.verify.checks.contacts import idle_joints
 from dexgrasp.verify.checks.scene import Scene, Touch
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.limits import ACCELERATION, HOME, LOWER, UPPER, VELOCITY
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 TIPS_MEET = 3e-4  # m: how well the inverse kinematics meets the contacts
@@ -26,13 +26,13 @@ _DENSE = 0.02  # rad of any joint between two states checked for collisions
 
 def setpoint_checks(record: GraspRecord, scene: Scene, touch: Touch) -> list[Check]:
     """Check pregrasp, grasp and squeeze against configuration, contacts and forces."""
-    a, radius = record.arrays, record.thresholds.tip_radius
-    names = ("pregrasp", "grasp", "squeeze")
-    met = touch.points + radius * touch.normals
-    closed, opened = scene.touch(a["grasp"]).tips, scene.touch(a["pregrasp"]).tips
+    motion, idle = record.grasp.motion, idle_joints(record, scene.robot)
+    moved = np.abs([motion.pregrasp, motion.grasp, motion.squeeze] - record.grasp.q)
+    met = touch.points + record.thresholds.tip_radius * touch.normals
+    closed, opened = scene.touch(motion.grasp).tips, scene.touch(motion.pregrasp).tips
     return [
-        same("arm still", max(float(np.abs(a[n][:7] - a["q"][:7]).max()) for n in names), ROUNDING, "rad"),
-        same("ring still", max(float(np.abs(a[n][RING] - a["q"][RING]).max()) for n in names), ROUNDING, "rad"),
+        same("arm still", float(moved[:, : scene.robot.arm_dof].max()), ROUNDING, "rad"),
+        same("idle fingers still", float(moved[:, idle].max(initial=0.0)), ROUNDING, "rad"),
         at_most("grasp: tips from the surface", _farthest(closed - met), TIPS_MEET, "m"),
         at_most("pregrasp: tips from their contacts", _farthest(opened - met), TIPS_OPEN, "m"),
         same("squeeze = grasp + J^T f / kp", _press_error(record, scene), SETPOINT, "rad"),
@@ -45,63 +45,67 @@ def _farthest(offsets: Array) -> float:
 
 def _press_error(record: GraspRecord, scene: Scene) -> float:
     """Position servos whose set-points are J^T f / kp further in press with f; the joint range ends them."""
-    a, gain = record.arrays, scene.model.actuator_gainprm[7:23, 0]
-    scene.place(a["grasp"])
-    torque = np.einsum("frj,fr->j", scene.jacobians(a["contacts"]), a["forces"])
-    expected = np.clip(a["grasp"][7:] + torque / gain, LOWER[7:], UPPER[7:])
-    return float(np.abs(a["squeeze"][7:] - expected).max())
+    grasp, robot, hand = record.grasp, scene.robot, slice(scene.robot.arm_dof, None)
+    scene.place(grasp.motion.grasp)
+    torque = np.einsum("frj,fr->j", scene.jacobians(grasp.contacts), grasp.forces)
+    pressed = grasp.motion.grasp[hand] + torque / scene.model.actuator_gainprm[hand, 0]
+    expected = np.clip(pressed, robot.lower[hand], robot.upper[hand])
+    return float(np.abs(grasp.motion.squeeze[hand] - expected).max())
 
 
 def approach_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Check the way from home to the pregrasp."""
-    segment = record.approach
-    if segment is None:
+    phase = record.phase("approach")
+    if phase is None:
         return [Check("approach given", 1.0, "in the file", False)]
-    rows = segment.setpoints
+    rows = phase.setpoints
     found, (row, depth) = bend(rows), scene.first_contact(_dense(rows))
     return [
-        *_segment_checks("approach", segment),
-        same("approach starts at home", float(np.abs(rows[0] - HOME).max()), SETPOINT, "rad"),
-        same("approach ends at the pregrasp", float(np.abs(rows[-1] - record.arrays["pregrasp"]).max()), ROUNDING),
+        *_phase_checks(phase, scene.robot),
+        same("approach starts at home", float(np.abs(rows[0] - scene.robot.home).max()), SETPOINT, "rad"),
+        same("approach ends at the pregrasp", float(np.abs(rows[-1] - record.grasp.motion.pregrasp).max()), ROUNDING),
         at_most("approach: collision", depth if row >= 0 else 0.0, 0.0, "m"),
         at_most("approach: bend", found, BEND, "rad"),
-        same("approach: bend", abs(found - segment.measure), _SAME_BEND, "rad"),
+        same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
     ]  # fmt: skip
 
 
 def lift_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     """Check the way straight up from the squeeze."""
-    segment = record.lift
-    if segment is None:
+    phase = record.phase("lift")
+    if phase is None:
         return [Check("lift given", 1.0, "in the file", False)]
-    rows = segment.setpoints
+    rows, fingers = phase.setpoints, slice(scene.robot.arm_dof, None)
     palms = [scene.palm(q) for q in rows]
     positions = np.array([p for p, _ in palms])
     strayed = stray(positions, np.array([R for _, R in palms]))
     rise = positions[:, 2] - positions[0, 2]
     row, depth = scene.first_contact(_dense(rows), with_object=False)
     return [
-        *_segment_checks("lift", segment),
-        same("lift starts at the squeeze", float(np.abs(rows[0] - record.arrays["squeeze"]).max()), ROUNDING),
-        same("lift: fingers still", float(np.abs(rows[:, 7:] - rows[0, 7:]).max()), ROUNDING, "rad"),
-        same("lift: height", abs(float(rise[-1]) - record.lift_height), RISE, "m"),
+        *_phase_checks(phase, scene.robot),
+        same("lift starts at the squeeze", float(np.abs(rows[0] - record.grasp.motion.squeeze).max()), ROUNDING),
+        same("lift: fingers still", float(np.abs(rows[:, fingers] - rows[0, fingers]).max()), ROUNDING, "rad"),
+        same("lift: height", abs(float(rise[-1]) - record.grasp.motion.lift_height), RISE, "m"),
         at_least("lift: rises", float(np.diff(rise).min()), 0.0, "m", 1e-5),
         at_most("lift: stray", strayed, STRAY, "m"),
-        same("lift: stray", abs(strayed - segment.measure), _SAME_STRAY, "m"),
+        same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
         at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
         at_most("lift: collision", depth if row >= 0 else 0.0, 0.0, "m"),
     ]  # fmt: skip
 
 
-def _segment_checks(name: str, segment: Segment) -> list[Check]:
+def _phase_checks(phase: Phase, robot: Robot) -> list[Check]:
     """Times, and the limits of position, velocity and acceleration, from rest to rest."""
-    rows, expected = segment.setpoints, np.arange(len(segment.times)) * CONTROL_PERIOD
-    rest = np.concatenate([rows[:1], rows, rows[-1:]])
-    speed = np.abs(np.diff(rest, axis=0)) / CONTROL_PERIOD / VELOCITY
-    change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2 / ACCELERATION
+    name, rows, expected = phase.name, phase.setpoints, np.arange(len(phase.times)) * CONTROL_PERIOD
+    rest, room = (
+        np.concatenate([rows[:1], rows, rows[-1:]]),
+        np.minimum(rows - robot.lower, robot.upper - rows),
+    )
+    speed = np.abs(np.diff(rest, axis=0)) / CONTROL_PERIOD / robot.velocity
+    change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2 / robot.acceleration
     return [
-        same(f"{name}: times", float(np.abs(segment.times - expected).max()), ROUNDING, "s"),
-        at_least(f"{name}: joint limits", float(np.minimum(rows - LOWER, UPPER - rows).min()), 0.0, "rad", ROUNDING),
+        same(f"{name}: times", float(np.abs(phase.times - expected).max()), ROUNDING, "s"),
+        at_least(f"{name}: joint limits", float(room.min()), 0.0, "rad", ROUNDING),
         at_most(f"{name}: velocity over its limit", float(speed.max()), 1.0, "", ROUNDING),
         at_most(f"{name}: acceleration over its limit", float(change.max()), 1.0, "", ROUNDING),
     ]  # fmt: skip

@@ -1,16 +1,17 @@
 """The judge's own kinematics and distances: the robot, the object's parts and the table as MuJoCo has them."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import mujoco
 import numpy as np
 
 from dexgrasp.geometry.exact import Closest, closest_on_mesh
-from dexgrasp.grasp.record import GraspRecord
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.names import GRASP_FINGERS
 
 FAR = 0.05  # m: distances beyond are not measured
 PLINTH_BODIES = 3  # links 0 to 2 stand on the arm's plinth, not over the table
@@ -18,16 +19,16 @@ PLINTH_BODIES = 3  # links 0 to 2 stand on the arm's plinth, not over the table
 
 @dataclass(frozen=True)
 class Touch:
-    """Where the three tips of a configuration are, and what of the object's parts is nearest to each.
+    """Where the tips of a configuration are, and what of the object's parts is nearest to each of the N.
 
     Attributes:
-        tips: (3, 3) m, centres of thumb, index, middle.
-        axes: (3, 3) unit, out of each tip.
-        pads: (3, 3) unit, out of each pad.
-        distance: (3,) m, of the centres from the nearest part.
-        points: (3, 3) m on it.
-        normals: (3, 3) unit, out of it.
-        jacobians: (3, 3, 16) of those points, as the distal links carry them, by the hand's joints.
+        tips: (N, 3) m, centres.
+        axes: (N, 3) unit, out of each tip.
+        pads: (N, 3) unit, out of each pad.
+        distance: (N,) m, of the centres from the nearest part.
+        points: (N, 3) m on it.
+        normals: (N, 3) unit, out of it.
+        jacobians: (N, 3, m) of those points, as the last links carry them, by the hand's joints.
     """
 
     tips: Array
@@ -40,13 +41,19 @@ class Touch:
 
 
 class Scene:
-    """Robot, object and table of one record."""
+    """Robot, object and table in the world frame."""
 
-    def __init__(self, record: GraspRecord) -> None:
-        """Compile them; the geoms of the object's parts bear the names `object0` on, the table's `table`."""
-        self.parts = [_hull(vertices) for vertices in record.parts]
-        self.hull = self.parts[0] if len(self.parts) == 1 else _hull(record.hull)
-        spec = _bare(robot_spec(record.mount))
+    def __init__(self, cell: Cell, parts: Sequence[Array], fingers: Sequence[str]) -> None:
+        """Compile them; the geoms of the object's parts bear the names `object0` on, the table's `table`.
+
+        Args:
+            cell: with the mount in use.
+            parts: vertices (V, 3) m of the object's convex parts; there may be none.
+            fingers: whose tips make the contacts.
+        """
+        self.cell, self.robot, self.parts = cell, cell.robot, [_hull(vertices) for vertices in parts]
+        self._fingers = [self.robot.hand.finger(name) for name in fingers]
+        spec = _bare(robot_spec(cell))
         for k, part in enumerate(self.parts):
             mesh = spec.add_mesh(name=f"part{k}")
             mesh.uservert = np.asarray(part.vertices).ravel()
@@ -58,22 +65,28 @@ class Scene:
         self.data = mujoco.MjData(self.model)
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
         self.table = self.model.geom("table").id
-        self._tip_geoms = {self.model.geom(f"{finger}_tip").id for finger in GRASP_FINGERS}
+        self._tip_geoms = {self.model.geom(finger.tip).id for finger in self._fingers}
+
+    @cached_property
+    def hull(self) -> Any:
+        """The convex hull of all parts."""
+        return (
+            self.parts[0] if len(self.parts) == 1 else _hull(np.concatenate([p.vertices for p in self.parts]))
+        )
 
     def place(self, q: Array) -> None:
-        """Put the robot at `q` (23,) rad."""
-        self.data.qpos[:23] = q
+        """Put the robot at `q` (n,) rad."""
+        self.data.qpos[:] = q
         mujoco.mj_forward(self.model, self.data)
 
     def touch(self, q: Array) -> Touch:
-        """Return where the tips of `q` (23,) are on the object."""
+        """Return where the tips of `q` (n,) are on the object."""
         self.place(q)
-        tips = np.array([self.data.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS])
-        frames = np.array([self.data.body(f"{finger}_distal").xmat.reshape(3, 3) for finger in GRASP_FINGERS])
+        tips = np.array([self.data.site(finger.tip).xpos for finger in self._fingers])
+        frames = np.array([self.data.body(finger.bodies[-1]).xmat.reshape(3, 3) for finger in self._fingers])
+        pads = np.array([R @ finger.pad for R, finger in zip(frames, self._fingers, strict=True)])
         distance, points, normals = self.closest(tips)
-        return Touch(
-            tips, frames[:, :, 2], frames[:, :, 0], distance, points, normals, self.jacobians(points)
-        )
+        return Touch(tips, frames[:, :, 2], pads, distance, points, normals, self.jacobians(points))
 
     def closest(self, points: Array) -> Closest:
         """Return what of the parts is closest to points (N, 3) m outside; inside, how deep they lie in the deepest."""
@@ -83,18 +96,18 @@ class Scene:
         return Closest(*(np.stack(values)[nearest, each] for values in zip(*found, strict=True)))
 
     def jacobians(self, points: Array) -> Array:
-        """Return the Jacobians (3, 3, 16) of points (3, 3) m of the distal links, where the robot is now."""
+        """Return the Jacobians (N, 3, m) of points (N, 3) m of the last links, where the robot is now."""
         found, J = [], np.zeros((3, self.model.nv))
-        for finger, point in zip(GRASP_FINGERS, points, strict=True):
-            mujoco.mj_jac(self.model, self.data, J, None, point, self.model.body(f"{finger}_distal").id)
-            found.append(J[:, 7:23].copy())
+        for finger, point in zip(self._fingers, points, strict=True):
+            mujoco.mj_jac(self.model, self.data, J, None, point, self.model.body(finger.bodies[-1]).id)
+            found.append(J[:, self.robot.arm_dof :].copy())
         return np.array(found)
 
     def palm(self, q: Array) -> tuple[Array, Array]:
-        """Return position (3,) m and rotation (3, 3) of the palm at `q` (23,)."""
-        self.data.qpos[:23] = q
+        """Return position (3,) m and rotation (3, 3) of the palm at `q` (n,)."""
+        self.data.qpos[:] = q
         mujoco.mj_kinematics(self.model, self.data)
-        site = self.data.site("palm")
+        site = self.data.site(self.robot.hand.palm)
         return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
 
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
@@ -114,10 +127,10 @@ class Scene:
         }
 
     def first_contact(self, path: Array, with_object: bool = True) -> tuple[int, float]:
-        """Return the first row of a path (T, 23) in which anything touches, or -1, and the deepest penetration, m."""
+        """Return the first row of a path (T, n) in which anything touches, or -1, and the deepest penetration, m."""
         deepest = 0.0
         for row, q in enumerate(path):
-            self.data.qpos[:23] = q
+            self.data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_collision(self.model, self.data)
             for k in range(self.data.ncon):
@@ -133,8 +146,7 @@ class Scene:
         return -1, 0.0
 
     def _on_plinth(self, geom: int) -> bool:
-        name = self.model.geom(geom).name
-        return name.startswith("panda_link") and int(name[10]) < PLINTH_BODIES
+        return self.model.body(self.model.geom_bodyid[geom]).name in self.robot.arm.bodies[:PLINTH_BODIES]
 
     def _least(self, pairs: list[tuple[int, int]]) -> float:
         from_to = np.zeros(6)

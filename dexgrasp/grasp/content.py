@@ -1,0 +1,99 @@
+"""A planned grasp as its file will hold it."""
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import Any
+
+import numpy as np
+
+from dexgrasp.grasp.conventions import conventions
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.grasp.path import bend, stray
+from dexgrasp.grasp.record import GraspRecord, Origin, Phase
+from dexgrasp.grasp.schema import as_json
+from dexgrasp.grasp.script import ActionScript
+from dexgrasp.grasp.thresholds import thresholds_for
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.shape.target import GraspTarget, assumed_mass, hull_volume, volume_centre
+from dexgrasp_env import __version__
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.solid import Solid
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+
+@dataclass(frozen=True)
+class ObjectPose:
+    """Where the true object is: the planner has not seen it, but the file lets everybody check what it took it for.
+
+    Attributes:
+        surface: of the object.
+        T_world_object: (4, 4).
+    """
+
+    surface: Solid
+    T_world_object: Array
+
+    def hull_offset(self, target: GraspTarget) -> Array:
+        """Return the volume centroid of the planned hull less that of the true object's hull, (3,) m."""
+        R, p = self.T_world_object[:3, :3], self.T_world_object[:3, 3]
+        return hull_volume(target.distance)[1] - (R @ self.surface.hull_centre + p)
+
+
+def grasp_json(
+    name: str | ObjectIdentity, grasp: Grasp, target: GraspTarget, settings: Any, *,
+    script: ActionScript | None = None, pose: ObjectPose | None = None, origin: Origin | None = None,
+) -> dict[str, Any]:  # fmt: skip
+    """Return the JSON object of a grasp (lengths m, angles rad, forces N, frame of the robot's base).
+
+    Args:
+        name: which object, or only what to call it.
+        grasp: as planned, in the world.
+        target: what it was planned on.
+        settings: of the planner, for its thresholds.
+        script: what will be executed; without it the file has no approach and no lift, and is not verified.
+        pose: of the true object, where it is known.
+        origin: who planned.
+    """
+    record = GraspRecord(
+        object=_told(ObjectIdentity(name) if isinstance(name, str) else name, target),
+        grasp=grasp,
+        parts=target.corners,
+        centre=target.centre,
+        thresholds=thresholds_for(settings),
+        T_world_object=None if pose is None else np.asarray(pose.T_world_object, dtype=float),
+        hull_offset=None if pose is None else pose.hull_offset(target),
+        phases=() if script is None else (_approach(script), _lift(script, grasp)),
+        origin=origin or Origin(),
+        conventions=conventions(grasp.mount),
+    )
+    made = {"version": __version__, "created": datetime.now(UTC).isoformat(timespec="seconds")}
+    return as_json(record) | made
+
+
+def _told(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
+    """Add what the planner was told of the object, rather than assumed from its shape."""
+    told = abs(target.mass - assumed_mass(hull_volume(target.distance)[0])) > 1e-9
+    moved = np.abs(target.centre - volume_centre(target.distance)).max() > 1e-9
+    x, y, z = target.centre.tolist()
+    return replace(
+        identity, known_mass=target.mass if told else None, known_centre=(x, y, z) if moved else None
+    )
+
+
+def _approach(script: ActionScript) -> Phase:
+    rows = np.concatenate([script.start[None], script.targets[: dict(script.phases)["close"]]])
+    return Phase("approach", _times(rows), rows, bend(rows))
+
+
+def _lift(script: ActionScript, grasp: Grasp) -> Phase:
+    first = dict(script.phases)
+    rows = np.concatenate([grasp.motion.squeeze[None], script.targets[first["lift"] : first["hold"]]])
+    palms = [palm_frame(q, robot_tree(grasp.mount)) for q in rows]
+    strayed = stray(np.array([p for _, p in palms]), np.array([R for R, _ in palms]))
+    return Phase("lift", _times(rows), rows, strayed)
+
+
+def _times(rows: Array) -> Array:
+    return np.round(np.arange(len(rows)) * CONTROL_PERIOD, 9)
