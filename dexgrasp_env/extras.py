@@ -16,7 +16,6 @@ EXTRAS: dict[str, tuple[str, ...]] = {
     "cluster": ("ray",),
     "dm": ("dm_control", "dm_env"),
     "demos": ("h5py", "minari", "pyarrow"),
-    "bullet": ("pybullet",),
 }  # fmt: skip
 """Extra -> the modules that it brings and the plain installation lacks."""
 

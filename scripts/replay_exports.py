@@ -23,7 +23,6 @@ from json_log import JsonLog
 
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.evaluation.store import read_rows
-from dexgrasp.export.bullet import replay_in_bullet
 from dexgrasp.export.check import check_trajectory
 from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
@@ -47,9 +46,11 @@ def one(run: Path, row: dict[str, Any], seed: int, bullet: bool = False) -> dict
         except InputError as error:
             return found | {"error": str(error), "failed": [], "open": False}
         recording = read_trajectory(Path(folder))
-        findings = check_trajectory(recording, record.mount)
+        findings = check_trajectory(recording)
         played = replay(recording, Path(folder) / "scene.xml", _rng(seed, row))
         if bullet:
+            from replay_bullet import replay_in_bullet
+
             second = replay_in_bullet(recording, Path(folder) / "scene.xml", _rng(seed, row))
             found |= {"bullet": second.success, "bullet_height": second.height}
     shares = {f.name: f.value for f in findings if "share" in f.name}
@@ -91,7 +92,7 @@ def main() -> int:
     parser.add_argument(
         "--trials", type=int, metavar="N", help="the first N of each object alone (default all)"
     )
-    parser.add_argument("--bullet", action="store_true", help="in Bullet as well (the extra `bullet`)")
+    parser.add_argument("--bullet", action="store_true", help="in Bullet as well (pip install pybullet)")
     args = parser.parse_args()
     own = [row for row in read_rows(args.run) if row["agent"] == args.agent and row.get("grasp")]
     trials = [row for row in own if args.trials is None or row["trial"] < args.trials]

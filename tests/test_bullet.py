@@ -2,18 +2,22 @@
 
 import contextlib
 import sys
+from pathlib import Path
 
 import mujoco
 import numpy as np
 import pytest
 
-from dexgrasp.export.bullet import STEP, World, replay_in_bullet
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object
+from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.scene.build import build_scene
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
+from replay_bullet import STEP, World, main, replay_in_bullet
 
 REST = [0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 
@@ -53,14 +57,16 @@ def test_a_missing_pybullet_is_named_in_one_line(monkeypatch, tmp_path):
     )
     monkeypatch.setitem(sys.modules, "pybullet", None)
     with pytest.raises(
-        InputError, match=r"^replay in Bullet needs pybullet: pip install 'dexgrasp\[bullet\]'$"
+        InputError, match=r"^replay in Bullet needs pybullet: pip install -c constraints.txt pybullet$"
     ):
         replay_in_bullet(still(), tmp_path / "scene.xml")
+    monkeypatch.setattr(sys, "argv", ["replay_bullet.py", str(tmp_path)])
+    assert main() == 2
 
 
 def still(seconds=0.1):
     times = np.array([0.0, seconds])
-    rows = [Rows(times, np.tile(part, (2, 1)), ()) for part in (HOME[:7], HOME[7:])]
+    rows = [Rows(times, np.tile(part, (2, 1))) for part in (HOME[:7], HOME[7:])]
     return Recording(*rows, {})
 
 
@@ -110,6 +116,6 @@ def test_what_is_not_grasped_stays_on_the_table(tmp_path):
     pytest.importorskip("pybullet")
     T = np.eye(4)
     T[:3, 3] = 0.5, 0.0, 0.0225
-    write_scene(tmp_path, load_object("sugar_box"), T, "palm_normal", 0.7)
+    write_scene(tmp_path, load_object("sugar_box"), T, active_cell(), 0.7)
     outcome = replay_in_bullet(still(), tmp_path / "scene.xml", np.random.default_rng(0))
     assert not outcome.success

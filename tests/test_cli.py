@@ -59,7 +59,7 @@ def run(*arguments, module="dexgrasp.cli.main", **kwargs):
         (["report", "nowhere"], "no evaluation"),
         (["benchmark", "nonsense"], "stepping"),
         (["doctor", "nowhere.stl"], "does not exist"),
-        (["check", "nowhere", "--simulator", "bullet"], "add --replay N"),
+        (["check", "nowhere", "--simulator", "bullet"], "unrecognized arguments"),
         (
             ["dataset", "generate", "--objects", "soda", "--out", "x", "--mount", "y"],
             "dexgrasp dataset --help",

@@ -19,10 +19,12 @@ from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_tra
 from dexgrasp.grasp.file import record_of
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import load_object
+from dexgrasp_env.robot.active import active_cell
 from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
-from dexgrasp_env.robot.names import ARM_JOINTS
+from dexgrasp_env.robot.names import ARM_JOINTS, HAND_JOINTS
 from dexgrasp_env.scene.build import build_scene
 
+ROBOT = active_cell().robot
 LIMITS = Limits(np.full(4, 2.0), np.full(4, 10.0), np.full(4, 5000.0))
 FACTS = {"mount": "palm_normal", "object": "nothing"}
 
@@ -42,7 +44,7 @@ def waypoints():
 
 @pytest.fixture(scope="module")
 def trajectory():
-    return make_trajectory(waypoints())
+    return make_trajectory(waypoints(), ROBOT)
 
 
 @pytest.fixture
@@ -80,7 +82,7 @@ def test_a_way_along_the_ends_of_joint_ranges_stays_inside():
     bent[2:, 12], bent[2:, 20] = UPPER[12], LOWER[20]  # reached within one step, and kept
     ends = [bent[-1], bent[-1]]
     made = make_trajectory(
-        Waypoints(bent, *ends, np.stack([ends[1], ends[1] + np.r_[0.0, -0.05, np.zeros(21)]]))
+        Waypoints(bent, *ends, np.stack([ends[1], ends[1] + np.r_[0.0, -0.05, np.zeros(21)]])), ROBOT
     )
     for rows, part in ((made.arm, slice(0, 7)), (made.hand, slice(7, 23))):
         assert (rows >= LOWER[part]).all()
@@ -139,7 +141,7 @@ def test_a_missing_row_is_found(folder):
 def test_a_hand_in_the_table_is_found(trajectory, tmp_path):
     deep = trajectory.arm.copy()
     deep[:, 1] += 1.6 * np.linspace(0.0, 1.0, len(deep))
-    write_csv(tmp_path, type(trajectory)(deep, trajectory.hand, trajectory.segments), FACTS)
+    write_csv(tmp_path, replace(trajectory, arm=deep), FACTS)
     bad = [f.name for f in check_trajectory(read_trajectory(tmp_path)) if not f.holds]
     assert any("table" in name for name in bad), bad
 
@@ -181,13 +183,13 @@ def test_ros_messages_have_their_fields(trajectory, tmp_path):
     )
     assert len(arm["points"][0]["positions"]) == len(arm["points"][0]["velocities"]) == 7
     assert yaml.safe_load((tmp_path / "grasp.yaml").read_text()) == json.loads(
-        json.dumps(moveit_grasp(facts))
+        json.dumps(moveit_grasp(facts, "panda_link0", HAND_JOINTS))
     )
 
 
 def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
     shape = load_object("sugar_box")
-    write_scene(tmp_path / "here", shape, None, "palm_normal", 0.7)
+    write_scene(tmp_path / "here", shape, None, active_cell(), 0.7)
     shutil.move(tmp_path / "here", tmp_path / "there")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "there" / "scene.xml"))
     own = build_scene(shape)
@@ -216,12 +218,14 @@ def test_a_scene_that_is_none_is_one_line(trajectory, folder):
 def test_a_way_between_the_parts_of_an_object_touches_nothing(contents, tmp_path):
     export_grasp(record_of(contents["hammer"]), tmp_path, "csv")
     recording = read_trajectory(tmp_path)
-    assert len(recording.facts["part_sizes"]) == 2
+    assert len(recording.facts["parts"]) == 2
 
     def reached(facts):
-        findings = check_trajectory(replace(recording, facts=facts), "palm_normal")
-        return next(f for f in findings if "the object" in f.name)
+        findings = check_trajectory(replace(recording, facts=facts))
+        return next(f for f in findings if "to the object" in f.name)
 
     assert reached(recording.facts).holds
-    hull = recording.facts | {"part_sizes": None}  # one hull about all parts
+    hull = recording.facts | {
+        "parts": [np.concatenate(recording.facts["parts"]).tolist()]
+    }  # one about all parts
     assert reached(hull).value < reached(recording.facts).value

@@ -79,7 +79,7 @@ def test_environment_never_imports_agents():
     assert [str(file) for file, name in imports_of("dexgrasp_env") if name == "agents"] == []
 
 
-RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos", "bullet")
+RUN_TIME = ("planner", "learning", "viewer", "cluster", "dm", "demos")
 """Extras that the code imports; docs and dev are for developers."""
 
 
@@ -105,10 +105,7 @@ def test_extras_say_what_they_bring(project):
         assert {normal(module) for module in modules} <= brought, extra
     assert set(extras) == {*EXTRAS, "docs", "dev", "all"}
     (everything,) = extras["all"]
-    assert set(everything.removeprefix("dexgrasp[").removesuffix("]").split(",")) == set(extras) - {
-        "all",
-        "bullet",
-    }
+    assert set(everything.removeprefix("dexgrasp[").removesuffix("]").split(",")) == set(extras) - {"all"}
 
 
 WITHOUT = """

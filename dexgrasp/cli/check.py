@@ -4,12 +4,10 @@ import argparse
 from pathlib import Path
 
 from dexgrasp.cli.options import add_cell, add_json, add_seed, natural_int
-from dexgrasp_env.errors import InputError
 
 _EPILOG = """examples:
   dexgrasp check robot/pear                           limits, timing, collisions
   dexgrasp check robot/pear --replay 20               and 20 open-loop replays in MuJoCo, the object 3 mm and 1 deg off
-  dexgrasp check robot/pear --replay 2 --simulator bullet   in Bullet, whose contacts are another's work
 
 TRAJECTORY is a folder with arm.csv and hand.csv, or a trajectory.json. What reads it shares no code with what wrote it.
 --replay needs scene.xml, from `dexgrasp export --format mjcf`, beside the trajectory. Exit code 0 only if all holds."""
@@ -25,10 +23,6 @@ def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]"
     parser.add_argument(
         "--replay", type=natural_int, default=0, metavar="N", help="replay it N times in simulation"
     )
-    parser.add_argument(
-        "--simulator", choices=("mujoco", "bullet"), default="mujoco",
-        help="of the replays (default mujoco); bullet takes ten seconds each: pip install 'dexgrasp[bullet]'",
-    )  # fmt: skip
     add_seed(parser, "of the object's errors")
     add_cell(parser)
     add_json(parser)
@@ -42,25 +36,20 @@ def run(args: argparse.Namespace) -> int:
     from dexgrasp.export.check import check_trajectory
     from dexgrasp.export.read import read_trajectory
 
-    if args.simulator != "mujoco" and not args.replay:
-        raise InputError("--simulator is of replays: add --replay N")
     recording = read_trajectory(args.trajectory)
-    findings = check_trajectory(recording, str(recording.facts.get("mount", "palm_normal")))
+    findings = check_trajectory(recording)
     good = all(finding.holds for finding in findings)
     held = _replays(args, recording) if args.replay else []
     if args.json:
         content = {"schema": 1, "holds": good, "checks": [asdict(finding) for finding in findings]}
-        print_json(content | {"replays": len(held), "held": sum(held), "simulator": args.simulator})
+        print_json(content | {"replays": len(held), "held": sum(held)})
     else:
         width = max(len(finding.name) for finding in findings)
         for f in findings:
             print(f"{mark(f.holds)}  {f.name:<{width}}  {f.value:12.3e}   {f.bound}")
         print(coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad"))
         if held:
-            where = {"mujoco": "MuJoCo", "bullet": "Bullet"}[args.simulator]
-            print(
-                f"held in {sum(held)} of {len(held)} open-loop replays in {where}, the object 3 mm and 1 deg off"
-            )
+            print(f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off")
     return 0 if good else 1
 
 
@@ -69,10 +58,7 @@ def _replays(args: argparse.Namespace, recording: "object") -> list[bool]:
     import numpy as np
     from tqdm import tqdm
 
-    if args.simulator == "bullet":
-        from dexgrasp.export.bullet import replay_in_bullet as replay
-    else:
-        from dexgrasp.export.replay import replay
+    from dexgrasp.export.replay import replay
 
     folder = args.trajectory if args.trajectory.is_dir() else args.trajectory.parent
     return [

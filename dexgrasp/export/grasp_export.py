@@ -10,15 +10,16 @@ from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.trajectory import Trajectory, Waypoints, make_trajectory
 from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian
+from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.active import active_cell
-from dexgrasp_env.robot.limits import HAND_STIFFNESS
-from dexgrasp_env.robot.names import HAND_JOINTS
+from dexgrasp_env.robot.active import of_process
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import FRICTION
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
@@ -42,20 +43,21 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     """
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS)
-    stiffness = HAND_STIFFNESS if stiffness is None else stiffness
+    record.check_cell()
+    cell = of_process(record.grasp.mount)
+    stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
-    record.check_cell()
-    trajectory, facts = trajectory_of(record), grasp_facts(record, stiffness)
+    trajectory, facts = trajectory_of(record, cell.robot), grasp_facts(record, cell, stiffness)
     folder.mkdir(parents=True, exist_ok=True)
     if kind == "json":
         return write_json(folder, trajectory, facts)
-    scene = _scene(record, folder) if kind == "mjcf" else []
+    scene = _scene(record, cell, folder) if kind == "mjcf" else []
     messages = write_ros2(folder, trajectory, facts) if kind == "ros2" else []
     return [*scene, *messages, *write_csv(folder, trajectory, facts)]
 
 
-def trajectory_of(record: GraspRecord) -> Trajectory:
+def trajectory_of(record: GraspRecord, robot: Robot) -> Trajectory:
     """Return the timed trajectory of a grasp file.
 
     Raises:
@@ -67,51 +69,46 @@ def trajectory_of(record: GraspRecord) -> Trajectory:
             "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
         )
     motion = record.grasp.motion
-    return make_trajectory(Waypoints(approach.setpoints, motion.grasp, motion.squeeze, lift.setpoints))
+    return make_trajectory(Waypoints(approach.setpoints, motion.grasp, motion.squeeze, lift.setpoints), robot)
 
 
-def grasp_facts(record: GraspRecord, stiffness: float) -> dict[str, Any]:
+def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, Any]:
     """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
-    torque, base, grasp = _torque(record), active_cell().base, record.grasp
-    tree = robot_tree(grasp.mount)
-    R, p = body_frames(grasp.q, tree)
-    palm_R, palm_p = R[tree.palm] @ tree.palm_rotation, p[tree.palm] + R[tree.palm] @ tree.palm_offset
+    grasp, base, tree, hand = record.grasp, cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
+    R, p = palm_frame(grasp.q, tree)
+    J = tip_jacobian(tree, body_frames(grasp.motion.grasp, tree), grasp.contacts)[:, :, hand]
+    torque = np.einsum("frj,fr->j", J, grasp.forces)  # presses with the planned forces
     return {
         "object": record.object.name,
         "mount": grasp.mount,
-        "cell": active_cell().stamp,
-        "open": grasp.motion.pregrasp[7:].tolist(),
-        "closed": grasp.motion.squeeze[7:].tolist(),
-        "palm": {"position": (palm_p - base).tolist(), "quat_wxyz": matrix_to_quat(palm_R).tolist()},
+        "cell": cell.stamp,
+        "open": grasp.motion.pregrasp[hand].tolist(),
+        "closed": grasp.motion.squeeze[hand].tolist(),
+        "palm": {"position": (p - base).tolist(), "quat_wxyz": matrix_to_quat(R).tolist()},
         "squeeze": {
-            "joints": list(HAND_JOINTS),
+            "joints": list(cell.robot.hand.joints.names),
             "torque": torque.tolist(),
             "stiffness": stiffness,
             "offset": (torque / stiffness).tolist(),
         },
-        "contacts": {"fingers": list(grasp.fingers), "points": (grasp.contacts - base).tolist(),
-                     "forces": grasp.forces.tolist()},
+        "contacts": {
+            "fingers": list(grasp.fingers),
+            "points": (grasp.contacts - base).tolist(),
+            "forces": grasp.forces.tolist(),
+        },
         "largest_force": float(np.linalg.norm(grasp.forces, axis=1).max()),
         "quality": grasp.certificate.closure_margin,
         "lift_height": grasp.motion.lift_height,
-        "hull": (record.hull - base).tolist(),
-        "part_sizes": None if len(record.parts) == 1 else [len(part) for part in record.parts],
+        "parts": [(part - base).tolist() for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
-    }  # fmt: skip
+    }
 
 
-def _torque(record: GraspRecord) -> Array:
-    """Joint torques (16,) Nm that press with the planned forces, J^T f at the contact points."""
-    grasp, tree = record.grasp, robot_tree(record.grasp.mount)
-    J = tip_jacobian(tree, body_frames(grasp.motion.grasp, tree), grasp.contacts)[:, :, 7:]
-    return np.asarray(np.einsum("frj,fr->j", J, grasp.forces))
-
-
-def _scene(record: GraspRecord, folder: Path) -> list[Path]:
+def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
     model, pose = record.object.load(), record.T_world_object
     if model is None or pose is None:
         model, pose = _seen(record)
-    return write_scene(folder, model, pose, record.grasp.mount, FRICTION)
+    return write_scene(folder, model, pose, cell, FRICTION)
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:

@@ -10,27 +10,19 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object
+from dexgrasp_env.robot.active import of_process
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.robot import Names
 
-_ARM = [
-    "panda_joint1",
-    "panda_joint2",
-    "panda_joint3",
-    "panda_joint4",
-    "panda_joint5",
-    "panda_joint6",
-    "panda_joint7",
-]
-_HAND = [f"{finger}_{k}" for finger in ("index", "middle", "ring", "thumb") for k in range(4)]
 _MOST_ROWS = 600_000  # ten minutes at 1 kHz
 
 
 @dataclass(frozen=True, eq=False)
 class Rows:
-    """One controller's part: times (T,) s, positions (T, n) rad, and the joints' names."""
+    """One controller's part: times (T,) s, positions (T, n) rad."""
 
     times: Array
     positions: Array
-    joints: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,46 +34,47 @@ class Recording:
     facts: dict[str, Any]
 
 
-def read_trajectory(path: Path) -> Recording:
+def read_trajectory(path: Path, cell: Cell | None = None) -> Recording:
     """Read a folder with `arm.csv` and `hand.csv`, one of the two files, or a `trajectory.json`.
+
+    Args:
+        path: of the folder or file.
+        cell: whose robot's joints it must be of; the process's unless one is given.
 
     Raises:
         InputError: saying what is missing, malformed, or cut off.
     """
+    robot = of_process(cell).robot
+    names = {"arm": robot.arm.joints.names, "hand": robot.hand.joints.names}
     if path.is_dir() and (path / "trajectory.json").is_file() and not (path / "arm.csv").is_file():
         path = path / "trajectory.json"
     if path.suffix.lower() == ".json":
-        return _read_json(path)
+        facts = read_json_object(path, "export it again")
+        arm, hand = (_part(facts.pop(key, None), key, names[key], path) for key in names)
+        return Recording(arm, hand, facts)
     folder = path if path.is_dir() else path.parent
-    if not (folder / "arm.csv").is_file() or not (folder / "hand.csv").is_file():
+    files = [folder / f"{key}.csv" for key in names]
+    if not all(file.is_file() for file in files):
         raise InputError(
             f"{path} is no trajectory: valid are a folder with arm.csv and hand.csv, or trajectory.json"
         )
     about = folder / "segments.json"
     facts = read_json_object(about, "export it again") if about.is_file() else {}
-    return Recording(_read_csv(folder / "arm.csv", _ARM), _read_csv(folder / "hand.csv", _HAND), facts)
+    arm, hand = (_read_csv(file, names[file.stem]) for file in files)
+    return Recording(arm, hand, facts)
 
 
-def _read_json(path: Path) -> Recording:
-    content = read_json_object(path, "export it again")
-    return Recording(
-        _part(content, "arm", _ARM, path), _part(content, "hand", _HAND, path),
-        {key: value for key, value in content.items() if key not in ("arm", "hand")},
-    )  # fmt: skip
-
-
-def _part(content: dict[str, Any], key: str, names: list[str], path: Path) -> Rows:
-    part = content.get(key)
-    if not isinstance(part, dict) or part.get("joints") != names:
+def _part(part: Any, key: str, names: Names, path: Path) -> Rows:
+    if not isinstance(part, dict) or part.get("joints") != list(names):
         raise InputError(f"{path}: {key!r} must have joints {', '.join(names)}")
     period = part.get("period")
     if isinstance(period, bool) or not isinstance(period, int | float) or not 0.0 < period < 1.0:
         raise InputError(f"{path}: the period of {key!r} is {period!r}: valid is a part of a second")
     positions = _numbers(part.get("positions"), len(names), f"{path}: positions of {key!r}")
-    return Rows(float(period) * np.arange(len(positions), dtype=float), positions, tuple(names))
+    return Rows(period * np.arange(len(positions), dtype=float), positions)
 
 
-def _read_csv(path: Path, names: list[str]) -> Rows:
+def _read_csv(path: Path, names: Names) -> Rows:
     try:
         with path.open(newline="", encoding="utf-8") as file:
             lines = csv.reader(file)
@@ -94,7 +87,7 @@ def _read_csv(path: Path, names: list[str]) -> Rows:
     if header != ["t", *names]:
         raise InputError(f"{path}: the header must be t, {', '.join(names)}")
     table = _numbers(rows, len(names) + 1, str(path))
-    return Rows(table[:, 0], table[:, 1:], tuple(names))
+    return Rows(table[:, 0], table[:, 1:])
 
 
 def _numbers(rows: Any, width: int, where: str) -> Array:

@@ -41,12 +41,12 @@ def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = 
     """
     import mujoco
 
-    model, data = load_scene(scene)
+    model, data = load_scene(scene, recording)
     mujoco.mj_resetDataKeyframe(model, data, 0)
     free = int(model.joint("object").qposadr[0])
     if rng is not None:
         displace(data.qpos[free : free + 7], rng)
-    data.qpos[:23] = data.ctrl[:] = set_points(recording, 0.0)
+    data.qpos[: model.nu] = data.ctrl[:] = set_points(recording, 0.0)
     body = model.body("object").id
     mujoco.mj_forward(model, data)
     start, least = float(data.xpos[body, 2]), np.inf
@@ -59,8 +59,8 @@ def replay(recording: Recording, scene: Path, rng: np.random.Generator | None = 
     return Replay(least >= HEIGHT, least)
 
 
-def load_scene(scene: Path) -> tuple[Any, Any]:
-    """Return MuJoCo's model and data of a `scene.xml`.
+def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
+    """Return MuJoCo's model and data of a `scene.xml` for a trajectory.
 
     Raises:
         InputError: if it does not load, or is no scene of a trajectory.
@@ -74,8 +74,9 @@ def load_scene(scene: Path) -> tuple[Any, Any]:
         model.joint("object")
     except (ValueError, KeyError) as error:
         raise InputError(f"{scene} is no scene of a trajectory: {' '.join(str(error).split())}") from None
-    if model.nkey < 1 or model.nu != 23:
-        raise InputError(f"{scene} is no scene of a trajectory: 23 actuators and a keyframe are needed")
+    joints = recording.arm.positions.shape[1] + recording.hand.positions.shape[1]
+    if model.nkey < 1 or model.nu != joints:
+        raise InputError(f"{scene} is no scene of a trajectory: {joints} actuators and a keyframe are needed")
     return model, mujoco.MjData(model)
 
 

@@ -12,13 +12,13 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat
-from dexgrasp_env.robot.limits import HOME
+from dexgrasp_env.robot.cell import Cell
 
 SCENE, MESHES = "scene.xml", "meshes"
 
 
 def write_scene(
-    folder: Path, model: ObjectModel, T_world_object: Array | None, mount: str, friction: float
+    folder: Path, model: ObjectModel, T_world_object: Array | None, cell: Cell, friction: float
 ) -> list[Path]:
     """Write `scene.xml` and `meshes/`: robot, table and object, with a keyframe `start`.
 
@@ -26,7 +26,7 @@ def write_scene(
         folder: made if it is not there.
         model: the object.
         T_world_object: (4, 4) its pose at the start; above the table's middle if None.
-        mount: of the hand.
+        cell: with the mount in use.
         friction: sliding coefficient of every contact.
 
     Raises:
@@ -36,12 +36,13 @@ def write_scene(
 
     from dexgrasp_env.scene.build import scene_spec
 
-    spec = scene_spec(model, mount=mount, friction=friction)
+    spec = scene_spec(model, cell, friction=friction)
     pose = np.eye(4) if T_world_object is None else np.asarray(T_world_object, dtype=float)
     if T_world_object is None:
         pose[:3, 3] = 0.5, 0.0, 0.3
     free = [*pose[:3, 3], *matrix_to_quat(pose[:3, :3])]
-    spec.add_key(name="start", qpos=[*HOME, *free], ctrl=list(HOME))
+    home = cell.robot.home.tolist()
+    spec.add_key(name="start", qpos=[*home, *free], ctrl=home)
     spec.compile()
     text = _portable(spec.to_xml(), folder / MESHES)
     write_atomically(folder / SCENE, text.encode())

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import combinations
 from typing import Any
 
 import mujoco
@@ -113,18 +114,36 @@ class Scene:
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
         """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves."""
         self.place(q)
-        robot = [
-            g
-            for g in range(self.model.ngeom)
-            if self.model.geom_contype[g] and g != self.table and g not in self.object
-        ]
-        moving = [g for g in robot if self.model.body_weldid[self.model.geom_bodyid[g]] != 0]
-        apart = self._tip_geoms if tips_touch else set()
         return {
-            "hand_object": self._least([(g, part) for g in moving if g not in apart for part in self.object]),
-            "hand_table": self._least([(g, self.table) for g in moving if not self._on_plinth(g)]),
-            "self": self._least(self._pairs(robot)),
+            kind: self._least([pair for pair in pairs if not (tips_touch and self._is_touch(pair))])
+            for kind, pairs in self._pairs.items()
         }
+
+    def _is_touch(self, pair: tuple[int, int]) -> bool:
+        return pair[0] in self._tip_geoms and pair[1] in self.object
+
+    @cached_property
+    def _pairs(self) -> dict[str, list[tuple[int, int]]]:
+        """Geoms that may meet in the simulation, by what they are of."""
+        model = self.model
+        robot = [
+            g for g in range(model.ngeom) if model.geom_contype[g] and g not in self.object | {self.table}
+        ]
+        moving = [g for g in robot if model.body_weldid[model.geom_bodyid[g]] != 0]
+        excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature}
+        return {
+            "hand_object": [(g, part) for g in moving for part in self.object],
+            "hand_table": [(g, self.table) for g in moving if not self._on_plinth(g)],
+            "self": [pair for pair in combinations(robot, 2) if self._may_meet(*pair, excluded)],
+        }
+
+    def _may_meet(self, a: int, b: int, excluded: set[frozenset[int]]) -> bool:
+        """Whether two geoms are not of one body, of neighbours, or excluded by the model."""
+        model = self.model
+        bodies = [int(model.geom_bodyid[g]) for g in (a, b)]
+        one, two = (int(model.body_weldid[body]) for body in bodies)
+        above = [int(model.body_weldid[model.body_parentid[weld]]) for weld in (one, two)]
+        return one not in (two, above[1]) and two != above[0] and frozenset(bodies) not in excluded
 
     def first_contact(self, path: Array, with_object: bool = True) -> tuple[int, float]:
         """Return the first row of a path (T, n) in which anything touches, or -1, and the deepest penetration, m."""
@@ -153,21 +172,6 @@ class Scene:
         return min(
             (mujoco.mj_geomDistance(self.model, self.data, a, b, FAR, from_to) for a, b in pairs), default=FAR
         )
-
-    def _pairs(self, geoms: list[int]) -> list[tuple[int, int]]:
-        """Pairs that may collide in the simulation: not of one body, of neighbours, or excluded by the model."""
-        model = self.model
-        excluded = {(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature}
-        pairs = []
-        for i, a in enumerate(geoms):
-            for b in geoms[i + 1 :]:
-                one, two = sorted((int(model.geom_bodyid[a]), int(model.geom_bodyid[b])))
-                welded = model.body_weldid[one] == model.body_weldid[two]
-                parent = model.body_weldid[model.body_parentid[model.body_weldid[two]]]
-                neighbours = parent == model.body_weldid[one]
-                if not (welded or neighbours or (one, two) in excluded or (two, one) in excluded):
-                    pairs.append((a, b))
-        return pairs
 
 
 def _hull(vertices: Array) -> Any:
