@@ -7,8 +7,6 @@ this project are made, and what else there is, such as the optimiser's schedule,
 
 import base64
 import binascii
-import importlib
-import io
 import json
 import pickle
 import re
@@ -16,6 +14,7 @@ import zipfile
 from pathlib import Path
 from typing import Any
 
+from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.errors import InputError
 
 _ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
@@ -24,16 +23,14 @@ _NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
 _REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0}
 _CLASSES = re.compile(
     r"stable_baselines3\.((common|\w+)\.policies|common\.(buffers|utils|type_aliases|torch_layers|noise))"
-    r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam|adamw)|(agents|dexgrasp_env)\.[\w.]+"
+    r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam|adamw)|(dexgrasp|dexgrasp_env)\.[\w.]+"
 )
 """Modules of which classes may be made."""
 _NAMES = {
     ("collections", "OrderedDict"), ("collections", "deque"), ("builtins", "set"), ("builtins", "slice"),
-    ("numpy", "dtype"), ("numpy", "ndarray"), ("numpy.random._pickle", "__generator_ctor"),
+    ("numpy.random._pickle", "__generator_ctor"),
     ("numpy.random._pickle", "__bit_generator_ctor"), ("numpy.random._pcg64", "PCG64"),
     ("numpy.random.bit_generator", "__pyx_unpickle_SeedSequence"), ("numpy.random.bit_generator", "SeedSequence"),
-    *((f"numpy.{core}.multiarray", name) for core in ("core", "_core") for name in ("_reconstruct", "scalar")),
-    *((f"numpy.{core}.numeric", "_frombuffer") for core in ("core", "_core")),
 }  # fmt: skip
 
 
@@ -82,7 +79,8 @@ def harmless_objects(path: Path, settings: dict[str, Any]) -> dict[str, Any]:
         except Exception as error:
             if key in _NEEDED:
                 raise InputError(
-                    f"{path}: {key} is not read, as {' '.join(str(error).split())[:120]}"
+                    f"{path}: {key} is not read, as {' '.join(str(error).split())[:120]} (an agent of your own is "
+                    "named package.module:Class)"
                 ) from None
             found[key] = _REPLACED.get(key)
     return found
@@ -90,22 +88,6 @@ def harmless_objects(path: Path, settings: dict[str, Any]) -> dict[str, Any]:
 
 def _unpickled(text: Any) -> Any:
     try:
-        return _Reader(io.BytesIO(base64.b64decode(text))).load()
+        return unpickle(base64.b64decode(text), _NAMES, _CLASSES)
     except (binascii.Error, TypeError, EOFError) as error:
         raise pickle.UnpicklingError(f"it is damaged ({error})") from None
-
-
-class _Reader(pickle.Unpickler):
-    """Makes objects of known classes alone."""
-
-    def find_class(self, module: str, name: str) -> Any:
-        """Return a class or constructor that is known to do no harm."""
-        if (module, name) in _NAMES:
-            return getattr(importlib.import_module(module), name)
-        if _CLASSES.fullmatch(module):
-            found = getattr(importlib.import_module(module), name, None)
-            if isinstance(found, type):
-                return found
-        raise pickle.UnpicklingError(
-            f"{module}.{name} might run code of its author (an agent of your own is named package.module:Class)"
-        )

@@ -18,8 +18,8 @@ from dexgrasp.scoring.closing import PRESS, balanced_forces, close_around
 from dexgrasp.scoring.hand import find_hand
 from dexgrasp.scoring.metrics import diversity
 from dexgrasp.scoring.readers import ReadOptions, ours, read_candidates
+from dexgrasp.scoring.readers.dictionary import read_dictionary
 from dexgrasp.scoring.readers.plain import FORMAT
-from dexgrasp.scoring.readers.restricted import read_dictionary
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.model import robot_spec

@@ -15,8 +15,8 @@ import numpy as np
 
 from dexgrasp.scoring.candidate import Candidate, HandStage, as_pose
 from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
+from dexgrasp.scoring.readers.dictionary import read_dictionary
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
-from dexgrasp.scoring.readers.restricted import read_dictionary
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import pose_matrix
