@@ -27,7 +27,6 @@ from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining, evaluate
 from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.cvae.weights import read_weights
 from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
-from dexgrasp_env.robot.cell import default_cell
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.decoder import NetworkSettings
@@ -37,6 +36,7 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.files import write_json
+from dexgrasp_env.robot.cell import default_cell
 
 SAMPLES = 100  # of the prior, a rest pose
 PLACE = np.array([0.5, 0.0, 0.0])  # m, where objects lie before the robot

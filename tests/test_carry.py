@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from robots import CELL, HOME
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -19,10 +20,9 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.robot.limits import HOME
 from dexgrasp_env.tasks.control import denormalise
 
-TREE, SETTINGS = robot_tree(), PlannerSettings()
+TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 
 
 def planned(mass):
@@ -104,7 +104,7 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     first = dict(script.phases)
 
     def played(turn):
-        execution = GuardedGrasp(script, grasp, TREE)
+        execution = GuardedGrasp(script, grasp)
         touching, q, out = script.targets[first["squeeze"] - 1][7:], script.start, []
         for step in range(len(script.targets) + 40):
             execution = carried(execution, turn)
@@ -132,7 +132,7 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
 def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
-    execution = GuardedGrasp(script, grasp, TREE)
+    execution = GuardedGrasp(script, grasp)
     touching, q = script.targets[dict(script.phases)["squeeze"] - 1], script.start
     for step in range(len(script.targets) + 60):
         execution = carried(execution, turn if turned else None)

@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from robots import CELL
 
 from dexgrasp.cli.dataset import describe
 from dexgrasp.cli.main import main
@@ -82,7 +83,7 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     scene = rest_scene("mustard_bottle", 0, DatasetSettings.of(["mustard_bottle"]))
     triples, planner = scene.triples[:: len(scene.triples) // 300], SETTINGS.planner
     kept = {tuple(t) for t in bearable(scene, triples, SETTINGS)}
-    problem = Problem(scene.grasp_target, robot_tree(), planner)
+    problem = Problem(scene.grasp_target, robot_tree(CELL), planner)
     at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, ASSIGNMENTS)
     loads = loads_on(at, problem)
     margin = margins(scene.points[triples], scene.normals[triples], planner.friction)[0]

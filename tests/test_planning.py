@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 import trimesh
 from planned import hammer
+from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.physics.conic import conic_margin, conic_residual
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
@@ -25,13 +25,12 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
 from dexgrasp.planning.sqp import MOVED, bounds_of
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp.verify.cones import conic_margin, conic_residual
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 from dexgrasp_env.robot.model import robot_spec
-from dexgrasp_env.robot.names import BODIES, GRASP_FINGERS
 
-TREE, SETTINGS = robot_tree(), PlannerSettings()
-MODEL = robot_spec().compile()
+TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
+MODEL = robot_spec(CELL).compile()
 DATA = mujoco.MjData(MODEL)
 FRICTIONLESS = PlannerSettings(friction=0.01)
 
@@ -129,7 +128,7 @@ def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
     for k in range(0, len(found.contacts), 5 if len(found.contacts) > 20 else 1):
         p, n = found.contacts[k], found.normals[k]
         assert solve_wrench_qp(p, n, SETTINGS.friction, solver="daqp").residual < 1e-6
-        margin = conic_margin(p, n, SETTINGS.friction).value
+        margin = conic_margin(p, n, SETTINGS.friction)
         assert abs(margin - found.margins[k]) < 1e-5
         closed.append(conic_residual(p, n, SETTINGS.friction).upper < 1e-6)
         assert closed[-1] == (margin > 0) or abs(margin) < 1e-3
@@ -199,7 +198,7 @@ def test_subject_assumptions_and_bad_input():
 
 
 def test_atlas_postures_are_what_mujoco_says():
-    atlas = hand_atlas()
+    atlas = hand_atlas(CELL)
     assert len(atlas.joints) > 5000
     rng = np.random.default_rng(0)
     for k in rng.choice(len(atlas.joints), 60, replace=False):
@@ -251,7 +250,7 @@ def test_oriented_postures_say_how_far_they_miss(proposals):
 
 
 def test_tip_ik_reaches_what_can_be_reached():
-    rng, atlas, met = np.random.default_rng(3), hand_atlas(), 0
+    rng, atlas, met = np.random.default_rng(3), hand_atlas(CELL), 0
     for k in rng.choice(len(atlas.joints), 40, replace=False):
         goal = HOME.copy()
         goal[7:] = atlas.joints[k]
@@ -345,7 +344,7 @@ def test_values_of_the_fixed_rows_by_another_way(name, proposals):
         np.testing.assert_allclose(at.contacts, tips - distance[:, None] * normals, atol=1e-6)
         np.testing.assert_allclose(at.values[:3], distance - bounds.low, atol=1e-7)
         np.testing.assert_allclose(at.values[3:6], bounds.high - distance, atol=1e-7)
-        margin = conic_margin(at.contacts, at.normals, SETTINGS.friction).value
+        margin = conic_margin(at.contacts, at.normals, SETTINGS.friction)
         assert abs(at.margin - margin) < 1e-5
         for i, finger in enumerate(GRASP_FINGERS):
             frame = DATA.body(f"{finger}_distal").xmat.reshape(3, 3)

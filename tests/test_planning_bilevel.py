@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from robots import CELL, HOME, LOWER, UPPER
 
 from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
@@ -18,9 +19,8 @@ from dexgrasp.planning.setpoints import grasp_motion, opened
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.robot.limits import HOME, LOWER, UPPER
 
-TREE, SETTINGS = robot_tree(), PlannerSettings()
+TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 
 
 def lying(size, at=(0.5, 0.0)):
@@ -128,7 +128,7 @@ def test_plan_is_whole_and_repeats_itself(plan):
 def test_approach_keeps_clear_of_the_object(plan):
     """Up to the close, the way is free; the robot never leaves its joint range."""
     first = dict(plan.script.phases)
-    checker = CollisionChecker(TREE, BOX.distance, margin=0.0)
+    checker = CollisionChecker(CELL, BOX.distance, margin=0.0)
     assert checker.first_contact(plan.script.targets[: first["close"]]) is None
     assert ((plan.script.targets >= LOWER - 1e-9) & (plan.script.targets <= UPPER + 1e-9)).all()
 
@@ -219,7 +219,7 @@ def test_the_squeeze_presses_with_the_planned_forces(plan):
 
     from dexgrasp_env.robot.model import robot_spec
 
-    model = robot_spec().compile()
+    model = robot_spec(CELL).compile()
     data, J, torque = mujoco.MjData(model), np.zeros((3, model.nv)), np.zeros(23)
     data.qpos[:23] = plan.grasp.motion.grasp
     mujoco.mj_forward(model, data)

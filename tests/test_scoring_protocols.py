@@ -94,7 +94,7 @@ def test_holds_up_to_the_friction_limit_and_not_beyond(tmp_path, name, push, pad
         verdict = protocol.judge(
             case(tmp_path, pressing(tmp_path, share * weight / mu, pads, protocol), pads), 0
         )
-        moved[share] = verdict.moved
+        moved[share] = verdict.moved_m
         assert verdict.success == (share > 0.8), (share, verdict.sentence)
     # Past the limit MuJoCo's contacts first creep, about 1 cm/s for 5 %: the slip begins where it should, the verdict
     # of a protocol that allows centimetres falls somewhat later.

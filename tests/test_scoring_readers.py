@@ -246,7 +246,7 @@ def test_plain_json(folder):
     ("change", "words"),
     [
         ({"T_world_object": [1, 2]}, "must be a \\(4, 4\\) pose"),
-        ({"grasp": 3}, "is not of format"),
+        ({"grasp": 3}, "is malformed"),
         ({"object": "ball"}, "--mesh"),
     ],
 )
@@ -270,8 +270,8 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mo
         T_world_object=np.eye(4), object=identity, check_cell=lambda: None,
         grasp=SimpleNamespace(mount=mount, motion=GraspMotion(q - 0.1, q, np.r_[q[:7], q[7:] + 0.02])),
     )  # fmt: skip
-    monkeypatch.setattr(ours, "read_grasp", lambda path: record)
-    (found,) = ours.read_ours(tmp_path / "grasp.json", ReadOptions())
+    monkeypatch.setattr(ours, "record_of", lambda content, source: record)
+    (found,) = ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
     robot, hand = robot_spec(CELL.mounted(mount)).compile(), found.hand.model
     whole, alone = mujoco.MjData(robot), mujoco.MjData(hand)
     whole.qpos[:23], alone.qpos[:] = q, found.grasp.joints
@@ -285,7 +285,7 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mo
     np.testing.assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
     record.T_world_object = None
     with pytest.raises(InputError, match="T_world_object is missing"):
-        ours.read_ours(tmp_path / "grasp.json", ReadOptions())
+        ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
 
 
 # -- closing ----------------------------------------------------------------------------------------------------

@@ -141,7 +141,8 @@ def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> b
     import tempfile
     from pathlib import Path
 
-    from dexgrasp.grasp.file import grasp_json, read_grasp
+    from dexgrasp.grasp.content import grasp_json
+    from dexgrasp.grasp.file import read_grasp
     from dexgrasp.verify.verify import UNEXECUTED, verify
 
     with tempfile.TemporaryDirectory() as folder:

@@ -10,7 +10,7 @@ from dexgrasp.cli.output import mark, print_json
 
 if TYPE_CHECKING:
     from dexgrasp.grasp.record import GraspRecord
-    from dexgrasp.verify.checks.check import Check
+    from dexgrasp.verify.check import Check
 
 _EPILOG = """examples:
   dexgrasp plan pear --out grasps/pear && dexgrasp verify grasps/pear/grasp.json

@@ -55,7 +55,8 @@ def pose_arrays(scene: RestScene) -> Arrays:
         "normals": scene.normals.astype("float32"),
         "hull": np.asarray(scene.grasp_target.hull.vertices), "centre": scene.grasp_target.centre,
         "mass": np.array(scene.grasp_target.mass), "quat_wxyz": np.array(scene.rest.quat_wxyz),
-        "height": np.array(scene.rest.height), "probability": np.array(scene.rest.probability), "triples": np.array([scene.decided, len(scene.triples)]),
+        "height": np.array(scene.rest.height), "probability": np.array(scene.rest.probability),
+        "triples": np.array([scene.decided, len(scene.triples)]),
     }  # fmt: skip
 
 

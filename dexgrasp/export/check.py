@@ -9,8 +9,8 @@ import numpy as np
 
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp.grasp.values import convex_parts
-from dexgrasp.verify.checks.check import Check, at_least, at_most
-from dexgrasp.verify.checks.scene import Scene
+from dexgrasp.verify.check import Check, at_least, at_most
+from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import SIMULATED, Cell
 from dexgrasp_env.robot.robot import Joints

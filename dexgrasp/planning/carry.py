@@ -10,8 +10,8 @@ from itertools import product
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.motion.script import ActionScript
 from dexgrasp.motion.turn import Turn, rotation, turn_arm
 from dexgrasp.physics.strength import Contacts, capacity_of, directions
 from dexgrasp.planning.claims import contacts_of

@@ -41,7 +41,7 @@ def certificate_of(q: Array, forces: Array, problem: Problem, *, with_capacity: 
     ratios = wrench_ratios(contacts.points, internal.forces, target.centre)
     load = load_of(contacts, forces)
     return Certificate(
-        distances_cm=tuple(float(d) for d in 100.0 * (distances - settings.tip_radius)),  # type: ignore[arg-type]
+        distances_cm=tuple(float(d) for d in 100.0 * (distances - settings.tip_radius)),
         force_ratio_percent=ratios.force,
         torque_ratio_percent=ratios.torque,
         closure_residual=float(internal.residual),

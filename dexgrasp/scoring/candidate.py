@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-import numpy as np
-
 from dexgrasp.scoring.hand import HandModel
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.poses import shifted
 
 
 @dataclass(frozen=True)
@@ -22,6 +21,10 @@ class HandStage:
 
     T_world_hand: Array
     joints: Array
+
+    def shifted(self, offset: Array) -> "HandStage":
+        """Return the stage with the hand moved by (3,) m in the world."""
+        return replace(self, T_world_hand=shifted(self.T_world_hand, offset))
 
 
 @dataclass(frozen=True)
@@ -71,11 +74,10 @@ def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source
     """Return joint values (..., n) in the hand's order from values named otherwise ordered.
 
     Raises:
-        InputError: if names are missing, unknown or doubled, or a value is not finite.
+        InputError: if names are missing, unknown or doubled.
     """
-    values = np.asarray(values, dtype=float)
-    if values.shape[-1] != len(names) or not np.isfinite(values).all():
-        raise InputError(f"{source}: joints must be {len(names)} finite numbers, one for each joint name")
+    if values.shape[-1] != len(names):
+        raise InputError(f"{source}: joints must be {len(names)} numbers, one for each joint name")
     if sorted(names) != sorted(hand.joint_names):
         strange = sorted(set(names) ^ set(hand.joint_names))
         raise InputError(
@@ -84,29 +86,3 @@ def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source
         )
     order = [list(names).index(name) for name in hand.joint_names]
     return values[..., order]
-
-
-def as_pose(value: object, source: str, name: str) -> Array:
-    """Return a pose (4, 4) from a matrix, or from 7 numbers (position, quaternion wxyz).
-
-    Raises:
-        InputError: if it is neither, or no rigid transform.
-    """
-    from dexgrasp_env.poses import pose_matrix
-
-    try:
-        T = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        T = np.zeros(0)
-    if T.shape == (7,) and np.isfinite(T).all() and np.linalg.norm(T[3:]) > 1e-6:
-        T = pose_matrix(T[:3], T[3:] / np.linalg.norm(T[3:]))
-    if T.shape != (4, 4) or not np.isfinite(T).all():
-        raise InputError(f"{source}: {name} must be a (4, 4) pose, or 7 numbers: position m, quaternion wxyz")
-    R = T[:3, :3]
-    if (
-        np.abs(R @ R.T - np.eye(3)).max() > 1e-3
-        or np.linalg.det(R) < 0
-        or np.abs(T[3] - [0, 0, 0, 1]).max() > 1e-6
-    ):
-        raise InputError(f"{source}: {name} is no rigid transform (rotation, position, last row 0 0 0 1)")
-    return T

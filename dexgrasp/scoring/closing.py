@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from scipy.optimize import nnls
 
+from dexgrasp.physics.cones import cone_edges
 from dexgrasp.scoring.candidate import HandStage
 from dexgrasp.scoring.hand import HandModel
 from dexgrasp_env.arrays import Array
@@ -37,10 +38,14 @@ def close_around(
         centre: (3,) m, of the object's mass.
     """
     inward = inward / np.linalg.norm(inward, axis=1, keepdims=True)
-    forces = balanced_forces(points, inward, centre)
-    press = squeeze_offsets(hand, grasp.joints, grasp.T_world_hand, points, forces)
-    opened_joints = opened(hand, grasp.joints, grasp.T_world_hand, points, inward)
-    return replace(grasp, joints=opened_joints), replace(grasp, joints=grasp.joints + press)
+    J = contact_jacobians(hand, grasp, points)
+    torques = balanced_forces(points, inward, centre).ravel() @ J
+    press = torques * min(1.0, TORQUE / max(float(np.abs(torques).max()), 1e-9)) / SERVO_KP
+    back = J.T @ np.linalg.solve(J @ J.T + _DAMPING**2 * np.eye(len(J)), (-RETREAT * inward).ravel())
+    model = hand.model
+    low, high = np.where(model.jnt_limited[:, None], model.jnt_range, [-np.inf, np.inf]).T
+    opened = np.clip(grasp.joints + back, low, high)
+    return replace(grasp, joints=opened), replace(grasp, joints=grasp.joints + press)
 
 
 def balanced_forces(points: Array, inward: Array, centre: Array) -> Array:
@@ -51,54 +56,23 @@ def balanced_forces(points: Array, inward: Array, centre: Array) -> Array:
     """
     count, arms = len(points), points - centre
     length = max(float(np.sqrt((arms**2).sum(1).mean())), 1e-6)
-    edges = np.stack([_cone_edges(n) for n in inward])  # (k, e, 3)
+    edges = cone_edges(-inward, _FRICTION, _EDGES)  # (k, e, 3)
     wrench = np.concatenate([edges, np.cross(arms[:, None], edges) / length], axis=-1)  # (k, e, 6)
     base = np.concatenate([inward, np.cross(arms, inward) / length], axis=-1).sum(0)
-    flat = edges.reshape(count, -1, 3)
     matrix = np.concatenate([wrench.reshape(-1, 6).T, _TINY * np.eye(count * _EDGES)])
     weights, _ = nnls(matrix, np.concatenate([-base, np.zeros(count * _EDGES)]))
-    forces = inward + (weights.reshape(count, _EDGES, 1) * flat).sum(1)
+    forces = inward + (weights.reshape(count, _EDGES, 1) * edges).sum(1)
     return forces * (PRESS / (forces * inward).sum(1).max())
 
 
-def squeeze_offsets(
-    hand: HandModel, joints: Array, T_world_hand: Array, points: Array, forces: Array
-) -> Array:
-    """Return joint offsets (n,) rad that press with `forces` (k, 3) N on the object, by servos of `SERVO_KP`."""
-    jacobians = contact_jacobians(hand, joints, T_world_hand, points)
-    torques = np.einsum("kin,ki->n", jacobians, forces)
-    return torques * min(1.0, TORQUE / max(float(np.abs(torques).max()), 1e-9)) / SERVO_KP
-
-
-def opened(hand: HandModel, joints: Array, T_world_hand: Array, points: Array, inward: Array) -> Array:
-    """Return joints (n,) that draw each contact back by `RETREAT`, within the joints' ranges."""
-    J = contact_jacobians(hand, joints, T_world_hand, points).reshape(-1, hand.model.nv)
-    wanted = (-RETREAT * inward).ravel()
-    step = J.T @ np.linalg.solve(J @ J.T + _DAMPING**2 * np.eye(len(J)), wanted)
-    model, limited = hand.model, hand.model.jnt_limited.astype(bool)
-    found = joints + step
-    return np.where(limited, np.clip(found, model.jnt_range[:, 0], model.jnt_range[:, 1]), found)
-
-
-def contact_jacobians(hand: HandModel, joints: Array, T_world_hand: Array, points: Array) -> Array:
-    """Return (k, 3, n): velocities in the world of points on the links nearest to them, per joint."""
-    model = hand.model
+def contact_jacobians(hand: HandModel, grasp: HandStage, points: Array) -> Array:
+    """Return (3 k, n): velocities in the world of points (k, 3) on the links nearest to them, per joint."""
+    model, T = hand.model, grasp.T_world_hand
     data = mujoco.MjData(model)
-    data.qpos[:] = joints
+    data.qpos[:] = grasp.joints
     mujoco.mj_forward(model, data)
-    R = T_world_hand[:3, :3]
-    local = (points - T_world_hand[:3, 3]) @ R
     found = np.zeros((len(points), 3, model.nv))
-    for jacobian, point in zip(found, local, strict=True):
+    for jacobian, point in zip(found, (points - T[:3, 3]) @ T[:3, :3], strict=True):
         body = int(model.geom_bodyid[np.linalg.norm(data.geom_xpos - point, axis=1).argmin()])
         mujoco.mj_jac(model, data, jacobian, None, point, body)
-    return np.einsum("ij,kjn->kin", R, found)
-
-
-def _cone_edges(normal: Array) -> Array:
-    """Edges (e, 3) of the pyramid inside the friction cone about a unit normal."""
-    first = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
-    first /= np.linalg.norm(first)
-    second = np.cross(normal, first)
-    angles = np.linspace(0.0, 2.0 * np.pi, _EDGES, endpoint=False)
-    return normal + _FRICTION * (np.cos(angles)[:, None] * first + np.sin(angles)[:, None] * second)
+    return (T[:3, :3] @ found).reshape(-1, model.nv)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from scipy.spatial.transform import Rotation, Slerp
+from scipy.spatial.transform import Rotation
 
 from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.hand import HandModel
@@ -16,7 +16,7 @@ from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat, pose_matrix
 
-PREFIX = "hand/"
+_PREFIX = "hand/"
 _BASE, _MOCAP = "hand_base", "hand_target"
 
 
@@ -49,15 +49,7 @@ def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoc
     """Compile the scene: bodies `hand_base` (free, welded to the mocap body), `object` (free), and a table or none."""
     spec = mujoco.MjSpec()
     spec.modelname = f"score {hand.name} {target.name}"
-    option = spec.option
-    option.timestep, option.impratio, option.noslip_iterations = (
-        physics.timestep,
-        physics.impratio,
-        physics.noslip,
-    )
-    option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-    option.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
-    option.gravity = [0.0, 0.0, 0.0]
+    _set_options(spec, physics)
     _add_hand(spec, hand, physics)
     body = spec.worldbody.add_body(name="object")
     body.add_freejoint(name="object")
@@ -71,12 +63,16 @@ def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoc
     return spec.compile()
 
 
+def _set_options(spec: mujoco.MjSpec, physics: Physics) -> None:
+    option = spec.option
+    option.timestep, option.impratio = physics.timestep, physics.impratio
+    option.noslip_iterations, option.tolerance, option.gravity = physics.noslip, 1e-8, [0.0, 0.0, 0.0]
+    option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
+
+
 def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
     child = hand.spec()
-    for name in ("timestep", "impratio", "noslip_iterations", "integrator", "cone", "gravity", "tolerance"):
-        setattr(
-            child.option, name, getattr(spec.option, name)
-        )  # the protocol's; differing ones draw a warning
+    _set_options(child, physics)  # differing ones draw a warning
     for geom in child.geoms:
         geom.solimp[:3] = physics.hand_solimp
         geom.solref[:2] = physics.hand_solref
@@ -85,7 +81,7 @@ def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
             actuator.gainprm[0], actuator.biasprm[1] = physics.servo_kp, -physics.servo_kp
     base = spec.worldbody.add_body(name=_BASE)
     base.add_freejoint(name=_BASE)
-    spec.attach(child, frame=base.add_frame(), prefix=PREFIX)
+    spec.attach(child, frame=base.add_frame(), prefix=_PREFIX)
     spec.worldbody.add_body(name=_MOCAP, mocap=True)
     same_pose = np.zeros(12)  # anchor 3, position 3, quaternion 4, torque scale, unused
     same_pose[[6, 10]] = 1.0
@@ -110,10 +106,7 @@ class FloatingScene:
         self.model = build_model(candidate.hand, candidate.object.with_mass(mass), physics)
         self.data = mujoco.MjData(self.model)
         self.servo_kp = None if candidate.hand.own_gains else physics.servo_kp
-        joints = [self.model.joint(PREFIX + name) for name in candidate.hand.joint_names]
-        self._qpos = np.array([int(j.qposadr[0]) for j in joints])
-        self._dofs = np.array([int(j.dofadr[0]) for j in joints])
-        self._base, self._object_qpos = (int(self.model.joint(n).qposadr[0]) for n in (_BASE, "object"))
+        self._joints = len(candidate.hand.joint_names)  # after the base's free joint, before the object's
         self.object_body = self.model.body("object").id
         first, last = self.model.body(_BASE).id, self.model.nbody
         self.hand_bodies = [
@@ -124,11 +117,10 @@ class FloatingScene:
         """Put hand and object where the stage has them, at rest, without forces."""
         mujoco.mj_resetData(self.model, self.data)
         data = self.data
-        data.qpos[self._base : self._base + 7] = _seven(stage.T_world_hand)
-        data.qpos[self._object_qpos : self._object_qpos + 7] = _seven(self.candidate.T_world_object)
-        data.qpos[self._qpos] = stage.joints
+        object_pose = _seven(self.candidate.T_world_object)
+        data.qpos[:] = np.concatenate([_seven(stage.T_world_hand), stage.joints, object_pose])
         mujoco.mj_forward(self.model, data)
-        self._moment = _dense_moment(self.model, data)[:, self._dofs]
+        self._moment = _dense_moment(self.model, data)[:, 6 : 6 + self._joints]
         self.aim(stage.T_world_hand, stage.joints)
 
     def aim(self, T_world_hand: Array, joints: Array) -> None:
@@ -154,13 +146,14 @@ class FloatingScene:
 
     def object_pose(self) -> Array:
         """Return T_world_object (4, 4)."""
-        body = self.data.body(self.object_body)
-        return pose_matrix(body.xpos.copy(), body.xquat.copy())
+        return self._pose("object")
 
     def hand_pose(self) -> Array:
         """Return T_world_hand (4, 4), where the base is."""
-        body = self.data.body(_BASE)
-        return pose_matrix(body.xpos.copy(), body.xquat.copy())
+        return self._pose(_BASE)
+
+    def _pose(self, body: str) -> Array:
+        return pose_matrix(self.data.body(body).xpos, self.data.body(body).xquat)
 
     def hand_contacts(self) -> list[tuple[int, float, float]]:
         """Return (body of the hand, distance m, normal force N) of each contact between hand and object."""
@@ -188,9 +181,8 @@ def displacement(before: Array, after: Array) -> tuple[float, float]:
 
 def interpolated(first: Array, last: Array, part: float) -> Array:
     """Return the pose (4, 4) at `part` between two: positions on a line, rotations about one axis."""
-    T = np.eye(4)
-    T[:3, 3] = first[:3, 3] + part * (last[:3, 3] - first[:3, 3])
-    T[:3, :3] = Slerp([0.0, 1.0], Rotation.from_matrix([first[:3, :3], last[:3, :3]]))(part).as_matrix()
+    T = first + part * (last - first)
+    T[:3, :3] = first[:3, :3] @ (Rotation.from_matrix(first[:3, :3].T @ last[:3, :3]) ** part).as_matrix()
     return T
 
 

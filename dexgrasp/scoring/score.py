@@ -3,15 +3,15 @@
 import time
 import zlib
 from collections import Counter
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dexgrasp.evaluation.statistics import object_interval, wilson_interval
+from dexgrasp.evaluation.summary import bare_count, count, grouped
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.scoring.candidate import Candidate
@@ -23,17 +23,8 @@ from dexgrasp_env.errors import InputError
 SCHEMA = 1
 
 
-@dataclass(frozen=True)
-class ScoreTask:
-    """One grasp to score.
-
-    Attributes:
-        path: the file.
-        number: of the grasp in the file.
-        protocols: names.
-        options: how to read the file.
-        seed: of the protocols' draws.
-    """
+class ScoreTask(NamedTuple):
+    """One grasp to score: the file and the grasp's number in it, protocols, and the seed of their draws."""
 
     path: Path
     number: int
@@ -74,14 +65,20 @@ def score_files(
     tasks = [ScoreTask(p, i, names, options, seed) for p, own in found.items() for i in range(len(own))]
     if not tasks:
         raise InputError("no grasps to score")
-    results = _results(tasks, workers, progress)
+    results: list[dict[str, Any]] = [{}] * len(tasks)
+    with progress_bar("grasp", "score", shown=progress) as show:
+        for done, (k, result) in enumerate(
+            run_pool(_numbered, list(enumerate(tasks)), Backend(workers=workers)), 1
+        ):
+            results[k] = result
+            show(done, len(tasks))
     rows = [row for result in results for row in result["rows"]]
     metrics = [result["metrics"] for result in results]
     return {
         "schema": SCHEMA,
         "seed": seed,
         "grasps": len(tasks),
-        "protocols": {name: _summary([row for row in rows if row["protocol"] == name]) for name in names},
+        "protocols": {name: _summary(own) for name, own in grouped(rows, "protocol").items()},
         "metrics_mean": _means(metrics),
         "diversity": diversity([candidate for own in found.values() for candidate in own]),
         "rows": rows,
@@ -103,44 +100,20 @@ def score_grasp(task: ScoreTask) -> dict[str, Any]:
         start = time.perf_counter()
         # The same noise for every grasp, so that grasps are compared under the same draws.
         verdict = get_grasp_protocol(name).judge(candidate, task.seed + zlib.crc32(name.encode()))
-        rows.append(
-            {
-                **about, "protocol": name, "success": verdict.success, "score": verdict.score,
-                "reason": verdict.reason, "sentence": verdict.sentence, "moved_m": verdict.moved,
-                "turned_rad": verdict.turned, "seconds": time.perf_counter() - start,
-            }
-        )  # fmt: skip
+        rows.append({**about, "protocol": name, **asdict(verdict), "seconds": time.perf_counter() - start})
     return {"rows": rows, "metrics": {**about, **contact_metrics(candidate)}}
-
-
-def _results(tasks: Sequence[ScoreTask], workers: int, progress: bool) -> list[dict[str, Any]]:
-    found: dict[int, dict[str, Any]] = {}
-    with progress_bar("grasp", "score", shown=progress) as show:
-        for k, result in run_pool(_numbered, list(enumerate(tasks)), Backend(workers=workers)):
-            found[k] = result
-            show(len(found), len(tasks))
-    return [found[k] for k in range(len(tasks))]
 
 
 def _numbered(task: tuple[int, ScoreTask]) -> tuple[int, dict[str, Any]]:
     return task[0], score_grasp(task[1])
 
 
-def _summary(rows: Sequence[dict[str, Any]]) -> dict[str, Any]:
+def _summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return counts, rate, intervals, the mean score and the reasons of one protocol."""
-    counts: dict[str, tuple[int, int]] = {}
-    for row in rows:
-        k, n = counts.get(row["object"], (0, 0))
-        counts[row["object"]] = k + row["success"], n + 1
-    k, n = sum(row["success"] for row in rows), len(rows)
     return {
-        "trials": n,
-        "successes": k,
-        "rate": k / n,
-        "ci95": list(wilson_interval(k, n)),
-        "ci95_objects": list(object_interval(counts)),
+        **count(rows),
         "mean_score": float(np.mean([row["score"] for row in rows])),
-        "by_object": {name: {"trials": n, "successes": k} for name, (k, n) in counts.items()},
+        "by_object": {name: bare_count(own) for name, own in grouped(rows, "object").items()},
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
     }
 

@@ -5,25 +5,37 @@ kinematics, exact distances to the mesh by closest triangles, MuJoCo's distances
 cone and quadratic programmes. `checks` has one file a subject; `docs/grasp-file.md` says what each field is held to.
 """
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.verify.checks.check import Check
+from dexgrasp.verify.case import Case
+from dexgrasp.verify.check import Check
 from dexgrasp.verify.checks.clearance import clearance_checks, pregrasp_checks
 from dexgrasp.verify.checks.contacts import contact_checks, limit_checks
-from dexgrasp.verify.checks.conventions import convention_checks, threshold_check
+from dexgrasp.verify.checks.conventions import convention_checks, threshold_checks
 from dexgrasp.verify.checks.forces import closure_checks, force_checks, strength_checks
 from dexgrasp.verify.checks.identity import identity_checks
 from dexgrasp.verify.checks.motion import approach_checks, lift_checks, setpoint_checks
-from dexgrasp.verify.checks.scene import Scene
 
 __all__ = ["PARTS", "UNEXECUTED", "Check", "verify"]
 
-PARTS = (
-    "conventions", "object", "contacts", "limits", "clearance", "closure", "forces", "strength", "setpoints",
-    "pregrasp", "approach", "lift",
-)  # fmt: skip
-"""Parts of the judgement, all of which a good file passes."""
+_CHECKS: dict[str, Callable[[Case], list[Check]]] = {
+    "conventions": convention_checks,
+    "object": identity_checks,
+    "contacts": contact_checks,
+    "limits": limit_checks,
+    "clearance": clearance_checks,
+    "closure": closure_checks,
+    "forces": force_checks,
+    "strength": strength_checks,
+    "setpoints": setpoint_checks,
+    "pregrasp": pregrasp_checks,
+    "approach": approach_checks,
+    "lift": lift_checks,
+    "thresholds": threshold_checks,
+}
+PARTS = tuple(part for part in _CHECKS if part != "thresholds")
+"""Parts of the judgement, all of which a good file passes; `thresholds` alone is a part of `conventions`."""
 UNEXECUTED = tuple(part for part in PARTS if part not in ("conventions", "approach", "lift"))
 """What can be checked of a grasp that was planned without a way to it."""
 
@@ -38,22 +50,5 @@ def verify(record: GraspRecord, parts: Collection[str] | None = None) -> list[Ch
     Returns:
         All checks; the grasp is good only if every one of them holds.
     """
-    cell = record.grasp.cell
-    scene = Scene(cell, record.parts, record.grasp.fingers)
-    touch = scene.touch(record.grasp.q)
-    ways = {
-        "conventions": lambda: convention_checks(record, cell),
-        "thresholds": lambda: [threshold_check(record)],
-        "object": lambda: identity_checks(record, scene),
-        "contacts": lambda: contact_checks(record, touch),
-        "limits": lambda: limit_checks(record, cell.robot),
-        "clearance": lambda: clearance_checks(record, scene),
-        "closure": lambda: closure_checks(record, touch),
-        "forces": lambda: force_checks(record, scene, touch),
-        "strength": lambda: strength_checks(record, scene, touch),
-        "setpoints": lambda: setpoint_checks(record, scene, touch),
-        "pregrasp": lambda: pregrasp_checks(record, scene),
-        "approach": lambda: approach_checks(record, scene),
-        "lift": lambda: lift_checks(record, scene),
-    }
-    return [check for part in (PARTS if parts is None else parts) for check in ways[part]()]
+    case = Case(record)
+    return [check for part in (PARTS if parts is None else parts) for check in _CHECKS[part](case)]

@@ -29,16 +29,16 @@ class Verdict:
         score: from 0 to 1: the share of draws that succeeded where there are several, else 0 or 1.
         reason: why it failed, one of a countable few; None for successes.
         sentence: the same in words.
-        moved: of the object against where it should be, m, when it was judged.
-        turned: likewise, rad.
+        moved_m: of the object against where it should be, when it was judged.
+        turned_rad: likewise.
     """
 
     success: bool
     score: float
     reason: str | None = None
     sentence: str = "held"
-    moved: float = 0.0
-    turned: float = 0.0
+    moved_m: float = 0.0
+    turned_rad: float = 0.0
 
 
 class GraspProtocol(ABC):
@@ -50,6 +50,7 @@ class GraspProtocol(ABC):
         physics: friction, solver, servo gain.
         most_moved: m.
         most_turned: rad.
+        density: of the object, kg/m^3; or its `fixed_mass`, kg.
     """
 
     name: ClassVar[str]
@@ -57,10 +58,14 @@ class GraspProtocol(ABC):
     physics: ClassVar[Physics]
     most_moved: ClassVar[float]
     most_turned: ClassVar[float]
+    density: ClassVar[float] = 0.0
+    fixed_mass: ClassVar[float | None] = None
 
-    @abstractmethod
     def mass(self, candidate: Candidate) -> float:
         """Return the mass of the object, kg."""
+        return (
+            self.density * float(candidate.object.mesh.volume) if self.fixed_mass is None else self.fixed_mass
+        )
 
     @abstractmethod
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
@@ -80,14 +85,7 @@ class GraspProtocol(ABC):
         """Judge the object's pose `after` against where it should be."""
         moved, turned = displacement(before, after)
         if moved < self.most_moved and turned < self.most_turned:
-            return Verdict(True, 1.0, moved=moved, turned=turned)
+            return Verdict(True, 1.0, moved_m=moved, turned_rad=turned)
         reason = "moved" if moved >= self.most_moved else "turned"
         how = f"{100 * moved:.1f} cm" if reason == "moved" else f"{math.degrees(turned):.0f} deg"
         return Verdict(False, 0.0, reason, f"{reason} by {how} {when}", moved, turned)
-
-
-def shifted(T: Array, offset: Array) -> Array:
-    """Return a pose (4, 4) moved by `offset` (3,) m in the world."""
-    moved = T.copy()
-    moved[:3, 3] += offset
-    return moved

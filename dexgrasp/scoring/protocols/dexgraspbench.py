@@ -1,13 +1,11 @@
 """DexGraspBench (BODex, ICRA 2025): force closure and tabletop, with the constants of its code."""
 
 import math
-from dataclasses import replace
-
-import numpy as np
 
 from dexgrasp.scoring.candidate import Candidate
-from dexgrasp.scoring.protocols.base import AXES, GraspProtocol, Verdict, shifted
+from dexgrasp.scoring.protocols.base import AXES, GraspProtocol, Verdict
 from dexgrasp.scoring.scene import FloatingScene, Physics
+from dexgrasp_env.poses import shifted
 
 _GRAVITY = 10.0  # m/s^2, as its code rounds it
 
@@ -17,12 +15,9 @@ class DexGraspBench(GraspProtocol):
 
     most_moved = 0.05
     most_turned = math.radians(15.0)
+    fixed_mass = 0.1  # kg
     _most_penetration = 0.010  # m
     _stage = 0.4  # s a stage: 10 x 10 steps of 4 ms
-
-    def mass(self, candidate: Candidate) -> float:
-        """100 g whatever the object."""
-        return 0.1
 
     def _penetrates(self, scene: FloatingScene) -> Verdict | None:
         depth = scene.penetration()
@@ -57,7 +52,7 @@ class DexGraspBenchForceClosure(DexGraspBench):
                 verdict = self._verdict(candidate.T_world_object, scene.object_pose(), f"pushed along {name}")
                 if not verdict.success:
                     return verdict
-            worst = max(worst, verdict, key=lambda v: v.moved)
+            worst = max(worst, verdict, key=lambda v: v.moved_m)
         return worst
 
 
@@ -76,11 +71,8 @@ class DexGraspBenchTabletop(DexGraspBench):
         failed = self._penetrates(scene)
         if failed is not None:
             return failed
-        scene.push(np.array([0.0, 0.0, -_GRAVITY * scene.mass]))
-        squeeze = self._close(scene, self._stage, self._stage)
-        raised = replace(
-            squeeze, T_world_hand=shifted(squeeze.T_world_hand, np.array([0.0, 0.0, self._lift]))
-        )
-        scene.move(squeeze, raised, self._stage)
-        goal = shifted(candidate.T_world_object, np.array([0.0, 0.0, self._lift]))
+        scene.push(_GRAVITY * scene.mass * AXES["-z"])
+        squeeze, up = self._close(scene, self._stage, self._stage), self._lift * AXES["+z"]
+        scene.move(squeeze, squeeze.shifted(up), self._stage)
+        goal = shifted(candidate.T_world_object, up)
         return self._verdict(goal, scene.object_pose(), "off after the lift")

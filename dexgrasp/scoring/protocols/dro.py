@@ -15,12 +15,8 @@ class Dro(GraspProtocol):
     physics = Physics(friction=(3.0, 0.02), servo_kp=10.0)
     most_moved = 0.02
     most_turned = math.inf
-    _density = 500.0  # kg/m^3
+    density = 500.0
     _acceleration = 0.5  # m/s^2
-
-    def mass(self, candidate: Candidate) -> float:
-        """By volume."""
-        return self._density * float(candidate.object.mesh.volume)
 
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Close, then push; judged at the end against where the closed hand had it."""

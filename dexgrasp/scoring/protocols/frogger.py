@@ -6,9 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from dexgrasp.scoring.candidate import Candidate
-from dexgrasp.scoring.protocols.base import GRAVITY, GraspProtocol, Verdict, shifted
+from dexgrasp.scoring.protocols.base import AXES, GRAVITY, GraspProtocol, Verdict
 from dexgrasp.scoring.scene import Physics
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import shifted
 
 
 class FroggerPick(GraspProtocol):
@@ -19,21 +20,17 @@ class FroggerPick(GraspProtocol):
     physics = Physics(friction=(0.7, 0.02), table_friction=0.7, servo_kp=10.0, timestep=0.002, impratio=100.0)
     most_moved = 0.075
     most_turned = math.radians(30.0)
-    _density = 150.0  # kg/m^3
+    density = 150.0
     _lift, _rise, _hold = 0.10, 1.0, 1.5  # m, s, s
     _wait = 0.5  # s before the lift
     _shake_start, _shake = 0.25, 0.003  # s into the lift, m
     _period = 0.01  # s between set-points
 
-    def mass(self, candidate: Candidate) -> float:
-        """By volume."""
-        return self._density * float(candidate.object.mesh.volume)
-
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Lift and hold; judged all the way."""
         scene = self._scene(candidate)
         scene.reset(candidate.pregrasp)
-        scene.push(np.array([0.0, 0.0, -GRAVITY * scene.mass]))
+        scene.push(GRAVITY * scene.mass * AXES["-z"])
         squeeze = self._close(scene, 0.25, 0.25)
         scene.run(self._wait)
         verdict = Verdict(True, 1.0)

@@ -2,12 +2,13 @@
 
 import itertools
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.scoring.candidate import Candidate, HandStage
-from dexgrasp.scoring.protocols.base import GRAVITY, GraspProtocol, Verdict, shifted
+from dexgrasp.scoring.candidate import Candidate
+from dexgrasp.scoring.protocols.base import AXES, GRAVITY, GraspProtocol, Verdict
 from dexgrasp.scoring.scene import FloatingScene, Physics
 from dexgrasp_env.arrays import Array
 
@@ -20,15 +21,11 @@ class GetAGrip(GraspProtocol):
     physics = Physics(friction=(0.9, 0.02), table_friction=1.0, servo_kp=10.0)
     most_moved = 0.10
     most_turned = math.radians(45.0)
-    _density = 500.0  # kg/m^3
+    density = 500.0
     _draws, _noise, _tilt = 5, 0.005, math.radians(5.0)  # m and rad, uniform in each of x, y, z
     _least_links = 3
     _lift, _shake = 0.20, 0.03  # m
     _beat = 325 / 60 / 38  # s: 38 targets in what 400 steps of 1/60 s leave after settling and closing
-
-    def mass(self, candidate: Candidate) -> float:
-        """By volume."""
-        return self._density * float(candidate.object.mesh.volume)
 
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Score each draw; all of them must hold for a success."""
@@ -43,24 +40,22 @@ class GetAGrip(GraspProtocol):
         worst = next((v for v in verdicts if not v.success), verdicts[-1])
         held = sum(v.success for v in verdicts)
         text = f"{held} of {self._draws} draws held" + ("" if share == 1.0 else f"; {worst.sentence}")
-        return Verdict(share == 1.0, share, worst.reason, text, worst.moved, worst.turned)
+        return Verdict(share == 1.0, share, worst.reason, text, worst.moved_m, worst.turned_rad)
 
     def _draw(self, scene: FloatingScene, candidate: Candidate) -> Verdict:
         scene.candidate = candidate
         scene.reset(candidate.pregrasp)
-        scene.push(np.array([0.0, 0.0, -GRAVITY * scene.mass]))
+        scene.push(GRAVITY * scene.mass * AXES["-z"])
         squeeze = self._close(scene, 0.15, 0.10)
         for start, end in itertools.pairwise(self._targets()):
-            first, last = (HandStage(shifted(squeeze.T_world_hand, o), squeeze.joints) for o in (start, end))
-            scene.move(first, last, self._beat)
+            scene.move(squeeze.shifted(start), squeeze.shifted(end), self._beat)
         wanted = np.linalg.inv(candidate.grasp.T_world_hand) @ candidate.T_world_object
         found = np.linalg.inv(scene.hand_pose()) @ scene.object_pose()
         verdict = self._verdict(wanted, found, "in the hand")
         links = {body for body, _, force in scene.hand_contacts() if force > 0.0}
         if verdict.success and len(links) < self._least_links:
-            return Verdict(
-                False, 0.0, "few_contacts", f"only {len(links)} links touch it", verdict.moved, verdict.turned
-            )
+            few = f"only {len(links)} links touch it"
+            return replace(verdict, success=False, score=0.0, reason="few_contacts", sentence=few)
         return verdict
 
     def _targets(self) -> Array:

@@ -1,6 +1,5 @@
 """Readers of grasp files: ours, DexGraspBench's and BODex's, FRoGGeR-style arrays, and a plain JSON."""
 
-import json
 from pathlib import Path
 
 from dexgrasp.scoring.candidate import Candidate
@@ -8,8 +7,9 @@ from dexgrasp.scoring.readers.dexgraspbench import read_dexgraspbench
 from dexgrasp.scoring.readers.frogger import read_frogger
 from dexgrasp.scoring.readers.objects import ReadOptions
 from dexgrasp.scoring.readers.ours import read_ours
-from dexgrasp.scoring.readers.plain import is_plain, read_plain
+from dexgrasp.scoring.readers.plain import FORMAT, read_plain
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_json_object
 
 __all__ = ["ReadOptions", "read_candidates"]
 
@@ -28,10 +28,5 @@ def read_candidates(path: Path, options: ReadOptions) -> list[Candidate]:
         raise InputError(
             f"grasp file {str(path)!r} has the wrong kind {path.suffix!r}: valid are .json, .npy, .npz"
         )
-    try:
-        content = json.loads(path.read_text())
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
-    except ValueError:
-        raise InputError(f"{path} holds no JSON (was it cut off?)") from None
-    return read_plain(path, options) if is_plain(content) else read_ours(path, options)
+    content = read_json_object(path, "it is no grasp file")
+    return (read_plain if content.get("format") == FORMAT else read_ours)(content, path, options)

@@ -7,15 +7,14 @@ Joints are in the order of the hand's file; for the Allegro: index, middle, ring
 used.
 """
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from dexgrasp.scoring.candidate import Candidate, HandStage, as_pose
+from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
 from dexgrasp.scoring.readers.dictionary import read_dictionary
+from dexgrasp.scoring.readers.fields import Fields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -32,55 +31,46 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
     Raises:
         InputError: if the file is unusable, asks for code, misses a key, or its object is not found.
     """
-    data, hand = read_dictionary(path), find_hand(options.hand)
-    rows, to_hand = _configurations(data, hand, path)
-    scale = float(_numbers(data, "obj_scale", path).ravel()[0]) if "obj_scale" in data else 1.0
-    name = str(data.get("obj_path") or data.get("obj_code") or data.get("object") or path.parent.name)
-    target = find_object(name, scale, options, path)
-    T_file = as_pose(_numbers(data, "obj_pose", path).reshape(-1)[:7], str(path), "obj_pose")
+    data, hand = Fields(read_dictionary(path), str(path)), find_hand(options.hand)
+    rows, to_hand = _configurations(data, hand)
+    scale = data.numbers("obj_scale").item(0) if "obj_scale" in data else 1.0
+    named = [
+        str(data.get(key)) for key in ("obj_path", "obj_code", "object") if key in data and data.get(key)
+    ]
+    target = find_object([*named, path.parent.name][0], scale, options, path)
+    T_file = as_pose(data.numbers("obj_pose").ravel()[:7], f"{path}: obj_pose")
     T_world_object = pose_of_centre(T_file, target)
 
     def stage(row: Array) -> HandStage:
-        return HandStage(as_pose(row[:7], str(path), "a hand pose") @ to_hand, row[7:])
+        return HandStage(as_pose(row[:7], f"{path}: a hand pose") @ to_hand, row[7:])
 
-    def candidate(number: int) -> Candidate:
-        source = f"{path}[{number}]" if len(rows) > 1 else str(path)
-        first, middle, last = (stage(row) for row in rows[number])
-        return Candidate(source, hand, target, T_world_object, first, middle, last)
+    sources = [f"{path}[{number}]" for number in range(len(rows))] if len(rows) > 1 else [str(path)]
+    return [
+        Candidate(source, hand, target, T_world_object, stage(first), stage(middle), stage(last))
+        for source, (first, middle, last) in zip(sources, rows, strict=True)
+    ]
 
-    return [candidate(number) for number in range(len(rows))]
 
-
-def _configurations(data: Mapping[str, Any], hand: HandModel, path: Path) -> tuple[Array, Array]:
+def _configurations(data: Fields, hand: HandModel) -> tuple[Array, Array]:
     """Return (N, 3, 7 + n) of the three stages, and the hand's frame in that of their poses."""
     width = 7 + len(hand.joint_names)
     if "robot_pose" in data:
-        rows = _numbers(data, "robot_pose", path)
+        rows = data.numbers("robot_pose")
         if rows.ndim < 3 or rows.shape[-1] != width or rows.shape[-2] < 3:
-            raise InputError(f"{path}: robot_pose is {rows.shape}: valid is (..., N, at least 3, {width})")
+            raise InputError(
+                f"{data.source}: robot_pose is {rows.shape}: valid is (..., N, at least 3, {width})"
+            )
         return rows.reshape(-1, *rows.shape[-2:])[:, :3], np.eye(4)
     stages = []
     for name in STAGES:
-        row = _numbers(data, f"{name}_qpos", path)
+        row = data.numbers(f"{name}_qpos")
         if f"{name}_pose" in data:
-            row = np.concatenate([_numbers(data, f"{name}_pose", path), row], axis=-1)
+            row = np.concatenate([data.numbers(f"{name}_pose"), row], axis=-1)
         if row.ndim not in (1, 2) or row.shape[-1] != width:
             raise InputError(
-                f"{path}: {name}_qpos is {row.shape}: valid is ({width},) or (N, {width}) for {hand.name}"
+                f"{data.source}: {name}_qpos is {row.shape}: valid is ({width},) or (N, {width}) for {hand.name}"
             )
         stages.append(np.atleast_2d(row))
     if len({len(stage) for stage in stages}) > 1:
-        raise InputError(f"{path}: pregrasp, grasp and squeeze are of different numbers of grasps")
+        raise InputError(f"{data.source}: pregrasp, grasp and squeeze are of different numbers of grasps")
     return np.stack(stages, axis=1), _ROOT_TO_PALM if hand.name == ALLEGRO else np.eye(4)
-
-
-def _numbers(data: Mapping[str, Any], key: str, path: Path) -> Array:
-    if key not in data:
-        raise InputError(f"{path}: {key} is missing (it has {', '.join(sorted(data)) or 'nothing'})")
-    try:
-        value = np.asarray(data[key], dtype=float)
-    except (TypeError, ValueError):
-        value = np.full(1, np.nan)
-    if value.size == 0 or not np.isfinite(value).all():
-        raise InputError(f"{path}: {key} must be finite numbers")
-    return value

@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.scoring.candidate import Candidate, HandStage, as_pose
+from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.closing import SERVO_KP, close_around
 from dexgrasp.scoring.hand import ALLEGRO, find_hand
+from dexgrasp.scoring.readers.fields import Fields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
-from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz
 
@@ -37,23 +37,23 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     Raises:
         InputError: if the file is unusable, misses a key, or its object is not found.
     """
-    data, hand = read_arrays(path), find_hand(ALLEGRO)
-    names, q = [str(n) for n in _get(data, "joint_names", path)], _get(data, "q", path)
+    data, hand = Fields(read_arrays(path), str(path)), find_hand(ALLEGRO)
+    names, q = data.words("joint_names"), data.numbers("q")
     joints = {JOINTS[name]: float(value) for name, value in zip(names, q, strict=False) if name in JOINTS}
-    if len(names) != len(q) or len(joints) != len(JOINTS) or not np.isfinite(q).all():
+    if len(names) != len(q) or len(joints) != len(JOINTS):
         raise InputError(
             f"{path}: q and joint_names must name the 16 joints of the hand, {min(JOINTS)} and the like"
         )
-    bodies = [str(n) for n in _get(data, "body_names", path)]
-    if PALM not in bodies or len(bodies) != len(_get(data, "body_poses_W", path)):
+    bodies, poses = data.words("body_names"), data.numbers("body_poses_W")
+    if PALM not in bodies or len(bodies) != len(poses):
         raise InputError(f"{path}: body_names with body_poses_W must have {PALM}")
     to_ours = np.eye(4)
     to_ours[2, 3] = _PALM_HEIGHT
-    T_palm = as_pose(data["body_poses_W"][bodies.index(PALM)], str(path), f"pose of {PALM}") @ to_ours
-    target = find_object(str(_get(data, "object", path)), 1.0, options, path)
-    T_world_object = pose_of_centre(as_pose(_get(data, "X_WO", path), str(path), "X_WO"), target)
+    T_palm = as_pose(poses[bodies.index(PALM)], f"{path}: pose of {PALM}") @ to_ours
+    target = find_object(str(data.get("object")), 1.0, options, path)
+    T_world_object = pose_of_centre(data.pose("X_WO"), target)
     grasp = HandStage(T_palm, np.array([joints[name] for name in hand.joint_names]))
-    points, normals = (_points(data, key, path) for key in ("contacts_W", "normals_in_W"))
+    points, normals = data.vectors("contacts_W"), data.vectors("normals_in_W")
     if points.shape != normals.shape:
         raise InputError(f"{path}: contacts_W and normals_in_W differ in number")
     pregrasp, squeeze = close_around(hand, grasp, points, normals, T_world_object[:3, 3])
@@ -72,16 +72,3 @@ def read_arrays(path: Path) -> dict[str, Any]:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except ValueError as error:
         raise InputError(f"{path} is no .npz file of plain arrays ({error})") from None
-
-
-def _get(data: dict[str, Any], key: str, path: Path) -> Any:
-    if key not in data:
-        raise InputError(f"{path}: {key} is missing (it has {', '.join(sorted(data))})")
-    return data[key]
-
-
-def _points(data: dict[str, Any], key: str, path: Path) -> Array:
-    value = np.asarray(_get(data, key, path), dtype=float)
-    if value.ndim != 2 or value.shape[1] != 3 or len(value) < 2 or not np.isfinite(value).all():
-        raise InputError(f"{path}: {key} must be (k, 3) finite numbers, k at least 2")
-    return value

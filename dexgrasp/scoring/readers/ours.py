@@ -1,29 +1,30 @@
 """Our own grasp files (`dexgrasp plan --out`): of arm and hand, the palm's pose and the hand's joints are kept."""
 
 from pathlib import Path
+from typing import Any
 
-import mujoco
+import numpy as np
 
-from dexgrasp.grasp.file import read_grasp
+from dexgrasp.grasp.file import record_of
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.hand import ALLEGRO, find_hand
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.poses import pose_matrix
-from dexgrasp_env.robot.cell import Cell, make_cell
-from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.cell import Cell
 
 SERVO_KP = 10.0  # Nm/rad, of the hand that the squeeze is made for
 
 
-def read_ours(path: Path, options: ReadOptions) -> list[Candidate]:
-    """Return the grasp of a file; the object's true pose must be in it.
+def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list[Candidate]:
+    """Return the grasp that a file holds; the object's true pose must be in it.
 
     Raises:
         InputError: if the file is unusable, of another cell, knows no true pose, or its object is not found.
     """
-    record = read_grasp(path, make_cell(options.robot))
+    record = record_of(content, str(path))
     record.check_cell()
     if record.T_world_object is None:
         raise InputError(
@@ -39,10 +40,6 @@ def read_ours(path: Path, options: ReadOptions) -> list[Candidate]:
 
 def _stage(cell: Cell, q: Array) -> HandStage:
     """Return palm and hand of a configuration (n,)."""
-    model, robot = compiled_robot(cell), cell.robot
-    data = mujoco.MjData(model)
-    data.qpos[:] = q
-    mujoco.mj_kinematics(model, data)
-    palm = data.site(robot.hand.palm)
-    T = pose_matrix(palm.xpos.copy(), data.body(robot.hand.palm).xquat.copy())
-    return HandStage(T, q[robot.hand_columns].copy())
+    tree, T = robot_tree(cell), np.eye(4)
+    T[:3, :3], T[:3, 3] = palm_frame(q, tree)
+    return HandStage(T, q[tree.arm :].copy())

@@ -1,12 +1,13 @@
 """Clearances: of the true collision shapes, and of the covering spheres that the claim is made with."""
 
+from typing import Any
+
 import numpy as np
 
 from dexgrasp.geometry.exact import closest_on_mesh
-from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
-from dexgrasp.verify.checks.check import LENGTH, Check, at_least, at_most
-from dexgrasp.verify.checks.scene import Scene
+from dexgrasp.verify.case import Case
+from dexgrasp.verify.check import LENGTH, Check, at_least, at_most
 from dexgrasp_env.arrays import Array
 
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
@@ -17,15 +18,15 @@ _EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two o
 _ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do not count in the claim
 
 
-def clearance_checks(record: GraspRecord, scene: Scene) -> list[Check]:
+def clearance_checks(case: Case) -> list[Check]:
     """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it."""
-    bound, found = record.thresholds.clearance, scene.clearances(record.grasp.q, tips_touch=True)
+    bound, found = case.limits.clearance, case.scene.clearances(case.grasp.q, tips_touch=True)
     checks = [at_least(f"clearance {kind}", value, bound, "m", _TRUE) for kind, value in found.items()]
-    claimed = record.grasp.certificate.min_clearance_m
+    claimed = case.grasp.certificate.min_clearance_m
     if np.isnan(claimed):
         return checks
     counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
-    off = abs(claimed - cover_clearance(record, scene))
+    off = abs(claimed - cover_clearance(case))
     return [
         *checks,
         at_most("min_clearance_m over the true one", claimed - min(counted), 0.0, "m", _TRUE),
@@ -33,9 +34,9 @@ def clearance_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     ]
 
 
-def pregrasp_checks(record: GraspRecord, scene: Scene) -> list[Check]:
+def pregrasp_checks(case: Case) -> list[Check]:
     """Check that the open hand, tips included, is clear."""
-    found = scene.clearances(record.grasp.motion.pregrasp, tips_touch=False)
+    found = case.scene.clearances(case.grasp.motion.pregrasp, tips_touch=False)
     bounds = {"hand_object": OPEN, "hand_table": OPEN, "self": 0.0}
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
@@ -43,24 +44,24 @@ def pregrasp_checks(record: GraspRecord, scene: Scene) -> list[Check]:
     ]
 
 
-def cover_clearance(record: GraspRecord, scene: Scene) -> float:
+def cover_clearance(case: Case) -> float:
     """Return the least clearance of the covering spheres, m, frames and distances being the judge's own."""
-    tree, names = robot_tree(scene.cell), scene.robot.bodies
-    scene.place(record.grasp.q)
+    tree, scene, names = robot_tree(case.cell), case.scene, case.robot.bodies
+    scene.place(case.grasp.q)
     R = np.array([scene.data.body(name).xmat.reshape(3, 3) for name in names])
     p = np.array([scene.data.body(name).xpos for name in names])
     body: Index = np.repeat(np.arange(len(names), dtype=np.int64), np.diff(tree.sphere_first))
     centres = np.einsum("sij,sj->si", R[body], tree.sphere_centre) + p[body]
     return min(
-        COVER_FAR, _object(tree, body, centres, scene), _table(tree, body, centres), _self(tree, centres),
+        COVER_FAR, _object(tree, body, centres, scene.parts), _table(tree, body, centres), _self(tree, centres),
         _palm(tree, R, p),
     )  # fmt: skip
 
 
-def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float:
+def _object(tree: RobotTree, body: Index, centres: Array, parts: list[Any]) -> float:
     counted = (body >= 2) & ~tree.sphere_is_tip
     least = COVER_FAR
-    for part in scene.parts:
+    for part in parts:
         # The farthest plane is a lower bound of the distance: spheres that it keeps clear need no more.
         planes = ((centres[:, None] - part.triangles[None, :, 0]) * part.face_normals[None]).sum(-1).max(1)
         near = np.flatnonzero(counted & (planes - tree.sphere_radius < COVER_FAR))

@@ -2,62 +2,44 @@
 
 import numpy as np
 
-from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.verify.checks.check import LENGTH, ROUNDING, Check, at_least, at_most, claim
-from dexgrasp.verify.checks.scene import Touch
-from dexgrasp_env.robot.robot import Robot
+from dexgrasp.verify.case import Case
+from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim
 
 _NORMAL = 1e-5  # of unit vectors
 _COSINE = 2e-4  # what the optimiser leaves of an angle
 
 
-def contact_checks(record: GraspRecord, touch: Touch) -> list[Check]:
+def contact_checks(case: Case) -> list[Check]:
     """Check depth, contacts, normals, height and the tips' directions."""
-    limits = record.thresholds
-    low, high = limits.distance
+    limits, touch, inward = case.limits, case.touch, -case.touch.normals
     depth = touch.distance - limits.tip_radius
-    inward = -touch.normals
-    off = float(np.abs(touch.points - record.grasp.contacts).max())
-    turned = float(np.abs(touch.normals - record.grasp.normals).max())
+    (low, high), shown = limits.distance, "[{:.2f}, {:.2f}] cm".format(*np.multiply(100.0, limits.distance))
+    within = (low - LENGTH <= depth) & (depth <= high + LENGTH)
     return [
         *(
-            Check(
-                f"distance:{finger}", 100.0 * float(d), f"[{100 * low:.2f}, {100 * high:.2f}] cm",
-                bool(low - LENGTH <= d <= high + LENGTH),
-            )
-            for finger, d in zip(record.grasp.fingers, depth, strict=True)
+            Check(f"distance:{finger}", 100.0 * float(d), shown, bool(good))
+            for finger, d, good in zip(case.grasp.fingers, depth, within, strict=True)
         ),
-        at_most("contacts as claimed", off, LENGTH, "m"),
-        at_most("normals as claimed", turned, _NORMAL),
-        *claim(record, "distances_cm", 100.0 * depth, 100.0 * LENGTH, unit="cm"),
-        at_least("contact height", float(touch.points[:, 2].min()), limits.contact_height, "m", LENGTH),
-        at_least("tip cosine", float((touch.axes * inward).sum(1).min()), limits.tip_cosine, "", _COSINE),
-        at_least("pad cosine", float((touch.pads * inward).sum(1).min()), limits.pad_cosine, "", _COSINE),
-    ]  # fmt: skip
-
-
-def limit_checks(record: GraspRecord, robot: Robot) -> list[Check]:
-    """Check the joint range of every configuration, and the margin of the grasp."""
-    motion = record.grasp.motion
-    rows = {
-        "q": record.grasp.q,
-        "pregrasp": motion.pregrasp,
-        "grasp": motion.grasp,
-        "squeeze": motion.squeeze,
-    }
-    margins = {name: np.minimum(row - robot.lower, robot.upper - row) for name, row in rows.items()}
-    busy, bound = np.delete(margins["q"], idle_joints(record, robot)), record.thresholds.joint_margin
-    return [
-        at_least("joint margin", float(busy.min()), bound, "rad", 1e-6),
-        *(
-            at_least(f"joint limits:{name}", float(margin.min()), 0.0, "rad", ROUNDING)
-            for name, margin in margins.items()
-        ),
-        *claim(record, "joint_limit_margin_rad", float(margins["q"].min()), ROUNDING, unit="rad"),
+        at_most("contacts as claimed", np.abs(touch.points - case.grasp.contacts).max(), LENGTH, "m"),
+        at_most("normals as claimed", np.abs(touch.normals - case.grasp.normals).max(), _NORMAL),
+        *claim(case, "distances_cm", 100.0 * depth, 100.0 * LENGTH, unit="cm"),
+        at_least("contact height", touch.points[:, 2].min(), limits.contact_height, "m", LENGTH),
+        at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", _COSINE),
+        at_least("pad cosine", (touch.pads * inward).sum(1).min(), limits.pad_cosine, "", _COSINE),
     ]
 
 
-def idle_joints(record: GraspRecord, robot: Robot) -> list[int]:
-    """Return the joints of the fingers that make no contact."""
-    idle = [columns for finger, columns in robot.columns.items() if finger not in record.grasp.fingers]
-    return [joint for columns in idle for joint in range(columns.start, columns.stop)]
+def limit_checks(case: Case) -> list[Check]:
+    """Check the joint range of every configuration, and the margin of the grasp."""
+    motion, robot = case.grasp.motion, case.robot
+    rows = np.stack([case.grasp.q, motion.pregrasp, motion.grasp, motion.squeeze])
+    rooms = np.minimum(rows - robot.lower, robot.upper - rows)
+    busy = np.delete(rooms[0], case.idle)
+    return [
+        at_least("joint margin", busy.min(), case.limits.joint_margin, "rad", 1e-6),
+        *(
+            at_least(f"joint limits:{name}", room.min(), 0.0, "rad", ROUNDING)
+            for name, room in zip(("q", "pregrasp", "grasp", "squeeze"), rooms, strict=True)
+        ),
+        *claim(case, "joint_limit_margin_rad", rooms[0].min(), ROUNDING, unit="rad"),
+    ]

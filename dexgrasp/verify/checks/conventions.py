@@ -4,33 +4,32 @@ import re
 from dataclasses import fields
 
 from dexgrasp.grasp.conventions import STATED, conventions
-from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, FROZEN, HOLD_SHARE, Thresholds
-from dexgrasp.verify.checks.check import ROUNDING, Check
-from dexgrasp_env.robot.cell import Cell
+from dexgrasp.verify.case import Case
+from dexgrasp.verify.check import ROUNDING, Check
 
 _AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
 """A registered name, `package.module:Class`, or a checkpoint's path."""
 _OF_FRICTION = ("friction", "friction_hold")
 
 
-def convention_checks(record: GraspRecord, cell: Cell) -> list[Check]:
+def convention_checks(case: Case) -> list[Check]:
     """Check the stated conventions, the thresholds, who planned, and that nothing is stated that is not looked at."""
-    here = conventions(cell)
+    record, here = case.record, conventions(case.cell)
     return [
         *(_flag(name, record.conventions[name] == here[name]) for name in STATED),
-        threshold_check(record),
-        *_exact_thresholds(record.thresholds),
+        *threshold_checks(case),
+        *_exact_thresholds(case.limits),
         _flag("agent", _AGENT.fullmatch(record.origin.agent) is not None),
         _flag("no neighbours, which are not looked at yet", not record.neighbours),
         _flag("no holds_probability, which no model says yet", record.holds_probability is None),
     ]
 
 
-def threshold_check(record: GraspRecord) -> Check:
+def threshold_checks(case: Case) -> list[Check]:
     """The file's own thresholds must be no looser than the frozen ones: a grasp cannot move the bar it is held to."""
-    looser = record.thresholds.looser()
-    return Check("thresholds looser than ours", float(len(looser)), ", ".join(looser) or "none", not looser)
+    looser = case.limits.looser()
+    return [Check("thresholds looser than ours", float(len(looser)), ", ".join(looser) or "none", not looser)]
 
 
 def _exact_thresholds(stated: Thresholds) -> list[Check]:

@@ -6,14 +6,12 @@ Here: cone programmes of clarabel, and rays through the cones for `load`.
 
 import numpy as np
 
-from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.verify.checks.check import Check, at_least, at_most, claim
-from dexgrasp.verify.checks.scene import Scene, Touch
+from dexgrasp.verify.case import Case, Hold
+from dexgrasp.verify.check import Check, at_least, at_most, claim
 from dexgrasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
 from dexgrasp.verify.rays import least_way
 from dexgrasp_env.arrays import Array
 
-GRAVITY = 9.81  # m/s^2
 RESIDUAL = 1e-6  # N^2, as in the paper's feasibility test
 MARGIN = 1e-4
 BALANCE = 1e-4  # of the weight
@@ -24,81 +22,55 @@ _RATIO = 1e-3  # percent
 _NOT_SHOWN = -1e3  # stands for a margin that was not found
 
 
-def closure_checks(record: GraspRecord, touch: Touch) -> list[Check]:
+def closure_checks(case: Case) -> list[Check]:
     """Check wrench closure in the exact cones of the planned friction, and its claims."""
-    mu, least = record.thresholds.friction, record.thresholds.closure_margin
-    residual = conic_residual(touch.points, touch.normals, mu).upper
-    found = conic_margin(touch.points, touch.normals, mu)
+    points, normals, mu = case.touch.points, case.touch.normals, case.limits.friction
+    residual = conic_residual(points, normals, mu).upper
+    found = conic_margin(points, normals, mu)
     margin = _NOT_SHOWN if found is None else found
+    forces = pyramid_forces(points, normals, mu)  # of Eq. 4 as it is in the paper
+    wrench = wrench_map(points, points.mean(0)) @ forces.ravel()
+    arms = np.cross(points - case.record.centre, forces)
     return [
         Check("Eq. 4 residual, exact cone", residual, f"< {RESIDUAL} N^2", residual < RESIDUAL),
-        at_least("closure margin, exact cone", margin, least, "", MARGIN),
-        *claim(record, "closure_margin", margin, MARGIN, 1e-4),
-        *claim(record, "friction", mu, 1e-12),
-        *_claims_of_eq4(record, touch),
-    ]
-
-
-def _claims_of_eq4(record: GraspRecord, touch: Touch) -> list[Check]:
-    """Residual and ratios of the forces of Eq. 4, as it is in the paper (pyramids of Eq. 2)."""
-    points = touch.points
-    forces = pyramid_forces(points, touch.normals, record.thresholds.friction)
-    wrench = wrench_map(points, points.mean(0)) @ forces.ravel()
-    arms = np.cross(points - record.centre, forces)
-    return [
-        *claim(record, "closure_residual", float(wrench @ wrench), RESIDUAL, 1e-3, "N^2"),
-        *claim(record, "force_ratio_percent", _ratio(forces), _RATIO, 1e-3),
-        *claim(record, "torque_ratio_percent", _ratio(arms), _RATIO, 1e-3),
+        at_least("closure margin, exact cone", margin, case.limits.closure_margin, "", MARGIN),
+        *claim(case, "closure_margin", margin, MARGIN, 1e-4),
+        *claim(case, "friction", mu, 1e-12),
+        *claim(case, "closure_residual", wrench @ wrench, RESIDUAL, 1e-3, "N^2"),
+        *claim(case, "force_ratio_percent", _ratio(forces), _RATIO, 1e-3),
+        *claim(case, "torque_ratio_percent", _ratio(arms), _RATIO, 1e-3),
     ]
 
 
 def _ratio(vectors: Array) -> float:
+    """|sum of vectors| in percent of the sum of their lengths."""
     total = float(np.linalg.norm(vectors, axis=1).sum())
     return 100.0 * float(np.linalg.norm(vectors.sum(0))) / total if total > 0.0 else 0.0
 
 
-class Hold:
-    """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use."""
-
-    def __init__(self, record: GraspRecord, scene: Scene, touch: Touch) -> None:
-        """Compute it."""
-        self.forces, self.normals = record.grasp.forces, touch.normals
-        self.mu, self.weight = record.thresholds.friction_hold, GRAVITY * record.mass
-        self.G = wrench_map(touch.points, record.centre)
-        self.wrench = self.G @ self.forces.ravel() / self.weight
-        self.left = self.wrench - [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-        self.press = -(self.forces * self.normals).sum(1)
-        sliding = np.linalg.norm(self.forces + self.press[:, None] * self.normals, axis=1)
-        self.friction_use = float((sliding / np.maximum(self.mu * self.press, 1e-9)).max())
-        most = scene.robot.torque[scene.robot.hand_columns]
-        self.torques = touch.jacobians.transpose(2, 0, 1).reshape(len(most), -1) / most[:, None]
-        self.torque_use = float(np.abs(self.torques @ self.forces.ravel()).max())
-
-
-def force_checks(record: GraspRecord, scene: Scene, touch: Touch) -> list[Check]:
+def force_checks(case: Case) -> list[Check]:
     """Check that the forces balance gravity within cones and joint torques, and what is claimed of them."""
-    hold, limits = Hold(record, scene, touch), record.thresholds
+    hold, limits = case.hold, case.limits
     kinds = (("forces", hold.left[:3]), ("torques", hold.left[3:]))
     return [
-        *(at_most(f"{kind} leave of gravity", float(np.linalg.norm(left)), BALANCE, "of the weight")
-          for kind, left in kinds),
-        at_least("least pressing force", float(hold.press.min()), limits.least_press, "N", 1e-4),
+        *(at_most(f"{kind} leave of gravity", np.linalg.norm(left), BALANCE, "of the weight") for kind, left in kinds),
+        at_least("least pressing force", hold.press.min(), limits.least_press, "N", 1e-4),
         at_most("share of friction used", hold.friction_use, 1.0, "", CONE),
         at_most("joint torque over limit", hold.torque_use, limits.torque_share, "", TORQUE),
-        *claim(record, "max_joint_torque_fraction", hold.torque_use, TORQUE),
-        *claim(record, "hold_residual", float(np.linalg.norm(hold.left)), BALANCE, 1e-3),
+        *claim(case, "max_joint_torque_fraction", hold.torque_use, TORQUE),
+        *claim(case, "hold_residual", np.linalg.norm(hold.left), BALANCE, 1e-3),
     ]  # fmt: skip
 
 
-def strength_checks(record: GraspRecord, scene: Scene, touch: Touch) -> list[Check]:
+def strength_checks(case: Case) -> list[Check]:
     """Check `load` and `capacity`, and that `holds` says what they say."""
-    hold = Hold(record, scene, touch)
-    found, claimed = _load(hold), record.grasp.certificate.holds
+    found, claimed = _load(case.hold), case.grasp.certificate.holds
+    bears = found >= 1.0 - LOAD
     return [
         at_least("load", found, 1.0, "", LOAD),
-        *claim(record, "load", found, 0.0, LOAD),
-        *claim(record, "capacity", _capacity(hold), 0.0, CAPACITY),
-        Check("holds as claimed", float(claimed), f"{found >= 1.0 - LOAD}", claimed == (found >= 1.0 - LOAD)),
+        *claim(case, "load", found, 0.0, LOAD),
+        *claim(case, "capacity", _capacity(case.hold), 0.0, CAPACITY),
+        Check("holds as claimed", float(claimed), str(bears), claimed == bears),
     ]
 
 

@@ -5,10 +5,9 @@ from itertools import pairwise
 import numpy as np
 
 from dexgrasp.grasp.path import bend, jerkiness, stray
-from dexgrasp.grasp.record import GraspRecord, Phase
-from dexgrasp.verify.checks.check import ROUNDING, Check, at_least, at_most, same
-from dexgrasp.verify.checks.contacts import idle_joints
-from dexgrasp.verify.checks.scene import Scene, Touch
+from dexgrasp.grasp.record import Phase
+from dexgrasp.verify.case import Case
+from dexgrasp.verify.check import ROUNDING, Check, at_least, at_most, same
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -24,18 +23,18 @@ _SAME_BEND, _SAME_STRAY = 1e-8, 2e-6  # rad, m
 _DENSE = 0.02  # rad of any joint between two states checked for collisions
 
 
-def setpoint_checks(record: GraspRecord, scene: Scene, touch: Touch) -> list[Check]:
+def setpoint_checks(case: Case) -> list[Check]:
     """Check pregrasp, grasp and squeeze against configuration, contacts and forces."""
-    motion, idle = record.grasp.motion, idle_joints(record, scene.robot)
-    moved = np.abs([motion.pregrasp, motion.grasp, motion.squeeze] - record.grasp.q)
-    met = touch.points + record.thresholds.tip_radius * touch.normals
-    closed, opened = scene.touch(motion.grasp).tips, scene.touch(motion.pregrasp).tips
+    motion, touch = case.grasp.motion, case.touch
+    moved = np.abs([motion.pregrasp, motion.grasp, motion.squeeze] - case.grasp.q)
+    met = touch.points + case.limits.tip_radius * touch.normals
+    closed, opened = case.scene.touch(motion.grasp).tips, case.scene.touch(motion.pregrasp).tips
     return [
-        same("arm still", float(moved[:, : scene.robot.arm_dof].max()), ROUNDING, "rad"),
-        same("idle fingers still", float(moved[:, idle].max(initial=0.0)), ROUNDING, "rad"),
+        same("arm still", moved[:, : case.robot.arm_dof].max(), ROUNDING, "rad"),
+        same("idle fingers still", moved[:, case.idle].max(initial=0.0), ROUNDING, "rad"),
         at_most("grasp: tips from the surface", _farthest(closed - met), TIPS_MEET, "m"),
         at_most("pregrasp: tips from their contacts", _farthest(opened - met), TIPS_OPEN, "m"),
-        same("squeeze = grasp + J^T f / kp", _press_error(record, scene), SETPOINT, "rad"),
+        same("squeeze = grasp + J^T f / kp", _press_error(case), SETPOINT, "rad"),
     ]  # fmt: skip
 
 
@@ -43,9 +42,9 @@ def _farthest(offsets: Array) -> float:
     return float(np.linalg.norm(offsets, axis=1).max())
 
 
-def _press_error(record: GraspRecord, scene: Scene) -> float:
+def _press_error(case: Case) -> float:
     """Position servos whose set-points are J^T f / kp further in press with f; the joint range ends them."""
-    grasp, robot, hand = record.grasp, scene.robot, slice(scene.robot.arm_dof, None)
+    grasp, robot, scene, hand = case.grasp, case.robot, case.scene, slice(case.robot.arm_dof, None)
     scene.place(grasp.motion.grasp)
     torque = np.einsum("frj,fr->j", scene.jacobians(grasp.contacts), grasp.forces)
     pressed = grasp.motion.grasp[hand] + torque / scene.model.actuator_gainprm[hand, 0]
@@ -53,40 +52,40 @@ def _press_error(record: GraspRecord, scene: Scene) -> float:
     return float(np.abs(grasp.motion.squeeze[hand] - expected).max())
 
 
-def approach_checks(record: GraspRecord, scene: Scene) -> list[Check]:
+def approach_checks(case: Case) -> list[Check]:
     """Check the way from home to the pregrasp."""
-    phase = record.phase("approach")
+    phase = case.record.phase("approach")
     if phase is None:
         return [Check("approach given", 1.0, "in the file", False)]
     rows = phase.setpoints
-    found, (row, depth) = bend(rows), scene.first_contact(_dense(rows))
+    found, (row, depth) = bend(rows), case.scene.first_contact(_dense(rows))
     return [
-        *_phase_checks(phase, scene.robot),
-        same("approach starts at home", float(np.abs(rows[0] - scene.robot.home).max()), SETPOINT, "rad"),
-        same("approach ends at the pregrasp", float(np.abs(rows[-1] - record.grasp.motion.pregrasp).max()), ROUNDING),
+        *_phase_checks(phase, case.robot),
+        same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
+        same("approach ends at the pregrasp", np.abs(rows[-1] - case.grasp.motion.pregrasp).max(), ROUNDING),
         at_most("approach: collision", depth if row >= 0 else 0.0, 0.0, "m"),
         at_most("approach: bend", found, BEND, "rad"),
         same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
     ]  # fmt: skip
 
 
-def lift_checks(record: GraspRecord, scene: Scene) -> list[Check]:
+def lift_checks(case: Case) -> list[Check]:
     """Check the way straight up from the squeeze."""
-    phase = record.phase("lift")
+    phase = case.record.phase("lift")
     if phase is None:
         return [Check("lift given", 1.0, "in the file", False)]
-    rows, fingers = phase.setpoints, slice(scene.robot.arm_dof, None)
-    palms = [scene.palm(q) for q in rows]
+    rows, fingers = phase.setpoints, slice(case.robot.arm_dof, None)
+    palms = [case.scene.palm(q) for q in rows]
     positions = np.array([p for p, _ in palms])
     strayed = stray(positions, np.array([R for _, R in palms]))
     rise = positions[:, 2] - positions[0, 2]
-    row, depth = scene.first_contact(_dense(rows), with_object=False)
+    row, depth = case.scene.first_contact(_dense(rows), with_object=False)
     return [
-        *_phase_checks(phase, scene.robot),
-        same("lift starts at the squeeze", float(np.abs(rows[0] - record.grasp.motion.squeeze).max()), ROUNDING),
-        same("lift: fingers still", float(np.abs(rows[:, fingers] - rows[0, fingers]).max()), ROUNDING, "rad"),
-        same("lift: height", abs(float(rise[-1]) - record.grasp.motion.lift_height), RISE, "m"),
-        at_least("lift: rises", float(np.diff(rise).min()), 0.0, "m", 1e-5),
+        *_phase_checks(phase, case.robot),
+        same("lift starts at the squeeze", np.abs(rows[0] - case.grasp.motion.squeeze).max(), ROUNDING),
+        same("lift: fingers still", np.abs(rows[:, fingers] - rows[0, fingers]).max(), ROUNDING, "rad"),
+        same("lift: height", abs(rise[-1] - case.grasp.motion.lift_height), RISE, "m"),
+        at_least("lift: rises", np.diff(rise).min(), 0.0, "m", 1e-5),
         at_most("lift: stray", strayed, STRAY, "m"),
         same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
         at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
@@ -104,10 +103,10 @@ def _phase_checks(phase: Phase, robot: Robot) -> list[Check]:
     speed = np.abs(np.diff(rest, axis=0)) / CONTROL_PERIOD / robot.velocity
     change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2 / robot.acceleration
     return [
-        same(f"{name}: times", float(np.abs(phase.times - expected).max()), ROUNDING, "s"),
-        at_least(f"{name}: joint limits", float(room.min()), 0.0, "rad", ROUNDING),
-        at_most(f"{name}: velocity over its limit", float(speed.max()), 1.0, "", ROUNDING),
-        at_most(f"{name}: acceleration over its limit", float(change.max()), 1.0, "", ROUNDING),
+        same(f"{name}: times", np.abs(phase.times - expected).max(), ROUNDING, "s"),
+        at_least(f"{name}: joint limits", room.min(), 0.0, "rad", ROUNDING),
+        at_most(f"{name}: velocity over its limit", speed.max(), 1.0, "", ROUNDING),
+        at_most(f"{name}: acceleration over its limit", change.max(), 1.0, "", ROUNDING),
     ]  # fmt: skip
 
 

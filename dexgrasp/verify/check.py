@@ -1,11 +1,14 @@
 """One check and its result."""
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, SupportsFloat
 
 import numpy as np
 
-from dexgrasp.grasp.record import GraspRecord
 from dexgrasp_env.arrays import Array
+
+if TYPE_CHECKING:
+    from dexgrasp.verify.case import Case
 
 ROUNDING = 1e-9  # what repeated floating-point sums may differ by, in any unit here
 LENGTH = 2e-6  # m: what two ways to compute a length may differ by
@@ -21,31 +24,31 @@ class Check:
     holds: bool
 
 
-def at_most(name: str, value: float, bound: float, unit: str = "", tolerance: float = 0.0) -> Check:
+def at_most(name: str, value: SupportsFloat, bound: float, unit: str = "", tolerance: float = 0.0) -> Check:
     """Check that a value does not exceed a bound; NaN does."""
-    return Check(name, float(value), f"<= {bound:g} {unit}".strip(), bool(value <= bound + tolerance))
+    return Check(name, float(value), f"<= {bound:g} {unit}".strip(), float(value) <= bound + tolerance)
 
 
-def at_least(name: str, value: float, bound: float, unit: str = "", tolerance: float = 0.0) -> Check:
+def at_least(name: str, value: SupportsFloat, bound: float, unit: str = "", tolerance: float = 0.0) -> Check:
     """Check that a value does not fall below a bound; NaN does."""
-    return Check(name, float(value), f">= {bound:g} {unit}".strip(), bool(value >= bound - tolerance))
+    return Check(name, float(value), f">= {bound:g} {unit}".strip(), float(value) >= bound - tolerance)
 
 
-def same(name: str, off: float, tolerance: float, unit: str = "") -> Check:
+def same(name: str, off: SupportsFloat, tolerance: float, unit: str = "") -> Check:
     """Check that something is as stated, `off` being how far it is from that."""
     return at_most(f"{name} as stated", off, tolerance, unit)
 
 
 def claim(
-    record: GraspRecord,
+    case: "Case",
     key: str,
-    value: float | Array,
+    value: float | np.floating | Array,
     tolerance: float,
     relative: float = 0.0,
     unit: str = "",
 ) -> list[Check]:
     """Compare what the certificate says, if it says it, with what was found."""
-    claimed = np.asarray(getattr(record.grasp.certificate, key), dtype=float)
+    claimed = np.asarray(getattr(case.grasp.certificate, key), dtype=float)
     if np.isnan(claimed).any():
         return []
     off = np.abs(claimed - value)

@@ -1,0 +1,61 @@
+"""A grasp before the judge: what its file says, the cell it is for, and what it does there."""
+
+from functools import cached_property
+
+import numpy as np
+
+from dexgrasp.grasp.record import GraspRecord
+from dexgrasp.verify.cones import wrench_map
+from dexgrasp.verify.scene import Scene
+
+GRAVITY = 9.81  # m/s^2
+
+
+class Case:
+    """One grasp in one cell.
+
+    Attributes:
+        record: of the file.
+        grasp: of the record.
+        limits: thresholds of the record.
+        cell, robot: in which the record was read.
+        scene: robot, object and table.
+        touch: where the tips are.
+    """
+
+    def __init__(self, record: GraspRecord) -> None:
+        """Set the scene."""
+        self.record, self.grasp, self.limits = record, record.grasp, record.thresholds
+        self.cell = record.grasp.cell
+        self.robot = self.cell.robot
+        self.scene = Scene(self.cell, record.parts, record.grasp.fingers)
+        self.touch = self.scene.touch(record.grasp.q)
+
+    @cached_property
+    def idle(self) -> list[int]:
+        """The joints of the fingers that make no contact."""
+        columns = [own for finger, own in self.robot.columns.items() if finger not in self.grasp.fingers]
+        return [joint for own in columns for joint in range(own.start, own.stop)]
+
+    @cached_property
+    def hold(self) -> "Hold":
+        """What the planned forces do."""
+        return Hold(self)
+
+
+class Hold:
+    """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use."""
+
+    def __init__(self, case: Case) -> None:
+        """Compute it."""
+        self.forces, self.normals, self.mu = case.grasp.forces, case.touch.normals, case.limits.friction_hold
+        self.weight = GRAVITY * case.record.mass
+        self.G = wrench_map(case.touch.points, case.record.centre)
+        self.wrench = self.G @ self.forces.ravel() / self.weight
+        self.left = self.wrench - [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
+        self.press = -(self.forces * self.normals).sum(1)
+        sliding = np.linalg.norm(self.forces + self.press[:, None] * self.normals, axis=1)
+        self.friction_use = (sliding / np.maximum(self.mu * self.press, 1e-9)).max()
+        most = case.robot.torque[case.robot.hand_columns]
+        self.torques = case.touch.jacobians.transpose(2, 0, 1).reshape(len(most), -1) / most[:, None]
+        self.torque_use = np.abs(self.torques @ self.forces.ravel()).max()
