@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import gymnasium as gym
 import numpy as np
 import pytest
-from robots import CELL, LOWER, UPPER
+from robots import CELL, LOWER, ROBOT, UPPER
 
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
@@ -250,11 +250,13 @@ def closing(attempt, blocked):
     end = script.targets[first["squeeze"] - 1]
     q, targets = start.copy(), []
     for _ in range(first["close"]):
-        np.testing.assert_allclose(denormalise(execution.action(q)), script.targets[len(targets)], atol=1e-5)
+        np.testing.assert_allclose(
+            denormalise(execution.action(q), ROBOT), script.targets[len(targets)], atol=1e-5
+        )
         targets.append(0)
     closed = []
     while not execution.done:
-        target = denormalise(execution.action(q))
+        target = denormalise(execution.action(q), ROBOT)
         closed.append(target)
         q = target.copy()
         for finger, columns in enumerate(COLUMNS):
@@ -335,7 +337,7 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
 def test_the_arm_alone_moves_in_the_lift(attempt):
     *_, targets, held = closing(attempt, (0.9, 0.9, 0.9))
     q, execution = targets[-1].copy(), GuardedCarry(held)
-    lifted = np.array([denormalise(execution.action(q)) for _ in range(200)])
+    lifted = np.array([denormalise(execution.action(q), ROBOT) for _ in range(200)])
     np.testing.assert_allclose(lifted[:, 7:], np.broadcast_to(lifted[0, 7:], lifted[:, 7:].shape), atol=1e-6)
     rise = tips(lifted[-1])[:, 2].mean() - tips(targets[0])[:, 2].mean()
     assert rise > 0.1

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
-from robots import CELL, HOME
+from robots import CELL, HOME, ROBOT
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -37,7 +37,7 @@ def planned(mass):
 @pytest.fixture(scope="module")
 def heavy():
     plan, target = planned(0.6)
-    return plan, target, plan_turn(plan.grasp, plan.script, Problem(target, TREE, SETTINGS))
+    return plan, target, plan_turn(plan.grasp, plan.script, Problem(target, CELL, SETTINGS))
 
 
 def at_the_end_of(turn, plan):
@@ -65,7 +65,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
     plan, target, turn = heavy
     start, end = at_the_end_of(turn, plan)
     R = palm_frame(end, TREE)[0] @ palm_frame(start, TREE)[0].T
-    before, _ = contacts_of(plan.grasp.q, Problem(target, TREE, SETTINGS), SETTINGS.friction_hold)
+    before, _ = contacts_of(plan.grasp.q, Problem(target, CELL, SETTINGS), SETTINGS.friction_hold)
     turned = before._replace(
         points=before.points @ R.T, normals=before.normals @ R.T, centre=R @ before.centre,
         jacobians=R @ before.jacobians,
@@ -80,7 +80,7 @@ def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
 def test_what_is_held_firmly_is_carried_as_it_was_lifted():
     plan, target = planned(0.08)
     assert plan.grasp.certificate.capacity >= ENOUGH
-    assert plan_turn(plan.grasp, plan.script, Problem(target, TREE, SETTINGS)) is None
+    assert plan_turn(plan.grasp, plan.script, Problem(target, CELL, SETTINGS)) is None
 
 
 def test_an_arm_that_cannot_turn_is_told(heavy):
@@ -108,7 +108,7 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
         touching, q, out = script.targets[first["squeeze"] - 1][7:], script.start, []
         for step in range(len(script.targets) + 40):
             execution = carried(execution, turn)
-            target = denormalise(execution.action(q))
+            target = denormalise(execution.action(q), ROBOT)
             # The joints follow at once, but the fingers are where they touch.
             q = np.concatenate([target[:7], touching if step >= first["close"] else target[7:]])
             out.append(target)
@@ -136,7 +136,7 @@ def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
     touching, q = script.targets[dict(script.phases)["squeeze"] - 1], script.start
     for step in range(len(script.targets) + 60):
         execution = carried(execution, turn if turned else None)
-        q = denormalise(execution.action(q))
+        q = denormalise(execution.action(q), ROBOT)
         if step >= dict(script.phases)["close"]:
             q[7:] = touching[7:]
         if step > len(script.targets):
@@ -148,7 +148,7 @@ def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
 def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
     plan, target, _ = heavy
     strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))
-    assert plan_turn(strong, plan.script, Problem(target, TREE, SETTINGS)) is None
+    assert plan_turn(strong, plan.script, Problem(target, CELL, SETTINGS)) is None
 
 
 def test_rotation_is_that_of_its_vector():

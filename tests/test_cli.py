@@ -37,7 +37,7 @@ def run(*arguments, module="dexgrasp.cli.main", **kwargs):
         (["evaluate", "--agents", "random", "--objects", "seen", "--trials", "0"], "above 0"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--seed", "-1"], "from 0 on"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "nan"], "positive"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "7"], "up to 2"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "7"], "<= 2"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--protocol", "v9"], "valid are lift"),
         (
             [

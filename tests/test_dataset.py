@@ -20,7 +20,6 @@ from dexgrasp.dataset.rest_scene import placed, rest_scene, turn
 from dexgrasp.dataset.sampler import bearable
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest
-from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
 from dexgrasp.planning.postures import loads_on
@@ -83,7 +82,7 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     scene = rest_scene("mustard_bottle", 0, DatasetSettings.of(["mustard_bottle"]))
     triples, planner = scene.triples[:: len(scene.triples) // 300], SETTINGS.planner
     kept = {tuple(t) for t in bearable(scene, triples, SETTINGS)}
-    problem = Problem(scene.grasp_target, robot_tree(CELL), planner)
+    problem = Problem(scene.grasp_target, CELL, planner)
     at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, ASSIGNMENTS)
     loads = loads_on(at, problem)
     margin = margins(scene.points[triples], scene.normals[triples], planner.friction)[0]

@@ -53,7 +53,7 @@ def grip_of(clone, correction):
 
 def played(policy, env, steps):
     observation, _ = env.reset(seed=3)
-    run, actions = policy.begin(observation), []
+    run, actions = policy.begin(observation, CELL), []
     for _ in range(steps):
         actions.append(run.action(observation))
         observation, *_ = env.step(actions[-1])

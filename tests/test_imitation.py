@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from robots import CELL
 
 from dexgrasp.demos.generate import generate
 from dexgrasp.demos.minari_format import read_episodes
@@ -137,7 +138,7 @@ def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, mo
     predict = clone.predict
     monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
     seen = {key: array[0] for key, array in next(read_episodes(demos)).observations.items()}
-    run = CloneRun(clone, seen)
+    run = CloneRun(clone, seen, CELL)
     for _ in range(7):
         assert np.abs(run.action(seen)).max() <= 1.0
     assert len(looks) == 3

@@ -150,7 +150,7 @@ def test_randomised_model_equals_a_freshly_compiled_one(name):
     apply_variation(written, base, variation)
     larger = model.scaled(variation.size)
     fresh = build_scene(
-        larger.with_mass(model.mass * variation.size**3 * variation.mass), friction=variation.friction
+        larger.with_mass(model.mass * variation.size**3 * variation.mass), CELL, friction=variation.friction
     )
     names = (
         "body_mass", "body_inertia", "body_ipos", "geom_size", "geom_pos", "geom_quat", "geom_friction",

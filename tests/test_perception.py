@@ -52,7 +52,7 @@ def true_mesh(kind):
 
 def accuracy_of(kind, sensor, seed=0):
     model, data = scene(kind)
-    perception, rng = Perception(model, sensor=sensor), np.random.default_rng(seed)
+    perception, rng = Perception(model, CELL.make_cameras(), sensor=sensor), np.random.default_rng(seed)
     perception.reset(rng)
     seen = perception.observe(data, rng).scene
     T = np.eye(4)
@@ -97,7 +97,7 @@ def test_the_same_seed_gives_the_same_observation():
     model, data = scene()
     results = []
     for seed in (3, 3, 4):
-        perception, rng = Perception(model), np.random.default_rng(seed)
+        perception, rng = Perception(model, CELL.make_cameras()), np.random.default_rng(seed)
         perception.reset(rng)
         results.append(perception.observe(data, rng))
     a, b, c = results
@@ -127,7 +127,7 @@ def test_fewer_cameras_see_a_part(used):
 
 def test_an_object_out_of_view_or_far_away_has_a_reason():
     model, data = scene()
-    perception = Perception(model)
+    perception = Perception(model, CELL.make_cameras())
     data.qpos[:3] = [0.5, 3.0, -0.5]
     mujoco.mj_forward(model, data)
     observation = perception.observe(data, np.random.default_rng(0))
@@ -138,7 +138,7 @@ def test_an_object_out_of_view_or_far_away_has_a_reason():
 
 def test_a_fully_hidden_object_has_a_reason():
     model, data = scene(hidden=True)  # the lid is a body of the robot
-    observation = Perception(model).observe(data, np.random.default_rng(0))
+    observation = Perception(model, CELL.make_cameras()).observe(data, np.random.default_rng(0))
     assert observation.scene.reason in ("object_out_of_view", "too_few_points")
 
 
@@ -158,7 +158,10 @@ def test_images_of_nothing_have_a_reason(value, reason):
 
 def test_a_few_points_are_too_few_and_nan_does_no_harm():
     model, data = scene()
-    perception, rng = Perception(model, sensor=SensorModel.none()), np.random.default_rng(0)
+    perception, rng = (
+        Perception(model, CELL.make_cameras(), sensor=SensorModel.none()),
+        np.random.default_rng(0),
+    )
     depths = perception.measure(data, rng)
     strict = SegmentationSettings(min_points=10**6)
     assert segment(depths, perception.cameras, rng, strict).reason == "too_few_points"
@@ -203,7 +206,7 @@ def test_the_benchmark_splits_the_cost_by_step():
 
 def test_an_observation_gives_back_the_scene_it_was_made_of():
     model, data = scene()
-    perception, rng = Perception(model), np.random.default_rng(0)
+    perception, rng = Perception(model, CELL.make_cameras()), np.random.default_rng(0)
     seen = perception.observe(data, rng).scene
     arrays = seen.as_observation(1024)
     again = Scene.of_observation(

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from planned import hammer
-from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
+from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
@@ -15,7 +15,7 @@ from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.atlas import RING_ASIDE, hand_atlas, triangle_sides
+from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.problem import Problem
@@ -23,7 +23,7 @@ from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
 from dexgrasp.planning.ranking import robustness
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
-from dexgrasp.planning.sqp import MOVED, bounds_of
+from dexgrasp.planning.sqp import bounds_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.cones import conic_margin, conic_residual
 from dexgrasp_env.errors import InputError
@@ -165,7 +165,7 @@ def test_no_proposals_with_the_reason(grasp_target, settings, reason):
     found = propose(grasp_target, settings)
     assert found.failure == reason
     assert found.contacts.shape == (0, 3, 3)
-    assert list(atlas_postures(found, Problem(grasp_target, TREE, settings))) == []
+    assert list(atlas_postures(found, Problem(grasp_target, CELL, settings))) == []
 
 
 def test_uniform_proposals_are_not_judged():
@@ -211,7 +211,7 @@ def test_atlas_postures_are_what_mujoco_says():
         np.testing.assert_allclose(atlas.pads[k], [R.T @ frame[:, 0] for frame in frames], atol=1e-9)
     lower, upper = LOWER[7:], UPPER[7:]
     assert ((atlas.joints >= lower) & (atlas.joints <= upper)).all()
-    assert (atlas.joints[:, 8:12] == RING_ASIDE).all()
+    assert (atlas.joints[:, 8:12] == ROBOT.hand.finger("ring").aside).all()
     np.testing.assert_array_equal(atlas.search.data, triangle_sides(atlas.tips))
 
 
@@ -219,7 +219,7 @@ def test_atlas_postures_are_what_mujoco_says():
 def test_starting_postures_are_near_their_contacts(name, proposals):
     found, grasp_target = proposals[name], SUBJECTS[name]
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
-    postures = list(atlas_postures(found, Problem(grasp_target, TREE, SETTINGS)))
+    postures = list(atlas_postures(found, Problem(grasp_target, CELL, SETTINGS)))
     assert 10 < len(postures) <= SETTINGS.postures
     assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
     for posture in postures:
@@ -238,7 +238,7 @@ def test_oriented_postures_say_how_far_they_miss(proposals):
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
     total = 0
     for k in range(6):
-        postures = oriented_postures(k, found, Problem(grasp_target, TREE, SETTINGS))
+        postures = oriented_postures(k, found, Problem(grasp_target, CELL, SETTINGS))
         assert len(postures) <= SETTINGS.initial_orientations
         assert [p.score for p in postures] == sorted((p.score for p in postures), reverse=True)
         targets = found.contacts[k] + reach * found.normals[k]
@@ -256,7 +256,7 @@ def test_tip_ik_reaches_what_can_be_reached():
         goal[7:] = atlas.joints[k]
         targets = tips_by_mujoco(goal).copy()
         q = goal.copy()
-        q[MOVED] += rng.normal(0, 0.1, len(MOVED))
+        q[TREE.moved] += rng.normal(0, 0.1, len(TREE.moved))
         q = np.clip(q, LOWER, UPPER)
         ring = q[15:19].copy()
         miss = solve_tips(q, targets, TREE, 100, 1e-4)
@@ -287,10 +287,10 @@ def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
 def near_contact(name, proposals, count, seed=0):
     rng = np.random.default_rng(seed)
     for posture in itertools.islice(
-        atlas_postures(proposals[name], Problem(SUBJECTS[name], TREE, SETTINGS)), count
+        atlas_postures(proposals[name], Problem(SUBJECTS[name], CELL, SETTINGS)), count
     ):
         q = posture.q.copy()
-        q[MOVED] += rng.normal(0, 0.02, len(MOVED))
+        q[TREE.moved] += rng.normal(0, 0.02, len(TREE.moved))
         yield np.clip(q, LOWER, UPPER)
 
 

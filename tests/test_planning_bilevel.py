@@ -31,7 +31,7 @@ def lying(size, at=(0.5, 0.0)):
 
 BOX = lying((0.05, 0.08, 0.12))
 HUGE = lying((0.5, 0.5, 0.5), at=(0.6, 0.0))
-PROBLEM = Problem(BOX, TREE, SETTINGS)
+PROBLEM = Problem(BOX, CELL, SETTINGS)
 FAR = lying((0.05, 0.08, 0.12), at=(1.4, 0.0))
 PLATE = lying((0.3, 0.2, 0.002))
 
@@ -82,7 +82,7 @@ def test_failures_name_the_constraint_and_by_how_much(solutions):
 def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
     rng, recovered, tried = np.random.default_rng(0), 0, 0
     for s in [s for s in solutions if s.feasible][:10]:
-        again = solve(s.q, Problem(BOX, TREE, replace(SETTINGS, closure_aim=SETTINGS.closure_margin)))
+        again = solve(s.q, Problem(BOX, CELL, replace(SETTINGS, closure_aim=SETTINGS.closure_margin)))
         assert again.feasible
         assert np.abs(again.q - s.q).max() < 0.02
         shaken = s.q.copy()
@@ -96,11 +96,11 @@ def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
 def test_no_iterations_no_motion(solutions):
     start = np.clip(HOME, LOWER + 0.02, UPPER - 0.02)
     for budget in (0, 3):
-        solution = solve(start, Problem(HUGE, TREE, replace(SETTINGS, iterations=budget)))
+        solution = solve(start, Problem(HUGE, CELL, replace(SETTINGS, iterations=budget)))
         assert not solution.feasible
         assert solution.iterations <= budget
         assert solution.violation > 1e-3
-    assert np.abs(solve(start, Problem(HUGE, TREE, replace(SETTINGS, iterations=0))).q - start).max() < 1e-12
+    assert np.abs(solve(start, Problem(HUGE, CELL, replace(SETTINGS, iterations=0))).q - start).max() < 1e-12
 
 
 def test_same_start_same_solution_bit_for_bit(solutions):

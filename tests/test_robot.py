@@ -3,11 +3,26 @@
 import mujoco
 import numpy as np
 import pytest
-from robots import CELL, MOUNTS
+from robots import (
+    ARM_BODIES,
+    BODIES,
+    CELL,
+    FINGERS,
+    HAND_BODIES,
+    HAND_JOINTS,
+    HOME,
+    JOINTS,
+    LOWER,
+    MOUNTS,
+    ROBOT,
+    TIPS,
+    TORQUE,
+    UPPER,
+    VELOCITY,
+)
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot import limits, names
 from dexgrasp_env.robot.model import robot_spec
 
 DH_A = (0.0, 0.0, 0.0, 0.0825, -0.0825, 0.0, 0.088)
@@ -60,13 +75,13 @@ def pairs_at(model, data, q):
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_names_and_orders(mount):
     model = robot_spec(CELL.mounted(mount)).compile()
-    assert [model.joint(i).name for i in range(model.njnt)] == list(names.JOINTS)
-    assert [model.actuator(i).name for i in range(model.nu)] == list(names.JOINTS)
-    assert [model.body(i).name for i in range(1, model.nbody)] == list(names.BODIES)
+    assert [model.joint(i).name for i in range(model.njnt)] == list(JOINTS)
+    assert [model.actuator(i).name for i in range(model.nu)] == list(JOINTS)
+    assert [model.body(i).name for i in range(1, model.nbody)] == list(BODIES)
     assert (model.actuator_trnid[:, 0] == np.arange(23)).all()
-    for site in ("flange", names.PALM_SITE, *names.TIPS):
+    for site in ("flange", ROBOT.hand.palm, *TIPS):
         model.site(site)
-    for geom in names.TIPS:
+    for geom in TIPS:
         assert model.geom(geom).size[0] == 0.014
 
 
@@ -89,7 +104,7 @@ def test_unknown_mount():
 def test_arm_kinematics_follow_the_dh_table(model):
     rng = np.random.default_rng(0)
     for _ in range(20):
-        q = rng.uniform(limits.LOWER, limits.UPPER)
+        q = rng.uniform(LOWER, UPPER)
         data = placed(model, q)
         frames = dh_frames(q[:7])
         for i, T in enumerate(frames, start=1):
@@ -102,7 +117,7 @@ def test_arm_kinematics_follow_the_dh_table(model):
 
 def test_tips_lie_where_the_figures_say(hand):
     data = placed(hand, HAND_ZERO)
-    mm = {finger: 1e3 * data.site(f"{finger}_tip").xpos for finger in names.FINGERS}
+    mm = {finger: 1e3 * data.site(f"{finger}_tip").xpos for finger in FINGERS}
     np.testing.assert_allclose(mm["index"], (0, 55.3, 133.4), atol=0.1)
     np.testing.assert_allclose(mm["middle"], (0, 0, 136.2), atol=0.1)
     np.testing.assert_allclose(mm["ring"], (0, -55.3, 133.4), atol=0.1)
@@ -113,8 +128,8 @@ def test_tips_lie_where_the_figures_say(hand):
 
 
 def test_tip_capsules_end_at_the_tip_sites(model):
-    data = placed(model, limits.HOME)
-    for finger in names.FINGERS:
+    data = placed(model, HOME)
+    for finger in FINGERS:
         geom = model.geom(f"{finger}_tip")
         axis = data.geom(f"{finger}_tip").xmat.reshape(3, 3)[:, 2] * geom.size[1]
         ends = data.geom(f"{finger}_tip").xpos + np.array([axis, -axis])
@@ -127,16 +142,16 @@ def test_fingers_bend_towards_the_palms_face(hand):
         if i % 4:
             q = HAND_ZERO.copy()
             q[i] = 0.5
-            tip = placed(hand, q).site(f"{names.FINGERS[i // 4]}_tip").xpos
+            tip = placed(hand, q).site(f"{FINGERS[i // 4]}_tip").xpos
             assert tip[0] > 0.01
 
 
 def test_masses(model):
     arm = (0.629769, 4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522)
-    np.testing.assert_allclose([model.body(b).mass[0] for b in names.ARM_BODIES], arm)
+    np.testing.assert_allclose([model.body(b).mass[0] for b in ARM_BODIES], arm)
     finger = (0.0119, 0.065, 0.0355, 0.0096 + 0.0168)
     thumb = (0.0176, 0.0119, 0.038, 0.0388 + 0.0168)
-    masses = [model.body(b).mass[0] for b in names.HAND_BODIES]
+    masses = [model.body(b).mass[0] for b in HAND_BODIES]
     np.testing.assert_allclose(masses, (0.4154, *finger * 3, *thumb))
 
 
@@ -155,28 +170,28 @@ def test_arm_inertia_is_the_identified_one(model):
 
 
 def test_limits_agree_with_the_model(model):
-    np.testing.assert_array_equal(model.jnt_range, np.stack([limits.LOWER, limits.UPPER], 1))
+    np.testing.assert_array_equal(model.jnt_range, np.stack([LOWER, UPPER], 1))
     np.testing.assert_allclose(model.actuator_ctrlrange, model.jnt_range, atol=1e-12)
-    both = np.stack([-limits.TORQUE, limits.TORQUE], 1)
+    both = np.stack([-TORQUE, TORQUE], 1)
     np.testing.assert_array_equal(model.actuator_forcerange, both)
     np.testing.assert_array_equal(model.jnt_actfrcrange, both)
-    assert (limits.HOME > limits.LOWER).all()
-    assert (limits.HOME < limits.UPPER).all()
-    assert limits.VELOCITY.shape == (23,)
-    assert not limits.HOME.flags.writeable
+    assert (HOME > LOWER).all()
+    assert (HOME < UPPER).all()
+    assert VELOCITY.shape == (23,)
+    assert not HOME.flags.writeable
 
 
 def test_facts_of_the_hand_agree_with_the_model(model):
-    kp = [model.actuator(name).gainprm[0] for name in names.HAND_JOINTS]
-    assert kp == [limits.HAND_STIFFNESS] * 16
-    for finger, columns in names.FINGER_COLUMNS.items():
-        assert names.JOINTS[columns] == tuple(f"{finger}_{i}" for i in range(4))
+    kp = [model.actuator(name).gainprm[0] for name in HAND_JOINTS]
+    assert kp == [10.0] * 16
+    for finger, columns in ROBOT.columns.items():
+        assert JOINTS[columns] == tuple(f"{finger}_{i}" for i in range(4))
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_mount_geometry(mount):
-    data = placed(robot_spec(CELL.mounted(mount)).compile(), limits.HOME)
-    T = dh_frames(limits.HOME_ARM)[-1]
+    data = placed(robot_spec(CELL.mounted(mount)).compile(), HOME)
+    T = dh_frames(HOME[:7])[-1]
     palm, R = data.site("palm").xpos, T[:3, :3].T @ data.site("palm").xmat.reshape(3, 3)
     origin = T[:3, :3].T @ (palm - T[:3, 3])
     if mount == "palm_normal":
@@ -204,14 +219,14 @@ def test_only_named_geoms_of_group_3_collide(model):
 def test_no_contact_at_home_and_few_in_random_arm_poses(mount):
     model = robot_spec(CELL.mounted(mount)).compile()
     data = mujoco.MjData(model)
-    assert not pairs_at(model, data, limits.HOME)
+    assert not pairs_at(model, data, HOME)
     rng = np.random.default_rng(1)
     found = []
     for _ in range(300):
-        q = np.concatenate([rng.uniform(limits.ARM_LOWER, limits.ARM_UPPER), limits.OPEN_HAND])
+        q = np.concatenate([rng.uniform(LOWER[:7], UPPER[:7]), HOME[7:]])
         found.append(pairs_at(model, data, q))
     assert np.mean([bool(pairs) for pairs in found]) < 0.15
-    links = {pair for pairs in found for pair in pairs if all(body in names.ARM_BODIES for body in pair)}
+    links = {pair for pairs in found for pair in pairs if all(body in ARM_BODIES for body in pair)}
     # The wrist reaches the base and the upper arm, and nothing nearer to itself along the chain.
     assert all(int(b[-1]) - int(a[-1]) >= 3 for a, b in links)
     near = {("palm", f"panda_link{i}") for i in (6, 7)}
@@ -220,34 +235,34 @@ def test_no_contact_at_home_and_few_in_random_arm_poses(mount):
 
 def test_no_contact_within_a_swept_finger(model):
     data = mujoco.MjData(model)
-    for i, joint in enumerate(names.HAND_JOINTS):
+    for i, joint in enumerate(HAND_JOINTS):
         own = [f"{joint[:-2]}_{link}" for link in ("base", "proximal", "medial", "distal")]
-        for value in np.linspace(limits.HAND_LOWER[i], limits.HAND_UPPER[i], 12):
-            q = limits.HOME.copy()
+        for value in np.linspace(LOWER[7 + i], UPPER[7 + i], 12):
+            q = HOME.copy()
             q[7 + i] = value
             assert not [p for p in pairs_at(model, data, q) if p[0] in own and p[1] in (*own, "palm")]
 
 
 @pytest.mark.parametrize("sign", [-1.0, 1.0])
 def test_torques_saturate_at_the_limits(model, sign):
-    data = placed(model, limits.HOME)
-    data.ctrl[:] = limits.UPPER if sign > 0 else limits.LOWER
+    data = placed(model, HOME)
+    data.ctrl[:] = UPPER if sign > 0 else LOWER
     peak = np.zeros(23)
     for _ in range(100):
         mujoco.mj_step(model, data)
-        assert (np.abs(data.actuator_force) <= limits.TORQUE).all()
-        assert (np.abs(data.qfrc_actuator) <= limits.TORQUE + 1e-12).all()
+        assert (np.abs(data.actuator_force) <= TORQUE).all()
+        assert (np.abs(data.qfrc_actuator) <= TORQUE + 1e-12).all()
         peak = np.maximum(peak, np.abs(data.actuator_force))
     assert (peak[7:] == 0.7).any()
-    assert (peak[:7] == limits.ARM_TORQUE).any()
+    assert (peak[:7] == TORQUE[:7]).any()
 
 
 def test_servo_tracks_a_set_point(model):
-    data = placed(model, limits.HOME)
+    data = placed(model, HOME)
     offset = np.concatenate([np.full(7, 0.1), np.full(16, -0.05)])
-    goal = np.clip(limits.HOME + offset, limits.LOWER, limits.UPPER)
+    goal = np.clip(HOME + offset, LOWER, UPPER)
     for k in range(1000):
-        data.ctrl[:] = limits.HOME + min(k / 300, 1.0) * (goal - limits.HOME)
+        data.ctrl[:] = HOME + min(k / 300, 1.0) * (goal - HOME)
         mujoco.mj_step(model, data)
     np.testing.assert_allclose(data.qpos, goal, atol=2e-3)
     assert np.abs(data.qvel).max() < 1e-2
@@ -257,10 +272,10 @@ def test_servo_tracks_a_set_point(model):
 @pytest.mark.parametrize("mount", MOUNTS)
 def test_gravity_is_compensated_through_the_actuators(mount):
     model = robot_spec(CELL.mounted(mount)).compile()
-    data = placed(model, limits.HOME)
-    start = np.array([data.site(tip).xpos for tip in names.TIPS])
+    data = placed(model, HOME)
+    start = np.array([data.site(tip).xpos for tip in TIPS])
     mujoco.mj_step(model, data, 500)
-    end = np.array([data.site(tip).xpos for tip in names.TIPS])
+    end = np.array([data.site(tip).xpos for tip in TIPS])
     assert np.linalg.norm(end - start, axis=1).max() < 1e-3
     np.testing.assert_allclose(data.qfrc_actuator, data.qfrc_bias, atol=0.05)
     assert np.abs(data.qfrc_actuator).max() > 10.0

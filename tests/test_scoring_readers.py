@@ -268,9 +268,9 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mo
     identity = SimpleNamespace(source="sugar_box", name="sugar_box", scale=1.0)
     record = SimpleNamespace(
         T_world_object=np.eye(4), object=identity, check_cell=lambda: None,
-        grasp=SimpleNamespace(mount=mount, motion=GraspMotion(q - 0.1, q, np.r_[q[:7], q[7:] + 0.02])),
+        grasp=SimpleNamespace(cell=CELL.mounted(mount), motion=GraspMotion(q - 0.1, q, np.r_[q[:7], q[7:] + 0.02])),
     )  # fmt: skip
-    monkeypatch.setattr(ours, "record_of", lambda content, source: record)
+    monkeypatch.setattr(ours, "record_of", lambda *_: record)
     (found,) = ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
     robot, hand = robot_spec(CELL.mounted(mount)).compile(), found.hand.model
     whole, alone = mujoco.MjData(robot), mujoco.MjData(hand)

@@ -161,8 +161,8 @@ def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeyp
     """The physics is left out; what comes after the decision, begun by other workers, must not count."""
     asked = []
 
-    def run_cells(settings, cells, workers, bench):
-        for cell in cells:
+    def run_pool(work, tasks, backend):
+        for cell in tasks:
             asked.append(cell)
             row = {
                 "protocol": cell.protocol, "agent": cell.agent, "object": cell.label, "trial": cell.trial,
@@ -171,7 +171,7 @@ def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeyp
             }  # fmt: skip
             yield row, None
 
-    monkeypatch.setattr(evaluate_module, "run_cells", run_cells)
+    monkeypatch.setattr(evaluate_module, "run_pool", run_pool)
     settings = EvaluationSettings.of(["hardcoded", "random"], ["gelatin_box"], trials=30)
     summary = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05, progress=False)
     n = summary["sequential"]["stopped_after"]

@@ -126,6 +126,7 @@ def test_agents_are_told_nothing_of_the_object(env):
     outcome = run_trial(env, agent, SEEDS)
     assert set(agent.info) == {
         "action_space",
+        "cell",
         "control_period",
         "mount",
         "obs_mode",

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from robots import HOME
+from robots import CELL, HOME
 
 from dexgrasp.viewer.film import Film, carried, palm_poses
 from dexgrasp_env.objects import load_object
@@ -19,15 +19,15 @@ def film():
     contacts = np.array([[0.5, -0.04, 0.02], [0.48, 0.04, 0.02], [0.52, 0.04, 0.02]])
     normals = np.array([[0.0, -1, 0], [0, 1, 0], [0, 1, 0]])
     forces = -4.0 * normals
-    poses = carried(states, 2, T, "palm_normal")
+    poses = carried(states, 2, T, CELL)
     facts = {"load": "1.50 <firm>"}
-    return Film("gelatin", "palm_normal", states, poses, 0.05, (("approach", 0),), (hull,), contacts, normals, forces,
+    return Film("gelatin", CELL, states, poses, 0.05, (("approach", 0),), (hull,), contacts, normals, forces,
                 0.5, shape, hull, facts)  # fmt: skip
 
 
 def test_the_object_rests_until_it_is_lifted_and_then_follows_the_palm(film):
     assert np.array_equal(film.object_poses[1], film.object_poses[0])
-    palms = palm_poses(film.states, "palm_normal")
+    palms = palm_poses(film.states, CELL)
     in_palm = np.linalg.inv(palms) @ film.object_poses
     assert np.abs(in_palm[5] - in_palm[2]).max() < 1e-12
     assert np.abs(film.object_poses[5] - film.object_poses[0]).max() > 0.01
