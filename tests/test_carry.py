@@ -90,7 +90,7 @@ def test_an_arm_that_cannot_turn_is_told(heavy):
     stretched = start.copy()
     stretched[:7] = [0.0, 1.2, 0.0, -0.3, 0.0, 1.5, 0.0]  # as far as it goes
     centre = palm_frame(stretched, TREE)[1] + [0.3, 0.0, 0.0]
-    assert turn_arm(stretched, np.array([0.0, -1.2, 0.0]), centre, corners, TREE) is None
+    assert turn_arm(stretched, np.array([0.0, -1.2, 0.0]), centre, corners, CELL) is None
 
 
 def carried(motion, turn):
