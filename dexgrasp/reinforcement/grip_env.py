@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.features import Observation
 from dexgrasp.reinforcement.actor import Scaling
+from dexgrasp.reinforcement.feature_vec_env import one
 from dexgrasp.reinforcement.grip import SIZE, GripRun, look
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
-from dexgrasp.reinforcement.vec_env import one
 from dexgrasp_env.arrays import Array
 
 

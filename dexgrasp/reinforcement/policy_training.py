@@ -14,8 +14,8 @@ from dexgrasp_env.extras import from_extra
 with from_extra():
     from stable_baselines3 import PPO, SAC
 
+    from dexgrasp.reinforcement.feature_vec_env import FeatureVecEnv, measure
     from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
-    from dexgrasp.reinforcement.vec_env import FeatureVecEnv, measure
 
 _ROLLOUT = 100  # control steps of every environment between two updates of `ppo`
 _BATCHES = 4  # that a rollout is cut into
