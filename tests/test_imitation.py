@@ -146,7 +146,7 @@ def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, mo
 
 def test_policies_are_tried_while_they_learn(demos, tmp_path):
     trials = Trials(("sugar_box",), every=2)
-    state = Cloning([demos], tmp_path / "out", settings_of("state"), Course(judge=trials)).run()
+    state = Cloning([demos], tmp_path / "out", settings_of("state"), Course(tester=trials)).run()
     assert "success" not in state.curve[0]
     assert state.curve[1]["trials"] == 1
 

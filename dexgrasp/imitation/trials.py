@@ -6,11 +6,11 @@ from pathlib import Path
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.spec import plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.runs.training import Judge, Progress, Row
+from dexgrasp.runs.training import Progress, Row, Tester
 
 
 @dataclass(frozen=True)
-class Trials(Judge):
+class Trials(Tester):
     """What a policy is tried on, under protocol `lift`.
 
     Attributes:

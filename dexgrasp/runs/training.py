@@ -35,7 +35,7 @@ class Progress:
 
 
 @dataclass(frozen=True)
-class Judge(ABC):
+class Tester(ABC):
     """Tries what is learned while it learns."""
 
     @abstractmethod
@@ -50,12 +50,12 @@ class Course:
     Attributes:
         device: cpu, cuda or auto.
         minutes: as many epochs as fit into these, by the first steps' speed; None for those of the settings.
-        judge: what tries it while it learns; None for nothing.
+        tester: what tries it while it learns; None for nothing.
     """
 
     device: str = "cpu"
     minutes: float | None = None
-    judge: Judge | None = None
+    tester: Tester | None = None
 
 
 class Training(ABC):
@@ -128,7 +128,7 @@ class Training(ABC):
             InputError: other settings or another process in the folder, a damaged checkpoint.
         """
         torch.set_num_threads(self.settings.threads)
-        course = {"minutes": self.course.minutes, "trials": self.course.judge and asdict(self.course.judge)}
+        course = {"minutes": self.course.minutes, "trials": self.course.tester and asdict(self.course.tester)}
         run = {"schema": 1, **self.identity(), "settings": asdict(self.settings), **course}
         with RunFolder(self.out, self.about, "training").claim(run), self.open:
             self.begin()
@@ -166,8 +166,8 @@ class Training(ABC):
             # What is kept is there before the checkpoint: a kill in between repeats an epoch, to the same bits.
             with held():
                 self.write()
-            if self.course.judge:
-                row |= self.course.judge.after(self.out, state)
+            if self.course.tester:
+                row |= self.course.tester.after(self.out, state)
             with held():
                 self._keep()
             board.add(row, row.get("steps", state.epoch))
