@@ -92,7 +92,7 @@ class TrialRunner:
 
 
 def _runner_elsewhere(settings: EvaluationSettings, identity: dict[str, Any]) -> TrialRunner:
-    """Return a runner on another machine.
+    """Return a runner in another process.
 
     Raises:
         InputError: where that has other code or files.
@@ -100,7 +100,7 @@ def _runner_elsewhere(settings: EvaluationSettings, identity: dict[str, Any]) ->
     here = settings.identity()
     if other := [key for key, value in identity.items() if here[key] != value]:
         raise InputError(
-            f"a node of the cluster has other {', '.join(other)} than this machine: install the same dexgrasp there, "
-            "and give meshes and checkpoints by paths that every node has"
+            f"a worker has other {', '.join(other)} than the run began with: leave these alone while it runs; the "
+            "nodes of a cluster need the same dexgrasp, and meshes and checkpoints at the same paths"
         )
     return TrialRunner(settings)

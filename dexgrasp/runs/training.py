@@ -149,9 +149,10 @@ class Training(ABC):
         try:
             self.state = Progress(**note["progress"])
             whole = [row["epoch"] for row in self.state.curve] == list(range(1, self.state.epoch + 1))
+            whole &= self.state.epoch <= self.state.epochs and self.state.seconds >= 0.0
         except (LookupError, TypeError):
             raise damaged(path) from None
-        if not whole or self.state.epoch > self.state.epochs:
+        if not whole:
             raise damaged(path)
         return note
 
