@@ -6,7 +6,6 @@ from numpy.typing import NDArray
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
@@ -43,14 +42,10 @@ def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> 
         noise: (n,) shares of the way that each joint may go in a control step.
         robot: that moves.
     """
-    if control_mode == "joint_delta":
-        return np.clip(action + noise, -1.0, 1.0)
-    joints = normalise_step(noise, robot)
-    if control_mode == "joint_position":
-        return np.clip(action + joints, -1.0, 1.0)
+    change = noise if control_mode == "joint_delta" else normalise_step(noise, robot)
     if control_mode == "ee_delta":
-        return np.clip(action + np.concatenate([noise[:_PALM], joints[robot.hand_columns]]), -1.0, 1.0)
-    raise InputError(f"control_mode {control_mode!r} is unknown")
+        change = np.concatenate([noise[:_PALM], change[robot.hand_columns]])
+    return np.clip(action + change, -1.0, 1.0)
 
 
 def normalise_step(shares: Array, robot: Robot) -> Array:

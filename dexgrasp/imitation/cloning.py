@@ -9,7 +9,7 @@ from dexgrasp.imitation.clone import KIND
 from dexgrasp.imitation.clone_net import CloneNet
 from dexgrasp.imitation.data import Batch, read_rows
 from dexgrasp.imitation.settings import BcSettings
-from dexgrasp.runs.policy_folder import ABOUT, write_policy
+from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp.runs.step_training import StepTraining
 from dexgrasp.runs.training import Course, Row
 from dexgrasp.runs.versions import package_versions
@@ -19,9 +19,8 @@ with from_extra():
     import torch
 
 _TESTED = 16  # rows of each held-out episode
-_BEND = (
-    0.1  # of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned
-)
+_BEND = 0.1
+"""Of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned."""
 _LAST_RATE = 0.02
 _LEAST_UNIT = 0.005  # rad: joints that hardly move need not be predicted better
 _PACKAGES = ("dexgrasp", "numpy", "torch")
@@ -63,7 +62,7 @@ class Cloning(StepTraining):
 
     def identity(self) -> Row:
         """Return what the demonstrations are."""
-        return {"policy": ABOUT, "data": self._rows.key}
+        return {"data": self._rows.key}
 
     def network(self) -> CloneNet:
         """Make the network."""

@@ -84,7 +84,7 @@ def features(view: str, scene: Scene, observation: Observation, step: NDArray[np
         targets,
         ((tips - at[..., None, :]) @ turned.T * _METRES).reshape(*shape, 12),
         (palm[..., :3] - at) @ turned.T * _METRES,
-        (turned @ _matrices(palm[..., 3:]))[..., :2].reshape(*shape, 6),
+        (turned @ quat_to_matrix(palm[..., 3:]))[..., :2].reshape(*shape, 6),
         np.broadcast_to(np.minimum(step, _LONGEST) / _STEPS, shape)[..., None],
     ]
     if view == "state":
@@ -136,14 +136,3 @@ def _from_cloud(first: Observation) -> Scene:
 def _back(azimuth: float) -> Array:
     c, s = np.cos(azimuth), np.sin(azimuth)
     return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
-def _matrices(quats: Array) -> Array:
-    """Rotation matrices (..., 3, 3) of quaternions (..., 4) wxyz."""
-    w, x, y, z = np.moveaxis(quats, -1, 0)
-    rows = [
-        [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-        [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-        [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-    ]
-    return np.stack([np.stack(row, axis=-1) for row in rows], axis=-2)

@@ -55,18 +55,14 @@ class Mlp:
         """Take the layers `name.K.weight` (out, in) and `name.K.bias` (out,).
 
         Raises:
-            KeyError: if there are none.
+            IndexError: if there are none.
             ValueError: if one does not fit the one before it.
         """
-        count = sum(key.startswith(f"{name}.") and key.endswith(".weight") for key in arrays)
-        self._layers = [
-            (arrays[f"{name}.{k}.weight"], arrays[f"{name}.{k}.bias"]) for k in range(max(1, count))
-        ]
+        count = sum(key.startswith(f"{name}.") for key in arrays) // 2
+        self._layers = [(arrays[f"{name}.{k}.weight"], arrays[f"{name}.{k}.bias"]) for k in range(count)]
         self._activation = activation
-        sizes = [self._layers[0][0].shape[1], *(bias.size for _, bias in self._layers)]
-        self.inputs, self.outputs = sizes[0], sizes[-1]
-        if any(w.shape != (n, m) for (w, _), m, n in zip(self._layers, sizes, sizes[1:], strict=False)):
-            raise ValueError(f"the layers of {name} do not fit")
+        self.inputs = self._layers[0][0].shape[1]
+        self.outputs = self(np.zeros(self.inputs, np.float32)).size
 
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return what comes out (..., outputs) for inputs (..., inputs)."""
