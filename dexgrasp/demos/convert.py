@@ -42,15 +42,13 @@ def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> 
         noise: (n,) shares of the way that each joint may go in a control step.
         robot: that moves.
     """
-    change = noise if control_mode == "joint_delta" else normalise_step(noise, robot)
+    if control_mode == "joint_delta":
+        change = noise
+    else:
+        change = 2.0 * noise * max_step(robot) / (robot.upper - robot.lower)
     if control_mode == "ee_delta":
         change = np.concatenate([noise[:_PALM], change[robot.hand_columns]])
     return np.clip(action + change, -1.0, 1.0)
-
-
-def normalise_step(shares: Array, robot: Robot) -> Array:
-    """Shares (n,) of the joints' steps as changes of `joint_position` actions."""
-    return 2.0 * shares * max_step(robot) / (robot.upper - robot.lower)
 
 
 def rotation_vector(R: Array) -> Array:
