@@ -3,14 +3,15 @@
     python scripts/record_results.py runs/robust runs/scans --out docs/results/robust.json --title "..." --note "..."
     python scripts/record_results.py --write         put the tables of every docs/results/*.json where they are shown
 
-A page shows results between `<!-- results:NAME -->` and `<!-- /results:NAME -->`, NAME being the JSON's stem; a test
-holds every page against its JSON.
+A page shows results between `<!-- results:NAME -->` and `<!-- /results:NAME -->`, NAME being the JSON's stem, or some
+of its rows, `<!-- results:NAME ROW ... -->`; a test holds every page against its JSON.
 """
 
 import argparse
 import json
 import re
 import sys
+import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,10 @@ from dexgrasp.runs.text import markdown_table
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
 PAGES = ("README.md", "docs/*.md")
-_MARKS = re.compile(r"<!-- results:(?P<name>[\w-]+) -->\n(?P<text>.*?)<!-- /results:(?P=name) -->", re.DOTALL)
+_MARKS = re.compile(
+    r"<!-- results:(?P<name>[\w-]+)(?P<rows>[^>]*) -->\n(?P<text>.*?)<!-- /results:(?P=name) -->", re.DOTALL
+)
+_WIDTH = 116  # characters of a line of a page
 _CELLS = ("trials", "successes", "rate", "ci95")
 
 
@@ -49,19 +53,21 @@ def _kept(agent: Mapping[str, Any]) -> dict[str, Any]:
     }  # fmt: skip
 
 
-def render(content: Mapping[str, Any]) -> str:
-    """Return the markdown that a page shows of a result."""
+def render(content: Mapping[str, Any], only: Sequence[str] = ()) -> str:
+    """Return the markdown that a page shows of a result: all rows of it, or those named."""
     agents = content["agents"]
     names = list(dict.fromkeys(name for agent in agents.values() for name in agent["by_protocol"]))
-    several = len(names) > 1
-    kind, key = ("protocol", "by_protocol") if several else ("set", "by_set")
-    rows = names if several else list(dict.fromkeys(s for agent in agents.values() for s in agent["by_set"]))
-    body = [[row, *(_cell(agent[key].get(row)) for agent in agents.values())] for row in rows]
-    if not several:
-        body.append(["all", *(_cell(agent) for agent in agents.values())])
-    table = markdown_table((kind, *(f"`{name}`" for name in agents)), body)
-    made = "\n".join(f"{words}  " for words in _together(content["commands"])).rstrip()
-    return f"**{content['title']}** {content['note']}\n\n{table}\n\n{made}\n"
+    kind, key = ("protocol", "by_protocol") if len(names) > 1 else ("set", "by_set")
+    rows = list(dict.fromkeys(name for agent in agents.values() for name in agent[key]))
+    body = [
+        [row, _trials(cells), *(_cell(cell) for cell in cells)]
+        for row in (only or rows)
+        for cells in [[agent[key].get(row) for agent in agents.values()]]
+    ]
+    table = markdown_table((kind, "trials", *(f"`{name}`, %" for name in agents)), body)
+    words = textwrap.fill(f"**{content['title']}** {content['note']}", _WIDTH, break_on_hyphens=False)
+    made = "\n".join(_broken(line) for line in _together(content["commands"]))
+    return f"{words}\n\n{table}\n\n```bash\n{made}\n```\n"
 
 
 def _together(commands: Sequence[str]) -> list[str]:
@@ -70,14 +76,23 @@ def _together(commands: Sequence[str]) -> list[str]:
     for command in commands:
         seed = command.partition("--seed ")[2].split()[0]
         alike.setdefault(re.sub(rf"(?<!\d){seed}(?!\d)", "S", command), []).append((seed, command))
-    return [
-        f"`{own[0][1]}`" if len(own) == 1 else f"`{words}`, S = {', '.join(seed for seed, _ in own)}"
-        for words, own in alike.items()
-    ]
+    shown: list[str] = []
+    for words, own in alike.items():
+        note = [f"# S = {', '.join(seed for seed, _ in own)}"] if len(own) > 1 else []
+        shown += [*(line for line in note if line not in shown), words if note else own[0][1]]
+    return shown
+
+
+def _broken(command: str) -> str:
+    return command if len(command) <= _WIDTH else command.replace(" --out", " \\\n  --out")
 
 
 def _cell(cell: Mapping[str, Any] | None) -> str:
-    return f"{rate_words(cell)} of {cell['trials']}" if cell and cell["trials"] else "-"
+    return rate_words(cell).replace(" %", "")
+
+
+def _trials(cells: Sequence[Mapping[str, Any] | None]) -> str:
+    return " / ".join(dict.fromkeys(str(cell["trials"]) for cell in cells if cell))
 
 
 def pages() -> list[Path]:
@@ -96,7 +111,8 @@ def rewritten(text: str, results: Path = RESULTS) -> str:
     def fill(found: re.Match[str]) -> str:
         name = found["name"]
         content = json.loads((results / f"{name}.json").read_text())
-        return f"<!-- results:{name} -->\n{render(content)}<!-- /results:{name} -->"
+        text = render(content, found["rows"].split())
+        return f"<!-- results:{name}{found['rows']} -->\n{text}<!-- /results:{name} -->"
 
     return _MARKS.sub(fill, text)
 
