@@ -68,7 +68,7 @@ class BilevelAgent(Agent):
         self.result: PlanResult | None = None
         self._proposals = proposals
         self._planner = self._make(cell or default_cell())
-        self._regrasps, self._turns = regrasps, turns
+        self._regrasps, self.turns = regrasps, turns
         self._seed = 0
         self._state: State | None = None
 
@@ -147,7 +147,7 @@ class BilevelAgent(Agent):
 
     def _carry(self, held: GuardedGrasp, plan: PlanResult) -> GuardedCarry:
         turn = None
-        if self._turns and plan.target is not None:
+        if self.turns and plan.target is not None:
             turn = plan_turn(held.grasp, held.script, Problem(plan.target, held.grasp.cell, self.settings))
         return GuardedCarry(held, turn)
 

@@ -5,7 +5,7 @@ A checkpoint is a zip with pickled parts; `checkpoint_reader` sees to it that no
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 from gymnasium import spaces
@@ -16,7 +16,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand, read_json_object
 
-from .checkpoint_reader import harmless_objects, read_settings
+from .checkpoint_reader import counted, harmless_objects, read_settings, statistics_files
 
 ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
 
@@ -24,12 +24,12 @@ ALGORITHMS = ("ppo", "sac", "td3", "ddpg", "a2c")
 class CheckpointAgent(Agent):
     """Acts by a Stable-Baselines3 policy, without exploration noise.
 
-    Its `env_settings` are those it was trained with, where a file of the checkpoint's name ending in `.json`
-    says so (`{"obs_mode": ..., "control_mode": ...}`); else the environment's defaults.
+    Its `env_settings` are those it was trained with, as far as its spaces tell; a file of the checkpoint's name ending
+    in `.json` may say more (`{"observe": "reset"}`). What `VecNormalize` had counted, saved as `NAME.pkl` or
+    `vecnormalize.pkl` beside it, is used.
     """
 
     env_settings: Mapping[str, Any] = {}  # type: ignore[misc]  # of the instance here
-    _defaults: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
 
     def __init__(self, spec: str) -> None:
         """Open a checkpoint.
@@ -44,7 +44,8 @@ class CheckpointAgent(Agent):
         if not path.is_file():
             raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
         self._policy = _open(path, algorithm or _guess(path))
-        self.env_settings = dict(self._defaults) | _sidecar(path)
+        self._counted = counted(path)
+        self.env_settings = _told(self._policy) | _sidecar(path)
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own draws."""
@@ -56,7 +57,8 @@ class CheckpointAgent(Agent):
 
     def act(self, observation: Observation) -> NDArray[np.float32]:
         """Return the policy's mean action."""
-        action, _ = self._policy.predict(dict(observation), deterministic=True)
+        seen = dict(observation) if self._counted is None else self._counted.normalize_obs(dict(observation))
+        action, _ = self._policy.predict(seen, deterministic=True)
         return np.asarray(action, dtype=np.float32)
 
 
@@ -65,7 +67,7 @@ def checkpoint_files(spec: str) -> list[Path]:
     if not spec.endswith(".zip"):
         return []
     _, path = _split(spec)
-    return [path, path.with_suffix(".json")]
+    return [path, path.with_suffix(".json"), *statistics_files(path)]
 
 
 def _split(spec: str) -> tuple[str | None, Path]:
@@ -112,6 +114,19 @@ def _open(path: Path, algorithm: str) -> Any:
             f"{path} was not trained on this environment's dict observations: use MultiInputPolicy"
         )
     return policy
+
+
+def _told(policy: Any) -> dict[str, Any]:
+    """Return what the spaces of a policy say of its environment."""
+    keys = policy.observation_space.keys()
+    seen = [
+        mode for mode, key in {"pointcloud": "cloud", "rgbd": "rgb", "depth": "depth"}.items() if key in keys
+    ][:1]
+    known = ["state"] if "object_pose" in keys or "observation" in keys or not seen else []
+    return {
+        "obs_mode": "+".join(known + seen),
+        "control_mode": getattr(policy.action_space, "control_mode", "joint_delta"),
+    }
 
 
 def _sidecar(path: Path) -> dict[str, Any]:

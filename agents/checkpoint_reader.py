@@ -23,6 +23,7 @@ _NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
 _REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0}
 _CLASSES = re.compile(
     r"stable_baselines3\.((common|\w+)\.policies|common\.(buffers|utils|type_aliases|torch_layers|noise))"
+    r"|stable_baselines3\.common\.(running_mean_std|vec_env\.vec_normalize)"
     r"|gymnasium\.spaces\.\w+|torch\.nn\.modules\.activation|torch\.optim\.(adam|adamw)|(dexgrasp|dexgrasp_env)\.[\w.]+"
 )
 """Modules of which classes may be made."""
@@ -84,6 +85,28 @@ def harmless_objects(path: Path, settings: dict[str, Any]) -> dict[str, Any]:
                 ) from None
             found[key] = _REPLACED.get(key)
     return found
+
+
+def statistics_files(path: Path) -> list[Path]:
+    """Return where `VecNormalize` may have saved what it counted, for a checkpoint."""
+    return [path.with_suffix(".pkl"), path.with_name("vecnormalize.pkl")]
+
+
+def counted(path: Path) -> Any:
+    """Return the `VecNormalize` that was saved beside a checkpoint, None where there is none.
+
+    Raises:
+        InputError: if it is none, or asks for what is not read.
+    """
+    for file in statistics_files(path):
+        if file.is_file():
+            try:
+                return unpickle(file.read_bytes(), _NAMES, _CLASSES)
+            except Exception as error:  # damaged ones fail in many ways
+                raise InputError(
+                    f"{file} holds no VecNormalize: {' '.join(str(error).split())[:120]}"
+                ) from None
+    return None
 
 
 def _unpickled(text: Any) -> Any:

@@ -56,6 +56,20 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     return complete(name, _made(name, kwargs))
 
 
+def placing_agent(name: str) -> Agent:
+    """Make an agent for goals: one that commands set-points of joints has its grasp carried on to the goal.
+
+    Raises:
+        InputError: as `make_agent`.
+    """
+    agent = make_agent(name)
+    if agent.env_settings.get("control_mode") != "joint_position":
+        return agent
+    from dexgrasp.agents.placing import PlacingAgent
+
+    return PlacingAgent(agent)
+
+
 def agent_for(name: str, friction: float | None) -> Agent:
     """Make an agent for surfaces of some friction: one that plans grasps counts on its usual share of it.
 

@@ -21,25 +21,28 @@ __version__ = "0.3.0"
 
 _LIMIT = 300  # control steps at 20 Hz: 15 s
 _PUSHES = 80  # control steps that the pushes take: `tasks.disturbance`, which is not imported here
-_SOLVED = 220.0  # dense return: held grasps reach 239, squeezing without lifting at most 168
+_SOLVED = {1: 220.0, 2: 75.0}  # dense return; version 1: held grasps reach 239; 2: without success 50 at most
 
 
 def _register(name: str, max_episode_steps: int = _LIMIT, **kwargs: Any) -> None:
     # The entry points are strings so that specs serialise.
+    for version, threshold in _SOLVED.items():
+        register(
+            id=f"DexGrasp/{name}-v{version}", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
+            vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
+            reward_threshold=threshold, kwargs={**kwargs, **({"version": 1} if version == 1 else {})},
+        )  # fmt: skip
+
+
+_register("Lift")
+_register("LiftUpright", presentation="upright")
+_register("LiftSlippery", friction=0.35)
+_register("LiftPushed", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
+_register("LiftOneView", obs_mode="pointcloud", views=1)
+
+for version in (1, 2):
     register(
-        id=f"DexGrasp/{name}", entry_point="dexgrasp_env.tasks.lift:LiftEnv",
-        vector_entry_point="dexgrasp_env.tasks.vector:LiftVectorEnv", max_episode_steps=max_episode_steps,
-        reward_threshold=_SOLVED, kwargs=kwargs,
+        id=f"DexGrasp/Place-v{version}", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
+        vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=_LIMIT,
+        kwargs={"version": 1} if version == 1 else {},
     )  # fmt: skip
-
-
-_register("Lift-v1")
-_register("LiftUpright-v1", presentation="upright")
-_register("LiftSlippery-v1", friction=0.35)
-_register("LiftPushed-v1", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
-_register("LiftOneView-v1", obs_mode="pointcloud", views=1)
-
-register(
-    id="DexGrasp/Place-v1", entry_point="dexgrasp_env.tasks.place:PlaceEnv",
-    vector_entry_point="dexgrasp_env.tasks.vector:PlaceVectorEnv", max_episode_steps=_LIMIT,
-)  # fmt: skip

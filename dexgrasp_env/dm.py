@@ -21,7 +21,6 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.simulation import Simulation
 
@@ -38,7 +37,7 @@ _PREFIX = "DexGrasp/"
 def load(
     objects: str | list[str] | tuple[str, ...] = "ycb6",
     *,
-    env_id: str = "DexGrasp/Lift-v1",
+    env_id: str = "DexGrasp/Lift-v2",
     seed: int | None = None,
     flat_observation: bool = False,
     **kwargs: Any,
@@ -64,8 +63,8 @@ def load(
         )
     task = Task(gym.make(env_id, objects=objects, disable_env_checker=True, **kwargs), seed)
     return control.Environment(
-        Physics(task.inner.simulation), task, n_sub_steps=CONTROL_STEPS, flat_observation=flat_observation,
-        legacy_step=False,
+        Physics(task.inner.simulation), task, n_sub_steps=task.inner.settings.frame_skip,
+        flat_observation=flat_observation, legacy_step=False,
     )  # fmt: skip
 
 
@@ -90,7 +89,7 @@ class Physics(dm_mujoco.Physics):
             self._reload_from_data(MjData(simulation.data))
 
     def give(self, rows: NDArray[np.float64]) -> None:
-        """Set what the servos are told in the next control step: (1, 25, 23) rad."""
+        """Set what the servos are told in the next control step: (1, frame_skip, n) rad."""
         self._rows = rows
 
     def step(self, nstep: int = 1) -> None:

@@ -63,7 +63,7 @@ def _checkpoint(path: Path) -> None:
 
     import dexgrasp_env  # noqa: F401
 
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", obs_mode="state", control_mode="joint_delta")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", obs_mode="state", control_mode="joint_delta")
     PPO("MultiInputPolicy", env, n_steps=8, batch_size=8, device="cpu").save(path)
 
 

@@ -34,9 +34,9 @@ def plan(envs: Any, state: Any, mean: np.ndarray, rounds: int, rng: np.random.Ge
 def run(name: str, steps: int, samples: int, horizon: int, rounds: int = 2, seed: int = 0) -> list[float]:
     """Control one episode, and return its rewards."""
     rng = np.random.default_rng(seed)
-    env = gym.make("DexGrasp/Lift-v1", objects=name)
+    env = gym.make("DexGrasp/Lift-v2", objects=name)
     # A try that loses the object starts another episode: what that earns in so few steps is little.
-    envs = gym.make_vec("DexGrasp/Lift-v1", num_envs=samples, objects=name, max_episode_steps=None)
+    envs = gym.make_vec("DexGrasp/Lift-v2", num_envs=samples, objects=name, max_episode_steps=None)
     env.reset(seed=seed)
     mean, rewards = np.zeros((horizon, 23)), []
     for _ in range(steps):

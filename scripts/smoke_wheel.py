@@ -88,7 +88,7 @@ def step_environment() -> str:
     """`gym.make` works, and a step of it."""
     import gymnasium as gym
 
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", obs_mode="pointcloud")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", obs_mode="pointcloud")
     observation, info = env.reset(seed=0)
     assert info["is_success"] is False
     assert env.observation_space.contains(observation)

@@ -70,7 +70,7 @@ def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60, pro
     rng, soak = np.random.default_rng(seed), Soak()
     envs = [
         gym.make(
-            "DexGrasp/Lift-v1",
+            "DexGrasp/Lift-v2",
             objects=objects,
             control_mode=mode,
             randomisation=RANDOMISATION,
@@ -98,7 +98,7 @@ def run_vector(
     rng, soak = np.random.default_rng(seed), Soak()
     ids = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
     kinds = [(name, mode, {}) for mode in MODES for name in ids]
-    kinds += [("DexGrasp/Lift-v1", MODES[0], {"obs_mode": mode}) for mode in ("depth", "pointcloud")]
+    kinds += [("DexGrasp/Lift-v2", MODES[0], {"obs_mode": mode}) for mode in ("depth", "pointcloud")]
     turn = 0
     while soak.steps < steps:
         name, mode, more = kinds[turn % len(kinds)]

@@ -7,7 +7,7 @@ import pytest
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
 
-ID = "DexGrasp/Lift-v1"
+ID = "DexGrasp/Lift-v2"
 NEEDS_GL = {"rgbd"}
 
 

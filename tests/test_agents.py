@@ -33,7 +33,7 @@ def surface_cloud(env, observation, seed=0):
 
 
 def play(agent, name, seed):
-    env = gym.make("DexGrasp/Lift-v1", objects=name, control_mode="joint_position")
+    env = gym.make("DexGrasp/Lift-v2", objects=name, control_mode="joint_position")
     observation, info = env.reset(seed=seed)
     agent.reset(surface_cloud(env, observation, seed), {})
     for _ in range(160):
@@ -152,7 +152,7 @@ def test_not_a_checkpoint(tmp_path):
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_checkpoint_acts(algorithm, tmp_path):
     library = pytest.importorskip("stable_baselines3")
-    env = gym.make("DexGrasp/Lift-v1", objects="lego")
+    env = gym.make("DexGrasp/Lift-v2", objects="lego")
     path = tmp_path / f"{algorithm}.zip"
     sizes = {"n_steps": 2, "batch_size": 2} if algorithm == "ppo" else {"buffer_size": 10}
     trained = getattr(library, algorithm.upper())("MultiInputPolicy", env, device="cpu", **sizes)
@@ -165,9 +165,38 @@ def test_checkpoint_acts(algorithm, tmp_path):
         np.testing.assert_array_equal(
             agent.act(observation), trained.predict(observation, deterministic=True)[0]
         )
-    (tmp_path / f"{algorithm}.json").write_text('{"control_mode": "ee_delta"}')
-    assert make_agent(str(path)).env_settings["control_mode"] == "ee_delta"
+    (tmp_path / f"{algorithm}.json").write_text('{"observe": "reset"}')
+    assert make_agent(str(path)).env_settings["observe"] == "reset"
     env.close()
+
+
+@pytest.mark.parametrize("settings", [
+    {"control_mode": "ee_delta", "obs_mode": "state"}, {"control_mode": "joint_position", "obs_mode": "state"},
+    {"control_mode": "joint_delta", "obs_mode": "state+pointcloud", "observe": "reset"},
+])  # fmt: skip
+def test_a_checkpoint_tells_its_modes_and_brings_its_normalisation(settings, tmp_path):
+    library = pytest.importorskip("stable_baselines3")
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
+
+    env = VecNormalize(
+        SB3VecEnv("DexGrasp/Lift-v2", 2, objects="lego", **settings), norm_obs_keys=["palm_pose"]
+    )
+    trained = library.PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, n_epochs=1, device="cpu")
+    trained.learn(4)
+    trained.save(tmp_path / "ppo.zip")
+    env.save(tmp_path / "vecnormalize.pkl")
+    agent = make_agent(str(tmp_path / "ppo.zip"))
+    assert agent.env_settings == {key: settings[key] for key in ("control_mode", "obs_mode")}
+    alone = gym.make("DexGrasp/Lift-v2", objects="lego", **settings)
+    observation, _ = alone.reset(seed=0)
+    agent.reset(observation, {})
+    expected = trained.predict(env.normalize_obs(observation), deterministic=True)[0]
+    np.testing.assert_array_equal(agent.act(observation), expected)
+    (tmp_path / "ppo.pkl").write_bytes(b"no pickle")
+    with pytest.raises(InputError, match="VecNormalize"):
+        make_agent(str(tmp_path / "ppo.zip"))
 
 
 class Harm:
@@ -185,7 +214,7 @@ def test_checkpoints_run_nothing(key, tmp_path):
     pytest.importorskip("stable_baselines3")
     from stable_baselines3 import PPO
 
-    env = gym.make("DexGrasp/Lift-v1", objects="lego")
+    env = gym.make("DexGrasp/Lift-v2", objects="lego")
     PPO("MultiInputPolicy", env, n_steps=2, batch_size=2, device="cpu").save(tmp_path / "ppo.zip")
     env.close()
     pickled = base64.b64encode(pickle.dumps(Harm(tmp_path / "done"))).decode()

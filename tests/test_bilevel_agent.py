@@ -102,7 +102,7 @@ def test_lifts_the_sugar_box(attempt):
 def test_grasps_again_what_was_lost():
     """The object is taken out of the hand and put elsewhere: the agent goes home, looks, and lifts it after all."""
     agent = BilevelAgent()
-    env = gym.make("DexGrasp/Lift-v1", objects="gelatin_box", max_episode_steps=400, **agent.env_settings)
+    env = gym.make("DexGrasp/Lift-v2", objects="gelatin_box", max_episode_steps=400, **agent.env_settings)
     observation, info = env.reset(seed=1)
     agent.seed(1)
     agent.reset(observation, public_info(env, info))
@@ -131,7 +131,7 @@ def test_looks_again_where_there_is_no_grasp(blind, reason, steps, monkeypatch):
 
     monkeypatch.setattr("dexgrasp.agents.bilevel.plan_scene", blinded)
     agent = BilevelAgent()
-    env = gym.make("DexGrasp/Lift-v1", objects="gelatin_box", **agent.env_settings)
+    env = gym.make("DexGrasp/Lift-v2", objects="gelatin_box", **agent.env_settings)
     outcome, grasp = run_trial(env, agent, TrialSeeds(1, 1))
     assert outcome.reason == reason
     assert outcome.success == (reason is None) == (grasp is not None)

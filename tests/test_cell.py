@@ -109,7 +109,7 @@ def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
 
 def test_the_environment_is_of_the_cell(lab):
     modes = {"obs_mode": "pointcloud", "control_mode": "joint_delta"}
-    env = gym.make("DexGrasp/Lift-v1", objects="pear", robot=str(lab), **modes)
+    env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=str(lab), **modes)
     observation, _ = env.reset(seed=0)
     before = observation["joint_targets"]
     after = env.step(np.r_[1.0, np.zeros(22)].astype(np.float32))[0]["joint_targets"]

@@ -162,7 +162,7 @@ def test_list(what, capsys):
     assert len(listed[what]) >= 1
     assert main(["list", what]) == OK
     table = capsys.readouterr().out
-    known = {"objects": "sugar_box", "envs": "DexGrasp/Lift-v1", "agents": "hardcoded", "protocols": "lift"}
+    known = {"objects": "sugar_box", "envs": "DexGrasp/Lift-v2", "agents": "hardcoded", "protocols": "lift"}
     assert known[what] in table
 
 
@@ -170,9 +170,9 @@ def test_module_is_the_same_command():
     done = run("list", "envs", "--json", module="dexgrasp_env")
     assert done.returncode == OK, done.stderr
     envs = {env["id"]: env for env in json.loads(done.stdout)["envs"]}
-    assert envs["DexGrasp/Lift-v1"]["obs_mode"] == ["state", "pointcloud", "depth", "rgbd"]
-    assert envs["DexGrasp/Place-v1"]["obs_mode"] == ["state"]
-    assert envs["DexGrasp/LiftSlippery-v1"]["preset"] == {"friction": 0.35}
+    assert envs["DexGrasp/Lift-v2"]["obs_mode"][:4] == ["state", "pointcloud", "depth", "rgbd"]
+    assert "pointcloud" in envs["DexGrasp/Place-v2"]["obs_mode"]
+    assert envs["DexGrasp/LiftSlippery-v2"]["preset"] == {"friction": 0.35}
     assert run("list", "nothing", module="dexgrasp_env").returncode == BAD_INPUT
 
 

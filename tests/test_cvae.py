@@ -266,7 +266,7 @@ def test_agents_carry_out_learned_grasps(name):
     import dexgrasp_env  # noqa: F401
 
     agent = make_agent(name)
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
     for seed in range(8):  # latents are not ranked: some scenes have none that can be carried out
         observation, info = env.reset(seed=seed)
         agent.seed(seed)

@@ -1,6 +1,9 @@
 """Demonstrations: conversion between modes, noise that is known, data sets that others read, resuming."""
 
 import json
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import gymnasium as gym
@@ -9,6 +12,7 @@ import pytest
 from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401
+from dexgrasp.demos import DemoResets
 from dexgrasp.demos import generate as generation
 from dexgrasp.demos.convert import to_action
 from dexgrasp.demos.generate import generate
@@ -39,7 +43,7 @@ def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
 
 @pytest.mark.parametrize("mode", ["joint_position", "joint_delta", "ee_delta"])
 def test_actions_of_every_mode_follow_the_same_set_points(mode):
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", control_mode=mode)
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode=mode)
     env.reset(seed=0)
     tree = robot_tree(CELL)
     ways = np.array([0.3, 0.2, -0.1, 0.15, 0.1, 0.2, 0.3, *(0.1,) * 12, 0.02, *(0.1,) * 3])
@@ -75,11 +79,39 @@ def test_the_data_set_is_minaris_and_replays(folder):
     episode = next(iter(data.iterate_episodes()))
     assert episode.observations["object_pose"].shape == (len(episode) + 1, 7)
     assert episode.actions.shape == (len(episode), 23)
-    assert episode.infos["is_success"].tolist() == [False] * len(episode) + [True]
+    solved = episode.infos["is_success"].tolist().index(True)
+    assert solved < len(episode) - 5  # it goes on to hold
+    assert all(episode.infos["is_success"][solved:])
+    assert episode.truncations.tolist() == [False] * (len(episode) - 1) + [True]
     replayed = replay_all(folder)
     assert replayed["successes"] == figures["episodes"]
     env = data.recover_environment()
     assert env.unwrapped.settings.control_mode == "joint_delta"
+
+
+@pytest.mark.parametrize("control_mode", ["joint_delta", "ee_delta"])
+def test_episodes_begin_along_demonstrations_backwards_from_success(folder, control_mode):
+    settings = {"objects": ["sugar_box", "soda"], "control_mode": control_mode, "max_episode_steps": 4}
+    envs = gym.make_vec("DexGrasp/Lift-v2", num_envs=4, autoreset_mode="SameStep", **settings)
+    resets = DemoResets(folder, whole=0.0).attach(envs)
+    demo, states = next(read_episodes(folder)), resets.states[0]
+    assert len(states) == pytest.approx(len(demo) / 4, abs=4)
+    np.testing.assert_allclose(states[0].physics[24:31], demo.observations["object_pose"][0], atol=1e-3)
+    envs.reset(seed=0)
+    for _ in range(4):
+        *_, info = envs.step(np.zeros(envs.action_space.shape))
+    assert (info["final_info"]["object_height"] > 0.05).all()  # all of them began with the object in the hand
+    single = gym.make("DexGrasp/Lift-v2", **settings, disable_env_checker=True)
+    resets = DemoResets(folder, whole=0.0).attach(single)
+    single.reset(seed=0)
+    assert single.unwrapped.observe()[1]["stage"] == "lifted"
+    won = single.unwrapped._episodes.records[0].copy()
+    for _ in range(300):  # where episodes succeed they begin further back, in the end at the beginning
+        won["solved"] = True
+        resets(0, np.random.default_rng(len(resets._recent)), won)
+    assert resets.front < 0.9
+    with pytest.raises(InputError, match="no demonstration"):
+        DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", objects="soda", disable_env_checker=True))
 
 
 def test_a_relative_folder_does(settings, folder, tmp_path, monkeypatch):
@@ -94,7 +126,7 @@ def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):
     episode = next(read_episodes(folder))
     assert episode.about["object"] == "sugar_box"
     assert episode.once["cloud"].shape == (1024, 3)
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     observation, _ = env.reset(seed=episode.about["scene_seed"])
     np.testing.assert_array_equal(observation["object_pose"], episode.observations["object_pose"][0])
 
@@ -125,6 +157,39 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
     np.testing.assert_array_equal(table["once/cloud"][0], episode.once["cloud"].ravel())
     stats = json.loads((folder / "lerobot/meta/stats.json").read_text())
     np.testing.assert_allclose(stats["action"]["mean"], np.mean(rows["action"], axis=0), atol=1e-6)
+    assert all(a <= b for a, b in zip(stats["action"]["q10"], stats["action"]["q90"], strict=True))
+    pandas = pytest.importorskip("pandas")
+    tasks = pandas.read_parquet(folder / "lerobot/meta/tasks.parquet")
+    assert tasks.iloc[0].name == "lift sugar_box"
+
+
+@pytest.mark.slow
+def test_lerobots_own_loader_reads_the_folder(folder):
+    """`DEXGRASP_LEROBOT` names the python of an environment with lerobot 0.4.4; without one a venv is made, of GBs."""
+    python = os.environ.get("DEXGRASP_LEROBOT")
+    if python is None:
+        home = Path(os.environ.get("DEXGRASP_CACHE", folder.parent)) / "lerobot-0.4.4"
+        python = str(home / "bin" / "python")
+        if not Path(python).is_file():
+            subprocess.run([sys.executable, "-m", "venv", home], check=True)
+            subprocess.run([python, "-m", "pip", "install", "-q", "lerobot==0.4.4"], check=True)
+    read = (
+        "import sys; from lerobot.datasets.lerobot_dataset import LeRobotDataset as D\n"
+        "data = D('dexgrasp/demos', root=sys.argv[1]); item = data[3]\n"
+        "print(data.num_episodes, len(data), item['task'], tuple(item['action'].shape),"
+        "data.meta.stats['action']['q50'].shape)"
+    )
+    environment = {key: value for key, value in os.environ.items() if key != "PYTHONPATH"} | {
+        "HF_HUB_OFFLINE": "1"
+    }
+    done = subprocess.run(
+        [python, "-c", read, folder / "lerobot"], capture_output=True, text=True, env=environment
+    )
+    assert done.returncode == 0, done.stderr[-2000:]
+    figures = summary(folder)
+    assert done.stdout.split("\n")[0] == (
+        f"{figures['episodes']} {figures['steps']} lift sugar_box (23,) (23,)"
+    )
 
 
 def test_an_interrupted_run_goes_on_to_the_same_demonstrations(settings, folder, tmp_path, monkeypatch):

@@ -45,10 +45,10 @@ def test_specs_hold(obs_mode):
 @pytest.mark.parametrize(
     ("env_id", "kwargs"),
     [
-        ("DexGrasp/Lift-v1", {"control_mode": "ee_delta", "randomisation": SIZES}),
-        ("DexGrasp/LiftPushed-v1", {"reward_mode": "sparse"}),
-        ("DexGrasp/LiftOneView-v1", {"calibration": {"position": 0.01}}),
-        ("DexGrasp/Place-v1", {"reward_mode": "dense"}),
+        ("DexGrasp/Lift-v2", {"control_mode": "ee_delta", "randomisation": SIZES}),
+        ("DexGrasp/LiftPushed-v2", {"reward_mode": "sparse"}),
+        ("DexGrasp/LiftOneView-v2", {"calibration": {"position": 0.01}}),
+        ("DexGrasp/Place-v2", {"reward_mode": "dense"}),
     ],
 )
 def test_same_rollout_as_gymnasium(env_id, kwargs):

@@ -266,7 +266,7 @@ def test_what_has_a_size_of_its_own_has_scale_1(tmp_path):
     (tmp_path / "set.json").write_text(json.dumps({"schema": 1, "name": "one", "objects": [member]}))
     targets = {f"{tmp_path}/set.json#box": False, "varied-3": False, f"{tmp_path}/box.stl": True}
     for target, heeds in targets.items():
-        env = gym.make("DexGrasp/Lift-v1", objects=[target], mesh_scale=0.9)
+        env = gym.make("DexGrasp/Lift-v2", objects=[target], mesh_scale=0.9)
         env.reset(seed=0)
         identity = subject_of(env).identity
         env.close()

@@ -27,7 +27,7 @@ SETTINGS = GripSettings(
 
 @pytest.fixture
 def clone(tmp_path):
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     first, _ = env.reset(seed=0)
     width = len(features("state", first_look("state", first), first, 0))
     rng = np.random.default_rng(0)
@@ -61,7 +61,7 @@ def played(policy, env, steps):
 
 
 def test_without_a_correction_it_is_the_clone(clone):
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     plain, bent = make_agent(str(clone))._policy, grip_of(clone, np.zeros(SIZE))
     actions = [played(policy, env, 12)[0] for policy in (plain, bent)]
     np.testing.assert_allclose(*actions, atol=1e-5)
@@ -84,7 +84,7 @@ def test_the_palm_moves_along_and_about_its_own_axes(axis):
 
 def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
     """What is added is not added again by the clone, which would see it as its own."""
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     correction = np.zeros(SIZE)
     correction[-1] = 0.5  # 0.2 rad at the thumb's second joint
     ends = [played(grip_of(clone, c), env, 60)[1]["joint_targets"] for c in (np.zeros(SIZE), correction)]
@@ -104,7 +104,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
     meant, _ = work.model.predict(work.envs.reset()[:1], deterministic=True)
     work.envs.close()
     agent = make_agent(str(tmp_path / "whole"))
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
     observation, info = env.reset(seed=8)
     agent.reset(observation, info)
     assert env.action_space.contains(agent.act(observation))

@@ -1,65 +1,121 @@
 """What looks like lifting and is none: no success, and less reward than an honest grasp."""
 
+import sys
+from pathlib import Path
+
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
-from robots import HOME, LOWER, UPPER
+from robots import HOME
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
+from dexgrasp_env.tasks.rewards import WEIGHTS
 
-HONEST = 0.95  # dense reward a step of a grasp that is held
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
+import cheats
+
+HONEST = 0.95  # dense reward of version 1 a step of a grasp that is held
+THRESHOLD = 75.0
 
 
-def make(**kwargs):
-    env = gym.make("DexGrasp/Lift-v1", **{"objects": "gelatin_box", **kwargs}, disable_env_checker=True)
+def make(version=1, **kwargs):
+    settings = {"objects": "gelatin_box", "version": version, **kwargs}
+    env = gym.make("DexGrasp/Lift-v2", **settings, disable_env_checker=True)
     env.reset(seed=0)
     return env.unwrapped
 
 
-def put(env, q, pose, velocity=0.0):
-    """Make the episode one in which the robot stands at `q` and the object is at `pose`."""
-    state = env.get_state()
-    state.physics[1:24], state.physics[24:31] = q, pose
-    state.physics[31:60] = 0.0
-    state.physics[31 + 25] = velocity
-    state.commands[:] = q
-    env.set_state(state)
+# -- version 2: what nobody earns without success ---------------------------------------------------------------
 
 
-def upturned_hand(env):
-    """A posture with the open palm up, high above the table and free of collisions."""
-    model, data, rng = env.model, mujoco.MjData(env.model), np.random.default_rng(0)
-    best, score = HOME.copy(), -np.inf
-    for _ in range(6000):
-        q = HOME.copy()
-        q[:7] = rng.uniform(LOWER[:7], UPPER[:7])
-        data.qpos[:23], data.qpos[23:26] = q, [0.5, 0.5, 0.02]
-        mujoco.mj_kinematics(model, data)
-        site = data.site("palm")
-        up, height = site.xmat.reshape(3, 3)[2, 0], site.xpos[2]
-        if up > max(score, 0.99) and 0.3 < height < 0.7:
-            mujoco.mj_forward(model, data)
-            if not any(min(c.geom) >= 0 and c.dist < 0 and data.qpos[24] < 0.5 for c in data.contact):
-                best, score = q, up
-    assert score > 0.99
-    return best
+@pytest.mark.parametrize("preset", cheats.PRESETS)
+@pytest.mark.parametrize("name", cheats.CHEATS)
+def test_cheats_earn_less_than_any_success(preset, name):
+    """Played to the end of the episode; what each does is what it is called."""
+    total, solved, infos = cheats.cheat(preset, name)
+    assert not solved
+    assert total < WEIGHTS["success"] < THRESHOLD == gym.spec(f"DexGrasp/{preset}-v2").reward_threshold
+    highest, last = max(info["object_height"] for info in infos), infos[-1]
+    if name == "hover":
+        assert 0.08 < last["object_height"] < 0.10
+        assert last["is_grasped"]
+        assert total > 30.0  # as far as one comes
+    elif name in ("press", "pin"):
+        assert last["object_height"] < 0.03
+        assert last["stage"] == "touched"
+    else:
+        assert highest > 0.3
+        assert name == "throw" or max(info["held_seconds"] for info in infos) > 1.0
+
+
+@pytest.mark.parametrize("preset", ["Lift", "LiftPushed"])
+def test_success_earns_more_than_the_threshold(preset):
+    returns = cheats.honest(preset, ["gelatin_box"], 1, 0, "hardcoded")
+    assert len(returns) == 1
+    assert THRESHOLD < returns[0] <= sum(WEIGHTS.values())
+
+
+def test_reward_is_what_the_sum_of_the_terms_gains():
+    for weights in (None, {"lift": 40.0, "close": 0.0}):
+        env = make(2, reward_weights=weights)
+        used = WEIGHTS | (weights or {})
+        before = sum(used[name] * term for name, term in env.observe()[1]["reward_terms"].items())
+        for action in np.random.default_rng(0).uniform(-1, 1, (5, 23)):
+            _, reward, _, _, info = env.step(action)
+            after = sum(used[name] * term for name, term in info["reward_terms"].items())
+            assert reward == pytest.approx(after - before, abs=1e-12)
+            before = after
+
+
+def test_pushes_come_before_the_reward_of_holding():
+    env = make(2, disturbance="pushed")
+    seen = [info for info, _ in held(env, 20 + env.disturbance_steps + HOLD_STEPS)]
+    early = [info["reward_terms"]["hold"] for info in seen if info["disturbance"] != "over"]
+    assert set(early) == {0.0}
+    assert seen[-1]["reward_terms"]["hold"] == seen[-1]["reward_terms"]["success"] == 1.0
+
+
+def test_success_stays_and_failure_takes_the_rest():
+    env = make(2)
+    terms = held(env, HOLD_STEPS)[-1][0]["reward_terms"]
+    assert terms["success"] == 1.0
+    env.data.qpos[25], env.data.qpos[24] = 0.0, 2.0  # let fall, and lost
+    env._conclude(0)
+    terms = env._episodes.info(0)["reward_terms"]
+    assert terms.pop("success") == 1.0
+    assert set(terms.values()) == {0.0}
+
+
+@pytest.mark.parametrize("frame_skip", [5, 10, 50, 110])
+def test_seconds_are_seconds_at_any_pace(frame_skip):
+    env = make(2, frame_skip=frame_skip, disturbance="pushed")
+    steps = int(np.ceil(1500 / frame_skip))
+    assert env.dt == pytest.approx(0.002 * frame_skip)
+    wait = int(np.ceil(500 / frame_skip))
+    seen = [info for info, _ in held(env, wait + env.disturbance_steps + steps)]
+    assert [info["is_success"] for info in seen[-2:]] == [False, True]
+    assert seen[-1]["held_seconds"] == pytest.approx(3.0, abs=env.dt)
+    assert env.disturbance_steps * env.dt == pytest.approx(4.0, abs=11 * env.dt)
+
+
+def test_wrong_weights():
+    for weights, word in (({"lift": -1}, "lift"), ({"fly": 1}, "reach"), ({"lift": float("nan")}, "lift")):
+        with pytest.raises(InputError, match=word):
+            make(2, reward_weights=weights)
+    with pytest.raises(InputError, match="reach"):
+        make(1, reward_weights={"close": 1.0})
+
+
+# -- version 1 --------------------------------------------------------------------------------------------------
 
 
 def test_tray_is_no_grasp():
     """The object laid on the upturned open hand, held still for more than 3 s."""
     env = make(control_mode="joint_delta")
-    q = upturned_hand(env)
-    q[7:] = 0.0
-    q[19:] = [0.263, -0.105, -0.189, -0.162]  # the thumb out of the way
-    data = mujoco.MjData(env.model)
-    data.qpos[:23] = q
-    mujoco.mj_kinematics(env.model, data)
-    palm = data.site("palm")
-    place = palm.xpos + palm.xmat.reshape(3, 3) @ [0.045, 0.0, 0.02]
-    put(env, q, [*place, 1, 0, 0, 0])
+    cheats.put(env, *cheats.upturned_hand(env))
     rewards, infos = [], []
     for _ in range(90):
         _, reward, _, _, info = env.step(np.zeros(23))
@@ -75,7 +131,7 @@ def test_tray_is_no_grasp():
 def test_flinging_is_no_lift():
     env = make()
     pose = env.data.qpos[23:30].copy()
-    put(env, HOME, [*(pose[:3] + np.array([0, 0.15, 0.05])), *pose[3:]], velocity=3.0)
+    cheats.put(env, HOME, [*(pose[:3] + np.array([0, 0.15, 0.05])), *pose[3:]], velocity=3.0)
     heights, rewards, success = [], [], False
     for _ in range(40):
         _, reward, terminated, _, info = env.step(np.zeros(23))

@@ -1,4 +1,4 @@
-"""Lift-v1 against its contract: checkers, determinism, resets, control, endings."""
+"""Lift-v2 against its contract: checkers, determinism, resets, control, endings."""
 
 import json
 import os
@@ -84,8 +84,8 @@ def test_registrations_know_how_long_disturbances_take():
 def test_a_limit_too_short_for_the_disturbance_is_warned_of():
     kwargs = {"objects": "sugar_box", "disturbance": "pushed"}
     with pytest.warns(UserWarning, match="max_episode_steps=380"):
-        gym.make_vec("DexGrasp/Lift-v1", num_envs=1, **kwargs).close()
-    env = gym.make("DexGrasp/Lift-v1", disable_env_checker=True, **kwargs)
+        gym.make_vec("DexGrasp/Lift-v2", num_envs=1, **kwargs).close()
+    env = gym.make("DexGrasp/Lift-v2", disable_env_checker=True, **kwargs)
     env.reset(seed=0)
     while not env.step(np.zeros(23))[3]:
         pass
@@ -95,7 +95,7 @@ def test_a_limit_too_short_for_the_disturbance_is_warned_of():
         warnings.simplefilter("error")
         env.step(np.zeros(23))
         env.reset()
-        gym.make_vec("DexGrasp/Lift-v1", num_envs=1, max_episode_steps=380, **kwargs).close()
+        gym.make_vec("DexGrasp/Lift-v2", num_envs=1, max_episode_steps=380, **kwargs).close()
 
 
 def test_renders():
@@ -195,7 +195,7 @@ def test_import_is_light():
 
 def test_making_an_environment_brings_no_torch():
     code = (
-        "import sys, gymnasium, dexgrasp_env; env = gymnasium.make('DexGrasp/Lift-v1', objects='sugar_box');"
+        "import sys, gymnasium, dexgrasp_env; env = gymnasium.make('DexGrasp/Lift-v2', objects='sugar_box');"
         "env.reset(seed=0); env.step(env.action_space.sample()); print('torch' in sys.modules, 'OpenGL' in sys.modules)"
     )
     # MuJoCo itself imports OpenGL where MUJOCO_GL is set, as tests that render set it.
@@ -252,14 +252,16 @@ def test_object_lost_terminates():
         env.step(np.zeros(23))
 
 
-def test_diverged_simulation_terminates_with_zero_reward():
-    env = make()
+@pytest.mark.parametrize("version", [1, 2])
+def test_diverged_simulation_terminates_without_reward(version):
+    env = make(version=version)
     env.reset(seed=0)
     env.unwrapped.simulation.data.qvel[25] = 1e12
     observation, reward, terminated, _, info = env.step(np.zeros(23))
     assert terminated
     assert info["failure"] == "simulation_diverged"
-    assert reward == 0.0
+    assert set(info["reward_terms"].values()) == {0.0}
+    assert reward == 0.0 if version == 1 else -5.0 < reward < 0.0  # what had been earned is lost
     assert info["mujoco_warnings"]
     assert all(np.isfinite(value).all() for value in observation.values())
     assert env.reset(seed=0)[1]["mujoco_warnings"] == ""

@@ -1,4 +1,4 @@
-"""Lift-v1's scenes: what reset and info say, what makes them hard, what is drawn at random."""
+"""Lift-v2's scenes: what reset and info say, what makes them hard, what is drawn at random."""
 
 import copy
 import importlib.util

@@ -122,7 +122,7 @@ def test_an_evaluation_knows_the_set_and_its_meshes(folder):
 def test_environments_take_the_friction_of_the_member_unless_they_name_one(folder):
     path = written(folder, BRICK)
     for given, expected in ((None, 0.4), (0.9, 0.9)):
-        env = gym.make("DexGrasp/Lift-v1", objects=path, friction=given)
+        env = gym.make("DexGrasp/Lift-v2", objects=path, friction=given)
         env.reset(seed=0)
         model = env.unwrapped.model
         assert set(model.pair_friction[:, 0]) == {expected}

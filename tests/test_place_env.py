@@ -1,4 +1,4 @@
-"""Place-v1: goals, rewards of other goals, and a learner that relabels them."""
+"""Place-v2, and v1: goals, rewards of other goals, and a learner that relabels them."""
 
 import copy
 import re
@@ -14,11 +14,13 @@ from dexgrasp_env.tasks.place import PlaceEnv
 
 
 def make(**kwargs):
-    return gym.make("DexGrasp/Place-v1", **{"objects": "sugar_box", **kwargs})
+    return gym.make("DexGrasp/Place-v2", **{"objects": "sugar_box", **kwargs})
 
 
 def test_checker_accepts_it():
     check_env(make().unwrapped, skip_render_check=True)
+    checker = pytest.importorskip("stable_baselines3.common.env_checker")
+    checker.check_env(make().unwrapped, warn=False, skip_render_check=True)
 
 
 def test_page_lists_the_spaces():
@@ -34,10 +36,51 @@ def test_goals_are_drawn_above_the_table_and_by_the_seed():
     goals = [env.reset(seed=seed)[0]["desired_goal"] for seed in (0, 1, 2, 0)]
     assert np.array_equal(goals[0], goals[3])
     assert not np.array_equal(goals[0], goals[1])
-    for x, y, z in goals:
+    lies = [env.reset(seed=seed)[0]["achieved_goal"] for seed in range(40)]
+    goals = [env.reset(seed=seed)[0]["desired_goal"] for seed in range(40)]
+    for (x, y, z, hand), at in zip(goals, lies, strict=True):
         assert 0.42 <= x <= 0.60
         assert -0.20 <= y <= 0.20
-        assert 0.15 <= z <= 0.35
+        assert at[3] == -1.0  # not moved
+        if hand:
+            assert at[2] + 0.049 <= z <= 0.35
+        else:
+            assert z == pytest.approx(at[2], abs=1e-6)
+            assert np.hypot(x - at[0], y - at[1]) >= 0.099
+    assert 10 <= sum(goal[3] for goal in goals) <= 30
+    old = gym.make("DexGrasp/Place-v1", objects="sugar_box", disable_env_checker=True)
+    goal = old.reset(seed=0)[0]["desired_goal"]
+    assert goal.shape == (3,)
+    assert 0.15 <= goal[2] <= 0.35
+
+
+def test_goals_can_be_given():
+    env = make(disable_env_checker=True)
+    goal = [0.5, 0.1, 0.2, 1.0]
+    np.testing.assert_allclose(env.reset(seed=0, options={"goal": goal})[0]["desired_goal"], goal, atol=1e-6)
+    state = env.unwrapped.get_state()
+    other = [0.45, 0.0, 0.1, 0.0]
+    again = env.reset(options={"state": state, "goal": other})[0]["desired_goal"]
+    np.testing.assert_allclose(again, other, atol=1e-6)
+    for wrong in ([0.5, 0.1, 0.2], [0.5, 0.1, 3.0, 1.0], [0.5, 0.1, np.nan, 1.0]):
+        with pytest.raises(InputError, match="goal"):
+            env.reset(options={"goal": wrong})
+
+
+def test_hindsight_finds_its_goals_in_the_space_and_none_that_was_always_reached():
+    env = make(disable_env_checker=True)
+    seen, _ = env.reset(seed=0)
+    space = env.observation_space["desired_goal"]
+    assert space.contains(seen["achieved_goal"])
+    lying = np.stack([seen["achieved_goal"]] * 3)
+    assert env.unwrapped.compute_reward(lying, lying, {}).tolist() == [-1.0] * 3
+    env.unwrapped.data.qpos[23:26] += [0.0, 0.05, 0.3]  # moved
+    env.unwrapped._conclude(0)
+    achieved = env.unwrapped.observe()[0]["achieved_goal"]
+    assert space.contains(achieved)
+    assert env.unwrapped.compute_reward(achieved, achieved, {}) == 0.0
+    env.unwrapped.data.qpos[23] = 9.0  # lost
+    assert space.contains(env.step(np.zeros(23))[0]["achieved_goal"])
 
 
 @pytest.mark.parametrize("reward_mode", ["sparse", "dense"])
@@ -48,9 +91,10 @@ def test_reward_is_that_of_compute_reward(reward_mode):
     achieved, desired = observation["achieved_goal"], observation["desired_goal"]
     inner = env.unwrapped
     assert inner.compute_reward(achieved, desired, info) == reward
-    goals = achieved + np.array([[0, 0, 0], [0, 0, 0.029], [0, 0.031, 0]])
-    rewards = inner.compute_reward(np.stack([achieved] * 3), goals, [info] * 3)
-    expected = [0, 0, -1] if reward_mode == "sparse" else [0, -0.029, -0.031]
+    at = np.array([0.5, 0.0, 0.2, 1.0], np.float32)
+    goals = at + np.array([[0, 0, 0, 0], [0, 0, 0.029, 0], [0, 0.031, 0, 0], [0, 0, 0, -1]])
+    rewards = inner.compute_reward(np.stack([at] * 4), goals, [info] * 4)
+    expected = [0, 0, -1, -1] if reward_mode == "sparse" else [0, -0.029, -0.031, -0.05]
     np.testing.assert_allclose(rewards, expected, atol=1e-6)
 
 
@@ -58,7 +102,8 @@ def test_success_is_a_second_at_the_goal():
     env = make(disable_env_checker=True)
     env.reset(seed=0)
     inner = env.unwrapped
-    inner._episodes.records["goal"][0] = inner.data.qpos[23:26]
+    inner._episodes.records["goal"][0] = [*inner.data.qpos[23:26], 0.0]
+    inner._episodes.records["moved"][0] = True
     told = [env.step(np.zeros(23))[4]["is_success"] for _ in range(21)]
     assert told == [False] * 19 + [True] * 2
     again = copy.deepcopy(env)  # the goal is part of the state
@@ -68,7 +113,7 @@ def test_success_is_a_second_at_the_goal():
 
 
 def test_wrong_arguments():
-    for kwargs in ({"obs_mode": "depth"}, {"disturbance": "pushed"}):
+    for kwargs in ({"obs_mode": "depth", "version": 1}, {"disturbance": "pushed"}):
         with pytest.raises(InputError, match="Place"):
             make(**kwargs)
 

@@ -24,7 +24,7 @@ def row(protocol, success, trial=0, agent="a"):
 
 def test_robust_is_all_eight_and_their_parts():
     assert len(ROBUST) == 8
-    assert set(parts("robust")) == set(PROTOCOLS)
+    assert {*parts("robust"), "place"} == set(PROTOCOLS)
     assert parts("slippery") == GROUPS["slippery"]
     assert parts("lift") == ("lift",)
     assert EvaluationSettings.of(["random"], ["pear"], protocols=("robust", "lift")).parts == parts("robust")

@@ -35,7 +35,7 @@ def settings_of(algorithm, **more):
 
 @pytest.fixture
 def clone(tmp_path):
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     first, _ = env.reset(seed=0)
     width = len(features("state", first_look("state", first), first, 0))
     rng = np.random.default_rng(0)
@@ -63,7 +63,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_pat
     assert files[0] == files[1]
     assert not [path for path in tmp_path.rglob("*") if path.suffix in (".zip", ".pkl", ".pth")]
     agent = make_agent(str(tmp_path / "whole"))
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
     observation, info = env.reset(seed=1)
     agent.reset(observation, info)
     action = agent.act(observation)
@@ -81,7 +81,7 @@ def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
     agent = make_agent(str(tmp_path / "out"))
     work.envs.seed(5)
     looks = work.envs.reset()
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box", **agent.env_settings)
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
     observation, info = env.reset(seed=5)
     agent.reset(observation, info)
     meant, _ = work.model.predict(looks[:1], deterministic=True)
@@ -96,7 +96,7 @@ def test_a_correction_begins_at_the_clone(tmp_path, clone):
     work.state.curve.append({})
     work.write()
     work.envs.close()
-    env = gym.make("DexGrasp/Lift-v1", objects="sugar_box")
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     observation, info = env.reset(seed=3)
     agents = [make_agent(str(path)) for path in (clone, tmp_path)]
     for agent in agents:

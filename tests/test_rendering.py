@@ -128,7 +128,7 @@ def test_works_in_a_process_that_has_set_nothing():
 @NEEDS_GL
 def test_cameras_for_people_and_their_size():
     env = gym.make(
-        "DexGrasp/Lift-v1",
+        "DexGrasp/Lift-v2",
         objects="sugar_box",
         render_mode="rgb_array",
         render_camera="grasp",
@@ -146,16 +146,16 @@ def test_cameras_for_people_and_their_size():
     assert np.linalg.norm(camera.lookat - env.unwrapped.data.site("palm").xpos) < 0.15  # it follows
     env.close()
     other = gym.make(
-        "DexGrasp/Lift-v1", objects="sugar_box", render_mode="rgb_array", render_camera="side_left"
+        "DexGrasp/Lift-v2", objects="sugar_box", render_mode="rgb_array", render_camera="side_left"
     )
     other.reset(seed=0)
     assert other.render().shape == (480, 640, 3)
     other.close()
     with pytest.raises(InputError, match="side_left"):
-        gym.make("DexGrasp/Lift-v1", render_camera="top")
+        gym.make("DexGrasp/Lift-v2", render_camera="top")
     for size in ((0, 80), "640x480", (64,), (60.0, 80.0)):
         with pytest.raises(InputError, match="rows and columns"):
-            gym.make("DexGrasp/Lift-v1", render_size=size)
+            gym.make("DexGrasp/Lift-v2", render_size=size)
 
 
 @NEEDS_GL
@@ -178,11 +178,11 @@ def test_gymnasiums_videos_are_written(tmp_path):
         "max_episode_steps": 4,
     }
     for folder, env in (
-        ("one", RecordVideo(gym.make("DexGrasp/Lift-v1", **settings), str(tmp_path / "one"))),
+        ("one", RecordVideo(gym.make("DexGrasp/Lift-v2", **settings), str(tmp_path / "one"))),
         (
             "many",
             VectorRecordVideo(
-                gym.make_vec("DexGrasp/Lift-v1", num_envs=2, **settings), str(tmp_path / "many")
+                gym.make_vec("DexGrasp/Lift-v2", num_envs=2, **settings), str(tmp_path / "many")
             ),
         ),
     ):
@@ -201,7 +201,7 @@ def test_nothing_is_said_at_exit():
     code = textwrap.dedent("""
         import gymnasium as gym, dexgrasp_env
         settings = [{"render_mode": "rgb_array", "render_size": (32, 32)}, {"obs_mode": "rgbd", "observe": "reset"}]
-        envs = [gym.make("DexGrasp/Lift-v1", objects="sugar_box", **each) for each in settings]
+        envs = [gym.make("DexGrasp/Lift-v2", objects="sugar_box", **each) for each in settings]
         for env in envs:
             env.reset(seed=0)
         envs[0].render()

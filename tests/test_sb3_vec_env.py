@@ -12,8 +12,8 @@ from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 
 
 def test_terminal_observations_and_time_limits():
-    env = SB3VecEnv("DexGrasp/Lift-v1", num_envs=2, objects="sugar_box", max_episode_steps=3)
-    single = gym.make("DexGrasp/Lift-v1", objects="sugar_box", max_episode_steps=3, disable_env_checker=True)
+    env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=2, objects="sugar_box", max_episode_steps=3)
+    single = gym.make("DexGrasp/Lift-v2", objects="sugar_box", max_episode_steps=3, disable_env_checker=True)
     env.seed(5)
     first = env.reset()
     expected, _ = single.reset(seed=6)  # the second environment's
@@ -31,7 +31,7 @@ def test_terminal_observations_and_time_limits():
 
 
 def test_ppo_learns_on_it():
-    env = SB3VecEnv("DexGrasp/Lift-v1", num_envs=4, objects="sugar_box", max_episode_steps=10)
+    env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=4, objects="sugar_box", max_episode_steps=10)
     model = PPO("MultiInputPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu")
     model.learn(64)
     assert model.num_timesteps == 64
@@ -49,7 +49,7 @@ def goal_learner(env, **kwargs):
 
 
 def test_hindsight_replay_runs_on_it():
-    env = SB3VecEnv("DexGrasp/Place-v1", num_envs=2, objects="sugar_box", max_episode_steps=8)
+    env = SB3VecEnv("DexGrasp/Place-v2", num_envs=2, objects="sugar_box", max_episode_steps=8)
     model = goal_learner(env, learning_starts=40, train_freq=8, gradient_steps=1)
     model.learn(64)
     assert model.num_timesteps == 64
@@ -73,7 +73,7 @@ def test_learners_run_2000_steps(name):
 
 @pytest.mark.slow
 def test_hindsight_replay_runs_2000_steps():
-    env = SB3VecEnv("DexGrasp/Place-v1", num_envs=4, objects="seen", max_episode_steps=60)
+    env = SB3VecEnv("DexGrasp/Place-v2", num_envs=4, objects="seen", max_episode_steps=60)
     model = goal_learner(env, learning_starts=500)
     model.learn(2000)
     assert model.num_timesteps >= 2000

@@ -80,7 +80,7 @@ class Wants(Still):
 
 @pytest.fixture(scope="module")
 def env():
-    return gym.make("DexGrasp/Lift-v1", objects="gelatin_box", max_episode_steps=6, disable_env_checker=True)
+    return gym.make("DexGrasp/Lift-v2", objects="gelatin_box", max_episode_steps=6, disable_env_checker=True)
 
 
 SEEDS = trial_seeds(0, "gelatin_box", 0)

@@ -26,7 +26,7 @@ class Look:
     """What cameras see of an object, and its true hull."""
 
     def __init__(self, name, views, seed):
-        env = gym.make("DexGrasp/Lift-v1", objects=name, obs_mode="pointcloud", observe="reset", views=views)
+        env = gym.make("DexGrasp/Lift-v2", objects=name, obs_mode="pointcloud", observe="reset", views=views)
         observation, info = env.reset(seed=seed)
         self.scene = Scene.of_observation(observation, info)
         self.points, self.plane = self.scene.target.points, self.scene.plane

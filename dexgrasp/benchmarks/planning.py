@@ -37,7 +37,7 @@ def run(quick: bool = False, poses: int = 5, seed: int = 0) -> dict[str, Any]:
     agent, rows = BilevelAgent(), []
     with tqdm(total=len(names) * poses, desc="planning", unit="grasp") as bar:
         for name in names:
-            env = gym.make("DexGrasp/Lift-v1", objects=name, **agent.env_settings)
+            env = gym.make("DexGrasp/Lift-v2", objects=name, **agent.env_settings)
             for pose in range(poses):
                 rows.append(_one(env, agent, name, seed + pose))
                 bar.update()

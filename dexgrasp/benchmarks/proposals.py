@@ -112,7 +112,7 @@ def _perceived(name: str, seed: int) -> GraspTarget | None:
     import dexgrasp_env  # noqa: F401
 
     env = gym.make(
-        "DexGrasp/Lift-v1",
+        "DexGrasp/Lift-v2",
         objects=name,
         obs_mode="pointcloud",
         control_mode="joint_position",

@@ -23,7 +23,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 
-_ID = "DexGrasp/Lift-v1"
+_ID = "DexGrasp/Lift-v2"
 _TURN = 5  # control steps
 _ENVS = 16
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION

@@ -27,6 +27,14 @@ _EPISODES = "meta/episodes/chunk-000/file-000.parquet"
 _VERSION = "v3.0"
 _CHUNK = 1000  # files of a folder at most
 _DATA_MB, _VIDEO_MB = 100, 200  # what LeRobot writes into its own
+_QUANTILES = (0.01, 0.1, 0.5, 0.9, 0.99)
+_TASKS = {
+    "index_columns": ["task"], "column_indexes": [], "pandas_version": "2.0.0", "columns": [
+        {"name": name, "field_name": name, "pandas_type": pandas, "numpy_type": plain, "metadata": None}
+        for name, pandas, plain in (("task_index", "int64", "int64"), ("task", "unicode", "object"))
+    ],
+}  # fmt: skip
+"""What pandas writes of a table that is indexed by the task."""
 _INDEX = ("timestamp", "frame_index", "episode_index", "index", "task_index")
 
 
@@ -59,6 +67,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     writer.close()
     pq.write_table(pa.Table.from_pylist(rows), making / _EPISODES)
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
+    names = names.replace_schema_metadata({"pandas": json.dumps(_TASKS)})
     pq.write_table(names, making / "meta" / "tasks.parquet")
     write_json(making / "meta" / "stats.json", {name: s.as_json() for name, s in spread.items()})
     write_json(making / "meta" / "info.json", _info(columns, len(rows), start, len(tasks), robot))
@@ -75,7 +84,7 @@ def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
         **{name: array.reshape(len(steps), -1) for name, array in seen.items()},
         "action": episode.actions,
         "next.reward": episode.rewards.astype(np.float32),
-        "next.success": steps == len(steps) - 1,
+        "next.success": steps >= episode.about["solved"],
         "next.done": steps == len(steps) - 1,
         "timestamp": (CONTROL_PERIOD * steps).astype(np.float32),
         "frame_index": steps,
@@ -86,8 +95,8 @@ def _columns(episode: Episode, number: int, start: int, task: int) -> Arrays:
 
 
 def _array(pa: Any, values: NDArray[Any]) -> Any:
-    if values.ndim == 1:
-        return pa.array(values)
+    if values.size == len(values):  # LeRobot has single numbers as such
+        return pa.array(values.ravel())
     return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
 
 
@@ -124,7 +133,10 @@ def _feature(name: str, values: NDArray[Any], joints: Names) -> dict[str, Any]:
 
 
 class _Spread:
-    """Running least, greatest, mean and standard deviation of the columns of rows."""
+    """Running least, greatest, mean, standard deviation and quantiles of the columns of rows.
+
+    Quantiles of several episodes are the means of theirs, by length, as LeRobot has them.
+    """
 
     def __init__(self) -> None:
         self._count = 0
@@ -132,12 +144,14 @@ class _Spread:
         self._high: Any = -np.inf
         self._sum: Any = 0.0
         self._squares: Any = 0.0
+        self._quantiles: Any = 0.0
 
     def with_rows(self, values: NDArray[Any]) -> "_Spread":
         """Take rows (n,) or (n, m) into account."""
         x = values.reshape(len(values), -1).astype(float)
         self._low, self._high = np.minimum(self._low, x.min(0)), np.maximum(self._high, x.max(0))
         self._sum, self._squares = self._sum + x.sum(0), self._squares + (x**2).sum(0)
+        self._quantiles = self._quantiles + len(x) * np.quantile(x, _QUANTILES, axis=0)
         self._count += len(x)
         return self
 
@@ -148,4 +162,6 @@ class _Spread:
         return {
             "min": self._low.tolist(), "max": self._high.tolist(), "mean": mean.tolist(), "std": std.tolist(),
             "count": [self._count],
+            **{f"q{round(100 * q):02d}": (row / self._count).tolist()
+               for q, row in zip(_QUANTILES, self._quantiles, strict=True)},
         }  # fmt: skip

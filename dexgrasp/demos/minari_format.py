@@ -45,7 +45,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
             EpisodeBuffer(
                 seed=episode.about["scene_seed"], observations=episode.observations, actions=episode.actions,
                 rewards=episode.rewards, terminations=episode.terminations, truncations=episode.truncations,
-                infos={"is_success": np.arange(len(episode) + 1) == len(episode)},
+                infos={"is_success": np.arange(len(episode) + 1) > episode.about["solved"]},
             )
         ])  # fmt: skip
         with h5py.File(making / _FILE, "a") as file:
@@ -56,7 +56,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
     storage.update_metadata({
         "dataset_id": f"dexgrasp/{settings.agent.rpartition(':')[2].lower()}-{settings.obs_mode}-v0",
         "minari_version": minari.__version__,
-        "algorithm_name": settings.agent, "description": "Demonstrations of DexGrasp/Lift-v1",
+        "algorithm_name": settings.agent, "description": "Demonstrations of DexGrasp/Lift-v2",
     })  # fmt: skip
     shutil.rmtree(folder / DATA, ignore_errors=True)
     making.rename(folder / DATA)

@@ -1,6 +1,6 @@
 """One demonstration: an agent's rollout, converted, replayed, and recorded where the replay succeeds too."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -22,7 +22,7 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step
 
-_LINGER = 10  # control steps that a replay may take longer than the rollout
+_LINGER = 10  # control steps that a replay goes on after the rollout
 NOT_REPLAYED = "not_replayed"
 
 Arrays = dict[str, NDArray[Any]]
@@ -39,7 +39,7 @@ class Episode:
         terminations: (T,).
         truncations: (T,).
         once: what does not change: what cameras saw at reset.
-        about: object, seeds, certificate: anything JSON can hold.
+        about: object, seeds, certificate, the first step that is a success: anything JSON can hold.
     """
 
     observations: Arrays
@@ -92,7 +92,7 @@ class Recorder:
         if episode is None:
             return None, NOT_REPLAYED
         episode.once = {key: seen[key] for key in CAMERA_KEYS if key in seen} | episode.once
-        episode.about = {
+        episode.about |= {
             "object": object_name(self._target),
             "target": self._target,
             "trial": trial,
@@ -154,16 +154,31 @@ def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> E
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     first, _ = env.reset(seed=seed)
     steps: list[tuple[Any, ...]] = []
-    for step in range(len(path) - 1 + _LINGER):
-        wanted = path[min(step + 1, len(path) - 1)]
-        action = to_action(settings.control_mode, _targets(env), wanted, tree)
-        observation, reward, terminated, truncated, info = env.step(action)
+    solved: list[int] = []
+    for action, (observation, reward, terminated, truncated, info) in follow(env, path, tree):
+        solved += [len(steps)] if info["is_success"] else []
         steps.append((observation, action, float(reward), terminated, truncated))
-        if info["is_success"]:
-            return _episode(first, steps, CAMERA_KEYS if settings.observe == "reset" else ())
-        if terminated or truncated:
-            return None
-    return None
+    if not solved:
+        return None
+    episode = _episode(first, steps, CAMERA_KEYS if settings.observe == "reset" else ())
+    episode.truncations[-1] = not episode.terminations[-1]
+    episode.about["solved"] = solved[0]
+    return episode
+
+
+def follow(env: gym.Env[Any, Any], path: Array, tree: RobotTree) -> Iterator[tuple[NDArray[np.float32], Any]]:
+    """Follow set-points (T + 1, 23) in the mode of a running episode, and hold the last for a while.
+
+    Yields:
+        An action, and what `env.step` returned.
+    """
+    mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
+    for step in range(len(path) - 1 + _LINGER):
+        action = to_action(mode, _targets(env), path[min(step + 1, len(path) - 1)], tree)
+        result = env.step(action)
+        yield action, result
+        if result[2] or result[3]:
+            return
 
 
 def _episode(first: Arrays, steps: Sequence[tuple[Any, ...]], still: Sequence[str]) -> Episode:

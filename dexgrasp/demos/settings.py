@@ -9,7 +9,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.cell import make_cell
 
 SCHEMA = 1
-ENV_ID = "DexGrasp/Lift-v1"
+ENV_ID = "DexGrasp/Lift-v2"
 CAMERA_KEYS = ("cloud", "cloud_normals", "cloud_mask", "table_plane", "depth", "rgb")
 """Observations of cameras; with `observe="reset"` they are the same all episode long and are stored once."""
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")

@@ -31,10 +31,15 @@ class Protocol:
     scene: Mapping[str, Any] = field(default_factory=dict)
     description: str = ""
 
+    @property
+    def places(self) -> bool:
+        """Whether it has goals that objects are brought to."""
+        return self.env_id.startswith("DexGrasp/Place")
+
 
 DEFAULT_PROTOCOL = "lift"
 
-_LIFT = "DexGrasp/Lift-v1"
+_LIFT = "DexGrasp/Lift-v2"
 _LIMIT = 300  # control steps of an episode; a disturbance adds its own
 _PUSHED, _SHAKEN = 80, 40  # control steps that pushes and shaking take
 
@@ -69,6 +74,7 @@ PROTOCOLS: dict[str, Protocol] = {
             "miscalibrated", _LIFT, {"calibration": {"position": 0.010, "rotation": float(np.radians(2.0))}},
             "all cameras off by the same 10 mm in a random direction, and 2 deg about a random axis at the table",
         ),
+        Protocol("place", "DexGrasp/Place-v2", {}, "brought to a goal: held in the air, or put down and let go; 1 s"),
     )
 }  # fmt: skip
 """Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""

@@ -64,6 +64,7 @@ REASONS: dict[str, Reason] = {
     "not_touched": Reason("the object was not touched"),
     "not_lifted": Reason("the object was touched and not lifted"),
     "not_held_3s": Reason("the object was lifted and not held for 3 s"),
+    "not_at_goal": Reason("the object was touched and not brought to its goal for 1 s"),
     "dropped": Reason("the object was dropped"),
     "object_lost": Reason("the object left the table"),
     "simulation_diverged": Reason("the simulation went wrong"),

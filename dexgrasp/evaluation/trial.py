@@ -171,9 +171,10 @@ def _numbers(action: Any) -> Any:
 def _note(outcome: Outcome, info: Mapping[str, Any]) -> None:
     outcome.success, outcome.stable = bool(info["is_success"]), bool(info["is_stable"])
     outcome.stage = info["stage"]
-    outcome.reason = (
-        None if outcome.success else info["failure"] or NOT_HELD.get(outcome.stage, outcome.stage)
-    )
+    undone = NOT_HELD.get(outcome.stage, outcome.stage)
+    if "goal_distance" in info and outcome.stage != "untouched":
+        undone = "not_at_goal"
+    outcome.reason = None if outcome.success else info["failure"] or undone
     outcome.height, outcome.slip, outcome.tilt = (
         jsonable(info[key]) for key in ("object_height", "object_slip", "object_tilt")
     )

@@ -14,7 +14,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.spec import TrialSpec
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.video import Film, Video
-from dexgrasp.registry import make_agent
+from dexgrasp.registry import make_agent, placing_agent
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 
@@ -26,7 +26,7 @@ class TrialRunner:
 
     def __init__(self, settings: EvaluationSettings) -> None:
         self.settings = settings
-        self._agents: dict[str, Any] = {}
+        self._agents: dict[tuple[str, bool], Any] = {}
         self._envs: dict[tuple[str, str, str, Film | None], gym.Env[Any, Any]] = {}
 
     def run(self, spec: TrialSpec) -> tuple[dict[str, Any], dict[str, Any] | None]:
@@ -34,7 +34,7 @@ class TrialRunner:
 
         Line, grasp and versions are all that it takes to make the trial again.
         """
-        agent, env = self.agent(spec.agent), self._env(spec)
+        agent, env = self.agent(spec), self._env(spec)
         seeds = spec.seeds or trial_seeds(self.settings.seed, spec.target, spec.trial)
         video = Video(Path(spec.video)) if spec.video else None
         with nullcontext() if video is None else video:
@@ -45,17 +45,18 @@ class TrialRunner:
         }  # fmt: skip
         return {key: jsonable(value) for key, value in (row | asdict(outcome)).items()}, grasp
 
-    def agent(self, name: str) -> Any:
+    def agent(self, spec: TrialSpec) -> Any:
         """Return an agent, made on first use.
 
         Raises:
             InputError: for an unknown name or settings that are not the agent's to choose.
         """
-        if name not in self._agents:
-            agent = make_agent(name)
-            agent_settings(name, agent)
-            self._agents[name] = agent
-        return self._agents[name]
+        key = spec.agent, get_protocol(spec.protocol).places
+        if key not in self._agents:
+            agent = placing_agent(spec.agent) if key[1] else make_agent(spec.agent)
+            agent_settings(spec.agent, agent)
+            self._agents[key] = agent
+        return self._agents[key]
 
     def _env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
         key = (spec.protocol, spec.agent, spec.target, spec.film if spec.video else None)
@@ -76,7 +77,7 @@ class TrialRunner:
 
     def _env_arguments(self, spec: TrialSpec) -> dict[str, Any]:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
-        chosen: Mapping[str, Any] = agent_settings(spec.agent, self.agent(spec.agent))
+        chosen: Mapping[str, Any] = agent_settings(spec.agent, self.agent(spec))
         scene = self.settings.scene(spec.protocol)
         return {"id": get_protocol(spec.protocol).env_id, "objects": [spec.target], **scene, **chosen}
 

@@ -40,7 +40,7 @@ def look_at(target: str, agent: Agent, seed: int = 0, **env_settings: Any) -> Lo
     Raises:
         InputError: for an unknown target or setting.
     """
-    env = gym.make("DexGrasp/Lift-v1", objects=target, **(dict(agent.env_settings) | env_settings))
+    env = gym.make("DexGrasp/Lift-v2", objects=target, **(dict(agent.env_settings) | env_settings))
     observation, info = env.reset(seed=seed)
     agent.seed(seed)
     return Look(env, observation, public_info(env, info), subject_of(env))

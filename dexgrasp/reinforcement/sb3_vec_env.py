@@ -14,7 +14,7 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 class SB3VecEnv(VecEnv):
     """`gym.make_vec` with terminal observations and time-limit flags in the infos, as SB3's learners read them.
 
-    env = SB3VecEnv("DexGrasp/Lift-v1", num_envs=16, objects="sugar_box")
+    env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=16, objects="sugar_box")
     PPO("MultiInputPolicy", env).learn(1_000_000)
     """
 

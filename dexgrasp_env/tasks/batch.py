@@ -11,7 +11,6 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.simulation import Simulation
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
@@ -88,7 +87,7 @@ class BatchPhysics:
         """Advance environments by one control step.
 
         Args:
-            rows: (N, 25, n) set-points of the physics steps, rad.
+            rows: (N, frame_skip, n) set-points of the physics steps, rad.
             push: (N, 3) forces on the objects, N, or None where nobody pushes.
             which: indices of those that advance, ascending.
 
@@ -115,7 +114,7 @@ class BatchPhysics:
         if push is not None:
             batch.bind("xfrc_applied")[ids, self._simulations[target].body, :3] = push[ids]
         before = batch.warning[ids, :, 1]  # (n, 7): the batch counts on, after the last info of each
-        batch.rollout(CONTROL_STEPS, rows[ids], _CONTROL, record=(), ids=ids)
+        batch.rollout(rows.shape[1], rows[ids], _CONTROL, record=(), ids=ids)
         self.qpos[ids], self.qvel[ids] = batch.bind("qpos")[ids], batch.bind("qvel")[ids]
         self.sensors[ids] = batch.bind("sensordata")[ids]
         risen = batch.warning[ids, :, 1] > before

@@ -2,6 +2,8 @@
 
 import math
 
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+
 LIFT_HEIGHT = 0.10  # m, lowest point of the object above the table
 HOLD_STEPS = 60  # control steps at 20 Hz: 3 s
 MAX_EPISODE_STEPS = 300  # control steps: 15 s
@@ -30,5 +32,14 @@ PALM_TURN = 0.125  # rad a control step at action 1 (`ee_delta`): 2.5 rad/s
 CLOUD_POINTS = 1024
 
 GOAL_HEIGHT = (0.15, 0.35)  # m above the table (Place)
+GOAL_RISE = 0.05  # m above where it lies, at least, of an object that is to be held
+GOAL_AWAY = 0.10  # m from where it lies, at least, of one that is to be put down
 GOAL_RADIUS = 0.03  # m: so near the goal is reached
+SHORTEST_SKIP, LONGEST_SKIP = 5, 125  # physics steps of a control step: 100 to 4 Hz
+
 GOAL_STEPS = 20  # control steps there, 1 s, that make a success
+
+
+def at_pace(steps: int, frame_skip: int) -> int:
+    """Return how many control steps of `frame_skip` physics steps take as long as `steps` at 20 Hz, rounded up."""
+    return -(-steps * CONTROL_STEPS // frame_skip)

@@ -3,12 +3,23 @@
 from typing import Protocol
 
 import numpy as np
+from gymnasium import spaces
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 CONTROL_MODES = ("joint_position", "joint_delta", "ee_delta")
+
+
+class ActionSpace(spaces.Box):
+    """The actions of a control mode; what is trained in it can say which it was."""
+
+    def __init__(self, control_mode: str, robot: Robot) -> None:
+        super().__init__(-1.0, 1.0, (action_size(control_mode, robot),), np.float32)
+        self.control_mode = control_mode
 
 
 def action_size(mode: str, robot: Robot) -> int:
@@ -32,9 +43,9 @@ class Ranges(Protocol):
         """(n,) rad/s."""
 
 
-def max_step(robot: Ranges) -> Array:
-    """Return what set-points move by at most in a control step, (n,) rad."""
-    return robot.velocity * CONTROL_PERIOD
+def max_step(robot: Ranges, period: float = CONTROL_PERIOD) -> Array:
+    """Return what set-points move by at most in a control step of `period` s, (n,) rad."""
+    return robot.velocity * period
 
 
 def normalise(q: Array, robot: Ranges) -> Array:
@@ -45,3 +56,15 @@ def normalise(q: Array, robot: Ranges) -> Array:
 def denormalise(action: Array, robot: Ranges) -> Array:
     """`joint_position` actions (..., n) as joint positions (..., n) rad."""
     return robot.lower + 0.5 * (action + 1.0) * (robot.upper - robot.lower)
+
+
+def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
+    """Return a copy of actions of the right shape, in double precision.
+
+    Raises:
+        InputError: if their shape is wrong.
+    """
+    own = np.array(action, dtype=np.float64)
+    if own.shape != shape:
+        raise InputError(f"action has shape {own.shape}: valid is {shape}")
+    return own

@@ -8,14 +8,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, at_pace
 from dexgrasp_env.valid import number, one_of, read
 
 KINDS = ("none", "pushed", "shaken")
 PUSH_STEPS = 10  # control steps of one push, 0.5 s
 PAUSE_STEPS = 4  # control steps between pushes, 0.2 s
-STEPS = {"none": 0, "pushed": 6 * PUSH_STEPS + 5 * PAUSE_STEPS, "shaken": 40}
-"""Length of each kind, control steps."""
+SHAKE_STEPS = 40  # control steps, 2 s
 
 
 @dataclass(frozen=True)
@@ -31,22 +30,23 @@ class Disturbance:
     kind: Annotated[str, one_of(KINDS)] = "none"
     size: Annotated[float, number(ge=0, le=10)] = 1.0
 
-    @property
-    def steps(self) -> int:
-        """How long it lasts, control steps."""
-        return STEPS[self.kind]
+    def steps_at(self, frame_skip: int) -> int:
+        """Return how long it lasts, control steps of so many physics steps."""
+        push, pause = at_pace(PUSH_STEPS, frame_skip), at_pace(PAUSE_STEPS, frame_skip)
+        lasts = {"none": 0, "pushed": 6 * push + 5 * pause, "shaken": at_pace(SHAKE_STEPS, frame_skip)}
+        return lasts[self.kind]
 
-    def warn_of_limit(self, limit: int | None) -> None:
+    def warn_of_limit(self, limit: int | None, frame_skip: int) -> None:
         """Warn where the usual time limit, which a wrapper keeps, leaves no time for the disturbance.
 
         Args:
             limit: of an episode, control steps.
+            frame_skip: physics steps of a control step.
         """
-        if self.steps and limit == MAX_EPISODE_STEPS:
-            longer = f"max_episode_steps={MAX_EPISODE_STEPS + self.steps}"
-            warnings.warn(
-                f"{self.kind!r} takes {self.steps} steps of the {limit}: pass {longer}", stacklevel=3
-            )
+        steps = self.steps_at(frame_skip)
+        if steps and limit == MAX_EPISODE_STEPS:
+            longer = f"max_episode_steps={MAX_EPISODE_STEPS + steps}"
+            warnings.warn(f"{self.kind!r} takes {steps} steps of the {limit}: pass {longer}", stacklevel=3)
 
     @classmethod
     def of(cls, value: "Disturbance | Mapping[str, Any] | str") -> "Disturbance":

@@ -4,7 +4,7 @@ The single environment has one, the vector environment many; only who advances t
 """
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks import kernel
+from dexgrasp_env.tasks.constants import DISTURB_AFTER, GRASP_STEPS, HOLD_STEPS, at_pace
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, STAGES, TERMS, TOLD
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, STAGES, TOLD
+from dexgrasp_env.tasks.rules import Rules
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, warning_names
@@ -30,17 +31,19 @@ from dexgrasp_env.tasks.views import View, Views
 Moment = tuple[Array, Array, Array]
 """Positions (N, n + 7), velocities (N, n + 6) and sensors (N, m) of N environments with robots of n joints."""
 
-_RESET_OPTIONS = ("object", "object_pose")
+Starts = Callable[[int, Generator, NDArray[np.void]], Mapping[str, Any]]
+"""Returns the options of a reset that is given none: of a slot, its generator and the record of its last episode."""
 
 
 @dataclass
 class Slot:
-    """What a running episode is of, beside its record."""
+    """What a running episode is of, beside its record; `resumed`: it began from a state that was given."""
 
     target: str = ""
     model: mujoco.MjModel | None = None
     variation: Variation = field(default_factory=Variation)
     view: View = field(default_factory=View)
+    resumed: bool = False
 
 
 @dataclass
@@ -48,8 +51,11 @@ class EpisodeState:
     """Everything that an episode's future depends on, and nothing of the machine: it can be pickled and copied.
 
     Attributes:
+        of: what the settings of an environment have to agree with, by name.
         target: the object, as `objects` names it.
         physics: MuJoCo's full integration state.
+        sensors: its sensors as last read.
+        told: what was last told of the episode.
         record: one of `EPISODE`.
         commands: (3, n) rad, `COMMANDS`.
         rng: state of the random generator.
@@ -57,8 +63,11 @@ class EpisodeState:
         view: what the cameras saw, for `observe="reset"`, and where the calibration believes them to be.
     """
 
+    of: Mapping[str, Any]
     target: str
     physics: Array
+    sensors: Array
+    told: Array
     record: NDArray[np.void]
     commands: Array
     rng: Mapping[str, Any]
@@ -69,6 +78,10 @@ class EpisodeState:
 class Episodes:
     """Records, slots and the scenes that they share."""
 
+    task = "lift"
+    options: tuple[str, ...] = ("object", "object_pose", "state")
+    """Of a reset."""
+
     def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
         self.settings, self.views, robot = settings, views, settings.cell.robot
         self.simulations = {
@@ -76,10 +89,10 @@ class Episodes:
         }
         self.records = np.zeros(number, EPISODE)
         self.slots = [Slot() for _ in range(number)]
-        self.told = np.zeros((number, len(TOLD) + len(TERMS)))
+        self.told = np.zeros((number, len(TOLD) + len(settings.weights)))
         self.rewards = np.zeros(number)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
-        rows, push = np.zeros((number, CONTROL_STEPS, robot.dof)), np.zeros((number, 3))
+        rows, push = np.zeros((number, settings.frame_skip, robot.dof)), np.zeros((number, 3))
         self._whole = (self.records, self.commands, self.told, self.rewards, rows, push)
         hulls = [simulation.hull for simulation in self.simulations.values()]
         ends = np.cumsum([len(hull) for hull in hulls]).tolist()
@@ -88,22 +101,23 @@ class Episodes:
             for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
         }
         first = next(iter(self.simulations.values()))
-        disturbance, fingers = settings.disturbance, [finger.name for finger in robot.hand.fingers]
-        self._control = control_of(
-            robot, arm_chain(first.base, robot), settings.control_mode, disturbance.kind, disturbance.size
+        fingers = [finger.name for finger in robot.hand.fingers]
+        self._control = control_of(settings, arm_chain(first.base, robot))
+        hold, grasped, wait = (
+            at_pace(steps, settings.frame_skip) for steps in (HOLD_STEPS, GRASP_STEPS, DISTURB_AFTER)
         )
-        self._rules = kernel.Rules(
-            first.columns,
-            len(fingers),
-            np.array([fingers.index(name) for name in robot.hand.grasp]),
-            np.concatenate(hulls),
-            disturbance.steps,
-            BAD_NUMBERS,
-            settings.reward_mode == "dense",
-        )
+        self._rules = Rules(
+            at=first.columns, fingers=len(fingers),
+            grasp=np.array([fingers.index(name) for name in robot.hand.grasp]),
+            hulls=np.concatenate(hulls), period=settings.period, hold=hold, grasped=grasped, wait=wait,
+            length=settings.disturbance_steps, bad_numbers=BAD_NUMBERS,
+            weights=np.array(list(settings.weights.values())), version=settings.version,
+            dense=settings.reward_mode == "dense",
+        )  # fmt: skip
         self._layout = layout(settings.obs_mode, robot)
         self._width = max(part.stop for part in self._layout.values())
         self._no_noise = np.zeros((1, robot.dof))
+        self.starts: Starts | None = None
 
     def observation_space(self) -> spaces.Dict:
         """Return the space of one environment's observations."""
@@ -112,18 +126,23 @@ class Episodes:
     # -- starting ------------------------------------------------------------------------------------------------
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> Simulation:
-        """Start episode `i`: draw what it is of and let its object settle.
+        """Start episode `i`: draw what it is of and let its object settle, or go on from a state.
 
         Args:
             i: the slot.
             rng: of the episode.
-            options: `object` and `object_pose`, see `LiftEnv.reset`.
+            options: see `LiftEnv.reset`; where there are none, `starts` gives them, if set.
 
         Raises:
             InputError: for an unknown option, object or a pose that cannot be.
         """
         settings, names = self.settings, list(self.simulations)
-        options = _check_options(options, names)
+        if not options and self.starts is not None:
+            options = self.starts(i, rng, self.records[i])
+        options = self._check_options(options, names)
+        self.slots[i].resumed = "state" in options
+        if self.slots[i].resumed:
+            return self._resume(i, rng, options["state"])
         drawn = names[int(rng.integers(len(names)))]
         target = options.get("object", drawn)
         simulation = self.simulations[target]
@@ -141,6 +160,23 @@ class Episodes:
             simulation.place(pose)
         simulation.settle()
         self._start_record(i, target, variation)
+        return simulation
+
+    def _check_options(self, options: Mapping[str, Any] | None, objects: list[str]) -> dict[str, Any]:
+        options = dict(options or {})
+        for key in options:
+            if key not in self.options:
+                raise unknown_name("reset option", key, self.options)
+        if "object" in options and options["object"] not in objects:
+            raise unknown_name("object", options["object"], objects)
+        return options
+
+    def _resume(self, i: int, rng: Generator, state: EpisodeState) -> Simulation:
+        """Begin episode `i` where another was: with what that had achieved, and with time and chance of its own."""
+        own = copy.deepcopy(rng.bit_generator.state)
+        simulation = self.set_state(i, state, rng)
+        rng.bit_generator.state = own
+        self.records[i]["elapsed"] = 0
         return simulation
 
     def enter(self, i: int) -> Simulation:
@@ -190,7 +226,7 @@ class Episodes:
             actions: (n, m), a copy that may be written to.
 
         Returns:
-            Rows (N, 25, n) rad for the physics steps, and pushes (N, 3) N on the object.
+            Rows (N, frame_skip, n) rad for the physics steps, and pushes (N, 3) N on the object.
 
         Raises:
             InputError: for an action that is not finite.
@@ -208,6 +244,7 @@ class Episodes:
         warnings: NDArray[np.int64],
         rngs: Sequence[Generator | None],
         alone: bool = False,
+        judge: bool = True,
     ) -> dict[str, NDArray[Any]]:
         """Advance progress, terms and rewards of a part of the episodes to the moment, and observe it.
 
@@ -217,6 +254,7 @@ class Episodes:
             warnings: (n,) bits of MuJoCo's that came up.
             rngs: theirs; None for one whose sensors are not read.
             alone: whether the arrays have no axis for environments, which must be one.
+            judge: False to observe alone.
 
         Returns:
             The observation without cameras: arrays (n, ...) by key.
@@ -224,7 +262,7 @@ class Episodes:
         records, commands, told, rewards = self._part(part)[:4]
         rows = np.empty((len(records), self._width), np.float32)
         noise = self._joint_noise(records, rngs)
-        kernel.conclude(records, commands, moment, warnings, noise, self._rules, (told, rewards, rows))
+        kernel.conclude(records, commands, moment, warnings, noise, self._rules, (told, rewards, rows), judge)
         return cut(rows[0] if alone else rows, self._layout)
 
     def _part(self, part: slice) -> tuple[NDArray[Any], ...]:
@@ -262,7 +300,7 @@ class Episodes:
             "disturbance": PHASES[int(phase)],
             "mujoco_warnings": warning_names(int(warnings)) if warnings else "",
             "variation": dict(vars(self.slots[i].variation)),
-            "reward_terms": dict(zip(TERMS, terms, strict=True)),
+            "reward_terms": dict(zip(self.settings.weights, terms, strict=True)),
         }
 
     def more_infos(self) -> dict[str, NDArray[Any]]:
@@ -276,39 +314,43 @@ class Episodes:
 
     # -- states --------------------------------------------------------------------------------------------------
 
-    def get_state(self, i: int, physics: Array, rng: Generator) -> EpisodeState:
+    def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
         slot = self.slots[i]
         return EpisodeState(
-            slot.target, physics, self.records[i].copy(), self.commands[i].copy(),
-            copy.deepcopy(rng.bit_generator.state), slot.variation, copy.deepcopy(slot.view),
+            self._of(), slot.target, physics, sensors.copy(), self.told[i].copy(), self.records[i].copy(),
+            self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state), slot.variation,
+            copy.deepcopy(slot.view),
         )  # fmt: skip
+
+    def _of(self) -> dict[str, Any]:
+        """Return what a state has to agree with."""
+        settings = self.settings
+        keys = ("version", "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale")
+        own = {key: getattr(settings, key) for key in keys}
+        return {"task": self.task, "robot": settings.cell.robot.name, **own}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
         """Make episode `i` that of a state, with its scene in it.
 
         Raises:
-            InputError: if the state is of an object that the environment does not have, or is no state.
+            InputError: if the state is of an object that the environment does not have, of another task or other
+                settings, or is no state.
         """
         if not isinstance(state, EpisodeState):
             raise InputError(f"set_state takes what get_state returned, not a {type(state).__name__}")
+        for key, value in self._of().items():
+            if state.of.get(key) != value:
+                raise InputError(f"the state has {key} {state.of.get(key)!r}, this environment {value!r}")
         if state.target not in self.simulations:
             raise unknown_name("object of the state", state.target, self.simulations)
         self._vary(i, state.target, state.variation)
         self.records[i], self.commands[i] = state.record, state.commands
         self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
+        self.told[i] = state.told
         self.slots[i].view = copy.deepcopy(state.view)
         rng.bit_generator.state = copy.deepcopy(state.rng)
         simulation = self.simulations[state.target]
         simulation.set_state(state.physics)
+        simulation.data.sensordata[:] = state.sensors
         return simulation
-
-
-def _check_options(options: Mapping[str, Any] | None, objects: list[str]) -> dict[str, Any]:
-    options = dict(options or {})
-    for key in options:
-        if key not in _RESET_OPTIONS:
-            raise unknown_name("reset option", key, _RESET_OPTIONS)
-    if "object" in options and options["object"] not in objects:
-        raise unknown_name("object", options["object"], objects)
-    return options

@@ -5,22 +5,14 @@ and many give the same bits. This module imports numba: it is imported when an e
 """
 
 import math
-from typing import NamedTuple
 
-import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import product_components, rotated_components, rotation_components
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import (
-    DISTURB_AFTER,
     DISTURB_SHIFT,
     GRASP_FORCE,
-    GRASP_STEPS,
-    HOLD_STEPS,
     LIFT_HEIGHT,
     OFF_TABLE,
     STABLE_SLIP,
@@ -28,10 +20,19 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_HIGH,
     WORKSPACE_LOW,
 )
-from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, Record, Records
-from dexgrasp_env.tasks.rewards import WEIGHTS
-
-Columns = NDArray[np.int64]
+from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD, Record, Records
+from dexgrasp_env.tasks.rules import (
+    PALM,
+    PALM_QUAT,
+    PRESSES,
+    TIP_FORCES,
+    TIPS,
+    TOUCHING_ANY,
+    TOUCHING_HAND,
+    Columns,
+    Rules,
+)
+from dexgrasp_env.tasks.terms import level_terms, progress_terms
 
 _product = njit(cache=True)(product_components)
 _rotated = njit(cache=True)(rotated_components)
@@ -40,37 +41,10 @@ _rotation = njit(cache=True)(rotation_components)
 _UNTOUCHED, _TOUCHED, _LIFTED, _DROPPED, _HELD = range(len(STAGES))
 _NO_FAILURE, _LOST, _DIVERGED = range(len(FAILURES))
 _NO_PHASE, _BEFORE, _RUNNING, _OVER = range(len(PHASES))
-_REACH, _CONTACT, _LIFT, _HOLD = WEIGHTS.values()
-(_TIPS, _PALM, _PALM_QUAT, _TIP_FORCES, _TOUCHING_ANY, _TOUCHING_HAND, _PRESSES) = range(len(READINGS))
 
-_WINDOW = (1 << HOLD_STEPS) - 1
-_NEAR, _FAR = 0.02, 0.3  # m
-_TAIL = 3.0  # sqrt(1 / 0.1 - 1)
-_FIRM = 1.0  # N: a fingertip force that counts as contact
+_TERMS = len(TOLD)
 _X0, _Y0, _Z0 = WORKSPACE_LOW
 _X1, _Y1, _Z1 = WORKSPACE_HIGH
-
-
-class Rules(NamedTuple):
-    """What stays for the life of an environment.
-
-    Attributes:
-        at: (7,) first columns of the readings in `sensordata`, in the order of `READINGS`.
-        fingers: of the hand.
-        grasp: (G,) numbers of the fingers of a grasp; the first opposes the others.
-        hulls: (V, 3) hull vertices of all objects, m, object frames.
-        length: of the disturbance, control steps.
-        bad_numbers: the bits of MuJoCo's warnings that mean numbers gone wrong.
-        dense: whether the reward is the weighted sum of the terms, else success.
-    """
-
-    at: Columns
-    fingers: int
-    grasp: Columns
-    hulls: Array
-    length: int
-    bad_numbers: int
-    dense: bool
 
 
 # -- state and sensors to progress, failure and reward ----------------------------------------------------------
@@ -94,38 +68,52 @@ def _judge(
         _fail(e, qpos[i], qvel[i], rules.bad_numbers)
         R = _rotation(pose[3], pose[4], pose[5], pose[6])
         e.height = _lowest_point(e, pose, R, rules.hulls)
-        touching, alone = s[at[_TOUCHING_HAND]] > 0, s[at[_TOUCHING_HAND]] == s[at[_TOUCHING_ANY]]
+        touching, alone = s[at[TOUCHING_HAND]] > 0, s[at[TOUCHING_HAND]] == s[at[TOUCHING_ANY]]
         e.touched = e.touched or touching
-        e.grasped = _opposed(s, at[_PRESSES], rules)
+        e.grasped = _opposed(s, at[PRESSES], rules)
         at_height = e.height >= LIFT_HEIGHT and touching and alone
-        e.held = e.held + 1 if at_height else 0
-        e.grasps = ((e.grasps << 1) | e.grasped) & _WINDOW if at_height else 0
+        if at_height:
+            _hold_on(e, rules.hold)
+        else:
+            _hold_anew(e)
         e.lifted = e.lifted or at_height
-        inverse = (s[at[_PALM_QUAT]], -s[at[_PALM_QUAT] + 1], -s[at[_PALM_QUAT] + 2], -s[at[_PALM_QUAT] + 3])
-        palm = at[_PALM]
+        inverse = (s[at[PALM_QUAT]], -s[at[PALM_QUAT] + 1], -s[at[PALM_QUAT] + 2], -s[at[PALM_QUAT] + 3])
+        palm = at[PALM]
         position = _rotated(inverse, (pose[0] - s[palm], pose[1] - s[palm + 1], pose[2] - s[palm + 2]))
         _follow_grip(e, position, _product(inverse, (pose[3], pose[4], pose[5], pose[6])), touching and alone)
-        _disturb(e, position, rules.length)
-        _conclude(e)
-        t = told[i, 12:]
-        _reward(e, pose, R, s, rules, t)
-        total = _REACH * t[0] + _CONTACT * t[1] + _LIFT * t[2] + _HOLD * t[3]
-        rewards[i] = total if rules.dense else 1.0 * e.success
-        if e.failure == _DIVERGED:
-            t[:] = 0.0
-            rewards[i] = 0.0
-        _tell(e, told[i])
+        _disturb(e, position, rules)
+        _conclude(e, rules)
+        rewards[i] = _reward(e, pose, R, s, rules, told[i, _TERMS:])
+        _tell(e, rules.period, told[i])
 
 
 @njit(cache=True)
-def _tell(e: Record, t: Array) -> None:
+def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> float:
+    """Write the terms, and return the reward of the control step."""
+    if rules.version == 1:
+        level_terms(e, pose, R, s, rules, terms)
+    else:
+        progress_terms(e, pose, R, s, rules, terms)
+    if e.failure == _DIVERGED and rules.version == 1:
+        terms[:] = 0.0
+    total = 0.0
+    for k in range(len(rules.weights)):
+        total += rules.weights[k] * terms[k]
+    gain, e.total = total - e.total, total
+    if not rules.dense:
+        return 1.0 * e.success if e.failure != _DIVERGED else 0.0
+    return total if rules.version == 1 else gain
+
+
+@njit(cache=True)
+def _tell(e: Record, period: float, t: Array) -> None:
     """Write the columns of `records.TOLD`."""
     t[0] = e.success
     t[1] = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
     t[2] = e.grasped
     t[3], t[4] = e.stage, e.failure
     t[5], t[6], t[7], t[8] = e.height, e.slip, e.tilt, e.shift
-    t[9] = e.held * CONTROL_PERIOD
+    t[9] = e.held * period
     t[10], t[11] = e.phase, e.warnings
 
 
@@ -197,85 +185,49 @@ def _distance(a: tuple[float, ...], b: Array) -> float:
 
 
 @njit(cache=True)
-def _disturb(e: Record, position: tuple[float, ...], length: int) -> None:
+def _hold_on(e: Record, hold: int) -> None:
+    """Count a control step of the hold, and the grasps among the last `hold` of them."""
+    slot = e.held % hold
+    e.grasps += int(e.grasped) - int(e.window[slot])
+    e.window[slot] = e.grasped
+    e.held += 1
+
+
+@njit(cache=True)
+def _hold_anew(e: Record) -> None:
+    if e.held > 0:
+        e.window[:] = 0
+    e.held = e.grasps = 0
+
+
+@njit(cache=True)
+def _disturb(e: Record, position: tuple[float, ...], rules: Rules) -> None:
     """Begin the disturbance once the object has been held for 1 s; the hold counts anew when it is over."""
     if e.phase == _RUNNING or e.phase == _OVER:
         e.shift = max(e.shift, _distance(position, e.origin))
     if e.phase == _RUNNING:
         e.disturbed += 1
-        if e.disturbed == length:
+        if e.disturbed == rules.length:
             e.phase = _OVER
-            e.held = e.grasps = 0
-    elif e.phase == _BEFORE and e.held >= DISTURB_AFTER:
+            _hold_anew(e)
+    elif e.phase == _BEFORE and e.held >= rules.wait:
         e.phase = _RUNNING
         for k in range(3):
             e.origin[k] = position[k]
 
 
 @njit(cache=True)
-def _conclude(e: Record) -> None:
+def _conclude(e: Record, rules: Rules) -> None:
     """Whether it is a success, and how far it has come."""
     undisturbed = e.phase == _NO_PHASE or (e.phase == _OVER and e.shift <= DISTURB_SHIFT)
-    e.success = undisturbed and e.held >= HOLD_STEPS and e.grasped and _ones(e.grasps) >= GRASP_STEPS
+    e.success = undisturbed and e.held >= rules.hold and e.grasped and e.grasps >= rules.grasped
+    e.solved = e.solved or e.success
     if e.success:
         e.stage = _HELD
     elif e.lifted:
         e.stage = _LIFTED if e.held > 0 else _DROPPED
     else:
         e.stage = _TOUCHED if e.touched else _UNTOUCHED
-
-
-@njit(cache=True)
-def _ones(bits: int) -> int:
-    count = 0
-    while bits:
-        bits &= bits - 1
-        count += 1
-    return count
-
-
-@njit(cache=True)
-def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
-    tips, forces, near, thumb, fingers = rules.at[_TIPS], rules.at[_TIP_FORCES], 0.0, 0.0, 0.0
-    for k in range(len(rules.grasp)):
-        near += _nearness(_box_distance(e, pose, R, s, tips + 3 * rules.grasp[k]))
-        pressure = _pressure(s, forces + 3 * rules.grasp[k])
-        if k == 0:
-            thumb = pressure
-        else:
-            fingers = max(fingers, pressure)
-    terms[0] = near / len(rules.grasp)
-    terms[1] = min(thumb, fingers)  # the thumb opposes: two fingers on one side do not hold
-    terms[2] = min(max(e.height / LIFT_HEIGHT, 0.0), 1.0) if e.grasped else 0.0
-    terms[3] = _ones(e.grasps) / HOLD_STEPS
-
-
-@njit(cache=True)
-def _box_distance(e: Record, pose: Array, R: tuple[float, ...], s: Array, tip: int) -> float:
-    """Distance of a tip's centre to the object's box, m."""
-    a, b, c = s[tip] - pose[0], s[tip + 1] - pose[1], s[tip + 2] - pose[2]
-    h = e.half_extents
-    x = max(abs(a * R[0] + b * R[3] + c * R[6]) - h[0], 0.0)
-    y = max(abs(a * R[1] + b * R[4] + c * R[7]) - h[1], 0.0)
-    z = max(abs(a * R[2] + b * R[5] + c * R[8]) - h[2], 0.0)
-    return math.sqrt(x * x + y * y + z * z)
-
-
-@njit(cache=True)
-def _nearness(distance: float) -> float:
-    """1 up to 2 cm, 0.1 at 30 cm beyond, with a long tail.
-
-    This is `dm_control.utils.rewards.tolerance(distance, (0, 0.02), 0.3, "long_tail")`; a test holds the two together.
-    """
-    x = _TAIL * max(distance - _NEAR, 0.0) / _FAR
-    return 1.0 / (x * x + 1.0)
-
-
-@njit(cache=True)
-def _pressure(s: Array, first: int) -> float:
-    """A contact force over what counts as firm, at most 1."""
-    x, y, z = s[first], s[first + 1], s[first + 2]
-    return min(math.sqrt(x * x + y * y + z * z) / _FIRM, 1.0)
 
 
 # -- state and sensors to observation ---------------------------------------------------------------------------
@@ -299,11 +251,11 @@ def _observe(
         for j in range(n):
             o[j], o[n + j], o[2 * n + j] = q[j] + noise[i, j], v[j], commands[i, 0, j]
         for j in range(tips):
-            o[3 * n + j] = s[at[_TIPS] + j]
+            o[3 * n + j] = s[at[TIPS] + j]
         for j in range(3):
-            o[palm + j] = s[at[_PALM] + j]
+            o[palm + j] = s[at[PALM] + j]
         for j in range(4):
-            o[palm + 3 + j] = s[at[_PALM_QUAT] + j]
+            o[palm + 3 + j] = s[at[PALM_QUAT] + j]
         if len(o) > palm + 7:
             _observe_object(e, q[n:], v[n:], s, rules, o[palm + 7 :])
         if e.failure == _DIVERGED:
@@ -322,9 +274,9 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Ar
     o[16] = e.mass
     tips = 3 * rules.fingers
     for j in range(tips):
-        o[17 + j] = s[rules.at[_TIP_FORCES] + j]
+        o[17 + j] = s[rules.at[TIP_FORCES] + j]
     o[17 + tips] = e.height
-    o[18 + tips] = min(e.held / HOLD_STEPS, 1.0)
+    o[18 + tips] = min(e.held / rules.hold, 1.0)
     for j in range(6):
         o[19 + tips + j] = e.variation[j]
 
@@ -335,7 +287,7 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Ar
 @njit(cache=True)
 def conclude(
     episodes: Records, commands: Array, moment: tuple[Array, Array, Array], warnings: Columns, noise: Array,
-    rules: Rules, out: tuple[Array, Array, Array],
+    rules: Rules, out: tuple[Array, Array, Array], judge: bool,
 ) -> None:  # fmt: skip
     """Advance what the episodes have achieved by the control step just taken, reward and observe it.
 
@@ -346,9 +298,11 @@ def conclude(
         warnings: (N,) bits of MuJoCo's that came up in the control step.
         noise: (N, n) rad, of the joint position sensors.
         rules: of the environment.
-        out: written: what is told (N, 16), the columns of `records.TOLD` and the terms, each in [0, 1]; rewards (N,);
+        out: written: what is told (N, 12 + T), `records.TOLD` and the terms, each in [0, 1]; rewards (N,);
             observations (N, m) float32, in the order of `observations`, with the privileged state where there is room.
+        judge: False to observe alone.
     """
     told, rewards, seen = out
-    _judge(episodes, moment, warnings, rules, told, rewards)
+    if judge:
+        _judge(episodes, moment, warnings, rules, told, rewards)
     _observe(episodes, commands, moment, noise, rules, seen)

@@ -1,5 +1,6 @@
-"""DexGrasp/Lift-v1."""
+"""DexGrasp/Lift-v2, and v1."""
 
+import copy
 import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -7,20 +8,18 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
-from gymnasium import spaces
 from gymnasium.utils import EzPickle
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Given
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
-from dexgrasp_env.tasks.control import action_size
-from dexgrasp_env.tasks.episodes import Episodes, EpisodeState
-from dexgrasp_env.tasks.observations import OBS_MODES
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
+from dexgrasp_env.tasks.control import ActionSpace, check_actions
+from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Starts
+from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.records import TOLD
-from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.tasks.views import Views
+from dexgrasp_env.tasks.views import make_settings
 
 _ONLY = slice(None)
 _FAILURE = TOLD.index("failure")
@@ -83,7 +82,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
     | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
 
-    With fewer `views` the first axis of the images is as long as they are many. `info` has at reset and at every step,
+    With fewer `views` the first axis of the images is as long as they are many. Keys are in alphabetical
+    order. `info` has at reset and at every step,
     always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm and 15 deg of motion in the
     hand's frame since the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure`
     (empty while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt` rad, `object_shift` m (in
@@ -93,14 +93,22 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
 
     ## Rewards
 
-    `sparse` is 1 while the task is solved, else 0. `dense` is in [0, 1], the weighted sum of
+    `sparse` is 1 while the task is solved, else 0. `dense` is what the weighted sum of these terms, each in [0, 1], has
+    gained in the control step, and what it has lost is taken away:
 
     | Term | Weight | Meaning |
     | --- | --- | --- |
-    | `reach` | 0.2 | thumb, index and middle tips within 2 cm of the object's box, falling off over 30 cm |
-    | `contact` | 0.2 | the thumb and a finger opposite it press, full at 1 N each |
-    | `lift` | 0.3 | height of the lowest point over 10 cm while the object is grasped |
-    | `hold` | 0.3 | time held in a grasp, of the last 3 s |
+    | `reach` | 5.0 | thumb, index and middle tips within 2 cm of the object's box, 0 from 62 cm |
+    | `close` | 10.0 | tips within 2 mm of the box, falling off over 6 cm, with its inside between thumb and fingers |
+    | `contact` | 5.0 | thumb and fingers press from opposite sides, full at 0.5 N |
+    | `squeeze` | 5.0 | the lesser of the two forces over what bears the weight by friction |
+    | `lift` | 15.0 | height of the lowest point over 10 cm, times `contact` |
+    | `hold` | 10.0 | time held in a grasp, of the last 3 s; a disturbance must be over |
+    | `success` | 50.0 | 1 from the first success on |
+
+    The return of an episode is therefore the sum at its end less that at its start: at most 50 without success,
+    whatever is done and for however long; at least 50 with it, about 100 where the object is still held at the end. An
+    episode that fails (see below) loses all but `success`. `reward_weights` replaces weights, by term.
 
     ## Starting State
 
@@ -113,7 +121,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     ## Episode End
 
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
-    (`simulation_diverged`, with reward 0). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay
+    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay
     up. A `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end
     with the object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by
     which the time limit should grow: `LiftPushed-v1` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a
@@ -122,8 +130,9 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     ## States
 
     `get_state()` returns everything the episode's future depends on, `set_state(state)` goes on from there bit for bit,
-    also in another environment of the same settings; `copy.deepcopy` and `pickle` keep the episode as well.
-    Gymnasium's `TimeLimit` wrapper keeps a count of its own, which `set_state` does not touch; the vector
+    also in another environment of the same settings; `copy.deepcopy` and `pickle` keep the episode as well. `observe()`
+    returns observation and info of the present. `reset(options={"state": state})` begins an episode there, with as much
+    time as any. Gymnasium's `TimeLimit` wrapper keeps a count of its own, which `set_state` does not touch; the vector
     environment's `set_state` restores its count. `model`, `data` and `dt` are MuJoCo's.
 
     ## Arguments
@@ -131,7 +140,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | Argument | Default | Valid |
     | --- | --- | --- |
     | `objects` | `'ycb6'` | name, set (`ycb6`, `seen`, `familiar`, `novel`, `all20`), mesh file, or a list of these |
-    | `obs_mode` | `'state'` | `state`, `pointcloud`, `depth`, `rgbd` |
+    | `obs_mode` | `'state'` | `state`, `pointcloud`, `depth`, `rgbd`, or the state beside one: `state+pointcloud` ... |
     | `control_mode` | `'joint_delta'` | `joint_position`, `joint_delta`, `ee_delta` |
     | `reward_mode` | `'dense'` | `dense`, `sparse` |
     | `robot` | `None` | a cell, a robot, or the path of a file of either; None: the simulated cell |
@@ -151,27 +160,20 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `render_mode` | `None` | `human`, `rgb_array`, `depth_array` |
     | `render_size` | `(480, 640)` | rows and columns of pictures |
     | `render_camera` | `'front'` | `front`; `grasp`: follows the hand, close by; or one of the depth cameras |
-
-    ## Contact model, frozen as v1
-
-    | Setting | Value |
-    | --- | --- |
-    | timestep | 0.002 s, implicitfast, tolerance 1e-8 |
-    | cone | elliptic, impratio 100, condim 3; table against object condim 6 |
-    | friction | 0.7 sliding everywhere; 0.0002 m rolling between table and object |
-    | fingertip against object | solref 0.02 1, solimp 0.9 0.95 0.001 0.5 2, solreffriction 0.004 1 |
-
-    Slip begins at mu N in every direction. Nothing welds, attracts or sticks the object to the hand.
+    | `version` | `2` | `2`, or `1`: the dense reward of version 1 |
+    | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
+    | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does |
+    | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
 
     ## Version History
 
-    * v1: success and the `lift` term need a grasp; observation and info of the reset are true; checked options;
-      `variation` in the state; harder scenes as arguments; states; a native vector environment.
-    * v0: first version, retired: nothing was published on it.
+    * v2: a dense reward that leads to a grasp and that nothing but success earns in full; physics and success are v1's.
+    * v1: deprecated for its dense reward: the sum of `reach` (0.2), `contact` (0.2: thumb and a finger press, full at
+      1 N each), `lift` (0.3) and `hold` (0.3) at every step, of which much is earned by hovering.
     """
 
     episodes_type = Episodes
-    obs_modes: tuple[str, ...] = OBS_MODES
+    obs_modes: tuple[str, ...] = OBS_SUMS
     metadata = {  # noqa: RUF012  (as Gymnasium has it)
         "render_modes": ["human", "rgb_array", "depth_array"],
         "render_fps": round(1 / CONTROL_PERIOD),
@@ -200,14 +202,18 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         render_mode: str | None = None,
         render_size: tuple[int, int] = (480, 640),
         render_camera: str = "front",
+        version: int = 2,
+        reward_weights: Mapping[str, float] | None = None,
+        frame_skip: int = CONTROL_STEPS,
+        action_scale: float = 1.0,
     ) -> None:
         given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         EzPickle.__init__(self, **given)
         self.settings, self._views = make_settings(**given)
         self.render_mode = render_mode
+        self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
         self._episodes = self.episodes_type(self.settings, self._views, 1)
-        size = action_size(control_mode, self.settings.cell.robot)
-        self.action_space = spaces.Box(-1.0, 1.0, (size,), np.float32)
+        self.action_space = ActionSpace(control_mode, self.settings.cell.robot)  # type: ignore[assignment]
         self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
         self._simulation = next(iter(self._episodes.simulations.values()))
         self._over = True
@@ -241,7 +247,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     @property
     def dt(self) -> float:
         """Seconds of a control step."""
-        return CONTROL_PERIOD
+        return self.settings.period
 
     @property
     def targets(self) -> NDArray[np.float64]:
@@ -251,7 +257,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     @property
     def disturbance_steps(self) -> int:
         """Control steps that the disturbance takes: what a time limit should allow for."""
-        return self.settings.disturbance.steps
+        return self.settings.disturbance_steps
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -261,19 +267,39 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         Args:
             seed: of every draw of this and the following episodes.
             options: `object` names one of the environment's objects; `object_pose` is (7,) position m and quaternion
-                wxyz of the object in the world frame.
+                wxyz of the object in the world frame. Or `state`, of `get_state`, where the episode is to begin.
 
         Raises:
             InputError: for an unknown option or object, or a pose that cannot be.
         """
         super().reset(seed=seed)
         # The limit is a wrapper's: where the last episode ended shows it.
-        self.settings.disturbance.warn_of_limit(int(self._episodes.records["elapsed"][0]))
+        self.settings.disturbance.warn_of_limit(
+            int(self._episodes.records["elapsed"][0]), self.settings.frame_skip
+        )
         self._over = True  # options may be refused
         self._simulation = self._episodes.begin(0, self.np_random, options)
-        observation = self._conclude(0)
+        slot = self._episodes.slots[0]
+        observation = self._conclude(0, judge=not slot.resumed)
         self._over = False
-        return self._look(observation, at_reset=True)
+        return self._look(observation, at_reset=not (slot.resumed and slot.view.seen))
+
+    def observe(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+        """Return observation and info of the present: those of the last reset or step, or of the state that was set.
+
+        Nothing moves, and no camera looks again; where joint sensors are noisy, their noise is drawn anew.
+
+        Raises:
+            InputError: before the first reset.
+        """
+        self.get_state()
+        rng = copy.deepcopy(self.np_random)
+        observation = self._episodes.conclude(
+            _ONLY, self._simulation.moment, NO_WARNINGS, [rng], alone=True, judge=False
+        )
+        seen = self._episodes.slots[0].view
+        observation = dict(sorted((observation | copy.deepcopy(seen.seen)).items()))
+        return observation, self._episodes.info(0) | copy.deepcopy(seen.info)
 
     def step(
         self, action: NDArray[np.float32]
@@ -285,6 +311,15 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         """
         return self.finish_step(self._simulation.step(self.start_step(action)))
 
+    def twin(self) -> "LiftEnv":
+        """Return another environment of the same settings, without an episode."""
+        kwargs: dict[str, Any] = self._ezpickle_kwargs
+        return type(self)(**kwargs)
+
+    def start_from(self, starts: Starts | None) -> None:
+        """Have resets that are given no options take those that `starts` gives."""
+        self._episodes.starts = starts
+
     def start_step(self, action: NDArray[np.float32]) -> NDArray[np.float64]:
         """Do the first part of a step, before the physics: move the set-points, and push what is to be pushed.
 
@@ -292,7 +327,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
             action: as for `step`.
 
         Returns:
-            Set-points of the physics steps (1, 25, n) rad, for `simulation.step`.
+            Set-points of the physics steps (1, frame_skip, n) rad, for `simulation.step`.
 
         Raises:
             InputError: as `step`.
@@ -318,9 +353,12 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         observation, info = self._look(observation, at_reset=False)
         return observation, float(episodes.rewards[0]), self._over, False, info
 
-    def _conclude(self, bits: int) -> dict[str, NDArray[Any]]:
+    def _conclude(self, bits: int, judge: bool = True) -> dict[str, NDArray[Any]]:
         warnings = np.array([bits]) if bits else NO_WARNINGS
-        return self._episodes.conclude(_ONLY, self._simulation.moment, warnings, [self.np_random], alone=True)
+        rngs = [self.np_random]
+        return self._episodes.conclude(
+            _ONLY, self._simulation.moment, warnings, rngs, alone=True, judge=judge
+        )
 
     def _look(
         self, observation: dict[str, NDArray[Any]], at_reset: bool
@@ -330,7 +368,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         if self.settings.obs_mode != "state":
             looks = simulation if at_reset or self._views.due(simulation.data.qpos) else None
             views, seen = self._views.observe(episodes.slots[0].view, looks, self.np_random, at_reset)
-            observation |= views
+            observation = dict(sorted((observation | views).items()))
             info |= seen
         if self.render_mode == "human":
             self.render()
@@ -344,13 +382,14 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         """
         if not self._episodes.slots[0].target:
             raise InputError("get_state() called without an episode: call reset() first")
-        return self._episodes.get_state(0, self._simulation.get_state(), self.np_random)
+        physics, sensors = self._simulation.get_state(), self._simulation.data.sensordata
+        return self._episodes.get_state(0, physics, sensors, self.np_random)
 
     def set_state(self, state: EpisodeState) -> None:
         """Go on from a state, of this environment or of another with the same settings.
 
         Raises:
-            InputError: if the state is of an object that is not among this environment's.
+            InputError: if the state is of an object that is not among this environment's, or of other settings.
         """
         self._simulation = self._episodes.set_state(0, state, self.np_random)
         self._over = bool(state.record["failure"])
@@ -363,11 +402,13 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
             "episode": episode,
             "spec": self.spec,
             "seed": self._np_random_seed,
+            "starts": self._episodes.starts,
         }
 
     def __setstate__(self, kept: dict[str, Any]) -> None:
         EzPickle.__setstate__(self, kept["made"])
         self.spec = kept["spec"]
+        self._episodes.starts = kept["starts"]
         if kept["episode"] is not None:
             self.set_state(kept["episode"])
             self._np_random_seed = kept["seed"]
@@ -379,27 +420,3 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     def close(self) -> None:
         """Free what rendering holds."""
         self._views.close()
-
-
-def make_settings(
-    sensor: Mapping[str, Any] | str, render_size: tuple[int, int], **given: Any
-) -> tuple[LiftSettings, Views]:
-    """Check the arguments of the environment.
-
-    Raises:
-        InputError: one line that says which is wrong and what is valid.
-    """
-    settings = LiftSettings.of(**given)
-    return settings, Views(settings, sensor, render_size)
-
-
-def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
-    """Return a copy of actions of the right shape, in double precision.
-
-    Raises:
-        InputError: if their shape is wrong.
-    """
-    own = np.array(action, dtype=np.float64)
-    if own.shape != shape:
-        raise InputError(f"action has shape {own.shape}: valid is {shape}")
-    return own

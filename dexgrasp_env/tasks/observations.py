@@ -11,6 +11,8 @@ from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import CLOUD_POINTS
 
 OBS_MODES = ("state", "pointcloud", "depth", "rgbd")
+OBS_SUMS = (*OBS_MODES, *(f"state+{mode}" for mode in OBS_MODES[1:]))
+"""Modes, and the state beside what cameras see: for a critic that knows more than the actor."""
 
 
 def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
@@ -18,17 +20,18 @@ def key_sizes(obs_mode: str, robot: Robot) -> dict[str, int]:
     n, tips = robot.dof, 3 * len(robot.hand.fingers)
     joints = {"joint_positions": n, "joint_velocities": n, "joint_targets": n}
     keys = {**joints, "fingertip_positions": tips, "palm_pose": 7}
-    if obs_mode != "state":
+    if not obs_mode.startswith("state"):
         return keys
     of_object = {"object_pose": 7, "object_velocity": 6, "object_size": 3, "object_mass": 1}
     return {**keys, **of_object, "fingertip_forces": tips, "progress": 2, "variation": 6}
 
 
 def layout(obs_mode: str, robot: Robot) -> dict[str, slice]:
-    """Return the columns of each key in the row that `kernel.conclude` writes."""
+    """Return the columns of each key, in alphabetical order, in the row that `kernel.conclude` writes."""
     keys = key_sizes(obs_mode, robot)
     ends = list(itertools.accumulate(keys.values()))
-    return {key: slice(end - n, end) for (key, n), end in zip(keys.items(), ends, strict=True)}
+    columns = {key: slice(end - n, end) for (key, n), end in zip(keys.items(), ends, strict=True)}
+    return dict(sorted(columns.items()))  # as spaces have them
 
 
 def cut(rows: NDArray[np.float32], columns: dict[str, slice]) -> dict[str, NDArray[np.float32]]:
@@ -42,7 +45,7 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: R
     """Return the space of an observation mode: bounded where a bound exists.
 
     Args:
-        obs_mode: one of `OBS_MODES`.
+        obs_mode: one of `OBS_SUMS`.
         image_shape: cameras, rows and columns of the depth images.
         robot: that is observed.
     """
@@ -50,14 +53,15 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: R
         key: spaces.Box(*_bounds(key, size, robot), dtype=np.float32)
         for key, size in key_sizes(obs_mode, robot).items()
     }
-    if obs_mode == "pointcloud":
+    seen = obs_mode.removeprefix("state+")
+    if seen == "pointcloud":
         parts["cloud"] = spaces.Box(-np.inf, np.inf, (CLOUD_POINTS, 3), np.float32)
         parts["cloud_normals"] = spaces.Box(-1.0, 1.0, (CLOUD_POINTS, 3), np.float32)
         parts["cloud_mask"] = spaces.MultiBinary(CLOUD_POINTS)
         parts["table_plane"] = spaces.Box(-np.inf, np.inf, (5,), np.float32)
-    if obs_mode in ("depth", "rgbd"):
+    if seen in ("depth", "rgbd"):
         parts["depth"] = spaces.Box(0.0, np.inf, image_shape, np.float32)
-    if obs_mode == "rgbd":
+    if seen == "rgbd":
         parts["rgb"] = spaces.Box(0, 255, (*image_shape, 3), np.uint8)
     return spaces.Dict(parts)
 

@@ -1,4 +1,4 @@
-"""DexGrasp/Place-v1."""
+"""DexGrasp/Place-v2, and v1."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,63 +9,126 @@ from gymnasium.utils import EzPickle
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.constants import GOAL_HEIGHT, GOAL_RADIUS, GOAL_STEPS, PLACE_X, PLACE_Y
+from dexgrasp_env.tasks.constants import (
+    GOAL_AWAY,
+    GOAL_HEIGHT,
+    GOAL_RADIUS,
+    GOAL_RISE,
+    GOAL_STEPS,
+    PLACE_X,
+    PLACE_Y,
+    WORKSPACE_HIGH,
+    WORKSPACE_LOW,
+    at_pace,
+)
 from dexgrasp_env.tasks.episodes import Episodes, Moment
 from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.observations import key_sizes
 from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.views import Views
 
 _SUCCESS = TOLD.index("is_success")
 _GOAL_LOW, _GOAL_HIGH = np.array([PLACE_X, PLACE_Y, GOAL_HEIGHT]).T
+_LOWEST, _HIGHEST = np.array([*WORKSPACE_LOW, -1.0]), np.array([*WORKSPACE_HIGH, 1.0])
+_WRONG = 0.05  # m that the hand costs the dense reward, where it does not do what the goal says
 
 
 class PlaceEpisodes(Episodes):
     """Episodes with a goal each."""
 
+    task = "place"
+    options = (*Episodes.options, "goal")
+
     def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
         super().__init__(settings, views, number)
+        self._order = list(key_sizes("state", settings.cell.robot))
+        self._size = 3 if settings.version == 1 else 4  # numbers of a goal
         self._distances = np.zeros(number)  # m, of the objects' centres to their goals
 
     def observation_space(self) -> spaces.Dict:
         """Return the space that goal-conditioned learners want."""
-        size = sum(int(np.prod(part.shape or ())) for part in super().observation_space().values())
-        goals = _GOAL_LOW.astype(np.float32), _GOAL_HIGH.astype(np.float32)
+        parts, n = dict(super().observation_space()), self._size
+        low, high = (_GOAL_LOW, _GOAL_HIGH) if n == 3 else (_LOWEST, _HIGHEST)
+        goal = spaces.Box(low.astype(np.float32), high.astype(np.float32), dtype=np.float32)
+        if not self.settings.obs_mode.startswith("state"):
+            return spaces.Dict({**parts, "desired_goal": goal})
+        flat = [parts.pop(key) for key in self._order]
+        size = sum(int(np.prod(part.shape or ())) for part in flat)
+        observation = spaces.Box(-np.inf, np.inf, (size,), np.float32)
+        achieved = spaces.Box(-np.inf, np.inf, (n,), np.float32) if n == 3 else goal
         return spaces.Dict(
-            {
-                "observation": spaces.Box(-np.inf, np.inf, (size,), np.float32),
-                "achieved_goal": spaces.Box(-np.inf, np.inf, (3,), np.float32),
-                "desired_goal": spaces.Box(*goals, dtype=np.float32),
-            }
+            {**parts, "observation": observation, "achieved_goal": achieved, "desired_goal": goal}
         )
 
     def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> Simulation:
-        """Start episode `i`; the goal is drawn last."""
+        """Start episode `i`; the goal is drawn last.
+
+        Raises:
+            InputError: as `Episodes.begin`, or for a goal out of its space.
+        """
+        options = dict(options or {})
+        goal = options.pop("goal", None)
         simulation = super().begin(i, rng, options)
-        self.records[i]["goal"] = rng.uniform(_GOAL_LOW, _GOAL_HIGH)
+        if not self.slots[i].resumed:
+            self.records[i]["start"] = simulation.object_pose()[:3]
+            self.records[i]["goal"][: self._size] = self._draw(rng, self.records[i]["start"])
+        if goal is not None:
+            self.records[i]["goal"][: self._size] = self._check_goal(goal)
         return simulation
+
+    def _draw(self, rng: Generator, start: Array) -> Array:
+        """Draw a goal: one that the object is to be held at, or put down at, away from where it lies."""
+        if self._size == 3:
+            return rng.uniform(_GOAL_LOW, _GOAL_HIGH)
+        held = rng.random() < 0.5
+        while True:
+            goal = rng.uniform([*_GOAL_LOW[:2], start[2] + GOAL_RISE], _GOAL_HIGH)
+            if held:
+                return np.array([*goal, 1.0])
+            if np.hypot(*(goal - start)[:2]) >= GOAL_AWAY:
+                return np.array([*goal[:2], start[2], 0.0])
+
+    def _check_goal(self, goal: Any) -> Array:
+        space: Any = self.observation_space()["desired_goal"]
+        given: Array = np.asarray(goal, dtype=np.float32)
+        if not space.contains(given):
+            raise InputError(
+                f"goal {goal}: valid are {self._size} numbers within {space.low} and {space.high}"
+            )
+        return given
 
     def conclude(
         self, part: slice, moment: Moment, warnings: NDArray[np.int64], rngs: Sequence[Generator | None],
-        alone: bool = False,
+        alone: bool = False, judge: bool = True,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Do what `Episodes.conclude` does; rewards, success and the observation are those of the goal."""
-        state = super().conclude(part, moment, warnings, rngs)
-        records, goals = self.records[part], self.records["goal"][part]
-        self._distances[part] = np.linalg.norm(moment[0][:, -7:-4] - goals, axis=-1)
-        observation = {
-            "observation": np.concatenate(list(state.values()), axis=-1),
-            "achieved_goal": state["object_pose"][:, :3].copy(),
-            "desired_goal": goals.astype(np.float32),
-        }
-        achieved, desired = observation["achieved_goal"], observation["desired_goal"]
-        self.rewards[part] = goal_rewards(achieved, desired, self.settings.reward_mode)
-        reached = (goal_rewards(achieved, desired, "sparse") == 0.0) & (records["failure"] == 0)
-        records["at_goal"] = np.where(reached & (records["elapsed"] > 0), records["at_goal"] + 1, 0)
-        self.told[part, _SUCCESS] = records["at_goal"] >= GOAL_STEPS
-        return {key: value[0] for key, value in observation.items()} if alone else observation
+        state = super().conclude(part, moment, warnings, rngs, judge=judge)
+        records, centres = self.records[part], moment[0][:, -7:-4]
+        goals = records["goal"][:, : self._size].astype(np.float32)
+        self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)
+        achieved = centres.astype(np.float32)
+        if self._size == 4:
+            if judge:
+                records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
+            touching = moment[2][:, self._rules.at[TOUCHING_HAND]] > 0
+            hand = np.where(records["moved"], touching, -1.0)
+            achieved = np.clip(np.column_stack([centres, hand]), _LOWEST, _HIGHEST).astype(np.float32)
+        self.rewards[part] = goal_rewards(achieved, goals, self.settings.reward_mode)
+        reached = (goal_rewards(achieved, goals, "sparse") == 0.0) & (records["failure"] == 0)
+        if judge:
+            records["at_goal"] = np.where(reached & (records["elapsed"] > 0), records["at_goal"] + 1, 0)
+            self.told[part, _SUCCESS] = records["at_goal"] >= at_pace(GOAL_STEPS, self.settings.frame_skip)
+        if self.settings.obs_mode.startswith("state"):
+            flat = np.concatenate([state[key] for key in self._order], axis=-1)
+            state = {"achieved_goal": achieved, "desired_goal": goals, "observation": flat}
+        else:
+            state["desired_goal"] = goals
+        return {key: value[0] for key, value in state.items()} if alone else state
 
     def info(self, i: int) -> dict[str, Any]:
         """Return the info of episode `i`."""
@@ -77,12 +140,14 @@ class PlaceEpisodes(Episodes):
 
 
 class PlaceEnv(LiftEnv):
-    """Carry an object to a place above the table and hold it there: a goal-conditioned task.
+    """Bring an object to a place: hold it there in the air, or put it down and let go: a goal-conditioned task.
 
     ## Description
 
-    The scene, the robot and the physics of `LiftEnv`. A goal is drawn 0.15 to 0.35 m above the table, inside the area
-    where objects are put. The task is solved when the object's centre has been within 3 cm of it for the last 1 s.
+    The scene, the robot and the physics of `LiftEnv`. Half of the goals are in the air, from 5 cm above where the
+    object lies to 35 cm above the table; half are on the table, at least 10 cm away; all are inside the area where
+    objects are put. The task is solved when for the last 1 s the object's centre has been within 3 cm of the goal and
+    the hand has touched it, for goals in the air, or has let go of it, for goals on the table.
 
     ## Action Space
 
@@ -90,26 +155,29 @@ class PlaceEnv(LiftEnv):
 
     ## Observation Space
 
-    A `Dict` as goal-conditioned learners want it (`GoalEnv`):
+    With `obs_mode="state"` a `Dict` as goal-conditioned learners want it (`GoalEnv`):
 
     | Key | Shape | Type | Meaning |
     | --- | --- | --- | --- |
+    | `achieved_goal` | (4,) | float32 | m, the object's centre; 1 in the hand, 0 free, -1 where it has not been moved |
+    | `desired_goal` | (4,) | float32 | m, where it is to be; 1 in the hand, 0 free |
     | `observation` | (125,) | float32 | the `state` observation of `LiftEnv`, its keys one after the other |
-    | `achieved_goal` | (3,) | float32 | m, the object's centre |
-    | `desired_goal` | (3,) | float32 | m, where it is to be |
+
+    With cameras it is that of `LiftEnv` and `desired_goal`. An object counts as moved once it has been 3 cm from where
+    it lay: a goal that hindsight takes from one that was not touched is never reached.
 
     ## Rewards
 
-    Of the distance d between achieved and desired goal alone, so that `compute_reward` gives those of other goals.
+    Of achieved and desired goal alone, d apart, so that `env.unwrapped.compute_reward` gives those of other goals.
 
     | reward_mode | Reward |
     | --- | --- |
-    | `sparse` | 0 within 3 cm, else -1 |
-    | `dense` | -d, m |
+    | `sparse` | 0 within 3 cm with the hand as the goal says, else -1 |
+    | `dense` | -d, m, less 0.05 while the hand is not as the goal says |
 
     ## Starting State
 
-    As `LiftEnv`.
+    As `LiftEnv`; `reset(options={"goal": [x, y, z, hand]})` sets the goal.
 
     ## Episode End
 
@@ -117,15 +185,15 @@ class PlaceEnv(LiftEnv):
 
     ## Arguments
 
-    Those of `LiftEnv`, with `reward_mode="sparse"` as default and `obs_mode="state"` alone; no `disturbance`.
+    Those of `LiftEnv`, with `reward_mode="sparse"` as default; no `disturbance`.
 
     ## Version History
 
-    * v1: first version.
+    * v2: goals on the table, and what the hand is to do; cameras; the space of goals holds all that are achieved.
+    * v1: goals (3,) in the air, 15 to 35 cm above the table; `obs_mode="state"` alone.
     """
 
     episodes_type = PlaceEpisodes
-    obs_modes = ("state",)
 
     def __init__(
         self, objects: str | Sequence[str] = "ycb6", reward_mode: str = "sparse", **kwargs: Any
@@ -141,22 +209,25 @@ class PlaceEnv(LiftEnv):
         Raises:
             InputError: for cameras or a disturbance.
         """
-        if given.get("obs_mode", "state") != "state" or given.get("disturbance") not in (None, "none"):
+        blind = given.get("version") != 1 or given.get("obs_mode", "state") == "state"
+        if not blind or given.get("disturbance") not in (None, "none"):
             raise InputError(
-                "Place-v1 has obs_mode 'state' and no disturbance: valid are the other arguments"
+                "Place has no disturbance, and Place-v1 obs_mode 'state' alone: valid is the rest"
             )
         return super().arguments(**{"reward_mode": "sparse", **given})
 
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
     ) -> NDArray[np.float64]:
-        """Return the rewards (...,) of goals (..., 3) m; `info` is not used."""
+        """Return the rewards (...,) of goals (..., 4); `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
 def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str) -> NDArray[np.float64]:
-    """Return the rewards (...,) of goals (..., 3) m; see `PlaceEnv`."""
-    distance = np.linalg.norm(np.asarray(achieved) - np.asarray(desired), axis=-1)
+    """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; see `PlaceEnv`."""
+    achieved, desired = np.asarray(achieved), np.asarray(desired)
+    distance = np.linalg.norm((achieved - desired)[..., :3], axis=-1)
+    wrong = ((achieved != desired) | (achieved < 0.0))[..., 3:].any(axis=-1)
     if reward_mode == "dense":
-        return -distance.astype(np.float64)
-    return -(distance > GOAL_RADIUS).astype(np.float64)
+        return -distance.astype(np.float64) - _WRONG * wrong
+    return -((distance > GOAL_RADIUS) | wrong).astype(np.float64)

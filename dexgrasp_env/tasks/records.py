@@ -5,10 +5,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.tasks.constants import HOLD_STEPS, SHORTEST_SKIP, at_pace
+
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 FAILURES = ("", "object_lost", "simulation_diverged")
 PHASES = ("none", "before", "running", "over")  # of the disturbance
-TERMS = ("reach", "contact", "lift", "hold")
+LONGEST_HOLD = at_pace(HOLD_STEPS, SHORTEST_SKIP)
 
 EPISODE = np.dtype(
     [
@@ -23,12 +25,15 @@ EPISODE = np.dtype(
         # How far it has come.
         ("elapsed", "i8"),  # control steps
         ("held", "i8"),  # consecutive control steps at height, held by the hand alone
-        ("grasps", "i8"),  # one bit for each of the last 60 of them: was it grasped?
+        ("window", "u1", (LONGEST_HOLD,)),  # a ring of the last of them: was it grasped?
+        ("grasps", "i8"),  # how often it was
         ("touched", "?"),
         ("lifted", "?"),  # reached LIFT_HEIGHT at some time
         ("airborne", "?"),  # off the table now, by the hand alone
         ("grasped", "?"),  # thumb and a finger press from opposite sides now
         ("success", "?"),
+        ("solved", "?"),  # was it one at any time?
+        ("total", "f8"),  # weighted sum of the reward's terms
         ("stage", "i8"),  # of STAGES
         ("failure", "i8"),  # of FAILURES
         ("warnings", "i8"),  # one bit for each of MuJoCo's
@@ -43,7 +48,9 @@ EPISODE = np.dtype(
         ("origin", "f8", (3,)),  # object in the palm frame when it began
         ("shift", "f8"),  # m, largest distance from there since
         # The goal of Place.
-        ("goal", "f8", (3,)),  # m, where the object's centre is to be
+        ("goal", "f8", (4,)),  # m, where the object's centre is to be; and whether in the hand
+        ("start", "f8", (3,)),  # m, where it lay at first
+        ("moved", "?"),  # has it been away from there?
         ("at_goal", "i8"),  # consecutive control steps there
     ],
     align=True,

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import product_components, rotated_components
-from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
-from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
 from dexgrasp_env.tasks.records import COMMANDS, PHASES, Record, Records
+from dexgrasp_env.tasks.settings import LiftSettings
 
 _product = njit(cache=True)(product_components)
 _rotated = njit(cache=True)(rotated_components)
@@ -31,7 +31,7 @@ _TARGETS, _COMMAND, _BEFORE = range(len(COMMANDS))
 
 _GRAVITY = 9.81  # m/s^2, MuJoCo's default
 _DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
-_POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per control step
+_POSTURE_GAIN = 0.05  # pull towards home in the arm's null space, per 50 ms
 
 
 class Control(NamedTuple):
@@ -44,6 +44,9 @@ class Control(NamedTuple):
         shaken: (2,) the joints that a shaking turns.
         kind: index of `disturbance.KINDS`.
         size: of the disturbance.
+        push: control steps of a push, and of the pause after it.
+        period: s, of a control step.
+        scale: of the actions that are changes.
     """
 
     mode: int
@@ -52,13 +55,21 @@ class Control(NamedTuple):
     shaken: NDArray[np.int64]
     kind: int
     size: float
+    push: tuple[int, int]
+    period: float
+    scale: float
 
 
-def control_of(robot: Robot, chain: Array, mode: str, kind: str, size: float) -> Control:
-    """Return the control of a robot; see `Control`."""
-    joints = np.stack([robot.lower, robot.upper, max_step(robot), robot.home])
+def control_of(settings: LiftSettings, chain: Array) -> Control:
+    """Return the control of an environment; see `Control`."""
+    robot, disturbance, period = settings.cell.robot, settings.disturbance, settings.period
+    joints = np.stack([robot.lower, robot.upper, max_step(robot, period), robot.home])
     shaken = np.array(robot.arm.shaken, dtype=np.int64)
-    return Control(CONTROL_MODES.index(mode), chain, joints, shaken, KINDS.index(kind), size)
+    push = at_pace(PUSH_STEPS, settings.frame_skip), at_pace(PAUSE_STEPS, settings.frame_skip)
+    return Control(
+        CONTROL_MODES.index(settings.control_mode), chain, joints, shaken, KINDS.index(disturbance.kind),
+        disturbance.size, push, period, settings.action_scale,
+    )  # fmt: skip
 
 
 @njit(cache=True)
@@ -72,7 +83,7 @@ def set_points(
         commands: (N, 3, n) rad, `COMMANDS`; advanced.
         actions: (N, m); clipped to [-1, 1] in place.
         control: of the robot.
-        rows: (N, 25, n) out, what the servos are told in each physics step, rad.
+        rows: (N, frame_skip, n) out, what the servos are told in each physics step, rad.
         push: (N, 3) out, force on the object's centre of mass during the control step, N.
 
     Returns:
@@ -86,27 +97,28 @@ def set_points(
         e.elapsed += 1
         for j in range(actions.shape[1]):
             actions[i, j] = min(max(actions[i, j], -1.0), 1.0)
-        _advance_targets(c[_TARGETS], actions[i], control.mode, control.chain, control.joints)
+        _advance_targets(c[_TARGETS], actions[i], control)
         command = _command(e, c[_TARGETS], control)
         _ramp(c[_BEFORE], c[_COMMAND], command, e.latency, rows[i])
         c[_BEFORE] = c[_COMMAND]
         c[_COMMAND] = command
-        _push(e, control.kind, control.size, push[i])
+        _push(e, control, push[i])
     return True
 
 
 @njit(cache=True)
-def _advance_targets(targets: Array, action: Array, mode: int, chain: Array, joints: Array) -> None:
+def _advance_targets(targets: Array, action: Array, control: Control) -> None:
+    mode, joints, scale = control.mode, control.joints, control.scale
     lower, upper, most = joints[_LOWER], joints[_UPPER], joints[_STEP]
-    n, arm_dof = joints.shape[1], chain.shape[0] - 1
+    n, arm_dof = joints.shape[1], control.chain.shape[0] - 1
     if mode == _POSITION:
         for j in range(n):
             _move(targets, j, lower[j] + 0.5 * (action[j] + 1.0) * (upper[j] - lower[j]), joints)
     elif mode == _DELTA:
         for j in range(n):
-            _move(targets, j, targets[j] + action[j] * most[j], joints)
+            _move(targets, j, targets[j] + scale * action[j] * most[j], joints)
     else:
-        arm = _palm_step(action, targets, chain, joints)
+        arm = _palm_step(action, targets, control)
         for j in range(arm_dof):
             _move(targets, j, arm[j], joints)
         for j in range(arm_dof, n):
@@ -123,16 +135,17 @@ def _move(targets: Array, j: int, desired: float, joints: Array) -> None:
 
 
 @njit(cache=True)
-def _palm_step(action: Array, targets: Array, chain: Array, joints: Array) -> Array:
+def _palm_step(action: Array, targets: Array, control: Control) -> Array:
     """Return arm positions (a,) that move the palm by the action: damped least squares, home in the null space."""
-    J = palm_jacobian(targets, chain)
-    n = J.shape[1]
+    joints, share = control.joints, control.period / CONTROL_PERIOD
+    J = palm_jacobian(targets, control.chain)
+    n, scale = J.shape[1], share * control.scale
     pull = np.empty(n)
     for j in range(n):
-        pull[j] = _POSTURE_GAIN * (joints[_HOME, j] - targets[j])
+        pull[j] = share * _POSTURE_GAIN * (joints[_HOME, j] - targets[j])
     residual = np.empty(6)
     for r in range(6):
-        residual[r] = action[r] * (PALM_STEP if r < 3 else PALM_TURN)
+        residual[r] = scale * action[r] * (PALM_STEP if r < 3 else PALM_TURN)
         for j in range(n):
             residual[r] -= J[r, j] * pull[j]
     weights = _solve(J, residual)
@@ -204,7 +217,7 @@ def _command(e: Record, targets: Array, control: Control) -> Array:
     """Return what the servos are to be told at the end of the control step, (n,): targets and shaking."""
     command, joints, size = targets.copy(), control.joints, control.size
     if control.kind == _SHAKEN and e.phase == _RUNNING:
-        t = (e.disturbed + 1) * CONTROL_PERIOD
+        t = (e.disturbed + 1) * control.period
         first, second = control.shaken
         command[first] += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
         command[second] += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
@@ -215,26 +228,28 @@ def _command(e: Record, targets: Array, control: Control) -> Array:
 
 @njit(cache=True)
 def _ramp(before: Array, start: Array, end: Array, latency: int, rows: Array) -> None:
-    """Fill (25, n) with the commands of the physics steps: evenly from `start` to exactly `end`, late by `latency`."""
-    for k in range(CONTROL_STEPS):
+    """Fill rows (frame_skip, n) of commands: evenly from `start` to exactly `end`, late by `latency`."""
+    steps = len(rows)
+    for k in range(steps):
         at = k + 1 - latency
-        if at == CONTROL_STEPS:
+        if at == steps:
             rows[k] = end
         elif at > 0:
-            fraction = at / CONTROL_STEPS
+            fraction = at / steps
             for j in range(len(start)):
                 rows[k, j] = start[j] + fraction * (end[j] - start[j])
         elif at == 0:
             rows[k] = start
         else:
-            fraction = (CONTROL_STEPS + at) / CONTROL_STEPS
+            fraction = (steps + at) / steps
             for j in range(len(start)):
                 rows[k, j] = before[j] + fraction * (start[j] - before[j])
 
 
 @njit(cache=True)
-def _push(e: Record, kind: int, size: float, push: Array) -> None:
+def _push(e: Record, control: Control, push: Array) -> None:
     push[:] = 0.0
-    turn, at = divmod(e.disturbed, PUSH_STEPS + PAUSE_STEPS)
-    if kind == _PUSHED and e.phase == _RUNNING and at < PUSH_STEPS:
-        push[turn // 2] = size * e.mass * _GRAVITY * (1.0 if turn % 2 == 0 else -1.0)
+    lasts, pause = control.push
+    turn, at = divmod(e.disturbed, lasts + pause)
+    if control.kind == _PUSHED and e.phase == _RUNNING and at < lasts:
+        push[turn // 2] = control.size * e.mass * _GRAVITY * (1.0 if turn % 2 == 0 else -1.0)

@@ -1,21 +1,23 @@
 """Settings of the environment, checked once at construction."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import Mass
 from dexgrasp_env.rendering import SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, default_cell, make_cell
-from dexgrasp_env.scene.constants import FRICTION
+from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.calibration import Calibration
+from dexgrasp_env.tasks.constants import LONGEST_SKIP, SHORTEST_SKIP
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
-from dexgrasp_env.tasks.observations import OBS_MODES
+from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
-from dexgrasp_env.tasks.rewards import REWARD_MODES
+from dexgrasp_env.tasks.rewards import REWARD_MODES, reward_weights
 from dexgrasp_env.valid import Friction, Positive, Rule, check, number, one_of, read
 
 DEFAULT_VIEWS = 4
@@ -28,7 +30,7 @@ class LiftSettings:
     """Everything that `gym.make` accepts, in checked form; see `LiftEnv` for the meanings."""
 
     objects: Objects
-    obs_mode: Annotated[str, one_of(OBS_MODES)] = "state"
+    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
     control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
     reward_mode: Annotated[str, one_of(REWARD_MODES)] = "dense"
     cell: Cell = field(default_factory=default_cell)
@@ -45,6 +47,10 @@ class LiftSettings:
     mesh_mass: Mass | None = None
     render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
     render_camera: str = "front"
+    version: Annotated[int, number(ge=1, le=2, whole=True)] = 2
+    reward_weights: dict[str, float] | None = None
+    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
+    action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
 
     @classmethod
     def of(cls, **given: Any) -> "LiftSettings":
@@ -60,7 +66,28 @@ class LiftSettings:
             "views": check("views", given["views"], _views_of(cell.camera_names)),
             "render_camera": check("render_camera", given["render_camera"], cameras),
         }
-        return read(cls, given | of_cell)
+        settings = read(cls, given | of_cell)
+        latency = settings.randomisation.latency
+        if latency and latency[1] > settings.period:
+            raise InputError(
+                f"randomisation latency is {latency}: valid is up to a control step, {settings.period} s"
+            )
+        return replace(settings, reward_weights=reward_weights(settings.version, settings.reward_weights))
+
+    @property
+    def period(self) -> float:
+        """Seconds of a control step."""
+        return TIMESTEP * self.frame_skip
+
+    @property
+    def weights(self) -> dict[str, float]:
+        """The weight of each term of the reward."""
+        return self.reward_weights or {}
+
+    @property
+    def disturbance_steps(self) -> int:
+        """Control steps that the disturbance takes."""
+        return self.disturbance.steps_at(self.frame_skip)
 
     @property
     def mount(self) -> str:

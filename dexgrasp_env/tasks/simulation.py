@@ -14,7 +14,6 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.build import build_scene
-from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.scene.sensors import reading_columns
 from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
@@ -105,7 +104,7 @@ class Simulation:
         Applied forces in `data` act on. A step in which MuJoCo warns is cut short.
 
         Args:
-            rows: (1, 25, n) set-points of the physics steps, rad.
+            rows: (1, frame_skip, n) set-points of the physics steps, rad.
 
         Returns:
             The warnings that came up, one bit each.
@@ -116,11 +115,11 @@ class Simulation:
             forces = np.concatenate([force.ravel() for force in self._forces])
             spec, control = (
                 _CONTROL | _FORCES,
-                np.dstack([rows, np.broadcast_to(forces, (1, CONTROL_STEPS, len(forces)))]),
+                np.dstack([rows, np.broadcast_to(forces, (*rows.shape[:2], len(forces)))]),
             )
         mujoco.mj_getState(model, data, self._state[0], _PHYSICS)
         self._rollout.rollout(
-            [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=CONTROL_STEPS,
+            [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=rows.shape[1],
             initial_warmstart=self._warmstart.copy()[None],
         )  # fmt: skip
         return warning_bits(self._warnings)

@@ -6,8 +6,7 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from gymnasium import spaces
-from gymnasium.utils import seeding
+from gymnasium.utils import EzPickle, seeding
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 from numpy.random import Generator
@@ -16,20 +15,21 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.tasks.control import action_size
-from dexgrasp_env.tasks.episodes import EpisodeState, Moment
-from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv, check_actions, make_settings
+from dexgrasp_env.tasks.control import ActionSpace, check_actions
+from dexgrasp_env.tasks.episodes import EpisodeState, Moment, Starts
+from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TERMS, TOLD
+from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
+from dexgrasp_env.tasks.views import make_settings
 
 _Observations = dict[str, NDArray[Any]]
 _STAGES, _FAILURES, _PHASES = (np.array(names, dtype=object) for names in (STAGES, FAILURES, PHASES))
 
 
-class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
-    """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v1", num_envs=N)`.
+class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPickle):
+    """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v2", num_envs=N)`.
 
     Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset and infos are
     those of `gymnasium.vector.SyncVectorEnv` over N single environments, and so is every number, to the last bit,
@@ -57,9 +57,10 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         threads: int | None = None,
         **kwargs: Any,
     ) -> None:
+        EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, **kwargs)
         given = self._env_type.arguments(**kwargs)
         self.num_envs = _check_count("num_envs", num_envs)
-        if given["obs_mode"] == "rgbd" or given["render_mode"] == "human":
+        if str(given["obs_mode"]).endswith("rgbd") or given["render_mode"] == "human":
             raise InputError(
                 "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
             )
@@ -67,14 +68,12 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         self._mode, self._limit = _autoreset(autoreset_mode), limit
         self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
         self.settings, self._views = make_settings(**given)
-        self.settings.disturbance.warn_of_limit(max_episode_steps)
+        self.settings.disturbance.warn_of_limit(max_episode_steps, self.settings.frame_skip)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else _check_count("threads", threads)
         self._physics = BatchPhysics(self._episodes.simulations, num_envs, threads)
-        self.single_action_space = spaces.Box(
-            -1.0, 1.0, (action_size(self.settings.control_mode, self.settings.cell.robot),), np.float32
-        )
+        self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
@@ -100,7 +99,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
 
         Args:
             seed: of the first environment, the next ones have the numbers after it; or one for each.
-            options: as for `LiftEnv.reset`; `reset_mask` (N,) bool says which are reset, all by default.
+            options: as for `LiftEnv.reset`, `state` also as a list, one for each; `reset_mask` (N,) bool says which are
+                reset, all by default.
 
         Raises:
             InputError: for a wrong number of seeds, a wrong mask, or what `LiftEnv.reset` refuses.
@@ -108,10 +108,14 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         seeds = _seeds(seed, self.num_envs)
         options = dict(options or {})
         mask = _check_mask(options.pop("reset_mask", np.ones(self.num_envs, bool)), self.num_envs)
+        state = options.pop("state", None)
+        states = state if isinstance(state, list) else [state] * self.num_envs
+        if len(states) != self.num_envs:
+            raise InputError(f"{len(states)} states given: valid is one, or one for each of {self.num_envs}")
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._rngs[i], _ = seeding.np_random(seeds[i])
-            self._reset_one(i, options)
+            self._reset_one(i, options if states[i] is None else {**options, "state": states[i]})
         infos = self._infos()
         return self._observations(), infos if mask.all() else _masked(infos, mask)
 
@@ -169,7 +173,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         """
         if not self._started[i]:
             raise InputError(f"get_state({i}) called without an episode: call reset() first")
-        return self._episodes.get_state(i, self._physics.state(i), self._rng(i))
+        return self._episodes.get_state(i, self._physics.state(i), self._physics.sensors[i], self._rng(i))
 
     def set_state(self, state: EpisodeState, which: Iterable[int] | None = None) -> None:
         """Go on from a state, its count of steps included.
@@ -183,6 +187,35 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
             self._physics.load(i, state.target)
             timed_out = self._limit is not None and state.record["elapsed"] >= self._limit
             self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
+
+    def twin(self) -> LiftEnv:
+        """Return a single environment of the same settings, without an episode."""
+        kwargs: dict[str, Any] = self._ezpickle_kwargs
+        return self._env_type(**kwargs)
+
+    def start_from(self, starts: Starts | None) -> None:
+        """Have resets that are given no options, those within `step` too, take those that `starts` gives."""
+        self._episodes.starts = starts
+
+    def __getstate__(self) -> dict[str, Any]:
+        """The constructor's arguments and the episodes: compiled models and threads are made anew."""
+        return {
+            "made": EzPickle.__getstate__(self),
+            "spec": self.spec,
+            "rngs": self._rngs,
+            "episodes": {i: self.get_state(i) for i in np.flatnonzero(self._started).tolist()},
+            "ended": self._ended,
+            "observation": self._observation,
+            "starts": self._episodes.starts,
+        }
+
+    def __setstate__(self, kept: dict[str, Any]) -> None:
+        EzPickle.__setstate__(self, kept["made"])
+        self.spec, self._episodes.starts = kept["spec"], kept["starts"]
+        self._rngs, self._observation = copy.deepcopy(kept["rngs"]), copy.deepcopy(kept["observation"])
+        for i, state in kept["episodes"].items():
+            self.set_state(state, [i])
+        self._ended = kept["ended"].copy()
 
     # -- inside --------------------------------------------------------------------------------------------------
 
@@ -198,8 +231,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
         simulation = self._episodes.begin(i, self._rng(i), options)
         self._physics.load(i, self._episodes.slots[i].target)
         only, moment = self._part(i)
-        self._note(only, self._episodes.conclude(only, moment, NO_WARNINGS, [self._rng(i)]))
-        self._look(i, simulation, at_reset=True)
+        slot, rngs = self._episodes.slots[i], [self._rng(i)]
+        self._note(only, self._episodes.conclude(only, moment, NO_WARNINGS, rngs, judge=not slot.resumed))
+        fresh = not (slot.resumed and slot.view.seen)
+        due = fresh or self._views.due(self._physics.qpos[i])
+        self._look(i, simulation if due else None, at_reset=fresh)
         self._started[i], self._ended[i] = True, False
 
     def _advance(self, actions: NDArray[np.float64], running: NDArray[np.intp]) -> None:
@@ -265,7 +301,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]]):
                 {name: np.array([getattr(v, name) for v in drawn]) for name in vars(Variation())}
             ),
             "reward_terms": _with_masks(
-                {name: episodes.told[:, len(TOLD) + k].copy() for k, name in enumerate(TERMS)}
+                {name: episodes.told[:, len(TOLD) + k].copy() for k, name in enumerate(self.settings.weights)}
             ),
         }
         infos |= episodes.more_infos()

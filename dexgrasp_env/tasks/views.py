@@ -116,7 +116,7 @@ class Views:
         self, perception: Perception, simulation: Simulation, rng: Generator
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": ""}
-        if self._settings.obs_mode == "pointcloud":
+        if self._settings.obs_mode.endswith("pointcloud"):
             scene = perception.observe(simulation.data, rng).scene
             info["perception_failure"] = scene.reason or ""
             return scene.as_observation(perception.settings.count), info
@@ -124,7 +124,7 @@ class Views:
         views: dict[str, NDArray[Any]] = {
             "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
         }
-        if self._settings.obs_mode == "rgbd":
+        if self._settings.obs_mode.endswith("rgbd"):
             names = self._settings.cell.camera_names
             views["rgb"] = self._colour(simulation).render_rgb(simulation.data)[
                 [names.index(camera.name) for camera in perception.cameras]
@@ -223,3 +223,15 @@ def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     import mujoco.viewer
 
     return mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
+
+
+def make_settings(
+    sensor: Mapping[str, Any] | str, render_size: tuple[int, int], **given: Any
+) -> tuple[LiftSettings, Views]:
+    """Check the arguments of the environment.
+
+    Raises:
+        InputError: one line that says which is wrong and what is valid.
+    """
+    settings = LiftSettings.of(**given)
+    return settings, Views(settings, sensor, render_size)

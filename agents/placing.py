@@ -1,0 +1,121 @@
+"""Placing: another agent's grasp, carried to its goal, and let go of where the object is to lie."""
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.agent import Agent, Observation, Report, cell_of
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.cartesian import shift_palm
+from dexgrasp.motion.timing import smooth_step, within_limits
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.tasks.control import normalise
+
+_RISEN, _STILL = 0.08, 0.001  # m that the palm has come up with the object, and still does a control step
+_PRESSING = 0.02  # rad that a joint of a hand which holds something lags behind its set-point
+_SPEED = 0.01  # m a control step, on average
+_CLEAR = 0.002  # m above the table, where the object is let go of
+_SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
+_AWAY = 0.10  # m that the open hand goes up
+
+
+class PlacingAgent(Agent):
+    """Watches the set-points of an agent of `joint_position` and goes on once it has lifted the object.
+
+    Where the object's middle is, the first cloud says; it is taken to move as the palm does.
+    """
+
+    def __init__(self, agent: Agent) -> None:
+        self.agent: Any = agent
+        if hasattr(self.agent, "turns"):
+            self.agent.turns = False  # what is to be put down stays upright
+        self.env_settings = dict(agent.env_settings)  # type: ignore[misc]  # of the instance here
+
+    @property
+    def report(self) -> Report:
+        """What the agent says of its grasp."""
+        return self.agent.report
+
+    def seed(self, seed: int) -> None:
+        """Seed the agent."""
+        self.agent.seed(seed)
+
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+        """Have the agent plan, and note where the object is and where it is to be."""
+        self.agent.reset(observation, info)
+        points = Scene.of_observation(observation, info).target.points
+        self._middle = 0.5 * (points.max(0) + points.min(0)) if len(points) else np.zeros(3)
+        self._goal = np.asarray(observation["desired_goal"], dtype=float)
+        self._cell = cell_of(info, default_cell())
+        self._tree = robot_tree(self._cell)
+        self._low: Array | None = None  # set-points when the hand came down, still open
+        self._height = np.inf
+        self._way: Iterator[Array] = iter(())
+        self._last: Array | None = None
+
+    def act(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the agent's action, or from the end of its lift on the next on the way to the goal."""
+        targets = np.asarray(observation["joint_targets"], dtype=float)
+        if self._last is None and self._lifted(
+            targets, np.asarray(observation["joint_positions"], dtype=float)
+        ):
+            self._way, self._last = self._deliver(targets), targets
+        if self._last is None:
+            return self.agent.act(observation)
+        self._last = next(self._way, self._last)
+        return normalise(self._last, self._tree).astype(np.float32)
+
+    def _lifted(self, targets: Array, q: Array) -> bool:
+        _, p = palm_frame(targets, self._tree)
+        before, self._height = self._height, float(p[2])
+        away = np.abs(targets - self._cell.robot.home)[:7].max() > 0.05
+        if not away or self._low is None or p[2] < palm_frame(self._low, self._tree)[1][2] - _STILL:
+            self._low = targets if away else None
+            return False
+        risen = p[2] > palm_frame(self._low, self._tree)[1][2] + _RISEN and p[2] < before + _STILL
+        return bool(risen and np.abs(targets - q)[7:].max() > _PRESSING)
+
+    def _deliver(self, targets: Array) -> Iterator[Array]:
+        assert self._low is not None
+        (R0, p0), (R, p) = (palm_frame(q, self._tree) for q in (self._low, targets))
+        middle = R @ R0.T @ (self._middle - p0) + p
+        way, lays = self._goal[:3] - middle, self._goal[3] < 0.5
+        if lays:
+            way[2] = self._middle[2] + _CLEAR - middle[2]
+        for leg in (way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0]):
+            path = self._carried(targets, middle, leg)
+            yield from path
+            targets = path[-1]
+            middle = middle + leg
+        if lays:
+            yield from np.repeat(targets[None], _SETTLE, axis=0)
+            opened = np.concatenate([targets[:7], self._low[7:]])
+            yield from targets + np.arange(1, _OPEN + 1)[:, None] / _OPEN * (opened - targets)
+            yield from self._carried(opened, middle, np.array([0.0, 0.0, _AWAY]))
+
+    def _carried(self, targets: Array, middle: Array, leg: Array) -> Array:
+        """Return set-points (n, 23) that move the object straight by `leg` (3,) m; about the base, it turns along."""
+        if np.abs(leg).max() < _STILL:
+            return targets[None]
+        ends = middle + np.linspace(0.0, 1.0, int(np.linalg.norm(leg) / _SPEED) + 2)[1:, None] * leg
+        azimuths = np.arctan2(ends[:, 1], ends[:, 0]) - np.arctan2(middle[1], middle[0])
+        turns = np.stack([_about_vertical(angle) for angle in azimuths])
+        arm = palm_frame(targets, self._tree)[1] - middle
+        path, _ = shift_palm(targets, self._tree, ends - middle + turns @ arm - arm, turns)
+        points, count = np.concatenate([targets[None], path]), len(path)
+        while True:
+            at = smooth_step(np.arange(1, count + 1) / count) * len(path)
+            timed = np.stack([np.interp(at, np.arange(len(points)), column) for column in points.T], axis=1)
+            if within_limits(targets, timed, self._tree):
+                return timed
+            count = int(1.3 * count) + 1
+
+
+def _about_vertical(angle: float) -> Array:
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

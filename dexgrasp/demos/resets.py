@@ -1,0 +1,115 @@
+"""Episodes that begin along demonstrations, backwards from success: reward is met before the way to it is known."""
+
+from collections import deque
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp.demos.generate import read_about
+from dexgrasp.demos.minari_format import read_episodes
+from dexgrasp.demos.rollout import Episode, follow
+from dexgrasp.demos.settings import ENV_ID, DemoSettings
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.episodes import EpisodeState
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.vector import LiftVectorEnv
+
+_EVERY = 4  # control steps from one kept state to the next
+_LATEST, _BACK = (
+    0.9,
+    0.05,
+)  # shares of a demonstration: where episodes begin at first, and what is won at a time
+_WON, _OF = 0.6, 100  # share of the last so many episodes from the front that succeed before it moves back
+
+
+class DemoResets:
+    """Gives episodes their beginnings: states of demonstrations from `front` on, and some of the usual.
+
+        resets = DemoResets("runs/demos").attach(envs)
+
+    Resets that are given options of their own are not touched.
+
+    Attributes:
+        front: share of a demonstration, from which on episodes begin; moves from near success to 0, the first state,
+            as episodes from about there succeed.
+        states: of each demonstration, in time.
+    """
+
+    def __init__(self, folder: str | Path, whole: float = 0.2, most: int = 100) -> None:
+        """Read demonstrations.
+
+        Args:
+            folder: of `dexgrasp demos generate`.
+            whole: share of the episodes that begin as usual.
+            most: demonstrations at most.
+
+        Raises:
+            InputError: if there are none, or they are damaged.
+        """
+        self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
+        self._demos = [demo for demo, _ in zip(read_episodes(Path(folder)), range(most), strict=False)]
+        self._whole, self.front = whole, _LATEST
+        self.states: list[list[EpisodeState]] = []
+        self._recent: deque[bool] = deque(maxlen=_OF)
+        self._near: dict[int, bool] = {}
+
+    def attach(self, env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
+        """Follow the demonstrations in a copy of an environment, and give its episodes their beginnings.
+
+        What its settings make fail (another friction, pushes) is left out.
+
+        Raises:
+            InputError: if it is none of ours, or every demonstration fails there.
+        """
+        inner: Any = env.unwrapped
+        if not isinstance(inner, LiftEnv | LiftVectorEnv):
+            raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
+        own = inner.twin()
+        self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
+        own.close()
+        if not self.states:
+            raise InputError("no demonstration succeeds in this environment: give those of its objects")
+        inner.start_from(self)
+        return self
+
+    def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> dict[str, Any]:
+        """Note how the last episode of a slot went, and return the options of its next reset."""
+        if self._near.pop(slot, False):
+            self._recent.append(bool(record["solved"]))
+        if len(self._recent) == _OF and sum(self._recent) >= _WON * _OF:
+            self.front = max(self.front - _BACK, 0.0)
+            self._recent.clear()
+        if rng.random() < self._whole:
+            return {}
+        states = self.states[rng.integers(len(self.states))]
+        share = rng.uniform(self.front, 1.0)
+        self._near[slot] = share < self.front + 2 * _BACK
+        return {"state": states[int(share * len(states))]}
+
+    def _follow(self, env: LiftEnv, demo: Episode) -> list[EpisodeState]:
+        """Return states on the way to success, none where it is not reached."""
+        target = demo.about["target"]
+        if target not in env.settings.objects:
+            return []
+        env.reset(options={"object": target, "object_pose": self._pose(demo)})
+        states, path = [env.get_state()], demo.observations["joint_targets"].astype(float)
+        for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
+            if result[4]["is_success"]:
+                return states
+            if step % _EVERY == 0:
+                states.append(env.get_state())
+        return []
+
+    def _pose(self, demo: Episode) -> Array:
+        """Return where the object of a demonstration lay at first."""
+        if "object_pose" in demo.observations:
+            return demo.observations["object_pose"][0].astype(float)
+        scene = self._settings.env_arguments | {"obs_mode": "state", "objects": [demo.about["target"]]}
+        seen, _ = gym.make(ENV_ID, **scene, disable_env_checker=True).reset(seed=demo.about["scene_seed"])
+        return np.array(seen["object_pose"], dtype=float)

@@ -1,0 +1,47 @@
+"""What the compiled functions are told of an environment, once."""
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.scene.sensors import READINGS
+
+Columns = NDArray[np.int64]
+
+(TIPS, PALM, PALM_QUAT, TIP_FORCES, TOUCHING_ANY, TOUCHING_HAND, PRESSES) = range(len(READINGS))
+
+
+class Rules(NamedTuple):
+    """What stays for the life of an environment.
+
+    Attributes:
+        at: (7,) first columns of the readings in `sensordata`, in the order of `READINGS`.
+        fingers: of the hand.
+        grasp: (G,) numbers of the fingers of a grasp; the first opposes the others.
+        hulls: (V, 3) hull vertices of all objects, m, object frames.
+        period: s, of a control step.
+        hold: control steps of the hold.
+        grasped: of these, at least so many must be grasps.
+        wait: control steps held after which the disturbance begins.
+        length: of the disturbance, control steps.
+        bad_numbers: the bits of MuJoCo's warnings that mean numbers gone wrong.
+        weights: (T,) of the reward's terms.
+        version: 1: the reward is the weighted sum of the terms; 2: what that sum gains in a control step.
+        dense: whether that is the reward, else success.
+    """
+
+    at: Columns
+    fingers: int
+    grasp: Columns
+    hulls: Array
+    period: float
+    hold: int
+    grasped: int
+    wait: int
+    length: int
+    bad_numbers: int
+    weights: Array
+    version: int
+    dense: bool

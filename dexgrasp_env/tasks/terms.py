@@ -1,0 +1,125 @@
+"""The terms of the reward, compiled; each is in [0, 1]. This module imports numba."""
+
+import math
+
+from numba import njit
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.tasks.constants import GRASP_FORCE, LIFT_HEIGHT
+from dexgrasp_env.tasks.records import FAILURES, PHASES, Record
+from dexgrasp_env.tasks.rules import PRESSES, TIP_FORCES, TIPS, Rules
+
+_NEAR, _FAR = 0.02, 0.3  # m
+_AWAY = 0.6  # m, from where there is a gain in coming nearer
+_TIP = 0.016  # m, of a tip's centre from a surface that it is about to touch
+_CLOSE = 0.06  # m beyond, at which a tenth is left
+_TAIL = 3.0  # sqrt(1 / 0.1 - 1)
+_FIRM = 1.0  # N: a fingertip force that counts as contact
+_GRAVITY = 9.81  # m/s^2
+_FRICTION = 1  # column of the variation
+_NO_FAILURE = FAILURES.index("")
+_NO_PHASE, _OVER = PHASES.index("none"), PHASES.index("over")
+
+
+@njit(cache=True)
+def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
+    """Write the terms of version 1: (4,), of `rewards.WEIGHTS_V1`.
+
+    Args:
+        e: the episode's record, brought up to date.
+        pose: of the object, (7,) m and quaternion wxyz.
+        R: its rotation, row by row.
+        s: `sensordata`.
+        rules: of the environment.
+        terms: out.
+    """
+    tips, forces, near, thumb, fingers = rules.at[TIPS], rules.at[TIP_FORCES], 0.0, 0.0, 0.0
+    for k in range(len(rules.grasp)):
+        near += _nearness(_box_distance(e, pose, R, s, tips + 3 * rules.grasp[k]), _NEAR, _FAR)
+        pressure = _pressure(s, forces + 3 * rules.grasp[k])
+        if k == 0:
+            thumb = pressure
+        else:
+            fingers = max(fingers, pressure)
+    terms[0] = near / len(rules.grasp)
+    terms[1] = min(thumb, fingers)  # the thumb opposes: two fingers on one side do not hold
+    terms[2] = min(max(e.height / LIFT_HEIGHT, 0.0), 1.0) if e.grasped else 0.0
+    terms[3] = e.grasps / rules.hold
+
+
+@njit(cache=True)
+def progress_terms(
+    e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array
+) -> None:
+    """Write the terms of version 2: (7,), of `rewards.WEIGHTS`; arguments as of `level_terms`."""
+    terms[:] = 0.0
+    terms[6] = 1.0 * e.solved
+    if e.failure != _NO_FAILURE:
+        return
+    far, near, fingers = 0.0, 0.0, len(rules.grasp) - 1
+    x = y = z = 0.0  # between the thumb's tip and the middle of the others
+    for k in range(fingers + 1):
+        share = 0.5 if k == 0 else 0.5 / fingers
+        tip = rules.at[TIPS] + 3 * rules.grasp[k]
+        x, y, z = x + share * s[tip], y + share * s[tip + 1], z + share * s[tip + 2]
+        distance = _box_distance(e, pose, R, s, tip)
+        far += share * max(1.0 - max(distance - _NEAR, 0.0) / _AWAY, 0.0)
+        near += share * _nearness(distance, _TIP, _CLOSE)
+    terms[0] = far
+    terms[1] = near * _nearness(_distance_to_box(e, pose, R, x, y, z), 0.0, _CLOSE)
+    force = _opposed_force(s, rules)
+    terms[2] = min(force / GRASP_FORCE, 1.0)
+    borne = e.mass * _GRAVITY / (2.0 * e.variation[_FRICTION])
+    terms[3] = min(force / max(borne, GRASP_FORCE), 1.0)
+    terms[4] = min(max(e.height / LIFT_HEIGHT, 0.0), 1.0) * terms[2]
+    if e.phase == _NO_PHASE or e.phase == _OVER:
+        terms[5] = e.grasps / rules.hold
+
+
+@njit(cache=True)
+def _opposed_force(s: Array, rules: Rules) -> float:
+    """Force of the thumb or of the other fingers together, the lesser, as far as the two are opposed, N."""
+    thumb = rules.at[PRESSES] + 3 * rules.grasp[0]
+    a, b, c = s[thumb], s[thumb + 1], s[thumb + 2]
+    x = y = z = 0.0
+    for finger in range(rules.fingers):
+        if finger != rules.grasp[0]:
+            first = rules.at[PRESSES] + 3 * finger
+            x, y, z = x + s[first], y + s[first + 1], z + s[first + 2]
+    one, other = math.sqrt(a * a + b * b + c * c), math.sqrt(x * x + y * y + z * z)
+    if one == 0.0 or other == 0.0:
+        return 0.0
+    return min(one, other) * max(-(a * x + b * y + c * z) / (one * other), 0.0)
+
+
+@njit(cache=True)
+def _box_distance(e: Record, pose: Array, R: tuple[float, ...], s: Array, tip: int) -> float:
+    """Distance of a tip's centre to the object's box, m."""
+    return _distance_to_box(e, pose, R, s[tip], s[tip + 1], s[tip + 2])
+
+
+@njit(cache=True)
+def _distance_to_box(e: Record, pose: Array, R: tuple[float, ...], px: float, py: float, pz: float) -> float:
+    a, b, c = px - pose[0], py - pose[1], pz - pose[2]
+    h = e.half_extents
+    x = max(abs(a * R[0] + b * R[3] + c * R[6]) - h[0], 0.0)
+    y = max(abs(a * R[1] + b * R[4] + c * R[7]) - h[1], 0.0)
+    z = max(abs(a * R[2] + b * R[5] + c * R[8]) - h[2], 0.0)
+    return math.sqrt(x * x + y * y + z * z)
+
+
+@njit(cache=True)
+def _nearness(distance: float, near: float, far: float) -> float:
+    """1 up to `near`, 0.1 at `far` beyond, with a long tail; m.
+
+    This is `dm_control.utils.rewards.tolerance(distance, (0, near), far, "long_tail")`; a test holds the two together.
+    """
+    x = _TAIL * max(distance - near, 0.0) / far
+    return 1.0 / (x * x + 1.0)
+
+
+@njit(cache=True)
+def _pressure(s: Array, first: int) -> float:
+    """A contact force over what counts as firm, at most 1."""
+    x, y, z = s[first], s[first + 1], s[first + 2]
+    return min(math.sqrt(x * x + y * y + z * z) / _FIRM, 1.0)

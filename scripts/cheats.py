@@ -1,0 +1,233 @@
+"""What looks like lifting and is none, against honest grasps: the table of docs/environments/lift.md.
+
+python scripts/cheats.py --seed 5 --trials 5 [--objects all20] [--presets Lift LiftPushed]
+"""
+
+import argparse
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import gymnasium as gym
+import mujoco
+import numpy as np
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.evaluation.trial import public_info
+from dexgrasp.registry import make_agent
+from dexgrasp_env.objects.load import resolve_targets
+from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.tasks.control import normalise
+from dexgrasp_env.tasks.lift import LiftEnv
+
+PRESETS = ("Lift", "LiftUpright", "LiftSlippery", "LiftPushed", "LiftOneView")
+_HOVER = 0.07  # m, from where on nothing more is commanded: the arm goes on to 9 cm
+_OBJECT = "gelatin_box"
+ROBOT = default_cell().robot
+HOME, LOWER, UPPER = ROBOT.home, ROBOT.lower, ROBOT.upper
+
+
+def make(preset: str, objects: str = _OBJECT, **kwargs: Any) -> gym.Env[Any, Any]:
+    """Return a preset, version 2, as planners of set-points want it."""
+    looks = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
+    return gym.make(f"DexGrasp/{preset}-v2", objects=objects, disable_env_checker=True, **(looks | kwargs))
+
+
+def play(env: gym.Env[Any, Any], actions: Iterator[np.ndarray]) -> tuple[float, bool, list[dict[str, Any]]]:
+    """Play a running episode to its end; return the sum of rewards, whether it was ever solved, and all infos."""
+    total, infos = 0.0, []
+    for action in actions:
+        _, reward, terminated, truncated, info = env.step(action)
+        total += float(reward)
+        infos.append(info)
+        if terminated or truncated:
+            break
+    return total, any(info["is_success"] for info in infos), infos
+
+
+def grasp(
+    env: gym.Env[Any, Any], seed: int, agent: str, stop: Callable[[LiftEnv], bool]
+) -> Iterator[np.ndarray]:
+    """An agent's actions until `stop`, then none: the set-points stay."""
+    inner: Any = env.unwrapped
+    observation, info = env.reset(seed=seed)
+    actor: Any = make_agent(agent)
+    actor.seed(seed)
+    actor.reset(observation, public_info(env, info))
+
+    def actions() -> Iterator[np.ndarray]:
+        stopped = False
+        while True:
+            stopped = stopped or stop(inner)
+            yield (
+                normalise(inner.targets, ROBOT).astype(np.float32)
+                if stopped
+                else actor.act(inner.observe()[0])
+            )
+
+    return actions()
+
+
+def put(inner: LiftEnv, q: np.ndarray, pose: np.ndarray, velocity: float = 0.0) -> None:
+    """Make the episode one in which the robot stands at `q` and the object is at `pose`, with a speed upwards."""
+    state = inner.get_state()
+    state.physics[1:24], state.physics[24:31] = q, pose
+    state.physics[31:60] = 0.0
+    state.physics[31 + 25] = velocity
+    state.commands[:] = q
+    inner.set_state(state)
+
+
+def upturned_hand(inner: LiftEnv) -> tuple[np.ndarray, np.ndarray]:
+    """A posture with the open palm up, high above the table, the thumb aside, and the pose of an object on it."""
+    model, data, rng = inner.model, mujoco.MjData(inner.model), np.random.default_rng(0)
+    best, score = HOME.copy(), -np.inf
+    for _ in range(6000):
+        q = HOME.copy()
+        q[:7] = rng.uniform(LOWER[:7], UPPER[:7])
+        data.qpos[:23], data.qpos[23:26] = q, [0.5, 0.5, 0.02]
+        mujoco.mj_kinematics(model, data)
+        site = data.site("palm")
+        up, height = site.xmat.reshape(3, 3)[2, 0], site.xpos[2]
+        if up > max(score, 0.99) and 0.3 < height < 0.7:
+            mujoco.mj_forward(model, data)
+            if not any(min(c.geom) >= 0 and c.dist < 0 and data.qpos[24] < 0.5 for c in data.contact):
+                best, score = q, up
+    best[7:], best[19:] = 0.0, [0.263, -0.105, -0.189, -0.162]
+    data.qpos[:23] = best
+    mujoco.mj_kinematics(model, data)
+    palm = data.site("palm")
+    return best, np.array([*(palm.xpos + palm.xmat.reshape(3, 3) @ [0.045, 0.0, 0.02]), 1, 0, 0, 0])
+
+
+def hover(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+    """Grasp and lift, but not as far as counts: pushes never begin."""
+    return grasp(env, seed, "hardcoded", lambda inner: inner.observe()[1]["object_height"] > _HOVER)
+
+
+def press(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+    """Grasp and stay on the table: wedged between hand and table."""
+    inner: Any = env.unwrapped
+    held = [0]
+
+    def stop(_: LiftEnv) -> bool:
+        held[0] += inner.observe()[1]["is_grasped"]
+        return held[0] > 8
+
+    return grasp(env, seed, "hardcoded", stop)
+
+
+def pin(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+    """Press the object onto the table from above with the open hand."""
+    env.reset(seed=seed)
+    inner: Any = env.unwrapped
+
+    def actions() -> Iterator[np.ndarray]:
+        while True:
+            palm, at = inner.data.site("palm"), inner.data.body("object").xpos
+            tips = np.mean([inner.data.site(f"{f}_tip").xpos for f in ("thumb", "index", "middle")], axis=0)
+            over = 0.5 * (tips + palm.xpos)
+            action = np.zeros(22, np.float32)
+            action[:2] = np.clip((at - over)[:2] / 0.025, -1, 1)
+            action[2] = 0.0 if inner.observe()[1]["stage"] == "touched" else -0.2
+            action[6:] = normalise(HOME, ROBOT)[7:]
+            yield action
+
+    return actions()
+
+
+def tray(env: gym.Env[Any, Any], seed: int, curled: float = 0.0) -> Iterator[np.ndarray]:
+    """Lay the object on the upturned open hand."""
+    env.reset(seed=seed)
+    inner: Any = env.unwrapped
+    q, pose = upturned_hand(inner)
+    put(inner, q, pose)
+    end = q.copy()
+    for first in (7, 11, 15):
+        end[first + 1 : first + 4] += curled
+
+    def actions() -> Iterator[np.ndarray]:
+        for share in np.linspace(0.0, 1.0, 40):
+            yield normalise(q + share * (end - q), ROBOT).astype(np.float32)
+        while True:
+            yield normalise(end, ROBOT).astype(np.float32)
+
+    return actions()
+
+
+def fist(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+    """Clasp the object between three fingers and the palm, without the thumb."""
+    return tray(env, seed, 1.2)
+
+
+def throw(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
+    """Send the object up at 3 m/s, again and again."""
+    env.reset(seed=seed)
+    inner: Any = env.unwrapped
+    pose = inner.data.qpos[23:30].copy()
+    pose[:3] += [0.0, 0.15, 0.05]
+
+    def actions() -> Iterator[np.ndarray]:
+        while True:
+            put(inner, HOME, pose, 3.0)
+            for _ in range(8):
+                yield normalise(HOME, ROBOT).astype(np.float32)
+
+    return actions()
+
+
+CHEATS = {"hover": hover, "press": press, "pin": pin, "tray": tray, "fist": fist, "throw": throw}
+
+
+def cheat(preset: str, name: str, seed: int = 0) -> tuple[float, bool, list[dict[str, Any]]]:
+    """Play a cheat in a preset; return what `play` does."""
+    env = make(preset, control_mode="ee_delta" if name == "pin" else "joint_position")
+    result = play(env, CHEATS[name](env, seed))
+    env.close()
+    return result
+
+
+def honest(preset: str, objects: list[str], trials: int, seed: int, agent: str = "bilevel") -> list[float]:
+    """Return the sums of rewards of the episodes, played to their ends, that an agent solves."""
+    actor: Any = make_agent(agent)
+    returns = []
+    for target in objects:
+        env = make(preset, target, **(dict(actor.env_settings) | {"obs_mode": "pointcloud"}))
+        for trial in range(trials):
+            observation, info = env.reset(seed=seed + trial)
+            actor.seed(trial)
+            actor.reset(observation, public_info(env, info))
+            if actor.report.failure and not actor.report.again:
+                continue
+            total, solved, over = 0.0, False, False
+            while not over:
+                observation, reward, terminated, truncated, info = env.step(actor.act(observation))
+                total, solved, over = (
+                    total + float(reward),
+                    solved or info["is_success"],
+                    terminated or truncated,
+                )
+            if solved:
+                returns.append(total)
+        env.close()
+    return returns
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--seed", type=int, default=5)
+    parser.add_argument("--trials", type=int, default=5)
+    parser.add_argument("--objects", default="all20")
+    parser.add_argument("--presets", nargs="+", default=list(PRESETS))
+    given = parser.parse_args()
+    print("|", " | ".join(["preset", *CHEATS, "least success of bilevel", "successes"]), "|")
+    for preset in given.presets:
+        played = {name: [cheat(preset, name, seed)[:2] for seed in range(2)] for name in CHEATS}
+        cheats = [max(total for total, solved in runs if not solved) for runs in played.values()]
+        returns = honest(preset, resolve_targets([given.objects]), given.trials, given.seed)
+        cells = [f"{value:.1f}" for value in (*cheats, min(returns))]
+        print("|", " | ".join([f"`{preset}-v2`", *cells, str(len(returns))]), "|", flush=True)
+
+
+if __name__ == "__main__":
+    main()
