@@ -1,0 +1,61 @@
+"""Sets of objects that nobody built for the planner: `outside-1000`, folders of meshes."""
+
+import hashlib
+import io
+import json
+import sys
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from dexgrasp_env.objects.sets import read_set
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
+import folder_set
+import outside
+
+HASHES = json.loads(outside.HASHES.read_text())
+
+
+@pytest.mark.parametrize("number", [0, 1, 2, 3, 4, 5, 502, 507, 999])
+def test_a_shape_is_the_frozen_one_and_a_closed_solid(number):
+    solid, kind, mass = outside.shape(number)
+    content = outside.obj_of(solid)
+    assert hashlib.sha256(content).hexdigest()[:16] == HASHES[f"outside-{number:04d}"], kind
+    mesh = trimesh.load(io.BytesIO(content), file_type="obj", process=False)
+    assert mesh.is_watertight
+    assert mesh.volume > 0.0
+    assert 0.022 - 1e-4 <= mesh.extents.min() <= mesh.extents.max() <= 0.13 + 1e-4
+    assert 0.02 <= mass <= 0.5
+
+
+def test_the_split_leaves_300_for_figures_of_record():
+    develop, final = outside.split()
+    assert (len(develop), len(final)) == (700, 300)
+    assert sorted(develop + final) == list(range(1000))
+    assert len(HASHES) == len(set(HASHES.values())) == 1000
+
+
+def run(monkeypatch, *arguments):
+    monkeypatch.setattr(sys, "argv", ["folder_set.py", *map(str, arguments)])
+    return folder_set.main()
+
+
+def test_a_folder_of_meshes_becomes_a_set_file(tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine" / "deep").mkdir(parents=True)
+    trimesh.creation.box((10.0, 20.0, 40.0)).export(tmp_path / "mine" / "deep" / "a box.stl")
+    (tmp_path / "mine" / "broken.stl").write_bytes(b"solid nothing")
+    out = tmp_path / "sets" / "mine.json"
+    assert run(monkeypatch, tmp_path / "mine", out, "--longest", 0.08, "--mass", 0.2, "--source", "me") == 0
+    members = read_set(str(out))
+    assert list(members) == ["deep_a_box"]
+    assert members["deep_a_box"].scale == pytest.approx(0.002)
+    assert members["deep_a_box"].mass == 0.2
+    assert members["deep_a_box"].source.startswith("me; sha256 ")
+    assert "broken.stl" in capsys.readouterr().err
+
+
+def test_a_folder_without_meshes_is_one_line(tmp_path, monkeypatch, capsys):
+    assert run(monkeypatch, tmp_path, tmp_path / "set.json") == 2
+    assert capsys.readouterr().err.count("\n") == 1
