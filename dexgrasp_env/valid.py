@@ -79,7 +79,7 @@ def pair(each: Rule) -> Rule:
         low, high = map(each.admit, value)
         return (low, high) if low <= high else _refuse()
 
-    return Rule(f"a pair low <= high, each {each.words}", admit, each.parse)
+    return Rule(f"a pair low <= high, each {each.words}", admit)
 
 
 def instance(kind: type, words: str) -> Rule:
@@ -95,11 +95,20 @@ NATURAL = number(ge=0, whole=True)
 Natural = Annotated[int, NATURAL]
 Count = Annotated[int, number(ge=1, whole=True)]
 Positive = Annotated[float, number(gt=0)]
-Friction = Annotated[float, number(gt=0, le=2)]
 Share = Annotated[float, number(gt=0, lt=1)]
+Friction = Annotated[float, number(gt=0, le=2)]
+"""Sliding coefficient."""
+MASS = number(ge=1e-4, le=100)
+"""kg: lighter bodies vanish in the solver's tolerance, heavier ones are no objects for a hand."""
+Mass = Annotated[float, MASS]
+CellFile = Annotated[str | None, "--cell", "CELL.yaml", {"variable": "DEXGRASP_CELL"}]
+"""Of a cell or of a robot alone; None for the simulated cell. See `dexgrasp_env.robot.cell.make_cell`."""
+Mount = Annotated[str | None, "MOUNT"]
+"""How the hand sits on the arm, by name; None for the robot's own."""
+TEXT = instance(str, "text")
 
 _PLAIN = {
-    bool: instance(bool, "true or false"), int: number(whole=True), float: number(), str: instance(str, "text"),
+    bool: instance(bool, "true or false"), int: number(whole=True), float: number(), str: TEXT,
     dict: instance(dict, "a mapping"), list: instance(list, "a list"), Path: Rule("a path", Path, Path),
 }  # fmt: skip
 

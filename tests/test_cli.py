@@ -1,6 +1,8 @@
 """The command line: exit codes, one-line errors, JSON alone on standard output."""
 
+import argparse
 import errno
+import functools
 import json
 import os
 import subprocess
@@ -11,10 +13,12 @@ import pytest
 
 from dexgrasp.benchmarks.registry import available
 from dexgrasp.cli import checks
-from dexgrasp.cli.benchmark import render
+from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
 from dexgrasp.cli.commands import COMMANDS, make_parser
-from dexgrasp.cli.main import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK, main
+from dexgrasp.cli.figures import tables
+from dexgrasp.cli.main import main
 from dexgrasp.cli.output import json_output, print_json
+from dexgrasp.cli.parsing import build
 from dexgrasp_env.errors import InputError
 
 
@@ -34,9 +38,9 @@ def run(*arguments, module="dexgrasp.cli.main", **kwargs):
         (["evaluate", "--agents", "random", "--objects", "suger_box"], "sugar_box"),
         (["evaluate", "--agents", "randon", "--objects", "seen"], "hardcoded"),
         (["evaluate", "--agents", "no.such:Agent", "--objects", "seen"], "no.such"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--trials", "0"], "above 0"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--seed", "-1"], "from 0 on"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "nan"], "positive"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--trials", "0"], ">= 1"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--seed", "-1"], ">= 0"),
+        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "nan"], "> 0"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "7"], "<= 2"),
         (["evaluate", "--agents", "random", "--objects", "seen", "--protocol", "v9"], "valid are lift"),
         (
@@ -111,12 +115,61 @@ def test_no_command_teaches(capsys):
 
 
 def test_every_command_has_help_with_its_options(capsys):
-    parser = make_parser()
+    parser = make_parser(*COMMANDS)
     found = parser._subparsers._group_actions[0].choices
     assert set(found) == set(COMMANDS)
     for name in found:
         assert main([name, "--help"]) == OK
         assert f"dexgrasp {name}" in capsys.readouterr().out
+    assert all(action.help for action in every_action(parser))
+
+
+def every_action(parser):
+    """Options and arguments of a parser and of those within."""
+    for action in parser._actions:
+        within = action.choices.values() if action.nargs == argparse.PARSER else ()
+        yield from (inner for one in within for inner in every_action(one))
+        if action.nargs != argparse.PARSER:
+            yield action
+
+
+@pytest.mark.parametrize(
+    ("line", "field", "value"),
+    [
+        ("evaluate --agents a --objects pear --stop-early", "stop_early", 0.05),
+        ("evaluate --agents a --objects pear --stop-early 0.1", "stop_early", 0.1),
+        ("evaluate --agents a --objects pear --video failures", "video", "failures"),
+        ("evaluate --agents a --objects ycb6 --protocol lift heavy", "settings.protocols", ("lift", "heavy")),
+        ("evaluate --agents a --objects pear --size 320x240", "film.size", (240, 320)),
+        ("evaluate --agents a --objects pear --backend processes --workers 3", "backend.workers", 3),
+        ("plan --cloud x.ply --object-near 1 2 3", "object_near", (1.0, 2.0, 3.0)),
+        ("plan", "target", None),
+        ("doctor", "meshes", ()),
+        ("train cvae --data d --out o --latent 3", "settings.network.latent", 3),
+        ("train grip --objects pear --from a --out o --mass 1 2", "settings.mass", (1.0, 2.0)),
+        ("train bc --data d e --out o --seed 1 2", "seeds", (1, 2)),
+    ],
+)
+def test_options_fill_the_fields_they_are_declared_by(line, field, value):
+    args = make_parser(line.split()[0]).parse_args(line.split())
+    command = build(args.kind, args)
+    assert functools.reduce(getattr, field.split("."), command) == value
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("train bc --data d --out o --epochs 3 --minutes 4", "not allowed with"),
+        ("train grip --objects pear --from a --out o --mass 2 1", "low <= high"),
+        ("train bc --data d --out o --execute 9", "1 to 8, the chunk"),
+        ("plan pear --object-near 1 2", "expected 3"),
+        ("replay runs/x --agent a --object b", "--trial"),
+        ("evaluate --agents a --objects pear --size 321x240", "even numbers"),
+    ],
+)
+def test_options_that_do_not_go_together_are_one_line_and_2(line, words, capsys):
+    assert main(line.split()) == BAD_INPUT
+    assert words in one_line_after_notes(capsys)
 
 
 def test_help_brings_nothing_heavy():
@@ -147,10 +200,10 @@ def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
 def test_a_full_disk_is_the_users_to_mend(monkeypatch, capsys):
     import dexgrasp.cli.list as command
 
-    def full(args):
+    def full(self):
         raise OSError(errno.ENOSPC, "No space left on device", "runs/x")
 
-    monkeypatch.setattr(command, "run", full)
+    monkeypatch.setattr(command.List, "run", full)
     assert main(["list", "objects"]) == BAD_INPUT
     assert capsys.readouterr().err == "dexgrasp list: runs/x: No space left on device\n"
 
@@ -228,7 +281,7 @@ def test_exceptions_and_interrupts(monkeypatch, capsys):
         (KeyboardInterrupt(), INTERRUPTED),
         (OSError("x"), INTERNAL_ERROR),
     ):
-        monkeypatch.setattr(command, "run", lambda args, error=error: (_ for _ in ()).throw(error))
+        monkeypatch.setattr(command.List, "run", lambda self, error=error: (_ for _ in ()).throw(error))
         assert main(["list", "objects"]) == code
     assert "a b\n" in capsys.readouterr().err
 
@@ -267,13 +320,15 @@ def test_doctor_knows_the_wrong_mujoco(monkeypatch):
 
 def test_benchmark_tables():
     assert "stepping" in available()
-    text = render({"box": {"ratio": 0.912345, "parts": {"a": 1}}, "all": {"ratio": None}, "total": 3.0})
+    text = tables({"box": {"ratio": 0.912345, "parts": {"a": 1}}, "all": {"ratio": None}, "total": 3.0})
     assert "0.9123" in text
     assert "parts a" in text
-    assert "total: 3" in text
-    text = render({"speed": [{"shape": "box", "rate": 2.5}, {"shape": "can", "rate": 3.5}]})
-    assert "speed box" in text
+    assert ["total", "3"] in [line.split() for line in text.splitlines()]
+    text = tables({"speed": [{"shape": "box", "rate": 2.5}, {"shape": "can", "rate": 3.5}]})
+    assert [line.split() for line in text.splitlines()][::3] == [["speed:"], ["box", "2.5"]]
     assert "{" not in text
+    text = tables({"box": {"rate": 1.5}, "can": {"rate": 2.5}})
+    assert ["can", "2.5"] in [line.split() for line in text.splitlines()]
 
 
 @pytest.mark.parametrize(

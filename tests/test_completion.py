@@ -49,6 +49,8 @@ def test_every_command_is_offered(offered):
             {"slippery", "slippery@0.5", "slippery@0.35"},
         ),
         ("dexgrasp list", "pro", {"protocols"}),
+        ("dexgrasp plan pear --mount", "palm", {"palm_normal"}),
+        ("dexgrasp demo --camera", "gr", {"grasp"}),
     ],
 )
 def test_names_and_files_are_offered(offered, words, last, wanted):

@@ -166,7 +166,7 @@ def test_damaged_manifests_are_refused_in_one_line(change, made, tmp_path):
 
 
 def test_figures_are_tables(made):
-    text = "\n".join(describe(summary(made)))
+    text = describe(summary(made))
     assert "{" not in text
     assert "closure margin" in text
 

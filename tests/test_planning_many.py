@@ -7,7 +7,8 @@ import pytest
 import trimesh
 from robots import HOME
 
-from dexgrasp.cli.main import ANSWER_IS_NO, BAD_INPUT, OK, main
+from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
+from dexgrasp.cli.main import main
 from dexgrasp.grasp.content import grasp_json
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.record import Origin
@@ -127,7 +128,7 @@ def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["pear", "--count", "0"], "not a whole number above 0"),
+        (["pear", "--count", "0"], "not a whole number >= 1"),
         (["pear", "--count", "99999"], "valid are whole numbers from 1 to 10000"),
         (["pear", "--count", "2", "--agent", "hardcoded"], "makes no certified plans"),
     ],

@@ -15,7 +15,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.cli.options import natural_int, positive_float, positive_int
+from dexgrasp.cli.parsing import reader
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
@@ -24,6 +24,7 @@ from dexgrasp.physics.margin import cone_margin
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception import kernels
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
+from dexgrasp_env.valid import NATURAL, number
 
 COORDINATES = st.floats(-1.0, 1.0, width=32)
 FRICTION = st.floats(0.05, 1.5)
@@ -110,15 +111,15 @@ def test_neighbours_and_clusters_are_those_of_scipy(points, radius):
                                   labels[:, None] == labels)  # fmt: skip
 
 
-@pytest.mark.parametrize("parse", [natural_int, positive_int, positive_float])
+@pytest.mark.parametrize("rule", [NATURAL, number(ge=1, whole=True), number(gt=0)])
 @given(text=st.text(max_size=20) | st.integers().map(str) | st.floats().map(str))
-def test_options_are_a_number_in_range_or_refused(parse, text):
+def test_options_are_a_number_in_range_or_refused(rule, text):
     try:
-        value = parse(text)
-    except (argparse.ArgumentTypeError, InputError):
+        value = reader(rule)(text)
+    except argparse.ArgumentTypeError:
         return
     assert np.isfinite(float(value))
-    assert value >= 0 if parse is natural_int else value > 0
+    assert value >= 0 if rule is NATURAL else value > 0
 
 
 JSON = st.recursive(

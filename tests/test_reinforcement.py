@@ -29,7 +29,7 @@ def short_rounds(monkeypatch):
 
 def settings_of(algorithm, **more):
     return RlSettings(
-        algorithm, ("sugar_box",), steps=60, num_envs=2, hidden=16, buffer=500, warm_up=10, **more
+        ("sugar_box",), algorithm, steps=60, num_envs=2, hidden=16, buffer=500, warm_up=10, **more
     )
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from robots import CELL
 
-from dexgrasp.cli.plan_cloud import scan_name
+from dexgrasp.cli.plan import scan_name
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception import recorded
 from dexgrasp_env.perception.depth_folder import read_cameras

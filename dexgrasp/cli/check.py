@@ -1,69 +1,68 @@
 """`dexgrasp check`: an exported trajectory looked at before a robot moves."""
 
-import argparse
+from dataclasses import asdict
 from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
 
-from dexgrasp.cli.options import add_cell, add_json, add_seed, natural_int
+from dexgrasp.cli.command import Answer, Argument, Command, InCell
+from dexgrasp.cli.output import check_lines, coloured
+from dexgrasp_env.valid import Natural
 
-_EPILOG = """examples:
-  dexgrasp check robot/pear                           limits, timing, collisions
-  dexgrasp check robot/pear --replay 20               and 20 open-loop replays in MuJoCo, the object 3 mm and 1 deg off
-
-TRAJECTORY is a folder with arm.csv and hand.csv, or a trajectory.json. What reads it shares no code with what wrote it.
---replay needs scene.xml, from `dexgrasp export --format mjcf`, beside the trajectory. Exit code 0 only if all holds."""
-
-
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser(
-        "check", help="limits, timing and collisions of an exported trajectory", epilog=_EPILOG,
-        description="Check a trajectory by an independent reader.",
-    )  # fmt: skip
-    parser.add_argument("trajectory", type=Path, metavar="TRAJECTORY", help="a folder or a trajectory.json")
-    parser.add_argument(
-        "--replay", type=natural_int, default=0, metavar="N", help="replay it N times in simulation"
-    )
-    add_seed(parser, "of the object's errors")
-    add_cell(parser)
-    add_json(parser)
+if TYPE_CHECKING:
+    from dexgrasp.export.read import Recording
 
 
-def run(args: argparse.Namespace) -> int:
-    """Check, replay if asked for, print."""
-    from dataclasses import asdict
+class Check(Command, InCell):
+    """Check a trajectory by an independent reader.
 
-    from dexgrasp.cli.output import coloured, mark, print_json
-    from dexgrasp.export.check import check_trajectory
-    from dexgrasp.export.read import read_trajectory
-    from dexgrasp_env.robot.cell import make_cell
+    examples:
+      dexgrasp check robot/pear                           limits, timing, collisions
+      dexgrasp check robot/pear --replay 20               and 20 open-loop replays, the object 3 mm and 1 deg off
 
-    cell = make_cell(args.cell)
-    recording = read_trajectory(args.trajectory, cell)
-    findings = check_trajectory(recording, cell)
-    good = all(finding.holds for finding in findings)
-    held = _replays(args, recording) if args.replay else []
-    if args.json:
-        content = {"schema": 1, "holds": good, "checks": [asdict(finding) for finding in findings]}
-        print_json(content | {"replays": len(held), "held": sum(held)})
-    else:
-        width = max(len(finding.name) for finding in findings)
-        for f in findings:
-            print(f"{mark(f.holds)}  {f.name:<{width}}  {f.value:12.3e}   {f.bound}")
-        print(coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad"))
+    TRAJECTORY is a folder with arm.csv and hand.csv, or a trajectory.json. What reads it shares no code with what wrote
+    it. --replay needs scene.xml, from `dexgrasp export --format mjcf`, beside the trajectory. Exit code 0 only if all
+    holds.
+
+    Attributes:
+        trajectory: a folder or a trajectory.json.
+        replay: replay it N times in simulation.
+        seed: of the object's errors.
+    """
+
+    trajectory: Argument[Path]
+    replay: Natural = 0
+    seed: Annotated[Natural, "S"] = 0
+
+    def run(self) -> Answer:
+        """Check, and replay if asked for."""
+        from dexgrasp.export.check import check_trajectory
+        from dexgrasp.export.read import read_trajectory
+
+        recording = read_trajectory(self.trajectory, self.cell)
+        checks = [asdict(check) for check in check_trajectory(recording, self.cell)]
+        good = all(check["holds"] for check in checks)
+        held = self._replays(recording) if self.replay else []
+        words = coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad")
+        lines = [*check_lines(checks), words]
         if held:
-            print(f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off")
-    return 0 if good else 1
+            lines.append(
+                f"held in {sum(held)} of {len(held)} open-loop replays, the object 3 mm and 1 deg off"
+            )
+        content = {"holds": good, "checks": checks, "replays": len(held), "held": sum(held)}
+        return Answer(content, "\n".join(lines), int(not good))
+
+    def _replays(self, recording: "Recording") -> list[bool]:
+        """Whether the object was held, for each replay."""
+        import numpy as np
+        from tqdm import tqdm
+
+        from dexgrasp.export.replay import replay
+
+        folder = self.trajectory if self.trajectory.is_dir() else self.trajectory.parent
+        return [
+            replay(recording, folder / "scene.xml", np.random.default_rng([self.seed, k])).success
+            for k in tqdm(range(self.replay), unit="replay", leave=False, delay=0.5)
+        ]
 
 
-def _replays(args: argparse.Namespace, recording: "object") -> list[bool]:
-    """Whether the object was held, for each replay."""
-    import numpy as np
-    from tqdm import tqdm
-
-    from dexgrasp.export.replay import replay
-
-    folder = args.trajectory if args.trajectory.is_dir() else args.trajectory.parent
-    return [
-        replay(recording, folder / "scene.xml", np.random.default_rng([args.seed, k])).success  # type: ignore[arg-type]
-        for k in tqdm(range(args.replay), unit="replay", leave=False, delay=0.5)
-    ]
+COMMAND = Check

@@ -5,6 +5,7 @@ import subprocess
 import sys
 import tempfile
 from pathlib import Path
+from typing import Any
 
 from dexgrasp.runs.versions import package_version
 from dexgrasp_env.findings import Finding
@@ -28,23 +29,17 @@ with mujoco.Renderer(model, 32, 32) as renderer:
 
 def check_versions() -> list[Finding]:
     """Look at Python and the packages."""
-    python = ".".join(map(str, sys.version_info[:3]))
-    findings = [Finding("info", f"python {python}")]
-    for package in _NEEDED:
-        found = package_version(package)
-        if found is None:
-            findings.append(Finding("error", f"{package} is not installed", f"pip install {package}"))
-        else:
-            findings.append(_judged(package, found))
-    for package, use in _OPTIONAL.items():
-        found = package_version(package)
-        findings.append(
-            Finding("info", f"{package} {found}") if found else Finding("info", f"no {package}", use)
-        )
-    return findings
+    return [
+        Finding("info", f"python {'.'.join(map(str, sys.version_info[:3]))}"),
+        *(_judged(package, package_version(package)) for package in (*_NEEDED, *_OPTIONAL)),
+    ]
 
 
-def _judged(package: str, found: str) -> Finding:
+def _judged(package: str, found: str | None) -> Finding:
+    if found is None and package in _OPTIONAL:
+        return Finding("info", f"no {package}", _OPTIONAL[package])
+    if found is None:
+        return Finding("error", f"{package} is not installed", f"pip install {package}")
     if package == "mujoco" and int(found.split(".")[0]) >= 4:
         problem = f"mujoco {found}: 4.0 breaks dm-control 1.0.50 and solves sparse systems wrongly"
         return Finding("error", problem, "pip install 'mujoco>=3.17,<4'")
@@ -78,23 +73,25 @@ def _wished_backend() -> str:
 
 def _renders(backend: str) -> str:
     """Return an empty text if a backend works, else why it does not."""
-    environment = {**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
     with tempfile.TemporaryDirectory() as folder:  # MuJoCo logs into the current folder
-        try:
-            done = subprocess.run(
-                [sys.executable, "-c", _RENDER],
-                env=environment,
-                cwd=folder,
-                capture_output=True,
-                text=True,
-                timeout=60,
-            )
-        except subprocess.TimeoutExpired:
-            return "does not answer"
+        done = _python(
+            _RENDER, 60, cwd=folder, env={**os.environ, "MUJOCO_GL": backend, "PYOPENGL_PLATFORM": backend}
+        )
+    if done is None:
+        return "does not answer"
     if done.returncode == 0:
         return ""
     last = (done.stderr.strip().splitlines() or [""])[-1][:100]
     return f"crashes (signal {-done.returncode})" if done.returncode < 0 else f"does not work ({last})"
+
+
+def _python(code: str, timeout: float, **where: Any) -> "subprocess.CompletedProcess[str] | None":
+    """Run code in a process of its own; None if it takes longer than the timeout, s."""
+    command = [sys.executable, "-c", code]
+    try:
+        return subprocess.run(command, capture_output=True, text=True, timeout=timeout, **where)
+    except subprocess.TimeoutExpired:
+        return None
 
 
 def check_machine() -> list[Finding]:
@@ -129,15 +126,12 @@ def _check_torch() -> list[Finding]:
     if package_version("torch") is None:
         return []
     device = "torch.cuda.get_device_name() if torch.cuda.is_available() else 'no GPU'"
-    code = f"import torch; print({device}, torch.get_num_threads())"
-    try:
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
-    except subprocess.TimeoutExpired:
+    done = _python(f"import torch; print({device}, torch.get_num_threads())", 120)
+    if done is None:
         return [Finding("warning", "torch does not import within two minutes")]
     if done.returncode:
-        return [
-            Finding("error", "torch does not import", "reinstall it: pip install --force-reinstall torch")
-        ]
+        remedy = "reinstall it: pip install --force-reinstall torch"
+        return [Finding("error", "torch does not import", remedy)]
     device, _, threads = done.stdout.strip().rpartition(" ")
     return [Finding("info", f"torch works: {device}, {threads} threads")]
 

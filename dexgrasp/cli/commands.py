@@ -10,20 +10,34 @@ import traceback
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from dexgrasp.cli.main import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
+from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
 from dexgrasp.cli.output import json_output
+from dexgrasp.cli.parsing import add_options, build, texts
 from dexgrasp.runs import interrupt
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import missing_extra
 
 COMMANDS = {
-    name: f"dexgrasp.cli.{name}"
-    for name in (
-        "demo", "list", "plan", "verify", "evaluate", "compare", "score", "replay", "report", "dataset", "demos",
-        "train", "benchmark", "doctor", "export", "check", "view", "completion",
-    )
-}  # fmt: skip
-"""Command -> module with `add_parser(subparsers)` and `run(args) -> int`."""
+    "demo": "plan a grasp, execute it, show and save the outcome",
+    "list": "what objects, environments, agents and protocols there are",
+    "plan": "one grasp with its certificate, or the reason why there is none",
+    "verify": "check every constraint of a grasp again, independently",
+    "evaluate": "rollouts of agents under the same protocols; resumable",
+    "compare": "two agents of an evaluation on the same scenes",
+    "score": "grasp files, ours or others', under published protocols",
+    "replay": "one trial of an evaluation again, exactly",
+    "report": "tables and plots from evaluations, the paper's beside ours",
+    "dataset": "make and look at the grasp dataset",
+    "demos": "demonstrations of any agent as Minari and LeRobot data sets",
+    "train": "train networks; resumable",
+    "benchmark": "speed as ratios measured side by side",
+    "doctor": "what works on this machine, and whether a mesh is fit to use",
+    "export": "a grasp as a trajectory for a robot, or its scene as MJCF",
+    "check": "limits, timing and collisions of an exported trajectory",
+    "view": "a grasp in the browser, from approach to hold",
+    "completion": "a script that completes commands in bash or zsh",
+}
+"""Command -> what it does; `COMMAND` of the module of its name is a `Command`, or several by name."""
 
 _SURROUNDINGS = (
     errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.ENAMETOOLONG, errno.EFBIG, errno.EMFILE,
@@ -45,12 +59,8 @@ exit codes: 0 done; 1 done, but the answer is no; 2 bad input; 3 interrupted, wi
 class Parser(argparse.ArgumentParser):
     """Says what is wrong in one line."""
 
-    def __init__(self, **kwargs: Any) -> None:
-        settings: dict[str, Any] = {
-            "formatter_class": argparse.RawDescriptionHelpFormatter,
-            "allow_abbrev": False,
-        }
-        super().__init__(**(settings | kwargs))
+    def __init__(self, **given: Any) -> None:
+        super().__init__(**given, formatter_class=argparse.RawDescriptionHelpFormatter, allow_abbrev=False)
 
     def error(self, message: str) -> NoReturn:
         """Print one line and exit with 2."""
@@ -63,16 +73,20 @@ def run_command(arguments: Sequence[str]) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files need not be text
             stream.reconfigure(errors="backslashreplace")
+    named = arguments[0] if arguments and arguments[0] in COMMANDS else ""
     try:
-        args = _parsed(arguments)
+        args = _parsed(named, arguments)
+        with json_output(getattr(args, "json", False)):
+            return _run(args)
     except SystemExit as end:  # argparse: --help is 0, a mistake is 2
         return int(end.code or 0)
-    except InputError as error:
-        return _refused(_named_command(arguments) or "", error)
-    except KeyboardInterrupt:
-        return _interrupted("")
-    with json_output(getattr(args, "json", False)):
-        return _guarded(args)
+    except KeyboardInterrupt as request:
+        return _interrupted(named, str(request))
+    except BrokenPipeError:  # the reader, such as `head`, has enough
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return OK
+    except Exception as error:
+        return _failed(named, error)
 
 
 def _put_gl_aside() -> None:
@@ -84,81 +98,50 @@ def _put_gl_aside() -> None:
         os.environ["DEXGRASP_GL"] = os.environ.pop("MUJOCO_GL")
 
 
-def make_parser(only: str | None = None) -> Parser:
-    """Return the parser with every command, or with one of them (which is faster)."""
+def make_parser(*named: str) -> Parser:
+    """Return the parser with the options of the commands that are named; others have their names alone."""
     parser = Parser(
         prog="dexgrasp", epilog=_EPILOG,
         description="Dexterous grasping on a table: plan, execute, evaluate, learn.",
     )  # fmt: skip
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", parser_class=Parser)
-    for name in [only] if only else COMMANDS:
-        importlib.import_module(COMMANDS[name]).add_parser(commands)
+    for name, line in COMMANDS.items():
+        if name in named:
+            module = importlib.import_module(f"dexgrasp.cli.{name}")
+            _add_command(commands, name, line, module.COMMAND, module)
+        else:
+            commands.add_parser(name, help=line)
     parser.set_defaults(parser=parser)
     return parser
 
 
-def _parsed(arguments: Sequence[str]) -> argparse.Namespace:
+def _add_command(place: Any, name: str, line: str, command: Any, module: Any) -> None:
+    """Add a command, or several by name as commands of one that the module's docstring describes."""
+    description, below = texts(module if isinstance(command, dict) else command)
+    parser = place.add_parser(name, help=line, description=description, epilog=below)
+    if isinstance(command, dict):
+        within = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
+        for own, kind in command.items():
+            _add_command(within, own, texts(kind)[0], kind, module)
+    else:
+        add_options(parser, command)
+        parser.set_defaults(kind=command)
+
+
+def _parsed(named: str, arguments: Sequence[str]) -> argparse.Namespace:
     """As argparse does it, but what is unknown is said of the command, whose help has what is known."""
-    named = _named_command(arguments)
     args, unknown = make_parser(named).parse_known_args(arguments)
     if unknown:
-        prog = f"dexgrasp {named}" if named else "dexgrasp"
-        Parser(prog=prog).error(f"unrecognized arguments: {' '.join(unknown)}")
+        Parser(prog=f"dexgrasp {named}".strip()).error(f"unrecognized arguments: {' '.join(unknown)}")
     return args
 
 
-def _named_command(arguments: Sequence[str]) -> str | None:
-    return arguments[0] if arguments and arguments[0] in COMMANDS else None
-
-
-def _guarded(args: argparse.Namespace) -> int:
-    try:
-        if args.command is None:
-            return _no_command(args)
-        return int(importlib.import_module(COMMANDS[args.command]).run(args))
-    except InputError as error:
-        if interrupt.requested():
-            return _interrupted(f" {args.command}")
-        return _refused(args.command, error)
-    except ModuleNotFoundError as error:
-        return _without(args.command, error)
-    except KeyboardInterrupt as request:
-        return _interrupted(f" {args.command}", str(request))
-    except BrokenPipeError:  # the reader, such as `head`, has enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return OK
-    except Exception as error:
-        return _unexpected(args.command, error)
-
-
-def _refused(command: str, error: InputError) -> int:
-    print(f"dexgrasp {command}: {' '.join(str(error).split())}", file=sys.stderr)
-    return BAD_INPUT
-
-
-def _without(command: str, error: ModuleNotFoundError) -> int:
-    """Say which extra brings a module that is not installed."""
-    missing = missing_extra(error)
-    if missing is None:
-        return _unexpected(command, error)
-    print(f"dexgrasp {command}: {missing}", file=sys.stderr)
-    return BAD_INPUT
-
-
-def _unexpected(command: str, error: Exception) -> int:
-    if interrupt.requested():  # libraries make other exceptions of it
-        return _interrupted(f" {command}")
-    if isinstance(error, OSError) and error.errno in _SURROUNDINGS:
-        where = f"{error.filename}: " if error.filename else ""
-        print(f"dexgrasp {command}: {where}{error.strerror}", file=sys.stderr)
-        return BAD_INPUT
-    traceback.print_exc()
-    print(f"dexgrasp {command}: this is a fault of dexgrasp's, please report it", file=sys.stderr)
-    return INTERNAL_ERROR
-
-
-def _no_command(args: argparse.Namespace) -> int:
+def _run(args: argparse.Namespace) -> int:
+    if args.command is not None:
+        command = build(args.kind, args)
+        answer = command.run()
+        return answer if isinstance(answer, int) else answer.show(command.json)
     if args.version:
         from dexgrasp_env import __version__
 
@@ -168,7 +151,26 @@ def _no_command(args: argparse.Namespace) -> int:
     return BAD_INPUT
 
 
+def _failed(command: str, error: Exception) -> int:
+    """Say in one line what is the user's to mend, of all else where it happened; return the exit code."""
+    if interrupt.requested():  # libraries make other exceptions of it
+        return _interrupted(command)
+    said: object = None
+    if isinstance(error, InputError):
+        said = error
+    elif isinstance(error, ModuleNotFoundError):
+        said = missing_extra(error)
+    elif isinstance(error, OSError) and error.errno in _SURROUNDINGS:
+        said = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
+    if said is None:
+        traceback.print_exception(error)
+    words = said or "this is a fault of dexgrasp's, please report it"
+    print(f"dexgrasp {command}: {' '.join(str(words).split())}", file=sys.stderr)
+    return INTERNAL_ERROR if said is None else BAD_INPUT
+
+
 def _interrupted(command: str, kept: str = "") -> int:
     interrupt.acknowledge()
-    print(f"dexgrasp{command}: interrupted" + (f"; {kept}" if kept else ""), file=sys.stderr)
+    words = " ".join(filter(None, ("dexgrasp", command)))
+    print(f"{words}: interrupted" + (f"; {kept}" if kept else ""), file=sys.stderr)
     return INTERRUPTED

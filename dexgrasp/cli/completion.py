@@ -1,28 +1,39 @@
 """`dexgrasp completion`: what a shell needs to complete commands, options and names."""
 
 import argparse
-from typing import Any
+from collections.abc import Iterator
+from typing import Annotated, Any
 
-_EPILOG = """examples:
-  dexgrasp completion bash > ~/.local/share/bash-completion/completions/dexgrasp
-  dexgrasp completion zsh > ~/.zsh/functions/_dexgrasp        a folder of $fpath
+from dexgrasp.cli.command import Answer, Argument, Command
+from dexgrasp_env.valid import one_of
 
-Write it again after an update: commands, options, objects, agents and protocols are those of this version."""
-
-
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser(
-        "completion", help="a script that completes commands in bash or zsh", epilog=_EPILOG,
-        description="Print a completion script for a shell.",
-    )  # fmt: skip
-    parser.add_argument("shell", choices=("bash", "zsh"), help="which shell")
+_KINDS = {
+    "AGENT": "agent", "OBJECT": "object", "TARGET": "object", "PROTOCOL": "protocol",
+    "MOUNT": "mount", "CAMERA": "camera", "DIR": "folder", "RUN": "folder",
+    "FILE": "file", "MESH": "file", "GRASP.json": "file", "CELL.yaml": "file",
+}  # fmt: skip
+"""What the value of an option is called -> what it is."""
 
 
-def run(args: argparse.Namespace) -> int:
-    """Print the script."""
-    print(completion_script(args.shell))
-    return 0
+class Completion(Command):
+    """Print a completion script for a shell.
+
+    examples:
+      dexgrasp completion bash > ~/.local/share/bash-completion/completions/dexgrasp
+      dexgrasp completion zsh > ~/.zsh/functions/_dexgrasp        a folder of $fpath
+
+    Write it again after an update: commands, options, objects, agents and protocols are those of this version.
+
+    Attributes:
+        shell: which shell.
+    """
+
+    shell: Argument[Annotated[str, one_of(("bash", "zsh"))]]
+
+    def run(self) -> Answer:
+        """Make the script."""
+        script = completion_script(self.shell)
+        return Answer({"script": script}, script)
 
 
 def completion_script(shell: str) -> str:
@@ -31,66 +42,55 @@ def completion_script(shell: str) -> str:
     Raises:
         InputError: where shtab is not installed.
     """
-    from dexgrasp.cli.commands import make_parser
+    from dexgrasp.cli.commands import COMMANDS, make_parser
     from dexgrasp_env.extras import require_extra
 
     require_extra("planner", "completion")
     import shtab
 
-    parser = make_parser()
+    parser = make_parser(*COMMANDS)
+    own = {kind: dict.fromkeys(("bash", "zsh"), f"_dexgrasp_{kind}") for kind in _names()}
+    known = own | {"folder": shtab.DIRECTORY, "file": shtab.FILE}
     for action in _actions(parser):
-        kind = _kind(action)
-        if kind in ("folder", "file"):
-            action.complete = shtab.DIRECTORY if kind == "folder" else shtab.FILE
-        elif kind:
-            action.complete = {"bash": f"_dexgrasp_{kind}", "zsh": f"_dexgrasp_{kind}"}
+        shown = str(action.metavar).partition("|")[0]
+        if kind := _KINDS.get(shown):
+            action.complete = known[kind]
     return str(shtab.complete(parser, shell=shell, preamble=_functions(shell)))
 
 
-def _actions(parser: argparse.ArgumentParser) -> list[Any]:
-    """Every option and argument of a parser and of its commands, to which shtab wants `complete` added."""
-    found: list[Any] = []
+def _actions(parser: argparse.ArgumentParser) -> Iterator[Any]:
+    """Yield every option and argument of a parser and of its commands, to which shtab wants `complete` added."""
     for action in parser._actions:
         if isinstance(action, argparse._SubParsersAction):
-            found += [inner for sub in action.choices.values() for inner in _actions(sub)]
+            for within in action.choices.values():
+                yield from _actions(within)
         else:
-            found.append(action)
-    return found
-
-
-def _kind(action: argparse.Action) -> str:
-    """What an argument is a name of; nothing that can be completed for numbers and choices."""
-    kinds = {"agents": "agent", "agent": "agent", "objects": "object", "object": "object", "target": "object",
-             "protocol": "protocol"}  # fmt: skip
-    shown = str(action.metavar or "")
-    if action.choices is not None:
-        return ""
-    if action.dest in kinds:
-        return kinds[action.dest]
-    return (
-        "folder"
-        if shown in ("DIR", "RUN")
-        else "file"
-        if any(w in shown for w in ("FILE", "JSON", "MESH"))
-        else ""
-    )
+            yield action
 
 
 def _names() -> dict[str, list[str]]:
     from dexgrasp.evaluation.protocol import protocol_names
     from dexgrasp.registry import AGENTS
     from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
+    from dexgrasp_env.robot.cell import default_cell
 
-    return {"object": [*OBJECT_SETS, *CATALOGUE], "agent": list(AGENTS), "protocol": protocol_names()}
+    cell = default_cell()
+    return {
+        "object": [*OBJECT_SETS, *CATALOGUE], "agent": list(AGENTS), "protocol": protocol_names(),
+        "mount": list(cell.mounts), "camera": ["grasp", "front", *cell.camera_names],
+    }  # fmt: skip
 
 
 def _functions(shell: str) -> str:
     """Functions that offer our names, and files besides: a mesh, a set or a checkpoint does as well."""
     lines = []
     for kind, names in _names().items():
-        words, only = " ".join(names), kind == "protocol"
+        words, only = " ".join(names), kind not in ("object", "agent")
         if shell == "bash":
             lines.append(f'_dexgrasp_{kind}() {{ compgen{"" if only else " -f"} -W "{words}" -- "$1"; }}')
         else:
             lines.append(f"_dexgrasp_{kind}() {{ compadd {words}{'' if only else '; _files'} }}")
     return "\n".join(lines)
+
+
+COMMAND = Completion

@@ -1,92 +1,80 @@
 """`dexgrasp demo`: the main job in one go: look, plan, execute, show."""
 
-import argparse
 import time
 from contextlib import nullcontext
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from dexgrasp.cli.options import add_film, add_json, add_mesh, add_scene, add_seed
+from dexgrasp.cli.command import Answer, Command, Folder, Scene
+from dexgrasp.cli.output import make_folder, note, say_when_compiling
+from dexgrasp.cli.plan import check_target
+from dexgrasp.evaluation.video import Film
+from dexgrasp_env.valid import Natural
 
 if TYPE_CHECKING:
     from dexgrasp.agent import Agent
     from dexgrasp.planning.look import Look
     from dexgrasp.planning.result import PlanResult
 
-_EPILOG = """examples:
-  dexgrasp demo                                       the sugar box
-  dexgrasp demo --object tetrahedron --seed 2 --out out/tetrahedron
-  dexgrasp demo --object my_mesh.stl --mesh-scale 0.001
-  dexgrasp demo --agent hardcoded                     the baseline, for comparison
 
-Writes demo.mp4, demo.png (the moments of the episode), cloud.png (what the cameras saw), grasp.json and grasp.png.
-Without a GL library the video and demo.png are left out, and said so."""
+class Demo(Command, Scene):
+    """Put an object on the table, plan a grasp from four depth cameras, lift it, save a video.
 
+    examples:
+      dexgrasp demo                                       the sugar box
+      dexgrasp demo --object tetrahedron --seed 2 --out out/tetrahedron
+      dexgrasp demo --object my_mesh.stl --mesh-scale 0.001
+      dexgrasp demo --agent hardcoded                     the baseline, for comparison
 
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser(
-        "demo", help="plan a grasp, execute it, show and save the outcome", epilog=_EPILOG,
-        description="Put an object on the table, plan a grasp from four depth cameras, lift it, save a video.",
-    )  # fmt: skip
-    parser.add_argument(
-        "--object", default="sugar_box", metavar="TARGET", help="name or mesh file (default sugar_box)"
-    )
-    parser.add_argument("--agent", default="bilevel", metavar="NAME", help="who plans (default bilevel)")
-    add_seed(parser, "of scene and planner")
-    parser.add_argument(
-        "--out", type=Path, default=Path("out/demo"), metavar="DIR", help="folder (default out/demo)"
-    )
-    parser.add_argument(
-        "--no-video", action="store_true", help="leave video and demo.png out: drawing takes time"
-    )
-    add_film(parser)
-    add_mesh(parser)
-    add_scene(parser)
-    add_json(parser)
+    Writes demo.mp4, demo.png (the moments of the episode), cloud.png (what the cameras saw), grasp.json and grasp.png.
+    Without a GL library the video and demo.png are left out, and said so.
 
+    Attributes:
+        object: name or mesh file.
+        agent: who plans.
+        seed: of scene and planner.
+        out: folder.
+        no_video: leave video and demo.png out: drawing takes time.
+    """
 
-def run(args: argparse.Namespace) -> int:
-    """Run the demo and print outcome and times."""
-    from dexgrasp.cli.output import make_folder, note, print_json, say_when_compiling
-    from dexgrasp.cli.plan import check_target, describe, scene_settings, write_results
-    from dexgrasp.evaluation.video import Film
-    from dexgrasp.planning import look
-    from dexgrasp.registry import agent_for
-    from dexgrasp_env.files import jsonable
-    from dexgrasp_env.rendering import rendering_fault
+    object: Annotated[str, "TARGET"] = "sugar_box"
+    agent: Annotated[str, "AGENT"] = "bilevel"
+    seed: Annotated[Natural, "S"] = 0
+    out: Folder = Path("out/demo")
+    no_video: bool = False
+    film: Film = Film()
 
-    check_target(args.object, args)
-    make_folder(args.out)
-    say_when_compiling()
-    settings = scene_settings(args)
-    missing = "left out" if args.no_video else rendering_fault()
-    if missing is None:
-        settings |= Film(args.camera, args.size).env_settings
-    began, agent = time.perf_counter(), agent_for(args.agent, args.friction)
-    seen = look.look_at(args.object, agent, args.seed, **settings)
-    agent.reset(seen.observation, seen.info)
-    found, name = _result(agent), seen.subject.identity.name
-    result = found.as_json(seen.subject.identity, args.agent, seen.subject.pose)
-    _cloud_picture(args.out / "cloud.png", seen, found)
-    if found.success:
-        write_results(args.out, found, result)
-        if not args.json:
-            print(describe(result))
-    failure = agent.report.failure
-    outcome = (
-        _execute(agent, seen, args.out) if failure is None else {"is_success": False, "failure": failure}
-    )
-    outcome["seconds"] = time.perf_counter() - began
-    seen.env.close()
-    if missing is not None and not args.no_video:
-        note(f"no video and no demo.png: {missing}")
-    if args.json:
-        whole = {"outcome": outcome, "success": bool(outcome["is_success"]), "out": str(args.out)}
-        print_json(jsonable(result | whole))
-    else:
-        print(_outcome_text(name, outcome, args.out))
-    return 0 if outcome["is_success"] else 1
+    def run(self) -> Answer:
+        """Run the demo; return outcome and times."""
+        from dexgrasp.cli.plan_results import describe, write_results
+        from dexgrasp.planning import look
+        from dexgrasp.registry import agent_for
+        from dexgrasp_env.rendering import rendering_fault
+
+        check_target(self.object, self.agent, self)
+        make_folder(self.out)
+        say_when_compiling()
+        missing = "left out" if self.no_video else rendering_fault()
+        drawn = {} if missing else self.film.env_settings
+        began, agent = time.perf_counter(), agent_for(self.agent, self.friction)
+        seen = look.look_at(self.object, agent, self.seed, **self.env_settings, **drawn)
+        agent.reset(seen.observation, seen.info)
+        found, (identity, pose) = _result(agent), seen.subject
+        result = found.as_json(identity, self.agent, pose)
+        _cloud_picture(self.out / "cloud.png", seen, found)
+        if found.success:
+            write_results(self.out, found, result)
+            if not self.json:
+                print(describe(result))
+        failure = agent.report.failure
+        outcome = {"is_success": False, "failure": failure} if failure else _execute(agent, seen, self.out)
+        outcome["seconds"] = time.perf_counter() - began
+        seen.env.close()
+        if missing and not self.no_video:
+            note(f"no video and no demo.png: {missing}")
+        good = bool(outcome["is_success"])
+        whole = result | {"outcome": outcome, "success": good, "out": self.out}
+        return Answer(whole, _outcome_text(identity.name, outcome, self.out), int(not good))
 
 
 def _result(agent: "Agent") -> "PlanResult":
@@ -145,7 +133,7 @@ def _contact_sheet(path: Path, frames: list[Any]) -> None:
     import numpy as np
 
     picks = [frames[k] for k in np.linspace(0, len(frames) - 1, 6).astype(int)]
-    imageio.imwrite(path, np.concatenate([np.concatenate(picks[:3], 1), np.concatenate(picks[3:], 1)], 0))
+    imageio.imwrite(path, np.vstack([np.hstack(picks[:3]), np.hstack(picks[3:])]))
 
 
 def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
@@ -176,3 +164,6 @@ def _outcome_text(name: str, outcome: dict[str, Any], folder: Path) -> str:
     else:
         head = f"{name}: NOT lifted: {outcome['failure'] or outcome.get('stage')}"
     return f"{head}; {outcome['seconds']:.1f} s in all\n{folder}: {files}"
+
+
+COMMAND = Demo

@@ -1,46 +1,10 @@
 """`dexgrasp list`: objects, environments, agents, protocols."""
 
-import argparse
-from typing import Any
+from typing import Annotated, Any
 
-from dexgrasp.cli.options import add_json
-
-_EPILOG = """examples:
-  dexgrasp list objects            the catalogue with sizes, masses and sets
-  dexgrasp list envs --json        ids and what gym.make accepts
-  dexgrasp list agents
-  dexgrasp list protocols          how `evaluate` and `score` score"""
-
-
-def add_parser(subparsers: "argparse._SubParsersAction[argparse.ArgumentParser]") -> None:
-    """Add the command."""
-    parser = subparsers.add_parser(
-        "list",
-        help="what objects, environments, agents and protocols there are",
-        epilog=_EPILOG,
-        description="List what there is.",
-    )
-    parser.add_argument("what", choices=tuple(_LISTS), help="what to list")
-    add_json(parser)
-
-
-def run(args: argparse.Namespace) -> int:
-    """Print a table, or one JSON object."""
-    from dexgrasp.cli.output import print_json
-    from dexgrasp.runs.text import left_table
-
-    rows = _LISTS[args.what]()
-    if args.json:
-        print_json({"schema": 1, args.what: rows} | (_sets() if args.what == "objects" else {}))
-        return 0
-    if args.what == "envs":
-        print("\n\n".join("\n".join(f"{key}: {_words(value)}" for key, value in row.items()) for row in rows))
-        return 0
-    print(left_table(tuple(rows[0]), [[_words(value) for value in row.values()] for row in rows]))
-    if args.what == "objects":
-        print("\nSets: " + "; ".join(f"{name} ({len(members)})" for name, members in _sets()["sets"].items()))
-        print("A mesh file (obj, stl, ply, glb) or a set file (json) does wherever an object is named.")
-    return 0
+from dexgrasp.cli.command import Answer, Argument, Command
+from dexgrasp.cli.figures import record_table, shown
+from dexgrasp_env.valid import one_of
 
 
 def _sets() -> dict[str, Any]:
@@ -70,34 +34,25 @@ def list_objects() -> list[dict[str, Any]]:
 def list_envs() -> list[dict[str, Any]]:
     """Return the registered environments with the choices of their arguments."""
     import gymnasium as gym
+    from gymnasium.envs.registration import load_env_creator
 
     import dexgrasp_env  # noqa: F401  (registers the environments)
     from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.tasks.control import CONTROL_MODES
     from dexgrasp_env.tasks.rewards import REWARD_MODES
 
-    choices = {
-        "control_mode": list(CONTROL_MODES),
-        "reward_mode": list(REWARD_MODES),
-        "mount": list(default_cell().mounts),
-    }
-    specs = {id: spec for id, spec in sorted(gym.registry.items()) if id.startswith("DexGrasp/")}
+    types: dict[str, Any] = {
+        id: load_env_creator(str(spec.entry_point))
+        for id, spec in gym.registry.items() if id.startswith("DexGrasp/")
+    }  # fmt: skip
     return [
         {
-            "id": id,
-            "max_episode_steps": spec.max_episode_steps,
-            "preset": dict(spec.kwargs),
-            "obs_mode": list(_env_type(spec.entry_point).obs_modes),
-            **choices,
+            "id": id, "max_episode_steps": gym.spec(id).max_episode_steps, "preset": dict(gym.spec(id).kwargs),
+            "obs_mode": list(types[id].obs_modes), "control_mode": list(CONTROL_MODES),
+            "reward_mode": list(REWARD_MODES), "mount": list(default_cell().mounts),
         }
-        for id, spec in specs.items()
-    ]
-
-
-def _env_type(entry_point: Any) -> Any:
-    from gymnasium.envs.registration import load_env_creator
-
-    return load_env_creator(entry_point)
+        for id in sorted(types)
+    ]  # fmt: skip
 
 
 def list_agents() -> list[dict[str, Any]]:
@@ -112,19 +67,12 @@ def list_protocols() -> list[dict[str, Any]]:
     from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST
     from dexgrasp.scoring.protocols import GRASP_PROTOCOLS
 
-    of_agents = [
-        {"name": protocol.name, "env": protocol.env_id, "description": protocol.description}
-        for protocol in PROTOCOLS.values()
+    found = [(name, protocol.env_id, protocol.description) for name, protocol in PROTOCOLS.items()]
+    found += [
+        (name, "", f"the mean of {', '.join(of)}") for name, of in (GROUPS | {"robust": ROBUST}).items()
     ]
-    of_files = [
-        {"name": name, "env": "grasp files", "description": protocol.summary}
-        for name, protocol in GRASP_PROTOCOLS.items()
-    ]
-    made_of = [
-        {"name": name, "env": "", "description": "the mean of " + ", ".join(names)}
-        for name, names in (GROUPS | {"robust": ROBUST}).items()
-    ]
-    return of_agents + made_of + of_files
+    found += [(name, "grasp files", protocol.summary) for name, protocol in GRASP_PROTOCOLS.items()]
+    return [{"name": name, "env": env, "description": text} for name, env, text in found]
 
 
 def _describe(spec: str) -> dict[str, Any]:
@@ -135,23 +83,18 @@ def _describe(spec: str) -> dict[str, Any]:
         agent = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError) as error:
         return {"obs_mode": None, "control_mode": None, "summary": f"not available here: {error}"}
-    settings = dict(getattr(agent, "env_settings", {}))
-    summary = (agent.__doc__ or "").strip().partition("\n")[0]
-    return {
-        "obs_mode": settings.get("obs_mode"),
-        "control_mode": settings.get("control_mode"),
-        "summary": summary,
-    }
+    settings, summary = agent.env_settings, (agent.__doc__ or "").strip().partition("\n")[0]
+    return {**{key: settings.get(key) for key in ("obs_mode", "control_mode")}, "summary": summary}
 
 
-def _words(value: Any) -> str:
-    if isinstance(value, list):
-        return (" x " if value and isinstance(value[0], int) else ", ").join(map(str, value))
-    if isinstance(value, dict):
-        return ", ".join(f"{key}={part}" for key, part in value.items()) or "-"
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return "-" if value is None else str(value)
+def _text(what: str, rows: list[dict[str, Any]], sets: dict[str, list[str]] | None = None) -> str:
+    if what == "envs":
+        return "\n\n".join("\n".join(f"{key}: {shown(value)}" for key, value in row.items()) for row in rows)
+    if sets is None:
+        return record_table(rows)
+    listed = "; ".join(f"{name} ({len(members)})" for name, members in sets.items())
+    meshes = "A mesh file (obj, stl, ply, glb) or a set file (json) does wherever an object is named."
+    return f"{record_table(rows)}\n\nSets: {listed}\n{meshes}"
 
 
 _LISTS = {
@@ -160,3 +103,28 @@ _LISTS = {
     "agents": list_agents,
     "protocols": list_protocols,
 }
+
+
+class List(Command):
+    """List what there is.
+
+    examples:
+      dexgrasp list objects            the catalogue with sizes, masses and sets
+      dexgrasp list envs --json        ids and what gym.make accepts
+      dexgrasp list agents
+      dexgrasp list protocols          how `evaluate` and `score` score
+
+    Attributes:
+        what: what to list.
+    """
+
+    what: Argument[Annotated[str, one_of(_LISTS)]]
+
+    def run(self) -> Answer:
+        """List it."""
+        rows = _LISTS[self.what]()
+        sets = _sets() if self.what == "objects" else {}
+        return Answer({self.what: rows} | sets, _text(self.what, rows, **sets))
+
+
+COMMAND = List

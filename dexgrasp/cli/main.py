@@ -4,9 +4,8 @@ import gc
 import os
 import sys
 
+from dexgrasp.cli.codes import INTERRUPTED
 from dexgrasp.runs import interrupt
-
-OK, ANSWER_IS_NO, BAD_INPUT, INTERRUPTED, INTERNAL_ERROR = 0, 1, 2, interrupt.EXIT_CODE, 70
 
 
 def main(argv: "list[str] | None" = None) -> int:

@@ -3,7 +3,7 @@
 import json
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
@@ -84,6 +84,15 @@ def coloured(text: str, kind: str) -> str:
     if not sys.stdout.isatty() or os.environ.get("NO_COLOR") or os.environ.get("TERM") == "dumb":
         return text
     return f"\x1b[{_COLOURS[kind]}m{text}\x1b[0m"
+
+
+def check_lines(checks: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return a line for each check: whether it holds, its name, value and bound."""
+    width = max(len(check["name"]) for check in checks)
+    return [
+        f"{mark(check['holds'])}  {check['name']:<{width}}  {check['value']:12.3e}   {check['bound']}"
+        for check in checks
+    ]
 
 
 def mark(good: bool) -> str:

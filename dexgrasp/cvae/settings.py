@@ -1,8 +1,10 @@
 """How the CVAE is trained; no torch is needed to say it."""
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
 from dexgrasp.planning.decoder import NetworkSettings
+from dexgrasp_env.valid import Count, Natural, Positive, Share
 
 
 @dataclass(frozen=True)
@@ -15,22 +17,22 @@ class TrainingSettings:
         clouds: a step.
         grasps: on each cloud.
         rate: of Adam at first; constant for the first half, then down to 2 % in a straight line.
-        kl_weight: reached after `warm_up` of the steps.
+        kl_weight: of the KL term; reached after `warm_up` of the steps.
         warm_up: share of the steps.
-        held_out_object: kept apart, None for none.
+        held_out_object: an object that is tested on and not trained on.
         held_out_poses: whether a rest pose of every other object is kept apart.
         threads: of torch on the CPU; results differ in the last bits with it.
         network: sizes.
     """
 
-    epochs: int = 150
-    seed: int = 0
-    clouds: int = 8
-    grasps: int = 128
-    rate: float = 1e-3
-    kl_weight: float = 0.05
-    warm_up: float = 0.2
-    held_out_object: str | None = None
+    epochs: Count = 150
+    seed: Natural = 0
+    clouds: Count = 8
+    grasps: Count = 128
+    rate: Positive = 1e-3
+    kl_weight: Annotated[Positive, "W"] = 0.05
+    warm_up: Share = 0.2
+    held_out_object: Annotated[str | None, "NAME"] = None
     held_out_poses: bool = True
-    threads: int = 1
+    threads: Count = 1
     network: NetworkSettings = field(default_factory=NetworkSettings)

@@ -3,12 +3,13 @@
 import platform
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
-from typing import Any
+from typing import Annotated, Any
 
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.versions import package_versions
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import Objects, object_name
 from dexgrasp_env.robot.cell import Cell, make_cell
+from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, read
 
 SCHEMA = 1
 _PACKAGES = ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
@@ -28,27 +29,28 @@ class DatasetSettings:
     """What a dataset is made of.
 
     Attributes:
-        objects: names of the catalogue or paths of meshes.
-        grasps_per_pose: grasps asked for of each rest pose; a pose that has fewer gives what it has.
+        objects: objects, sets or mesh files.
+        grasps_per_pose: asked for of each rest pose; a pose that has fewer gives what it has.
         seed: of everything.
-        chunk: grasps a shard.
-        tries: hand postures tried for a grasp asked for, before a shard gives up.
+        chunk: grasps a file.
+        tries: postures tried for a grasp asked for, before a file gives up.
         least_load: of the weight, what a posture is estimated to bear before it is tried; few below come to bear it.
-        mesh_scale: factor to metres, of meshes alone.
-        mesh_mass: kg, of meshes alone.
-        robot: path of a cell's or a robot's file; None for the simulated cell.
+        mesh_scale: factor from a mesh file's unit to metres, 0.001 for millimetres.
+        mesh_mass: mass of a mesh, kg (default: by its volume).
+        robot: file of your cell (robot, table, mounts, limits, gains, torques and cameras), or of a robot alone
+            (default: the simulated cell; on the command line $DEXGRASP_CELL, where it is set).
         planner: thresholds of the kinematic check.
     """
 
-    objects: tuple[str, ...]
-    grasps_per_pose: int = 200
-    seed: int = 0
-    chunk: int = 200
-    tries: int = 12
+    objects: Annotated[Objects, "OBJECT"]
+    grasps_per_pose: Count = 200
+    seed: Natural = 0
+    chunk: Count = 200
+    tries: Count = 12
     least_load: float = 0.8
-    mesh_scale: float = 1.0
-    mesh_mass: float | None = None
-    robot: str | None = None
+    mesh_scale: Annotated[Positive, "F"] = 1.0
+    mesh_mass: Annotated[Mass | None, "KG"] = None
+    robot: CellFile = None
     planner: PlannerSettings = field(default_factory=dataset_planner)
 
     @classmethod
@@ -58,15 +60,7 @@ class DatasetSettings:
         Raises:
             InputError: for an unknown object or a number out of range.
         """
-        from dexgrasp_env.objects.load import resolve_targets
-
-        settings = cls(tuple(resolve_targets(list(objects))), **rest)
-        for name in ("grasps_per_pose", "chunk", "tries"):
-            if getattr(settings, name) < 1:
-                raise InputError(f"{name} is {getattr(settings, name)}: valid are whole numbers from 1 on")
-        if settings.seed < 0:
-            raise InputError(f"seed is {settings.seed}: valid are whole numbers from 0 on")
-        return settings
+        return read(cls, {"objects": objects, **rest})
 
     @property
     def cell(self) -> Cell:
@@ -84,8 +78,6 @@ class DatasetSettings:
 
     def as_json(self) -> dict[str, Any]:
         """Return the settings as JSON holds them; meshes by their file name (their content is hashed apart)."""
-        from dexgrasp_env.objects.load import object_name
-
         return asdict(self) | {"objects": [object_name(name) for name in self.objects]}
 
 

@@ -2,11 +2,16 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any
+from typing import Annotated, Any
 
+from dexgrasp.registry import check_name
 from dexgrasp.runs.versions import package_versions
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.observations import OBS_MODES
+from dexgrasp_env.valid import CellFile, Count, Friction, Mount, Natural, Rule, number, one_of, read
 
 SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v2"
@@ -15,38 +20,52 @@ CAMERA_KEYS = ("cloud", "cloud_normals", "cloud_mask", "table_plane", "depth", "
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
 
+def _agent(name: str) -> str:
+    check_name(name)
+    return name
+
+
 @dataclass(frozen=True)
 class DemoSettings:
     """Everything that demonstrations depend on.
 
     Attributes:
-        objects: names of the catalogue, `varied-N`, paths of meshes or members of set files.
+        objects: objects, sets, varied-N, or mesh files.
         agent: who demonstrates; it sees and acts in its own modes.
         episodes: scenes tried of each object; those that end in success, twice, are kept.
         seed: of scenes, agent and noise.
         obs_mode: of the demonstrations.
         control_mode: of the demonstrations: what is commanded is converted.
-        observe: `step` or `reset`, of the demonstrations.
+        observe: when cameras look; a view seen once is stored once.
         noise: standard deviation added to what the agent commands, as a share of the velocity limits; the agent, which
-            sees what comes of it, corrects it, and whoever learns from it learns to.
-        friction: sliding coefficient; None for the default.
-        robot: path of a cell's or a robot's file; None for the simulated cell.
-        mount: how the hand sits on the flange; None for the robot's own.
+            sees what comes of it, corrects it, and whoever learns from it learns to; 0.03 is much.
+        friction: sliding friction coefficient (default 0.7).
+        robot: file of your cell (robot, table, mounts, limits, gains, torques and cameras), or of a robot alone
+            (default: the simulated cell; on the command line $DEXGRASP_CELL, where it is set).
+        mount: how the hand sits on the arm's flange (default: the robot's own).
         chunk: scenes a file while it is made.
     """
 
-    objects: tuple[str, ...]
-    agent: str = "bilevel"
-    episodes: int = 10
-    seed: int = 0
-    obs_mode: str = "state"
-    control_mode: str = "joint_delta"
-    observe: str = "reset"
-    noise: float = 0.0
-    friction: float | None = None
-    robot: str | None = None
-    mount: str | None = None
-    chunk: int = 25
+    objects: Annotated[Objects, "OBJECT"]
+    agent: Annotated[str, Rule("an agent", _agent), "AGENT"] = "bilevel"
+    episodes: Count = 10
+    seed: Natural = 0
+    obs_mode: Annotated[str, one_of(OBS_MODES)] = "state"
+    control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
+    observe: Annotated[str, one_of(("reset", "step"))] = "reset"
+    noise: Annotated[float, number(ge=0, le=1), "SHARE"] = 0.0
+    friction: Annotated[Friction | None, "MU"] = None
+    robot: CellFile = None
+    mount: Mount = None
+    chunk: Count = 25
+
+    def __post_init__(self) -> None:
+        """Check what no field alone can be wrong in.
+
+        Raises:
+            InputError: for a cell or a mount that there is not.
+        """
+        make_cell(self.robot, self.mount)
 
     @classmethod
     def of(cls, objects: Sequence[str], **rest: Any) -> "DemoSettings":
@@ -55,28 +74,7 @@ class DemoSettings:
         Raises:
             InputError: for an unknown object, agent or mode, or a number out of range.
         """
-        from dexgrasp.registry import check_name
-        from dexgrasp_env.objects.load import resolve_targets
-        from dexgrasp_env.tasks.control import CONTROL_MODES
-        from dexgrasp_env.tasks.observations import OBS_MODES
-        from dexgrasp_env.tasks.settings import OBSERVE
-
-        settings = cls(tuple(resolve_targets(list(objects))), **rest)
-        check_name(settings.agent)
-        make_cell(settings.robot, settings.mount)
-        valid = {
-            "obs_mode": OBS_MODES,
-            "control_mode": CONTROL_MODES,
-            "observe": OBSERVE,
-        }
-        for key, names in valid.items():
-            if getattr(settings, key) not in names:
-                raise unknown_name(key, getattr(settings, key), names)
-        if settings.episodes < 1 or settings.chunk < 1 or settings.seed < 0:
-            raise InputError("valid are episodes and chunk from 1 on, and a seed from 0 on")
-        if not 0.0 <= settings.noise <= 1.0:
-            raise InputError(f"noise is {settings.noise}: valid are shares from 0 to 1")
-        return settings
+        return read(cls, {"objects": objects, **rest})
 
     @property
     def env_arguments(self) -> dict[str, Any]:
@@ -103,13 +101,9 @@ class DemoSettings:
         Raises:
             InputError: if they are of another cell, or none.
         """
-        given = {key: value for key, value in saved.items() if key not in ("cell", "versions")}
-        given["robot"] = robot or given.get("robot")
-        here = make_cell(given["robot"]).version
+        saved = {**saved, "robot": robot or saved.get("robot")}
+        here = make_cell(saved["robot"]).version
         cell = saved.get("cell", here)  # before 0.2.0 none was stated
         if cell != here:
             raise InputError(f"demonstrations of cell {cell!r}: this is {here!r}, give their --cell")
-        try:
-            return cls(**given | {"objects": tuple(given["objects"])})
-        except (TypeError, KeyError):
-            raise InputError("the settings of the demonstrations are damaged: make them anew") from None
+        return read(cls, saved, "settings of the demonstrations:", more=True)

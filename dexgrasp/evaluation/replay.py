@@ -68,8 +68,7 @@ def replay(
     """
     row = _find(read_rows(folder), agent, target, trial, protocol)
     run = read_run(folder)
-    settings = EvaluationSettings.of_run(run)
-    settings = dataclasses.replace(settings, robot=robot or settings.robot)
+    settings = EvaluationSettings.of_run({**run, "robot": robot or run.get("robot")})
     spec, path = _specs([row], settings)[row_key(row)], None
     if film:
         check_rendering()

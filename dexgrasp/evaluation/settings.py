@@ -1,12 +1,11 @@
 """What an evaluation is of: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
 
-import dataclasses
 import hashlib
 import importlib.util
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol, parts
 from dexgrasp.registry import agent_files, agent_source
@@ -14,10 +13,25 @@ from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
-from dexgrasp_env.objects.load import target_files
+from dexgrasp_env.objects.load import Objects, target_files
 from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.valid import CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
 
 _PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
+
+
+def _unique(names: Iterable[str]) -> tuple[str, ...]:
+    found = () if isinstance(names, str) else tuple(dict.fromkeys(names))
+    if not found or not all(isinstance(name, str) for name in found):
+        raise ValueError
+    return found
+
+
+def _protocols(names: Iterable[str]) -> tuple[str, ...]:
+    found = _unique(names)
+    for name in found:
+        parts(name)
+    return found
 
 
 @dataclass(frozen=True)
@@ -25,28 +39,46 @@ class EvaluationSettings:
     """Everything that the outcome depends on.
 
     Attributes:
-        agents: names, checkpoints or `package.module:Class`.
-        objects: names of the catalogue and paths of meshes, sets expanded.
+        agents: names (dexgrasp list agents), checkpoints, or package.module:Class.
+        objects: objects, sets (dexgrasp list objects), or mesh files.
         trials: of each agent on each object.
-        seed: of the scenes and of the agents.
-        protocols: names of protocols; every agent meets every scene under each.
-        robot: path of a cell's or a robot's file; None for the simulated cell.
-        mount: how the hand sits on the flange; None for the protocol's.
-        friction: sliding friction coefficient; None for the protocol's.
-        mesh_scale: factor to metres, of meshes alone.
-        mesh_mass: kg, of meshes alone; None for their own.
+        seed: of all scenes and of the agents.
+        protocols: how to score, see dexgrasp list protocols; every agent meets every scene under each.
+        robot: file of your cell (robot, table, mounts, limits, gains, torques and cameras), or of a robot alone
+            (default: the simulated cell; on the command line $DEXGRASP_CELL, where it is set).
+        mount: how the hand sits on the arm's flange, see dexgrasp list envs (default: the protocol's).
+        friction: sliding friction coefficient (default: the protocol's, the object's, or 0.7).
+        mesh_scale: factor from a mesh file's unit to metres, 0.001 for millimetres.
+        mesh_mass: mass of a mesh, kg (default: by its volume).
     """
 
-    agents: tuple[str, ...]
-    objects: tuple[str, ...]
-    trials: int = 1
-    seed: int = 0
-    protocols: tuple[str, ...] = (DEFAULT_PROTOCOL,)
-    robot: str | None = None
-    mount: str | None = None
-    friction: float | None = None
-    mesh_scale: float = 1.0
-    mesh_mass: float | None = None
+    agents: Annotated[
+        tuple[str, ...], Rule("one or more names, see `dexgrasp list agents`", _unique), "AGENT"
+    ]
+    objects: Annotated[Objects, "OBJECT"]
+    trials: Count = 3
+    seed: Natural = 0
+    protocols: Annotated[
+        tuple[str, ...], Rule("names, see `dexgrasp list protocols`", _protocols), "--protocol", "PROTOCOL"
+    ] = (DEFAULT_PROTOCOL,)
+    robot: CellFile = None
+    mount: Mount = None
+    friction: Annotated[Friction | None, "MU"] = None
+    mesh_scale: Annotated[Positive, "F"] = 1.0
+    mesh_mass: Annotated[Mass | None, "KG"] = None
+
+    def __post_init__(self) -> None:
+        """Check what no field alone can be wrong in.
+
+        Raises:
+            InputError: for a cell or a mount that there is not, or a friction beside a protocol that has its own.
+        """
+        make_cell(self.robot, self.mount)
+        own = [name for name in self.parts if "friction" in get_protocol(name).scene]
+        if own and self.friction is not None:
+            raise InputError(
+                f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
+            )
 
     @classmethod
     def of(cls, agents: Sequence[str], objects: Sequence[str], **rest: Any) -> "EvaluationSettings":
@@ -55,21 +87,7 @@ class EvaluationSettings:
         Raises:
             InputError: for no agent, an unknown object or protocol, numbers out of range.
         """
-        from dexgrasp_env.objects.load import resolve_targets
-
-        settings = cls(tuple(dict.fromkeys(agents)), tuple(resolve_targets(list(objects))), **rest)
-        if not settings.agents:
-            raise InputError("no agents given: see `dexgrasp list agents`")
-        if settings.trials < 1 or settings.seed < 0:
-            raise InputError(
-                f"trials = {settings.trials}, seed = {settings.seed}: valid are trials >= 1 and seed >= 0"
-            )
-        own = [name for name in settings.parts if "friction" in get_protocol(name).scene]
-        if own and settings.friction is not None:
-            raise InputError(
-                f"protocol {own[0]!r} has a friction of its own: leave --friction out, or take lift"
-            )
-        return dataclasses.replace(settings, protocols=tuple(dict.fromkeys(settings.protocols)))
+        return read(cls, {"agents": agents, "objects": objects, **rest})
 
     @classmethod
     def of_run(cls, run: Mapping[str, Any]) -> "EvaluationSettings":
@@ -78,18 +96,8 @@ class EvaluationSettings:
         Raises:
             InputError: if it says none that are usable now.
         """
-        kept = {
-            field.name: run[field.name]
-            for field in dataclasses.fields(cls)
-            if field.name in run and field.name not in ("agents", "objects", "protocols")
-        }
-        try:
-            names = [[str(name) for name in run[key]] for key in ("agents", "objects")]
-            return cls.of(*names, protocols=tuple(str(run["protocol"]).split("+")), **kept)
-        except InputError:
-            raise
-        except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"run.json holds no settings of an evaluation ({error!r})") from None
+        protocols = str(run.get("protocol")).split("+")
+        return read(cls, {**run, "protocols": protocols}, "run.json", more=True)
 
     @property
     def protocol(self) -> str:

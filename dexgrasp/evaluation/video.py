@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Self
+from typing import Annotated, Any, Self
 
 import gymnasium as gym
 import numpy as np
@@ -10,8 +10,24 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.valid import Rule
 
 _EVERY = 2  # control steps from picture to picture: drawing takes longer than everything else
+
+
+def _size(value: tuple[int, int]) -> tuple[int, int]:
+    rows, columns = value
+    if not all(16 <= side <= 4096 and side % 2 == 0 for side in value):
+        raise ValueError
+    return rows, columns
+
+
+def _size_of(text: str) -> tuple[int, int]:
+    columns, rows = text.lower().split("x")
+    return int(rows), int(columns)
+
+
+_SIZE = Rule("a size like 640x480: even numbers from 16 to 4096", _size, _size_of)
 
 
 @dataclass(frozen=True)
@@ -19,12 +35,12 @@ class Film:
     """What videos are taken with.
 
     Attributes:
-        camera: one of `SHOW_CAMERAS`.
-        size: rows and columns, pixels.
+        camera: grasp, close to the hand and following it, front, the whole cell, or a depth camera of the cell.
+        size: width x height, pixels; rows and columns in Python (default 640x480).
     """
 
-    camera: str = "grasp"
-    size: tuple[int, int] = (480, 640)
+    camera: Annotated[str, "CAMERA"] = "grasp"
+    size: Annotated[tuple[int, int], _SIZE, "WxH"] = (480, 640)
 
     @property
     def env_settings(self) -> dict[str, Any]:

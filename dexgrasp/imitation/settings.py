@@ -1,6 +1,10 @@
 """How a policy is cloned."""
 
 from dataclasses import dataclass, field
+from typing import Annotated
+
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Count, Natural, Positive, Share, one_of
 
 
 @dataclass(frozen=True)
@@ -8,18 +12,18 @@ class CloneNetwork:
     """Sizes of the network.
 
     Attributes:
-        hidden: width of the layers.
+        hidden: width of the network's layers.
         layers: hidden layers.
         local: width of the points' features.
         cloud: width of the cloud's feature.
         chunk: set-points predicted, one a control step.
     """
 
-    hidden: int = 512
-    layers: int = 3
-    local: int = 64
-    cloud: int = 128
-    chunk: int = 8
+    hidden: Count = 512
+    layers: Count = 3
+    local: Count = 64
+    cloud: Count = 128
+    chunk: Count = 8
 
 
 @dataclass(frozen=True)
@@ -39,13 +43,22 @@ class BcSettings:
         network: sizes.
     """
 
-    view: str = "state"
-    epochs: int = 20
-    seed: int = 0
-    episodes: int = 64
-    rows: int = 16
-    rate: float = 1e-3
-    execute: int = 4
-    held_out: float = 0.05
-    threads: int = 1
+    view: Annotated[str, one_of(("state", "cloud"))] = "state"
+    epochs: Count = 20
+    seed: Natural = 0
+    episodes: Count = 64
+    rows: Count = 16
+    rate: Positive = 1e-3
+    execute: Count = 4
+    held_out: Share = 0.05
+    threads: Count = 1
     network: CloneNetwork = field(default_factory=CloneNetwork)
+
+    def __post_init__(self) -> None:
+        """Check what no field alone can be wrong in.
+
+        Raises:
+            InputError: if more of a chunk is carried out than is predicted.
+        """
+        if self.execute > self.network.chunk:
+            raise InputError(f"execute is {self.execute}: valid are 1 to {self.network.chunk}, the chunk")

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dexgrasp.runs.arrays import Layer, layers_of, read_arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Count
 
 SCHEMA = 1
 SCALE = 10.0
@@ -38,11 +39,11 @@ class NetworkSettings:
         hidden: width of the other layers.
     """
 
-    latent: int = 6
-    points: int = 512
-    local: int = 64
-    cloud: int = 256
-    hidden: int = 320
+    latent: Count = 6
+    points: Count = 512
+    local: Count = 64
+    cloud: Count = 256
+    hidden: Count = 320
 
     def as_json(self) -> dict[str, Any]:
         """Return the settings as JSON holds them."""

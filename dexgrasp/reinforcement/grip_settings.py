@@ -1,8 +1,13 @@
 """How a clone is taught a firmer grip."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import Objects
+from dexgrasp_env.valid import Count, Natural, Positive, number, pair
+
+Range = Annotated[tuple[float, float], pair(number(gt=0)), "LEAST", "MOST"]
 
 
 @dataclass(frozen=True)
@@ -10,7 +15,7 @@ class GripSettings:
     """Everything that a training depends on, the clone apart.
 
     Attributes:
-        objects: names, expanded.
+        objects: objects, sets or mesh files to learn on.
         friction: coefficients that episodes draw from.
         mass: factors on the objects' masses that episodes draw from.
         env_id: what is learned.
@@ -28,28 +33,28 @@ class GripSettings:
         threads: of torch on the CPU; results differ in the last bits with it.
     """
 
-    objects: tuple[str, ...] = ("varied-0",)
-    friction: tuple[float, float] = (0.3, 0.5)
-    mass: tuple[float, float] = (1.0, 1.5)
+    objects: Annotated[Objects, "OBJECT"]
+    friction: Range = (0.3, 0.5)
+    mass: Range = (1.0, 1.5)
     env_id: str = "DexGrasp/Lift-v1"
-    episode_steps: int = 110
-    episodes: int = 3000
-    num_envs: int = 16
-    round_episodes: int = 6
-    alike: int = 4
-    seed: int = 0
-    hidden: int = 32
-    rate: float = 2e-3
+    episode_steps: Count = 110
+    episodes: Count = 3000
+    num_envs: Count = 16
+    round_episodes: Count = 6
+    alike: Count = 4
+    seed: Natural = 0
+    hidden: Count = 32
+    rate: Positive = 2e-3
     spread: float = -1.0
-    passes: int = 10
-    divergence: float = 0.08
-    threads: int = 1
+    passes: Count = 10
+    divergence: Positive = 0.08
+    threads: Count = 1
 
     def __post_init__(self) -> None:
-        """Check the numbers.
+        """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: if environments do not come out in groups, or a range is none.
+            InputError: if environments do not come out in groups.
         """
         if self.num_envs % self.alike:
             raise InputError(f"num_envs is {self.num_envs}: valid are multiples of {self.alike}")

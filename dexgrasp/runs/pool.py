@@ -11,12 +11,13 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import connection
-from typing import Any, TypeVar
+from typing import Annotated, Any, TypeVar
 
 from dexgrasp.runs.cluster import run_on_cluster
 from dexgrasp.runs.interrupt import not_inherited
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import require_extra
+from dexgrasp_env.valid import Count, one_of
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -31,26 +32,26 @@ class WorkerDiedError(RuntimeError):
 
 @dataclass(frozen=True)
 class Backend:
-    """Where work is done.
+    """Where it runs; what comes out does not depend on it.
 
     Attributes:
-        name: one of `BACKENDS`.
-        workers: processes; with 1 everything runs in this one. Of a new Ray cluster where no address is given.
-        address: of the cluster: "auto" for the one that this machine belongs to, or host:port; None for a new one.
+        name: processes of this machine, or ray, tasks on a cluster.
+        workers: processes; with 1 everything runs in this one.
+        address: with ray the cluster, auto or host:port (default: a new one here, of so many workers).
     """
 
-    name: str = "processes"
-    workers: int = 1
-    address: str | None = None
+    name: Annotated[str, one_of(BACKENDS), "--backend"] = "processes"
+    workers: Annotated[Count, "W"] = 1
+    address: Annotated[str | None, "A"] = None
 
     def __post_init__(self) -> None:
-        """Check the name.
+        """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: for an unknown one, or ray without its extra.
+            InputError: for an address without Ray, or Ray without its extra.
         """
-        if self.name not in BACKENDS:
-            raise InputError(f"backend {self.name!r}: valid are {', '.join(BACKENDS)}")
+        if self.address is not None and self.name != "ray":
+            raise InputError("--address is of a Ray cluster: add --backend ray")
         if self.name == "ray":
             require_extra("cluster", "backend 'ray'")
 

@@ -16,10 +16,10 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.sets import MASS, SetMember, is_set, set_member, set_targets
+from dexgrasp_env.objects.sets import SetMember, is_set, set_member, set_targets
 from dexgrasp_env.objects.stored import stored_object
 from dexgrasp_env.objects.varied import varied_object, varied_targets
-from dexgrasp_env.valid import Rule, check, number
+from dexgrasp_env.valid import MASS, Rule, check, number
 
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 

@@ -17,14 +17,11 @@ from typing import Annotated, Any
 import numpy as np
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import expand, parse_json
+from dexgrasp_env.files import expand, read_json_object
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
-from dexgrasp_env.valid import Rule, number, read
+from dexgrasp_env.valid import Mass, Rule, number, read
 
 SCHEMA = 1
-MASS = number(ge=1e-4, le=100)
-"""kg: lighter bodies vanish in the solver's tolerance, heavier ones are no objects for a hand."""
-Mass = Annotated[float, MASS]
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 
 
@@ -101,12 +98,8 @@ def read_set(path: str) -> dict[str, SetMember]:
         InputError: one line: a file that is missing or wrong, and where.
     """
     file = expand(path)
-    try:
-        content = parse_json(file.read_bytes())
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise InputError(f"set file {path!r} cannot be read ({reason}): it must be JSON") from None
-    entries = content.get("objects") if isinstance(content, dict) else None
+    content = read_json_object(file, "a set file is JSON", f"set file {path!r} cannot be read")
+    entries = content.get("objects")
     if not isinstance(entries, list) or not entries or content.get("schema") != SCHEMA:
         raise InputError(f'set file {path!r} must hold {{"schema": {SCHEMA}, "objects": [...]}}')
     members: dict[str, SetMember] = {}

@@ -6,7 +6,6 @@ from typing import Annotated, Any
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.sets import Mass
 from dexgrasp_env.rendering import SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, default_cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
@@ -18,7 +17,7 @@ from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.tasks.rewards import REWARD_MODES, reward_weights
-from dexgrasp_env.valid import Friction, Positive, Rule, check, number, one_of, read
+from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
 
 DEFAULT_VIEWS = 4
 OBSERVE = ("step", "reset", "clear")

@@ -45,9 +45,9 @@ def _docstring(match: "re.Match[str]") -> str:
 
 def _commands() -> str:
     """Every command's help as a section."""
-    from dexgrasp.cli.commands import make_parser
+    from dexgrasp.cli.commands import COMMANDS, make_parser
 
-    subparsers = next(action for action in make_parser()._actions if action.dest == "command")
+    subparsers = next(action for action in make_parser(*COMMANDS)._actions if action.dest == "command")
     helps = {name: parser.format_help() for name, parser in subparsers.choices.items()}
     return "\n\n".join(f"## dexgrasp {name}\n\n```text\n{text}```" for name, text in helps.items())
 

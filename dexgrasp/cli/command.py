@@ -1,0 +1,133 @@
+"""What commands are made of: options as the fields of dataclasses, an answer.
+
+A field's annotation says what is valid, its default what holds where nothing is given, its line under `Attributes:` is
+the help; nothing of an option is said a second time. `Annotated` may add, as text, what the option (`"--from"`) or its
+value (`"DIR"`) is called, as a mapping what argparse is to know besides (`instead_of`: the path of an option that this
+one excludes; `variable`: of the surroundings, whose value holds where the command line gives none). A field that is a
+dataclass itself, such as the settings that a function of the library takes, brings its own fields: all, or those that
+a tuple names.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
+
+from dexgrasp.cli.output import print_json
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import jsonable
+from dexgrasp_env.valid import CellFile, Friction, Mass, Mount, Positive
+
+if TYPE_CHECKING:
+    from dexgrasp_env.robot.cell import Cell
+
+T = TypeVar("T")
+POSITIONAL = object()
+Argument = Annotated[T, POSITIONAL]
+"""A field that is given by its place, not by its name."""
+Folder = Annotated[Path, "DIR"]
+File = Annotated[Path, "FILE"]
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a command answers.
+
+    Attributes:
+        content: as JSON; its schema is 1 unless it says another.
+        text: for people; empty for nothing.
+        code: exit code.
+    """
+
+    content: Mapping[str, Any]
+    text: str
+    code: int = 0
+
+    def show(self, as_json: bool) -> int:
+        """Print it and return the exit code."""
+        if as_json:
+            print_json(jsonable({"schema": 1} | dict(self.content)))
+        elif self.text:
+            print(self.text)
+        return self.code
+
+
+@dataclass_transform(kw_only_default=True, frozen_default=True)
+class Options:
+    """Options that several commands share: every class of them is a frozen dataclass."""
+
+    def __init_subclass__(cls) -> None:
+        dataclass(frozen=True, kw_only=True)(cls)
+
+
+class Command(Options):
+    """A command; the first lines of its docstring describe it, what follows until `Attributes:` is printed below.
+
+    Attributes:
+        json: print one JSON object on stdout and nothing else there.
+    """
+
+    json: bool = False
+
+    def run(self) -> Answer | int:
+        """Do it; return what is to be printed, or the exit code alone."""
+        raise NotImplementedError
+
+
+def check_mesh_options(targets: Sequence[str], scale: float, mass: float | None) -> None:
+    """Refuse options of meshes where there is none.
+
+    Raises:
+        InputError: naming the options.
+    """
+    from dexgrasp_env.objects.load import has_own_size
+
+    if (scale, mass) != (1.0, None) and all(map(has_own_size, targets)):
+        raise InputError(
+            f"--mesh-scale and --mesh-mass are of mesh files alone: {targets[0]!r} has a size and a mass of its own"
+        )
+
+
+class InCell(Options):
+    """Your cell.
+
+    Attributes:
+        robot: file of your cell (robot, table, mounts, limits, gains, torques and cameras), or of a robot alone
+            (default: the simulated cell; on the command line $DEXGRASP_CELL, where it is set).
+    """
+
+    robot: CellFile = None
+
+    @property
+    def cell(self) -> "Cell":
+        """The cell that is meant.
+
+        Raises:
+            InputError: for a file that is none.
+        """
+        from dexgrasp_env.robot.cell import make_cell
+
+        return make_cell(self.robot, getattr(self, "mount", None))
+
+
+class Scene(InCell):
+    """The scene.
+
+    Attributes:
+        mount: how the hand sits on the arm's flange; see dexgrasp list envs.
+        friction: sliding friction coefficient (default 0.7).
+        mesh_scale: factor from a mesh file's unit to metres: 0.001 for millimetres.
+        mesh_mass: mass of a mesh, kg (default: by its volume).
+    """
+
+    mount: Mount = None
+    friction: Annotated[Friction | None, "MU"] = None
+    mesh_scale: Annotated[Positive, "F"] = 1.0
+    mesh_mass: Annotated[Mass | None, "KG"] = None
+
+    @property
+    def env_settings(self) -> dict[str, Any]:
+        """What `gym.make` is called with."""
+        chosen = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
+        given = {name: value for name, value in chosen.items() if value is not None}
+        return {"mesh_scale": self.mesh_scale, "mesh_mass": self.mesh_mass} | given

@@ -1,0 +1,141 @@
+"""Parsers from the dataclasses of `command`."""
+
+import argparse
+import inspect
+import os
+import re
+from collections.abc import Callable
+from dataclasses import MISSING, Field, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin
+
+from dexgrasp.cli.command import POSITIONAL, Command
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import TEXT, Hint, Rule, hint_of, hints, read
+
+_SHOWN = (str, int, float, Path)
+_LETTERS = {int: "N", float: "X"}
+
+
+C = TypeVar("C", bound=Command)
+
+
+def texts(owner: Any) -> tuple[str, str]:
+    """Return the description and what is printed below the options, from the docstring of a class or a module."""
+    doc = (inspect.getdoc(owner) or "").partition("\nAttributes:\n")[0]
+    description, _, below = doc.partition("\n\n")
+    return " ".join(description.split()), below.strip()
+
+
+def build(kind: type[C], args: argparse.Namespace) -> C:
+    """Return a command with the options that were given.
+
+    Raises:
+        InputError: for settings that are not valid.
+    """
+    given: dict[str, Any] = {}
+    for path, value in vars(args).items():
+        *within, name = path.split(".")
+        place = given
+        for part in within:
+            place = place.setdefault(part, {})
+        place[name] = tuple(value) if isinstance(value, list) else value
+    return read(kind, given, more=True)
+
+
+def add_options(
+    parser: argparse.ArgumentParser, kind: Any, path: str = "", chosen: tuple[str, ...] | None = None
+) -> None:
+    """Add an option for every field of a dataclass; those of other classes and of dataclasses within are groups.
+
+    Args:
+        parser: of the command.
+        kind: the dataclass.
+        path: names of the fields that lead to it, each with a dot behind.
+        chosen: the fields that are options; None for all.
+    """
+    seen: set[str] = set()
+    for owner in kind.__mro__:
+        apart = path or owner not in (kind, Command)
+        place = parser.add_argument_group(texts(owner)[0].rstrip(".")) if apart else parser
+        lines = _attributes(owner)
+        for name in vars(owner).get("__annotations__", ()):
+            if name in seen:
+                continue
+            seen.add(name)
+            hint = hints(kind)[name]
+            if is_dataclass(hint.kind):
+                named = [mark for mark in hint.marks if isinstance(mark, tuple)]
+                add_options(parser, hint.kind, f"{path}{name}.", named[0] if named else chosen)
+            elif chosen is None or name in chosen:
+                _add(place, path + name, kind.__dataclass_fields__[name], hint, lines.get(name, ""))
+
+
+def _attributes(owner: Any) -> dict[str, str]:
+    """Return the lines under `Attributes:` of a class by name."""
+    section = (inspect.getdoc(owner) or "").partition("\nAttributes:\n")[2]
+    found = re.findall(r"^    (\w+): (.*(?:\n     .*)*)", section, re.MULTILINE)
+    return {name: " ".join(text.split()) for name, text in found}
+
+
+def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> None:
+    default = field.default if field.default_factory is MISSING else field.default_factory()
+    settings = {"help": _help(line, default), "default": argparse.SUPPRESS} | _value(field.name, hint)
+    for mark in hint.marks:
+        settings |= mark if isinstance(mark, dict) else {}
+    if POSITIONAL in hint.marks:
+        if default is not MISSING:
+            settings["nargs"] = "*" if "nargs" in settings else "?"
+        place.add_argument(path, **settings)
+    else:
+        flags = [mark for mark in hint.marks if str(mark).startswith("--")]
+        flag = flags[0] if flags else f"--{field.name.replace('_', '-')}"
+        other = settings.pop("instead_of", path)
+        settings["default"] = os.environ.get(settings.pop("variable", ""), argparse.SUPPRESS)
+        place.add_argument(flag, dest=path, required=default is MISSING, **settings)
+        if other != path:
+            both = [action for action in place._actions if action.dest in (path, other)]
+            place.add_mutually_exclusive_group()._group_actions += both
+
+
+def _help(line: str, default: Any) -> str:
+    text, values = line.rstrip("."), default if isinstance(default, tuple) else (default,)
+    if (
+        values
+        and "default" not in text
+        and all(isinstance(value, _SHOWN) and value is not False for value in values)
+    ):
+        text += f" (default {' '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in values)})"
+    return text.replace("%", "%%")
+
+
+def _value(name: str, hint: Hint) -> dict[str, Any]:
+    """Return what argparse is told of a value."""
+    if hint.kind is bool:
+        return {"action": "store_true"}
+    found: dict[str, Any] = {}
+    words = [mark for mark in hint.marks if isinstance(mark, str) and not mark.startswith("--")]
+    if get_origin(hint.kind) is tuple and (hint.rule is None or hint.rule.parse is str):
+        first, *rest = get_args(hint.kind)
+        hint = hint_of(first)
+        found["nargs"] = "+" if rest[-1] is Ellipsis else 1 + len(rest)
+        words = words or [mark for mark in hint.marks if isinstance(mark, str)]
+    rule = hint.rule or TEXT
+    if rule.choices:
+        return found | {"choices": rule.choices}
+    words = words or [_LETTERS.get(hint.kind, name.upper())]
+    several = isinstance(found.get("nargs"), int) and len(words) > 1
+    return found | {"metavar": tuple(words) if several else words[-1], "type": reader(rule)}
+
+
+def reader(rule: Rule) -> Callable[[str], Any]:
+    """Return what reads a word of the command line, and says in a line what is wrong with it."""
+
+    def parse(text: str) -> Any:
+        try:
+            return rule.admit(rule.parse(text))
+        except (TypeError, ValueError, OverflowError) as error:
+            words = error if isinstance(error, InputError) else f"{text!r} is not {rule.words}"
+            raise argparse.ArgumentTypeError(str(words)) from None
+
+    return parse
