@@ -1,8 +1,10 @@
 """What the code says of itself, in place of `{{ docstring module:Class }}`, `{{ module name }}`, `{{ commands }}`."""
 
+import argparse
 import importlib
 import inspect
 import re
+from collections.abc import Iterator
 from typing import Any
 
 _DOCSTRING = re.compile(r"^\{\{ docstring ([\w.]+):(\w+) \}\}$", re.MULTILINE)
@@ -44,12 +46,21 @@ def _docstring(match: "re.Match[str]") -> str:
 
 
 def _commands() -> str:
-    """Every command's help as a section."""
+    """Every command's help as a section, those within others as well."""
     from dexgrasp.cli.commands import COMMANDS, make_parser
 
-    subparsers = next(action for action in make_parser(*COMMANDS)._actions if action.dest == "command")
-    helps = {name: parser.format_help() for name, parser in subparsers.choices.items()}
-    return "\n\n".join(f"## dexgrasp {name}\n\n```text\n{text}```" for name, text in helps.items())
+    return "\n\n".join(
+        f"## {parser.prog}\n\n```text\n{parser.format_help()}```"
+        for parser in _within(make_parser(*COMMANDS))
+    )
+
+
+def _within(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for own in action.choices.values():
+                yield own
+                yield from _within(own)
 
 
 def _protocols() -> str:
