@@ -110,7 +110,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, v
         Cloning([demos], tmp_path / "parts", settings_of(view, seed=1)).run()
     agent = make_agent(str(tmp_path / "whole"))
     assert agent.env_settings["obs_mode"] == {"state": "state", "cloud": "pointcloud"}[view]
-    evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"])
+    evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"], trials=1)
     assert any(name.endswith("policy.safetensors") for name in evaluation.identity()["files"])
     row, _ = TrialRunner(evaluation).run(plan_trials(evaluation)[0])
     assert row["error"] is None

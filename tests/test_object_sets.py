@@ -112,7 +112,7 @@ def test_a_member_is_named_in_results_and_seeds_by_its_name(folder):
 
 def test_an_evaluation_knows_the_set_and_its_meshes(folder):
     path = written(folder, BRICK, BALL)
-    settings = EvaluationSettings.of(["random"], [path])
+    settings = EvaluationSettings.of(["random"], [path], trials=1)
     files = settings.identity()["files"]
     assert {Path(name).name for name in files} == {"my.json", "brick.stl", "ball.ply"}
     trimesh.creation.box((50, 60, 81)).export(folder / "brick.stl")

@@ -58,7 +58,7 @@ def played(robot: str | None, folder: Path) -> dict[str, object]:
     env.reset(seed=0)
     rng = np.random.default_rng(0)
     seen = [env.step(rng.uniform(-1.0, 1.0, env.action_space.shape))[0] for _ in range(5)][-1]
-    settings = EvaluationSettings.of(["bilevel"], ["soda"], robot=robot, seed=1)
+    settings = EvaluationSettings.of(["bilevel"], ["soda"], trials=1, seed=1, robot=robot)
     evaluate(settings, folder, progress=False)
     (row,) = read_rows(folder)
     return {
