@@ -58,7 +58,7 @@ class _Policy(TrainingCommand, _Tried):
         from dexgrasp.runs.training import Course
 
         where, results, seeds = (
-            Course(self.device, judge=self._trials(), **course),
+            Course(self.device, tester=self._trials(), **course),
             [],
             dict.fromkeys(self.seeds),
         )
