@@ -26,7 +26,7 @@ from tqdm import tqdm
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.physics.strength import GRAVITY
+from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.planning.look import Look, look_at
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_json

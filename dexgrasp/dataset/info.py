@@ -106,7 +106,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     from dexgrasp.grasp.identity import ObjectIdentity
     from dexgrasp.grasp.record import GraspRecord
     from dexgrasp.grasp.thresholds import thresholds_for
-    from dexgrasp.physics.strength import GRAVITY
+    from dexgrasp.physics.contacts import GRAVITY
     from dexgrasp_env.robot.cell import default_cell
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}

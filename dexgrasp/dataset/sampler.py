@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
+from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.margin import rough_margins
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
-from dexgrasp.physics.strength import GRAVITY, load_of, torque_fraction
+from dexgrasp.physics.strength import load_of, torque_fraction
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.claims import FAR
@@ -191,10 +192,16 @@ def _free_loads(
     most: float,
 ) -> Array:  # fmt: skip
     """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""
-    J, limit, room, out = np.zeros((3, 3, 9)), np.full(9, MOST_FORCE), empty_room(9), np.empty(len(triples))
+    J, limit, room, out = (
+        np.zeros((3, 3, 9)),
+        np.full(9, MOST_FORCE),
+        empty_room(3, 9),
+        np.empty(len(triples)),
+    )
     for k in range(9):
         J[k // 3, k % 3, k] = 1.0
     for m in range(len(triples)):
         t = triples[m]
-        out[m] = squeeze_estimate(points[t], normals[t], centre, gravity, friction[t], J, limit, most, room)
+        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity)
+        out[m] = squeeze_estimate(contacts, most, room)
     return out

@@ -1,7 +1,7 @@
 """How far a grasp is from losing force closure, with gradients.
 
 The **margin** is the min-weight metric (Shaw Cortez; FRoGGeR, 2023) taken to the exact cone (Eq. 1). Forces
-in equilibrium at three contacts are the internal forces of their triangle (see `closure`); with N_i the
+in equilibrium at three contacts are the internal forces of their triangle (see `equilibrium`); with N_i the
 pressing and f_t,i the tangential part of each,
 
     margin = 3 max over internal forces, with sum N_i = 1, of min_i [N_i - |f_t,i| / mu].
@@ -22,289 +22,143 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
-from numpy.typing import NDArray
 
-from dexgrasp.physics.checks import (
-    Numbers,
-    check_array,
-    check_positive,
-    check_unit,
-)
-from dexgrasp.physics.cones import basis_of
-from dexgrasp.physics.max_min import max_min, start_rows
+from dexgrasp.physics.checks import Numbers, check_array, check_positive, check_unit
+from dexgrasp.physics.equilibrium import internal_forces, middle_and_inverse
+from dexgrasp.physics.programme import Programme, begin, empty_programme, maximise, set_cones
 from dexgrasp_env.arrays import Array
 
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
-_MAX_ROWS = 160
+_LINE = 1e-6  # height of a triangle over its longest side
+_FACES, _ROUNDS = 4, 45
+_EXACT = 6e-11
+_NOTHING = 1e-7  # N that internal forces of 1 N press with
+_UNKNOWNS = (0, 0, 0)  # two of the internal forces that press 1 N in all, and the value
 
 
-class Grip(NamedTuple):
-    """Three contacts."""
+class _Room(NamedTuple):
+    """What a margin and its gradients are worked out in."""
 
-    points: Array  # (3, 3) m
-    normals: Array  # (3, 3) unit, out of the object
-    mu: float
-
-
-class Slopes(NamedTuple):
-    """Room for gradients of a margin and for the forces at its optimum."""
-
+    programme: Programme
+    friction: Array  # (3,)
+    internal: Array  # (3, 3, 3) internal forces: contact, axis, force
+    mirror: Array  # (3,) normal of the mirror that reflects them
+    pull: Array  # (3, 3) what a shift of each force gains
     by_points: Array  # (3, 3) 1/m
     by_normals: Array  # (3, 3)
-    forces: Array  # (3, 3) N
 
 
-class _Internal(NamedTuple):
-    """Internal forces x0 + Q^T y of unit pressing sum, over the chords of the triangle."""
-
-    X: Array  # (3, 3, 3): force at contact i of a unit internal force along chord j
-    x0: Array  # (3,)
-    Q: Array  # (2, 3)
-
-
-class _Cuts(NamedTuple):
-    """Faces of the cones: row k of contact `owner` bounds N - (u, v) . f_t / mu, in the plane d + s . y."""
-
-    T: Array  # (3, 2, 3) tangents of the contacts
-    owner: NDArray[np.int64]  # (_MAX_ROWS,), -1 for the artificial rows
-    u: Array  # (_MAX_ROWS,)
-    v: Array
-    s: Array  # (_MAX_ROWS, 2)
-    d: Array  # (_MAX_ROWS,)
+@njit(cache=True, error_model="numpy")
+def _empty_room(mu: float) -> _Room:
+    p = empty_programme(3, _UNKNOWNS, 3 * (_FACES + _ROUNDS))
+    return _Room(
+        p, np.full(3, mu), np.empty((3, 3, 3)), np.empty(3), np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3))
+    )  # fmt: skip
 
 
-class _Optimum(NamedTuple):
-    """Where the simplex method ended."""
+@njit(cache=True, error_model="numpy")
+def _optimum(points: Array, normals: Array, room: _Room, tolerance: float, enough: float) -> float:
+    """Return the margin, at most `tolerance` too high, or any bound of it from above that is not above `enough`.
 
-    y: Array  # (3,): the plane's coordinates and the value
-    lam: Array  # (3,) weights of the basis
-    B: NDArray[np.int64]  # (3,) rows of the basis
-
-
-@njit(cache=True)
-def _chords(points: Array, X: Array) -> bool:
-    """Write X[i, j], the force at contact i of a unit internal force j (12, 13, 23); False on a line."""
-    lengths = np.empty(3)
-    for j in range(3):
-        a, b = (0, 1) if j == 0 else ((0, 2) if j == 1 else (1, 2))
-        lengths[j] = 0.0
-        for k in range(3):
-            lengths[j] += (points[b, k] - points[a, k]) ** 2
-        lengths[j] = lengths[j] ** 0.5
-        if lengths[j] < 1e-9:
-            return False
-        for k in range(3):
-            e = (points[b, k] - points[a, k]) / lengths[j]
-            X[a, j, k], X[b, j, k] = e, -e
-    dot = 0.0
-    for k in range(3):
-        dot += X[0, 0, k] * X[0, 1, k]
-    return dot * dot < 1.0 - 1e-12
+    It is three times the largest t for which each force still is in its cone when it presses t less.
+    """
+    p = room.programme
+    if not internal_forces(points, room.internal) > _LINE:
+        return UNDEFINED
+    set_cones(p, normals, room.friction)
+    if not _press_one(normals, room):
+        return UNDEFINED
+    begin(p, 1.0, _FACES)
+    if not maximise(p, _ROUNDS, tolerance * room.friction[0] / 3.0, enough / 3.0) or p.lp.basis.min() < 0:
+        return UNDEFINED
+    return max(3.0 * p.lp.z[2], UNDEFINED)
 
 
-@njit(cache=True)
-def _complete(N: Array, Q: Array) -> bool:
-    """Write two unit vectors orthogonal to N (3,) and to each other into Q (2, 3); False where N vanishes."""
-    size = (N[0] ** 2 + N[1] ** 2 + N[2] ** 2) ** 0.5
-    if size < 1e-7:
+@njit(cache=True, error_model="numpy")
+def _press_one(normals: Array, room: _Room) -> bool:
+    """Write the programme's forces: internal ones that press 1 N in all, t outwards each; False where there are none.
+
+    A reflection of the internal forces turns what they press with to the last of them: of those it makes, all others
+    press with nothing in all.
+    """
+    p, internal, mirror, last = room.programme, room.internal, room.mirror, len(room.mirror) - 1
+    squared = 0.0
+    for q in range(last + 1):
+        mirror[q] = 0.0
+        for i in range(3):
+            for k in range(3):
+                mirror[q] -= normals[i, k] * internal[i, k, q]
+        squared += mirror[q] ** 2
+    if squared < _NOTHING**2:
         return False
-    t = basis_of(N[0] / size, N[1] / size, N[2] / size)
-    for k in range(3):
-        Q[0, k], Q[1, k] = t[k], t[3 + k]
+    press = -np.copysign(np.sqrt(squared), mirror[last])  # N, of the last of the reflected forces
+    mirror[last] -= press
+    for i in range(3):
+        for k in range(3):
+            part = 0.0
+            for q in range(last + 1):
+                part += internal[i, k, q] * mirror[q]
+            part /= press * mirror[last]
+            for q in range(last):
+                p.span[i, k, q] = internal[i, k, q] + part * mirror[q]
+            p.fixed[i, k] = (internal[i, k, last] + part * mirror[last]) / press
+            p.span[i, k, last] = normals[i, k]
     return True
 
 
-@njit(cache=True)
-def _cut(grip: Grip, internal: _Internal, cuts: _Cuts, k: int, i: int, u: float, v: float) -> None:
-    """Write row k: what contact i presses beyond what friction along (u, v) needs, a function of y."""
-    cuts.owner[k], cuts.u[k], cuts.v[k] = i, u, v
-    cuts.d[k] = cuts.s[k, 0] = cuts.s[k, 1] = 0.0
-    q = np.empty(3)
-    for c in range(3):
-        q[c] = -grip.normals[i, c] - (u * cuts.T[i, 0, c] + v * cuts.T[i, 1, c]) / grip.mu
-    for j in range(3):
-        r = 0.0
-        for c in range(3):
-            r += q[c] * internal.X[i, j, c]
-        cuts.d[k] += r * internal.x0[j]
-        cuts.s[k, 0] += r * internal.Q[0, j]
-        cuts.s[k, 1] += r * internal.Q[1, j]
-
-
-@njit(cache=True)
-def _margin(grip: Grip, slopes: Slopes) -> float:
-    """The value of `cone_margin`; writes gradients and the optimal forces."""
-    for out in (slopes.by_points, slopes.by_normals, slopes.forces):
-        out[:] = 0.0
-    cuts = _empty_cuts(grip)
-    best = _Optimum(np.empty(3), np.empty(3), np.empty(3, np.int64))
-    value = _optimise(grip, cuts, best, slopes.forces, 0.0, -np.inf)
-    if value > UNDEFINED:
-        _gradients(grip, cuts, best, slopes)
+@njit(cache=True, error_model="numpy")
+def _margin(points: Array, normals: Array, room: _Room) -> float:
+    """Return the value of `cone_margin`; write gradients and the forces at the optimum."""
+    p = room.programme
+    room.by_points[:] = 0.0
+    room.by_normals[:] = 0.0
+    value = _optimum(points, normals, room, _EXACT, -np.inf)
+    if value == UNDEFINED:
+        p.forces[:] = 0.0
+        return value
+    for i in range(3):
+        for k in range(3):
+            p.forces[i, k] -= p.lp.z[2] * normals[i, k]
+    _gradients(points, normals, room)
     return value
 
 
-@njit(cache=True)
-def _optimise(
-    grip: Grip, cuts: _Cuts, best: _Optimum, forces: Array, tolerance: float, enough: float
-) -> float:
-    """Return the margin, at most `tolerance` too high, or any bound of it from above that is not above `enough`."""
-    internal = _Internal(np.zeros((3, 3, 3)), np.empty(3), np.empty((2, 3)))
-    if not _span(grip, internal):
-        return UNDEFINED
-    m = _first_cuts(grip, internal, cuts)
-    start_rows(cuts.s, cuts.d, m, best.B)
-    m += 3
-    if not max_min(cuts.s, cuts.d, m, best.B, best.y, best.lam):
-        return UNDEFINED
-    for _ in range(45):
-        if 3.0 * best.y[2] <= enough:
-            break
-        _forces(internal, best.y, forces)
-        before = m
-        m = _more_cuts(grip, internal, cuts, best.y[2], forces, m, tolerance / 3.0)
-        if m == before or not max_min(cuts.s, cuts.d, m, best.B, best.y, best.lam):
-            break
-    if cuts.owner[best.B].min() < 0 or 3.0 * best.y[2] <= UNDEFINED:
-        return UNDEFINED
-    return 3.0 * best.y[2]
+@njit(cache=True, error_model="numpy")
+def _gradients(points: Array, normals: Array, room: _Room) -> None:
+    """Envelope theorem: d value = 3 sum_i (P_i . df_i + dP_i . f_i), P_i = sum_k multiplier_k plane_k + t n_i.
 
-
-@njit(cache=True)
-def _span(grip: Grip, internal: _Internal) -> bool:
-    """Write the internal forces whose pressing parts sum to 1; False where there are none."""
-    N = np.zeros(3)
-    if not _chords(grip.points, internal.X):
-        return False
-    for j in range(3):
-        for i in range(3):
-            for k in range(3):
-                N[j] -= grip.normals[i, k] * internal.X[i, j, k]
-    if not _complete(N, internal.Q):
-        return False
-    size = N[0] ** 2 + N[1] ** 2 + N[2] ** 2
-    for j in range(3):
-        internal.x0[j] = N[j] / size
-    return True
-
-
-@njit(cache=True)
-def _empty_cuts(grip: Grip) -> _Cuts:
-    T = np.empty((3, 2, 3))
-    for i in range(3):
-        T[i, 0, 0], T[i, 0, 1], T[i, 0, 2], T[i, 1, 0], T[i, 1, 1], T[i, 1, 2] = basis_of(
-            grip.normals[i, 0], grip.normals[i, 1], grip.normals[i, 2]
-        )
-    owner, u, v = np.full(_MAX_ROWS, -1), np.zeros(_MAX_ROWS), np.zeros(_MAX_ROWS)
-    return _Cuts(T, owner, u, v, np.empty((_MAX_ROWS, 2)), np.empty(_MAX_ROWS))
-
-
-@njit(cache=True)
-def _first_cuts(grip: Grip, internal: _Internal, cuts: _Cuts) -> int:
-    """Write four rows a contact; return how many in all."""
-    for i in range(3):
-        for face in range(4):
-            u, v = (1.0 - 2.0 * (face % 2)) * 0.5**0.5, (1.0 - 2.0 * (face // 2)) * 0.5**0.5
-            _cut(grip, internal, cuts, 4 * i + face, i, u, v)
-    return 12
-
-
-@njit(cache=True)
-def _more_cuts(
-    grip: Grip, internal: _Internal, cuts: _Cuts, value: float, forces: Array, m: int, tolerance: float
-) -> int:
-    """Append a row where the forces leave the exact cone; return how many rows there are then."""
-    least = value - max(tolerance, 1e-12 * (1.0 + abs(value)))
-    for i in range(3):
-        press, u, v = 0.0, 0.0, 0.0
-        for k in range(3):
-            press -= grip.normals[i, k] * forces[i, k]
-            u += cuts.T[i, 0, k] * forces[i, k]
-            v += cuts.T[i, 1, k] * forces[i, k]
-        size = (u * u + v * v) ** 0.5
-        if press - size / grip.mu < least and size > 0.0 and m < _MAX_ROWS:
-            _cut(grip, internal, cuts, m, i, u / size, v / size)
-            m += 1
-    return m
-
-
-@njit(cache=True)
-def _forces(internal: _Internal, y: Array, forces: Array) -> None:
-    forces[:] = 0.0
-    for j in range(3):
-        x = internal.x0[j] + internal.Q[0, j] * y[0] + internal.Q[1, j] * y[1]
-        for i in range(3):
-            for k in range(3):
-                forces[i, k] += x * internal.X[i, j, k]
-
-
-@njit(cache=True)
-def _gradients(grip: Grip, cuts: _Cuts, best: _Optimum, slopes: Slopes) -> None:
-    """Envelope theorem: d value = sum_i (P_i . df_i + dP_i . f_i), P_i = sum_k lam_k q_k + value n_i.
-
-    The multiplier of sum N_i = 1 is the value itself, as everything is homogeneous in the forces.
+    The multiplier of the sum of presses is t itself, as everything is homogeneous in the forces. At the optimum no
+    internal force has any gain, so the P_i are velocities of a rigid triangle: its turn tells what moved points gain.
     """
-    normals, T, forces, value = grip.normals, cuts.T, slopes.forces, best.y[2]
-    dp, dn = slopes.by_points, slopes.by_normals
-    P = np.zeros((3, 3))
-    U = np.zeros((3, 2))
-    weight = np.zeros(3)
-    for a in range(3):
-        k, share = best.B[a], max(best.lam[a], 0.0)
-        i = int(cuts.owner[k])
-        weight[i] += share
-        U[i, 0] += share * cuts.u[k] / grip.mu
-        U[i, 1] += share * cuts.v[k] / grip.mu
+    p, pull, lp = room.programme, room.pull, room.programme.lp
     for i in range(3):
         for k in range(3):
-            P[i, k] = (value - weight[i]) * normals[i, k] - U[i, 0] * T[i, 0, k] - U[i, 1] * T[i, 1, k]
-    # internal forces x_ij of the chords: recovered from the forces, f_i = sum_j x_ij (p_j - p_i)
-    x = np.zeros((3, 3))
-    _internal(grip.points, forces, x)
-    for i in range(3):
-        for j in range(3):
-            for k in range(3):
-                dp[i, k] += 3.0 * x[i, j] * (P[j, k] - P[i, k])
-    g1, g2 = np.empty(3), np.empty(3)
+            pull[i, k] = lp.z[2] * normals[i, k]
+            for row in range(3):
+                if p.owner[lp.basis[row]] == i:
+                    pull[i, k] += lp.multipliers[row] * p.planes[lp.basis[row], k]
+    middle, inverse, moment, turn = np.empty(3), np.empty((3, 3)), np.zeros(3), np.zeros(3)
+    middle_and_inverse(points, middle, inverse)
     for i in range(3):
         for k in range(3):
-            dn[i, k] = 3.0 * (value - weight[i]) * forces[i, k]
-            g1[k] = -3.0 * U[i, 0] * forces[i, k]
-            g2[k] = -3.0 * U[i, 1] * forces[i, k]
-        # the direction of friction is free: only its turning out of the tangent plane counts
-        out1 = out2 = 0.0
+            a, b = (k + 1) % 3, (k + 2) % 3
+            moment[k] += (points[i, a] - middle[a]) * pull[i, b] - (points[i, b] - middle[b]) * pull[i, a]
+    for k in range(3):
+        for a in range(3):
+            turn[k] += inverse[k, a] * moment[a]
+    for i in range(3):
+        along = across = 0.0
         for k in range(3):
-            out1 += g1[k] * normals[i, k]
-            out2 += g2[k] * normals[i, k]
+            along += normals[i, k] * pull[i, k]
+            across += normals[i, k] * p.forces[i, k]
         for k in range(3):
-            dn[i, k] -= out1 * T[i, 0, k] + out2 * T[i, 1, k]
-        radial = 0.0
-        for k in range(3):
-            radial += dn[i, k] * normals[i, k]
-        for k in range(3):
-            dn[i, k] -= radial * normals[i, k]
+            a, b = (k + 1) % 3, (k + 2) % 3
+            room.by_points[i, k] = 3.0 * (turn[a] * p.forces[i, b] - turn[b] * p.forces[i, a])
+            room.by_normals[i, k] = 3.0 * (along * p.forces[i, k] - across * pull[i, k])
 
 
-@njit(cache=True)
-def _internal(points: Array, forces: Array, x: Array) -> None:
-    """Solve f_0 = x01 (p1 - p0) + x02 (p2 - p0), f_1 likewise, in the plane of the triangle."""
-    for i in range(2):
-        j, k = 1 - i, 2
-        aa = ab = bb = fa = fb = 0.0
-        for c in range(3):
-            a, b = points[j, c] - points[i, c], points[k, c] - points[i, c]
-            aa += a * a
-            ab += a * b
-            bb += b * b
-            fa += forces[i, c] * a
-            fb += forces[i, c] * b
-        D = aa * bb - ab * ab
-        x[i, j] = (fa * bb - fb * ab) / D
-        x[i, k] = x[k, i] = (aa * fb - ab * fa) / D
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array, Array]:
     """Return the margin of closure of three contacts to about 1e-9, and its gradients; no checks.
 
@@ -318,19 +172,11 @@ def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array,
         value (at most 1; > 0: closure), d value / d points (3, 3) [1/m], d value / d normals (3, 3).
         Contacts on a line, or unable to press, give `UNDEFINED` and zeros.
     """
-    slopes = Slopes(np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)))
-    return _margin(Grip(points, normals, mu), slopes), slopes.by_points, slopes.by_normals
+    room = _empty_room(mu)
+    return _margin(points, normals, room), room.by_points, room.by_normals
 
 
-@njit(cache=True)
-def _batch(grips: Grip, values: Array, out: Slopes) -> None:
-    """Like `_margin`, where every array has K of them."""
-    for k in range(values.shape[0]):
-        grip = Grip(grips.points[k], grips.normals[k], grips.mu)
-        values[k] = _margin(grip, Slopes(out.by_points[k], out.by_normals[k], out.forces[k]))
-
-
-@njit(cache=True)
+@njit(cache=True, error_model="numpy")
 def rough_margins(points: Array, normals: Array, mu: float, tolerance: float) -> Array:
     """Return the margins (K,) of grasps, at most `tolerance` too high; without closure, any number not above 0.
 
@@ -340,11 +186,9 @@ def rough_margins(points: Array, normals: Array, mu: float, tolerance: float) ->
         points: (K, 3, 3) metres. normals: (K, 3, 3) unit, out of the object. mu: friction coefficient.
         tolerance: in units of the margin.
     """
-    values, forces = np.empty(points.shape[0]), np.empty((3, 3))
-    best = _Optimum(np.empty(3), np.empty(3), np.empty(3, np.int64))
+    values, room = np.empty(points.shape[0]), _empty_room(mu)
     for k in range(values.shape[0]):
-        grip = Grip(points[k], normals[k], mu)
-        values[k] = _optimise(grip, _empty_cuts(grip), best, forces, tolerance, 0.0)
+        values[k] = _optimum(points[k], normals[k], room, tolerance, 0.0)
     return values
 
 
@@ -361,6 +205,18 @@ def margins(points: Numbers, normals: Numbers, mu: float) -> tuple[Array, Array,
     points = check_array("points", points, (None, 3, 3))
     normals = check_array("normals", normals, (len(points), 3, 3))
     check_unit(normals)
-    values, out = np.empty(len(points)), Slopes(*(np.empty_like(points) for _ in range(3)))
-    _batch(Grip(points, normals, check_positive("mu", mu)), values, out)
+    values, out = np.empty(len(points)), np.empty((3, *points.shape))
+    _margins(points, normals, check_positive("mu", mu), values, out)
     return values, *out
+
+
+@njit(cache=True, error_model="numpy")
+def _margins(points: Array, normals: Array, mu: float, values: Array, out: Array) -> None:
+    """Like `_margin`, for K of them; `out` (3, K, 3, 3) are gradients by points, by normals, and forces."""
+    room = _empty_room(mu)
+    for g in range(values.shape[0]):
+        values[g] = _margin(points[g], normals[g], room)
+        for i in range(3):
+            for k in range(3):
+                out[0, g, i, k], out[1, g, i, k] = room.by_points[i, k], room.by_normals[i, k]
+                out[2, g, i, k] = room.programme.forces[i, k]

@@ -4,43 +4,30 @@ A push is a force w through the centre of mass. The contacts answer it by df = -
 the grasp matrix about the centre of mass with torques over the contacts' rms radius.
 """
 
-from typing import NamedTuple
-
 import numpy as np
+from numba import njit
 
-from dexgrasp.physics.capacity import capacity_kernel
-from dexgrasp.physics.checks import check_array, check_contacts, check_positive, rms_radius
-from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.checks import check_array, rms_radius
+from dexgrasp.physics.contacts import Contacts, checked
+from dexgrasp.physics.equilibrium import FLAT, answers_to_pushes, internal_forces
+from dexgrasp.physics.programme import (
+    Programme,
+    add_torques,
+    begin,
+    borne,
+    empty_programme,
+    maximise,
+    set_cones,
+)
 from dexgrasp.physics.wrench import grasp_map
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 
-GRAVITY = 9.81  # m/s^2
 BALANCED = 1e-4  # of the weight: what counts as balanced
-_ANGLES = np.linspace(0.0, 2.0 * np.pi, 128, endpoint=False)
-_REFINEMENTS = 4  # each narrows the bracket of the worst angle sixteenfold
 _ROUNDING = 1e-6
-
-
-class Contacts(NamedTuple):
-    """Contacts and what bounds their forces; N contacts, SI units, world axes."""
-
-    points: Array  # (N, 3)
-    normals: Array  # (N, 3) out of the object
-    jacobians: Array  # (N, 3, joints) of the contact points
-    torque_limits: Array  # (joints,) Nm
-    friction: float
-    centre: Array  # (3,) centre of mass
-    mass: float  # kg
-
-    @property
-    def weight(self) -> float:
-        """N."""
-        return self.mass * GRAVITY
-
-    def grasp_matrix(self) -> Array:
-        """(6, 3 N) forces -> wrench about the centre of mass, torques over the contacts' rms radius."""
-        return grasp_map(self.points, self.centre, rms_radius(self.points))
+_FACES, _ROUNDS = 8, 24  # planes of each cone at first, and rounds of further ones
+_IN_CONE = 2e-7  # N of friction that forces may be beyond their cones
+_FAR = 1e6  # weights: no push is larger
+_UNKNOWNS = (0, 0, 0, 0)  # internal forces of three contacts, and the push
 
 
 def directions() -> Array:
@@ -58,9 +45,14 @@ def torque_fraction(contacts: Contacts, forces: Array) -> float:
 
 def hold_residual(contacts: Contacts, forces: Array) -> float:
     """Return what forces (N, 3) leave of gravity, as a part of the weight, torques over the rms radius."""
-    wrench = contacts.grasp_matrix() @ forces.ravel()
-    wrench[2] -= contacts.weight
+    wrench = _grasp_matrix(contacts) @ forces.ravel()
+    wrench[:3] += contacts.gravity
     return float(np.linalg.norm(wrench)) / contacts.weight
+
+
+def _grasp_matrix(contacts: Contacts) -> Array:
+    """(6, 3 N) forces -> wrench about the centre of mass, torques over the contacts' rms radius."""
+    return grasp_map(contacts.points, contacts.centre, rms_radius(contacts.points))
 
 
 def load_of(contacts: Contacts, forces: Array) -> float:
@@ -69,40 +61,35 @@ def load_of(contacts: Contacts, forces: Array) -> float:
     Forces that balance a share below 1 of the weight have that share as their load; forces that balance none of it,
     leave a cone or exceed a torque limit have 0.
     """
-    contacts = _checked(contacts)
+    contacts = checked(contacts)
     forces = check_array("forces", forces, (len(contacts.points), 3))
-    wrench = contacts.grasp_matrix() @ forces.ravel()
-    share = wrench[2] / contacts.weight
-    wrench[2] = 0.0
+    G, up = _grasp_matrix(contacts), -contacts.gravity / contacts.weight
+    wrench = G @ forces.ravel()
+    share = float(wrench[:3] @ up) / contacts.weight
+    wrench[:3] -= share * contacts.weight * up
     strayed = float(np.linalg.norm(wrench)) > BALANCED * contacts.weight
     if strayed or share <= 0.0 or torque_fraction(contacts, forces) > 1.0 + _ROUNDING:
         return 0.0
-    push = _push(contacts, forces)
+    answer: Array = np.asarray(np.linalg.pinv(G, rcond=1e-9)[:, :3], dtype=np.float64)
+    answered = bool(np.abs(G @ answer - np.eye(6, 3)).max() < 1e-6)
+    answer *= contacts.weight * answered  # some direction cannot be answered at all: no push is
+    push = _borne(contacts, forces, answer.reshape(-1, 3, 3))
     if push < -_ROUNDING:
         return 0.0
-    return 1.0 + max(push, 0.0) if share > 1.0 - BALANCED else float(share)
+    return 1.0 + max(push, 0.0) * answered if share > 1.0 - BALANCED else share
 
 
-def _push(contacts: Contacts, forces: Array) -> float:
-    """Return D = min over contacts and boundary normals a of a.f / (W |A^T a|), A the contact's rows of G^+."""
-    G = contacts.grasp_matrix()
-    answer: Array = np.asarray(np.linalg.pinv(G, rcond=1e-9)[:, :3], dtype=np.float64)
-    if np.abs(G @ answer - np.eye(6, 3)).max() > 1e-6:  # some direction cannot be answered at all
-        return min(0.0, _least_ratio(contacts, forces, np.zeros(answer.shape)))
-    return _least_ratio(contacts, forces, answer) / contacts.weight
-
-
-def _least_ratio(contacts: Contacts, forces: Array, answer: Array) -> float:
-    t1, t2 = (t[:, None] for t in tangent_basis(contacts.normals))
-    blocks, normal = answer.reshape(-1, 3, 3), contacts.friction * contacts.normals[:, None]
-    angles, width = np.broadcast_to(_ANGLES, (len(blocks), len(_ANGLES))), _ANGLES[1]
-    for _ in range(_REFINEMENTS + 1):
-        a = np.cos(angles)[..., None] * t1 + np.sin(angles)[..., None] * t2 - normal
-        ratio = (a @ forces[..., None])[..., 0] / np.maximum(np.linalg.norm(a @ blocks, axis=2), 1e-12)
-        worst = ratio.argmin(axis=1)[:, None]
-        angles = np.take_along_axis(angles, worst, 1) + width * np.linspace(-1.0, 1.0, 33)
-        width /= 16.0
-    return float(ratio.min())
+@njit(cache=True, error_model="numpy")
+def _borne(contacts: Contacts, forces: Array, answers: Array) -> float:
+    """The push that forces (N, 3) bear if they answer one along each axis with `answers` (N, 3, 3)."""
+    p = empty_programme(len(forces), (0,), 0)
+    set_cones(p, contacts.normals, contacts.friction)
+    for i in range(len(forces)):
+        for k in range(3):
+            p.forces[i, k] = forces[i, k]
+            for axis in range(3):
+                p.answers[i, k, axis] = answers[i, k, axis]
+    return borne(p)
 
 
 def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = None) -> float:
@@ -117,23 +104,41 @@ def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = No
         pushes: (K, 3) unit directions, `directions()` by default; the one that ended at `stop` is put first, so that
             grasps alike are refused at once.
     """
-    contacts = _checked(contacts)
-    if len(contacts.points) != 3:
-        raise InputError(f"capacity is that of three contacts, got {len(contacts.points)}")
-    jacobians, limits = (
-        np.ascontiguousarray(contacts.jacobians),
-        np.asarray(contacts.torque_limits, dtype=float),
-    )
-    return float(
-        capacity_kernel(
-            contacts.points, contacts.normals, contacts.centre, contacts.weight, contacts.friction, jacobians, limits,
-            directions() if pushes is None else pushes, stop,
-        )
-    )  # fmt: skip
+    return float(_capacity(checked(contacts, 3), directions() if pushes is None else pushes, stop))
 
 
-def _checked(contacts: Contacts) -> Contacts:
-    check_contacts(contacts.points, contacts.normals)
-    check_positive("friction", contacts.friction)
-    check_positive("mass", contacts.mass)
-    return contacts
+@njit(cache=True, error_model="numpy")
+def _capacity(contacts: Contacts, pushes: Array, stop: float) -> float:
+    n, joints = contacts.points.shape[0], contacts.torque_limits.shape[0]
+    p = empty_programme(n, _UNKNOWNS, n * (_FACES + _ROUNDS + 2 * joints))
+    answers, hold = np.empty((n, 3, 3)), np.empty((n, 3))
+    if not internal_forces(contacts.points, p.span) > FLAT:
+        return 0.0
+    set_cones(p, contacts.normals, contacts.friction)
+    answers_to_pushes(contacts, answers, hold)
+    for i in range(n):
+        for c in range(3):
+            p.span[i, c, -1] = hold[i, c]
+    share = _most(p, contacts)
+    if share < 1.0:
+        return share
+    least = np.inf
+    for k in range(pushes.shape[0]):
+        for i in range(n):
+            for c in range(3):
+                p.fixed[i, c], p.span[i, c, -1] = hold[i, c], 0.0
+                for axis in range(3):
+                    p.span[i, c, -1] -= answers[i, c, axis] * pushes[k, axis]
+        least = min(least, _most(p, contacts))
+        if 1.0 + least < stop:
+            for c in range(3):
+                pushes[0, c], pushes[k, c] = pushes[k, c], pushes[0, c]
+            break
+    return 1.0 + least
+
+
+@njit(cache=True, error_model="numpy")
+def _most(p: Programme, contacts: Contacts) -> float:
+    begin(p, _FAR, _FACES)
+    add_torques(p, contacts, np.inf)
+    return max(p.lp.z[-1], 0.0) if maximise(p, _ROUNDS, _IN_CONE) else 0.0

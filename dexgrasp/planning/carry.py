@@ -13,7 +13,8 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.turn import Turn, rotation, turn_arm
-from dexgrasp.physics.strength import Contacts, capacity_of, directions
+from dexgrasp.physics.contacts import Contacts
+from dexgrasp.physics.strength import capacity_of, directions
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.holding import DOWN, robust_squeeze
 from dexgrasp.planning.problem import Problem

@@ -5,9 +5,10 @@ import numpy as np
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.ratios import wrench_ratios
-from dexgrasp.physics.strength import Contacts, capacity_of, hold_residual, load_of, torque_fraction
+from dexgrasp.physics.strength import capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
@@ -23,7 +24,8 @@ def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, 
     distance, normals = target.distance.distance_gradient(tips)
     points = tips - distance[:, None] * normals
     jacobians = tip_jacobian(tree, frames, points)[:, :, tree.arm :]
-    return Contacts(points, normals, jacobians, tree.torque, friction, target.centre, target.mass), distance
+    mu, gravity = np.full(len(points), friction), np.array([0.0, 0.0, -GRAVITY * target.mass])
+    return Contacts(points, normals, jacobians, tree.torque, mu, target.centre, gravity), distance
 
 
 def certificate_of(q: Array, forces: Array, problem: Problem, *, with_capacity: bool = True) -> Certificate:

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.squeeze import Squeeze, firmest_squeeze
-from dexgrasp.physics.strength import GRAVITY, Contacts
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
@@ -95,10 +95,9 @@ def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: 
 
 
 def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, down: Array) -> Squeeze:
-    return firmest_squeeze(
-        contacts.points, contacts.normals, friction, contacts.mass, contacts.centre, contacts.jacobians,
-        settings.torque_share * contacts.torque_limits, press=settings.least_press, gravity=GRAVITY * down, most=ENOUGH,
-    )  # fmt: skip
+    limits, gravity = settings.torque_share * contacts.torque_limits, contacts.weight * down
+    counted = contacts._replace(friction=friction, torque_limits=limits, gravity=gravity)
+    return firmest_squeeze(counted, settings.least_press, ENOUGH)
 
 
 def level_of(load: float, settings: PlannerSettings) -> int:

@@ -15,8 +15,8 @@ from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, han
 from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
-from dexgrasp.physics.strength import GRAVITY
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
 from dexgrasp.planning.placement import ASSIGNMENTS, Placements, place_on_atlas
@@ -100,14 +100,10 @@ class _Burden(NamedTuple):
 def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burden) -> Array:
     """Loads (M,) of placements. The arm does not matter to them."""
     height, friction, limit = burden.height, burden.friction, burden.limit
-    frames, room, q = empty_frames(tree), empty_room(12), np.zeros(tree.lower.shape[0])
-    out, J, nothing, shift = (
-        np.empty(len(placed.which)),
-        np.empty((3, 3, q.shape[0])),
-        np.zeros(3),
-        np.empty(3),
-    )
+    frames, room, q = empty_frames(tree), empty_room(3, len(limit)), np.zeros(tree.lower.shape[0])
+    out, J, nothing, shift = np.empty(len(placed.which)), np.empty((3, 3, len(q))), np.zeros(3), np.empty(3)
     points, normals, down, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
+    hand = np.empty((3, 3, len(limit)))
     forward(q, tree, frames)
     palm = frames.R[tree.palm] @ tree.palm_rotation
     for m in range(len(placed.which)):
@@ -131,9 +127,9 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
             _turned(turn, -inward, nothing, normals[i])
             tips[i] -= height * normals[i]
         hand_jacobian(tree, frames, tips, J)
-        out[m] = squeeze_estimate(
-            points, normals, middle, down, friction[goal], J[:, :, tree.arm :], limit, ENOUGH, room
-        )
+        hand[:] = J[:, :, tree.arm :]
+        contacts = Contacts(points, normals, hand, limit, friction[goal], middle, down)
+        out[m] = squeeze_estimate(contacts, ENOUGH, room)
     return out
 
 

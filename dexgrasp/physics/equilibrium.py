@@ -1,0 +1,104 @@
+"""Forces at three contacts that balance: internal forces, and answers of least norm to a force on the object.
+
+Three contacts that are not on a line balance any wrench, and all forces that do are one answer to it and the three
+internal forces along the sides of the triangle.
+"""
+
+import numpy as np
+from numba import njit
+
+from dexgrasp.physics.contacts import Contacts
+from dexgrasp_env.arrays import Array
+
+FLAT = 2e-3
+"""Height of a triangle over its longest side, below which contacts count as lying on a line."""
+
+
+@njit(cache=True, error_model="numpy")
+def internal_forces(points: Array, internal: Array) -> float:
+    """Write the unit forces along the sides of a triangle; return its height over its longest side.
+
+    Args:
+        points: (3, 3) m.
+        internal: (3, 3, 3 or more), written: contact, axis, side.
+    """
+    longest, area = 0.0, 0.0
+    for side in range(3):
+        i, j = (0, 1) if side == 0 else (0, 2) if side == 1 else (1, 2)
+        squared = 0.0
+        for k in range(3):
+            squared += (points[j, k] - points[i, k]) ** 2
+        longest = max(longest, squared)
+        length = np.sqrt(squared)
+        for k in range(3):
+            along = (points[j, k] - points[i, k]) / length
+            internal[i, k, side], internal[j, k, side], internal[3 - i - j, k, side] = along, -along, 0.0
+    for k in range(3):
+        p, q = (k + 1) % 3, (k + 2) % 3
+        area += (
+            (points[1, p] - points[0, p]) * (points[2, q] - points[0, q])
+            - (points[1, q] - points[0, q]) * (points[2, p] - points[0, p])
+        ) ** 2
+    return np.sqrt(area) / longest
+
+
+@njit(cache=True, error_model="numpy")
+def middle_and_inverse(points: Array, middle: Array, inverse: Array) -> None:
+    """Write the middle (3,) m of points (N, 3), and the inverse of M = sum |r|^2 I - r r^T, r from there.
+
+    With it the forces (M^-1 t) x r are the least that make a torque t, and M^-1 sum r x v is the turn nearest to
+    velocities v.
+    """
+    n = points.shape[0]
+    for k in range(3):
+        middle[k] = 0.0
+        for i in range(n):
+            middle[k] += points[i, k] / n
+    xx = yy = zz = xy = xz = yz = 0.0
+    for i in range(n):
+        x, y, z = points[i, 0] - middle[0], points[i, 1] - middle[1], points[i, 2] - middle[2]
+        xx, yy, zz = xx + x * x, yy + y * y, zz + z * z
+        xy, xz, yz = xy + x * y, xz + x * z, yz + y * z
+    a, b, c, d, e, f = yy + zz, -xy, -xz, xx + zz, -yz, xx + yy
+    A, B, C = d * f - e * e, c * e - b * f, b * e - c * d
+    det = a * A + b * B + c * C
+    inverse[0, 0], inverse[1, 1], inverse[2, 2] = A / det, (a * f - c * c) / det, (a * d - b * b) / det
+    inverse[0, 1] = inverse[1, 0] = B / det
+    inverse[0, 2] = inverse[2, 0] = C / det
+    inverse[1, 2] = inverse[2, 1] = (b * c - a * e) / det
+
+
+@njit(cache=True, error_model="numpy")
+def answers_to_pushes(contacts: Contacts, answers: Array, hold: Array) -> float:
+    """Write the least forces that make up the weight, along each axis and against gravity; return the weight, N.
+
+    About the contacts' middle forces and torques come apart: each contact takes its part of the force, and turns
+    against the torque.
+
+    Args:
+        contacts: N, not on a line.
+        answers: (N, 3, 3), written: contact, axis, axis of a force of one weight through the centre of mass.
+        hold: (N, 3), written: the forces whose sum bears the object.
+    """
+    n, middle, inverse, turn = contacts.points.shape[0], np.empty(3), np.empty((3, 3)), np.empty(3)
+    middle_and_inverse(contacts.points, middle, inverse)
+    g = contacts.gravity
+    weight = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
+    for axis in range(3):
+        u, v = (axis + 1) % 3, (axis + 2) % 3
+        for k in range(3):  # arm x e has arm_v along u and -arm_u along v
+            turn[k] = inverse[k, u] * (contacts.centre[v] - middle[v]) - inverse[k, v] * (
+                contacts.centre[u] - middle[u]
+            )
+        for i in range(n):
+            r = contacts.points[i]
+            for k in range(3):
+                p, q = (k + 1) % 3, (k + 2) % 3
+                answers[i, k, axis] = weight * (turn[p] * (r[q] - middle[q]) - turn[q] * (r[p] - middle[p]))
+            answers[i, axis, axis] += weight / n
+    for i in range(n):
+        for k in range(3):
+            hold[i, k] = (
+                -(answers[i, k, 0] * g[0] + answers[i, k, 1] * g[1] + answers[i, k, 2] * g[2]) / weight
+            )
+    return weight
