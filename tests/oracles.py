@@ -5,8 +5,9 @@ import daqp
 import numpy as np
 from scipy.sparse import csc_matrix
 
-from dexgrasp.physics.closure import FORCE_BOUND, TOLERANCE, closure_sweep
+from dexgrasp.physics.closure import TOLERANCE, closure_sweep
 from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.simplex import FAR
 from dexgrasp.physics.wrench import grasp_map, pyramid_rows, restore_feasible
 
 
@@ -52,7 +53,7 @@ def proved_closure(points, normals, mu, scale):
     """Return whether Eq. 4's least value (f_min = 1) of one triple is below TOLERANCE, None where nothing is proved.
 
     No solver's word counts. DAQP gives forces; moved into the cones, either their residual is below the tolerance, or
-    the wrench they leave separates: no forces up to FORCE_BOUND have a residual below it. Else clarabel's are tried.
+    the wrench they leave separates: no forces up to FAR have a residual below it. Else clarabel's are tried.
     """
     G = grasp_map(points, points.mean(0), scale)
     A, b = pyramid_rows(normals, mu, 1.0)
@@ -78,7 +79,7 @@ def _proof(G, normals, forces, mu):
         return True
     along = (pyramid_rows(normals, mu, 1.0)[0] @ (G.T @ wrench / value**0.5)).reshape(3, 5)
     least = along[:, 0] - mu * np.abs(along[:, 1::2] - along[:, 2::2]).sum(1) / 2
-    bound = np.where(least >= 0, least, least * FORCE_BOUND).sum()
+    bound = np.where(least >= 0, least, least * FAR).sum()
     return False if bound > 0 and bound**2 >= TOLERANCE else None
 
 

@@ -10,9 +10,9 @@ whether a wedge meets a box: some 150 operations, no iteration. f_min scales awa
 in the cone presses.
 
 The closed form is exact for residual zero. It differs from "below TOLERANCE" only near the edge, so triples
-feasible at a friction `BAND` (2 %) larger but not at `mu` go to the QP; so do flat triples, in a band that
-widens as 1 / height, and those on a line. The QP's answer carries its own proof where it can: feasible
-forces with a small residual, or a wrench that separates.
+feasible at a friction `BAND` (2 %) larger but not at `mu` go to a programme; so do flat triples, in a band that
+widens as 1 / height, and those on a line. The programme ends with a proof: forces with a small wrench, or
+directions in which no wrench is small.
 """
 
 from typing import NamedTuple
@@ -21,9 +21,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from dexgrasp.physics.active_set import SOLVED, solve_qp
 from dexgrasp.physics.checks import Numbers, check_contacts, check_positive, rms_radius
-from dexgrasp.physics.wedges import chord_tables, closed_form, flatness, frames_into
+from dexgrasp.physics.programme import Programme, add_presses, begin, empty_programme, set_cones
+from dexgrasp.physics.simplex import solve
+from dexgrasp.physics.wedges import chord_tables, closed_form, flatness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
@@ -32,95 +33,70 @@ BAND = 1.02
 FLAT = 0.15
 """Triangles whose height is below this part of their longest side get the wider band."""
 LINE = 4e-3
-"""Below this part they count as lying on a line and always go to the QP."""
-FORCE_BOUND = 1e6
-"""The proof that a triple is infeasible is for contact forces up to this many times f_min."""
+"""Below this part they count as lying on a line and always go to the programme."""
+_UNKNOWNS = (0,) * 10  # three forces in world axes, and the least value's negative root
+_FACES, _ROUNDS = 4, 60
+_ROUNDING = 1e-9
 
 Triples = NDArray[np.int32]
 
 
-@njit(cache=True)
-def _map_columns(points: Array, frames: Array, scale: float, G: Array) -> None:
-    """Write the grasp map (6, 9) of forces in contact frames, about the centroid, torques / scale."""
-    center = (points[0] + points[1] + points[2]) / 3.0
-    for i in range(3):
-        r = (points[i] - center) / scale
-        for j in range(3):
-            e = frames[i, j]
-            for k in range(3):
-                G[k, 3 * i + j] = e[k]
-                G[3 + k, 3 * i + j] = r[(k + 1) % 3] * e[(k + 2) % 3] - r[(k + 2) % 3] * e[(k + 1) % 3]
+class _Cloud(NamedTuple):
+    """Contacts with what is looked up for each pair of them (`chord_tables`), and when triples of them count."""
+
+    points: Array  # (n, 3)
+    normals: Array  # (n, 3)
+    E: Array  # (n, n, 3)
+    T: Array  # (n, n, 3)
+    D: Array  # (n, n)
+    mu: float
+    scale: float  # divides torques
+    near: float  # least squared distance of two
 
 
 @njit(cache=True)
-def _separated(G: Array, w: Array, mu: float) -> float:
-    """Bound |G f| from below, by w: over the cones with f_min = 1 and no force above FORCE_BOUND."""
-    total, size = 0.0, 0.0
-    for k in range(6):
-        size += w[k] * w[k]
-    h = np.zeros(3)
-    for i in range(3):
-        for j in range(3):
-            h[j] = 0.0
-            for k in range(6):
-                h[j] += G[k, 3 * i + j] * w[k]
-        least = h[0] - mu * (abs(h[1]) + abs(h[2]))
-        total += least if least >= 0.0 else least * FORCE_BOUND
-    return total / size**0.5 if size > 0.0 else 0.0
+def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool:
+    """Whether forces in the cones of a triple, 1 N or more pressing, have a wrench |w|^2 below TOLERANCE.
 
-
-@njit(cache=True)
-def _restore(f: Array, mu: float) -> None:
-    """Move the forces (9,) that rounding left outside the cones back onto them."""
-    for i in range(3):
-        need = max(1.0, max(abs(f[3 * i + 1]), abs(f[3 * i + 2])) / mu)
-        f[3 * i] = max(f[3 * i], need)
-
-
-@njit(cache=True)
-def _qp_feasible(points: Array, frames: Array, mu: float, scale: float) -> bool:
-    """Whether Eq. 4's least value (f_min = 1) is below TOLERANCE, by proximal steps of a QP.
-
-    Args:
-        points: (3, 3). frames: (3, 3, 3), rows (-n, t1, t2) of each contact.
-        mu: friction coefficient. scale: length that divides torques.
+    The last unknown t is at most -u . w for the direction u of each wrench found so far: no wrench is less than -t.
     """
-    G = np.empty((6, 9))
-    _map_columns(points, frames, scale, G)
-    A, b = np.zeros((15, 9)), np.zeros(15)
-    for i in range(3):
-        A[5 * i, 3 * i], b[5 * i] = 1.0, 1.0
-        for j in range(4):
-            A[5 * i + 1 + j, 3 * i] = mu
-            A[5 * i + 1 + j, 3 * i + 1 + j // 2] = 1.0 - 2.0 * (j % 2)
-    H, g, f, w = np.zeros((9, 9)), np.zeros(9), np.zeros(9), np.zeros(6)
-    reg = 1e-10
-    for i in range(9):
-        for j in range(9):
-            for k in range(6):
-                H[i, j] += G[k, i] * G[k, j]
-        H[i, i] += reg
-    multipliers = np.empty(15)
-    least = np.inf
-    for _ in range(8):
-        if solve_qp(H, g, A, b, f, multipliers) != SOLVED:
+    points, normals, friction = np.empty((3, 3)), np.empty((3, 3)), np.full(3, cloud.mu)
+    for i, which in enumerate(triple):
+        points[i], normals[i] = cloud.points[which], cloud.normals[which]
+    set_cones(p, normals, friction)
+    begin(p, 0.0, _FACES)
+    add_presses(p, normals, 1.0)
+    lp, w, G = p.lp, np.empty(6), _grasp_map(points, cloud.scale)
+    for _ in range(_ROUNDS):
+        if not solve(lp, _ROUNDING):
             break
-        _restore(f, mu)
         value = 0.0
         for k in range(6):
             w[k] = 0.0
             for i in range(9):
-                w[k] += G[k, i] * f[i]
+                w[k] += G[k, i] * lp.z[i]
             value += w[k] * w[k]
-        if value < TOLERANCE:
-            return True
-        apart = max(0.0, _separated(G, w, mu))
-        if apart * apart >= TOLERANCE or value > 0.999 * least:
-            break
-        least = value
+        if value < TOLERANCE or lp.z[9] ** 2 >= TOLERANCE:
+            return value < TOLERANCE
+        row, size = lp.size[0], value**0.5
+        lp.A[row], lp.b[row], lp.size[0] = 0.0, 0.0, row + 1
+        lp.A[row, 9] = -1.0
         for i in range(9):
-            g[i] = -reg * f[i]
+            for k in range(6):
+                lp.A[row, i] -= G[k, i] * w[k] / size
     return False
+
+
+@njit(cache=True)
+def _grasp_map(points: Array, scale: float) -> Array:
+    """Return the map (6, 9) of forces to their wrench about the centroid, torques / scale."""
+    G, center = np.zeros((6, 9)), (points[0] + points[1] + points[2]) / 3.0
+    for i in range(3):
+        r = (points[i] - center) / scale
+        for k in range(3):
+            u, v = (k + 1) % 3, (k + 2) % 3
+            G[k, 3 * i + k], G[3 + k, 3 * i + v], G[3 + k, 3 * i + u] = 1.0, r[u], -r[v]
+    return G
 
 
 @njit(cache=True)
@@ -131,78 +107,33 @@ def _wider(mu: float, flat2: float) -> float:
     return mu * BAND + 3.0 * TOLERANCE**0.5 / flat2**0.5
 
 
-class _Cloud(NamedTuple):
-    """Points with what is looked up for each pair of them (`chord_tables`)."""
-
-    points: Array  # (n, 3)
-    frames: Array  # (n, 3, 3)
-    E: Array  # (n, n, 3)
-    T: Array  # (n, n, 3)
-    D: Array  # (n, n)
-
-
 @njit(cache=True)
-def _sweep_row(i: int, cloud: _Cloud, mu: float, scale: float, near: float, out: NDArray[np.uint8]) -> None:
-    """Decide the triples (i, j, k): 0 infeasible, 1 feasible."""
-    points, frames, E, T, D = cloud
-    n = points.shape[0]
-    corners, axes = np.empty((3, 3)), np.empty((3, 3, 3))
-    corners[0], axes[0] = points[i], frames[i]
-    at = 0
-    usual = mu * BAND
-    for j in range(i + 1, n):
-        if D[i, j] < near:
-            at += n - j - 1
-            continue
-        dij = D[i, j]
-        corners[1], axes[1] = points[j], frames[j]
-        for k in range(j + 1, n):
-            dik, djk = D[i, k], D[j, k]
-            if dik < near or djk < near:
-                at += 1
-                continue
-            flat2 = flatness(dij, dik, djk)
-            line = flat2 < LINE * LINE
-            if not line:
-                high = usual if flat2 >= FLAT * FLAT else _wider(mu, flat2)
-                if not closed_form(high, E, T, i, j, k):
-                    at += 1
-                    continue
-                if closed_form(mu, E, T, i, j, k):
-                    out[at] = 1
-                    at += 1
-                    continue
-            corners[2], axes[2] = points[k], frames[k]
-            out[at] = _qp_feasible(corners, axes, mu, scale)
-            at += 1
-
-
-@njit(cache=True)
-def _row_start(i: int, n: int) -> int:
-    """How many triples (i', j, k) have i' < i."""
-    m = n - i
-    return n * (n - 1) * (n - 2) // 6 - m * (m - 1) * (m - 2) // 6
-
-
-@njit(cache=True)
-def _sweep(cloud: _Cloud, mu: float, scale: float, near: float, out: NDArray[np.uint8]) -> None:
-    n = cloud.points.shape[0]
-    for i in range(n - 2):
-        _sweep_row(i, cloud, mu, scale, near, out[_row_start(i, n) : _row_start(i + 1, n)])
-
-
-@njit(cache=True)
-def _collect(out: NDArray[np.uint8], n: int, count: int) -> Triples:
-    triples = np.empty((count, 3), np.int32)
-    at = m = 0
+def _sweep(cloud: _Cloud) -> Triples:
+    """Return the feasible triples (M, 3) in lexicographic order."""
+    E, T, D, mu, near = cloud.E, cloud.T, cloud.D, cloud.mu, cloud.near
+    p = empty_programme(3, _UNKNOWNS, 3 * (_FACES + 1) + _ROUNDS)
+    p.span[:] = 0.0
+    for i in range(9):
+        p.span[i // 3, i % 3, i] = 1.0
+    n, m, triples = len(D), 0, np.empty((1024, 3), np.int32)
     for i in range(n):
         for j in range(i + 1, n):
+            if D[i, j] < near:
+                continue
             for k in range(j + 1, n):
-                if out[at]:
-                    triples[m, 0], triples[m, 1], triples[m, 2] = i, j, k
-                    m += 1
-                at += 1
-    return triples
+                if D[i, k] < near or D[j, k] < near:
+                    continue
+                flat2 = flatness(D[i, j], D[i, k], D[j, k])
+                line = flat2 < LINE * LINE
+                if not (line or closed_form(_wider(mu, flat2), E, T, i, j, k)):
+                    continue
+                if (line or not closed_form(mu, E, T, i, j, k)) and not _balances(p, cloud, (i, j, k)):
+                    continue
+                if m == len(triples):
+                    triples = np.concatenate((triples, np.empty_like(triples)))
+                triples[m, 0], triples[m, 1], triples[m, 2] = i, j, k
+                m += 1
+    return triples[:m]
 
 
 def closure_sweep(
@@ -233,9 +164,6 @@ def closure_sweep(
     if n < 3:
         return np.empty((0, 3), np.int32)
     scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
-    cloud = _Cloud(points, np.empty((n, 3, 3)), np.zeros((n, n, 3)), np.zeros((n, n, 3)), np.zeros((n, n)))
-    frames_into(normals, cloud.frames)
-    chord_tables(*cloud)
-    out = np.zeros(n * (n - 1) * (n - 2) // 6, np.uint8)
-    _sweep(cloud, mu, scale, min_distance**2, out)
-    return _collect(out, n, int(out.sum()))
+    tables = np.empty((n, n, 3)), np.empty((n, n, 3)), np.empty((n, n))
+    chord_tables(points, normals, *tables)
+    return _sweep(_Cloud(points, normals, *tables, mu, scale, min_distance**2))

@@ -100,24 +100,17 @@ def flatness(d12: float, d13: float, d23: float) -> float:
 
 
 @njit(cache=True)
-def frames_into(normals: Array, frames: Array) -> None:
-    """Write the contact frames (N, 3, 3), rows (-n, t1, t2), of unit normals (N, 3)."""
-    for i in range(normals.shape[0]):
-        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
-        ax, ay, az, bx, by, bz = basis_of(x, y, z)
-        frames[i, 0, 0], frames[i, 0, 1], frames[i, 0, 2] = -x, -y, -z
-        frames[i, 1, 0], frames[i, 1, 1], frames[i, 1, 2] = ax, ay, az
-        frames[i, 2, 0], frames[i, 2, 1], frames[i, 2, 2] = bx, by, bz
-
-
-@njit(cache=True)
-def chord_tables(points: Array, frames: Array, E: Array, T: Array, D: Array) -> None:
-    """Write E[i, j], the chord p_j - p_i in frame i; T[i, j] = E[j, i]; D, squared distances."""
+def chord_tables(points: Array, normals: Array, E: Array, T: Array, D: Array) -> None:
+    """Write E[i, j], the chord p_j - p_i as (press, u, v) of contact i; T[i, j] = E[j, i]; D, squared distances."""
     n = points.shape[0]
     for i in range(n):
+        x, y, z = normals[i, 0], normals[i, 1], normals[i, 2]
+        ax, ay, az, bx, by, bz = basis_of(x, y, z)
         for j in range(n):
             dx, dy, dz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+            E[i, j, 0] = -x * dx - y * dy - z * dz
+            E[i, j, 1] = ax * dx + ay * dy + az * dz
+            E[i, j, 2] = bx * dx + by * dy + bz * dz
             for k in range(3):
-                E[i, j, k] = frames[i, k, 0] * dx + frames[i, k, 1] * dy + frames[i, k, 2] * dz
                 T[j, i, k] = E[i, j, k]
             D[i, j] = dx * dx + dy * dy + dz * dz
