@@ -31,8 +31,10 @@ class Rows(NamedTuple):
 
 
 class Cover(NamedTuple):
-    """Where the covering spheres are, world frame; those of a body once they are asked for."""
+    """A robot where it stands, and its covering spheres, world frame; those of a body once they are asked for."""
 
+    tree: RobotTree
+    frames: Frames  # of its bodies
     bounds: Array  # (nb, 3) m, centres of the spheres around whole bodies
     centres: Array  # (ns, 3) m
     known: NDArray[np.bool_]  # (nb,): whose centres are there
@@ -58,41 +60,41 @@ def clearance_rows(
         rows: filled.
     """
     n, with_object, cover = 0, obstacle.planes.shape[0] > 0, cover_of(tree, frames)
-    direction = np.empty(3)
+    direction, up = np.empty(3), np.array([0.0, 0.0, 1.0])
     for b in range(2, tree.parent.shape[0]):
         if tree.bound_radius[b] < 0.0 or n >= rows.values.shape[0] - 2:
             continue
         # Calls are dear, as each counts references to the tree's arrays: what is far away is told apart here.
         best, which = activation, -1
         if cover.bounds[b, 2] - tree.bound_radius[b] <= activation:
-            best, which = table_clearance(tree, frames, cover, b, activation)
+            best, which = table_clearance(cover, b, activation)
         if which >= 0:
-            _start(rows, n, best, TABLE, b, -1)
-            add_row(rows.gradients[n], b, cover.centres[which], np.array([0.0, 0.0, 1.0]), 1.0, tree, frames)
+            _write(rows, n, best, (TABLE, b, -1), cover, cover.centres[which], up)
             n += 1
         if not with_object:
             continue
-        best, which = object_clearance(tree, frames, cover, b, obstacle, activation, tips_touch, direction)
+        best, which = object_clearance(cover, b, obstacle, activation, tips_touch, direction)
         if which >= 0:
-            _start(rows, n, best, OBJECT, b, -1)
-            add_row(rows.gradients[n], b, cover.centres[which], direction, 1.0, tree, frames)
+            _write(rows, n, best, (OBJECT, b, -1), cover, cover.centres[which], direction)
             n += 1
-    n = _palm_row(tree, frames, activation, rows, n)
-    return _self_rows(tree, frames, cover, activation, rows, n)
+    n = _palm_row(cover, activation, rows, n)
+    return _self_rows(cover, activation, rows, n)
 
 
 @njit(cache=True, error_model="numpy")
 def cover_of(tree: RobotTree, frames: Frames) -> Cover:
     """Return where the spheres around whole bodies are; the others wait to be asked for."""
     nb = tree.parent.shape[0]
-    cover = Cover(np.empty((nb, 3)), np.empty((tree.sphere_radius.shape[0], 3)), np.zeros(nb, dtype=np.bool_))
+    spheres = tree.sphere_radius.shape[0]
+    cover = Cover(tree, frames, np.empty((nb, 3)), np.empty((spheres, 3)), np.zeros(nb, dtype=np.bool_))
     for b in range(nb):
         to_world(frames.R[b], frames.p[b], tree.bound_centre[b], cover.bounds[b])
     return cover
 
 
 @njit(cache=True, error_model="numpy")
-def _know(tree: RobotTree, frames: Frames, cover: Cover, b: int) -> None:
+def _know(cover: Cover, b: int) -> None:
+    tree, frames = cover.tree, cover.frames
     if not cover.known[b]:
         cover.known[b] = True
         for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
@@ -100,12 +102,10 @@ def _know(tree: RobotTree, frames: Frames, cover: Cover, b: int) -> None:
 
 
 @njit(cache=True, error_model="numpy")
-def table_clearance(
-    tree: RobotTree, frames: Frames, cover: Cover, b: int, activation: float
-) -> tuple[float, int]:
+def table_clearance(cover: Cover, b: int, activation: float) -> tuple[float, int]:
     """Return the clearance of body `b` from the table and the sphere that has it; `activation` and -1 if beyond."""
-    centres, best, which = cover.centres, activation, -1
-    _know(tree, frames, cover, b)
+    tree, centres, best, which = cover.tree, cover.centres, activation, -1
+    _know(cover, b)
     for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
         if centres[s, 0] < TABLE_FROM and b < tree.base:
             continue
@@ -117,23 +117,23 @@ def table_clearance(
 
 @njit(cache=True, error_model="numpy")
 def object_clearance(
-    tree: RobotTree, frames: Frames, cover: Cover, b: int, obstacle: Obstacle, activation: float, tips_touch: bool,
-    direction: Array,
-) -> tuple[float, int]:  # fmt: skip
+    cover: Cover, b: int, obstacle: Obstacle, activation: float, tips_touch: bool, direction: Array
+) -> tuple[float, int]:
     """Return the clearance of body `b` from the object and the sphere that has it; `activation` and -1 if beyond.
 
     `direction` (3,) is written with its gradient by that sphere's centre.
     """
-    centres, gradient, first, best, which = cover.centres, np.empty(3), np.empty(3), activation, -1
+    tree, centres, best, which = cover.tree, cover.centres, activation, -1
+    gradient, first = np.empty(3), np.empty(3)
     last = cover.bounds[b]
     middle = convex_distance(last, obstacle, first, activation + tree.bound_radius[b])
     at_last = middle
     if middle - tree.bound_radius[b] >= activation:
         return best, which
-    _know(tree, frames, cover, b)
+    _know(cover, b)
     convex, nearest = obstacle.starts.shape[0] == 2, -1
     if convex:
-        nearest = _lowest(tree, cover, b, first, tips_touch)
+        nearest = _lowest(cover, b, first, tips_touch)
     for k in range(tree.sphere_first[b] - 1, tree.sphere_first[b + 1]):
         s = nearest if k < tree.sphere_first[b] else k  # it comes first: the others then need no query
         if s < 0 or k == nearest or (tips_touch and tree.sphere_is_tip[s]):
@@ -160,9 +160,9 @@ def object_clearance(
 
 
 @njit(cache=True, error_model="numpy")
-def _lowest(tree: RobotTree, cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
+def _lowest(cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
     """Return the sphere of body `b` that reaches farthest against a direction, -1 where none counts."""
-    least, which = np.inf, -1
+    tree, least, which = cover.tree, np.inf, -1
     for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
         if tips_touch and tree.sphere_is_tip[s]:
             continue
@@ -173,20 +173,18 @@ def _lowest(tree: RobotTree, cover: Cover, b: int, direction: Array, tips_touch:
 
 
 @njit(cache=True, error_model="numpy")
-def bounds_clearance(tree: RobotTree, cover: Cover, a: int, b: int) -> float:
+def bounds_clearance(cover: Cover, a: int, b: int) -> float:
     """Return the clearance between the spheres around two whole bodies, which is no more than that between them."""
     apart = np.sqrt(_squared(cover.bounds[a], cover.bounds[b]))
-    return apart - tree.bound_radius[a] - tree.bound_radius[b]
+    return apart - cover.tree.bound_radius[a] - cover.tree.bound_radius[b]
 
 
 @njit(cache=True, error_model="numpy")
-def self_clearance(
-    tree: RobotTree, frames: Frames, cover: Cover, a: int, b: int, activation: float
-) -> tuple[float, int, int]:
+def self_clearance(cover: Cover, a: int, b: int, activation: float) -> tuple[float, int, int]:
     """Return the clearance between two bodies and the spheres that have it; `activation` and -1 if beyond."""
-    centres, best, first, second = cover.centres, activation, -1, -1
-    _know(tree, frames, cover, a)
-    _know(tree, frames, cover, b)
+    tree, centres, best, first, second = cover.tree, cover.centres, activation, -1, -1
+    _know(cover, a)
+    _know(cover, b)
     for s in range(tree.sphere_first[a], tree.sphere_first[a + 1]):
         reach = tree.sphere_radius[s] + tree.bound_radius[b] + best
         if _squared(centres[s], cover.bounds[b]) > reach * reach:
@@ -200,22 +198,29 @@ def self_clearance(
 
 
 @njit(cache=True, error_model="numpy")
-def _start(rows: Rows, n: int, value: float, kind: int, body: int, other: int) -> None:
-    """Begin row `n` with a gradient of nothing."""
+def _write(
+    rows: Rows,
+    n: int,
+    value: float,
+    label: tuple[int, int, int],
+    cover: Cover,
+    point: Array,
+    direction: Array,
+) -> None:
+    """Write row `n`, with the gradient of a point of the first body in a direction."""
     rows.values[n], rows.gradients[n] = value, 0.0
-    rows.labels[n, 0], rows.labels[n, 1], rows.labels[n, 2] = kind, body, other
+    rows.labels[n, 0], rows.labels[n, 1], rows.labels[n, 2] = label
+    add_row(rows.gradients[n], label[1], point, direction, 1.0, cover.tree, cover.frames)
 
 
 @njit(cache=True, error_model="numpy")
-def palm_clearance(
-    tree: RobotTree, frames: Frames, activation: float, nearest: Array, direction: Array
-) -> float:
+def palm_clearance(cover: Cover, activation: float, nearest: Array, direction: Array) -> float:
     """Return the clearance of the link that works beside the palm from it, `activation` if beyond.
 
     It works closer to the palm than covering spheres can tell: points of its box's edges against the true box.
     `nearest` (3,) and `direction` (3,) are written with the point that has it and its gradient.
     """
-    best, inside = activation, np.zeros(3)
+    tree, frames, best, inside = cover.tree, cover.frames, activation, np.zeros(3)
     point, local = np.empty(3), np.empty(3)
     R, p, palm, beside, last, at_last = frames.R, frames.p, tree.palm, tree.beside, 0, -1.0
     for k in range(tree.beside_edges.shape[0]):
@@ -249,20 +254,19 @@ def palm_clearance(
 
 
 @njit(cache=True, error_model="numpy")
-def _palm_row(tree: RobotTree, frames: Frames, activation: float, rows: Rows, n: int) -> int:
-    direction, nearest = np.zeros(3), np.zeros(3)
-    best = palm_clearance(tree, frames, activation, nearest, direction)
+def _palm_row(cover: Cover, activation: float, rows: Rows, n: int) -> int:
+    tree, direction, nearest = cover.tree, np.zeros(3), np.zeros(3)
+    best = palm_clearance(cover, activation, nearest, direction)
     if best >= activation:
         return n
-    _start(rows, n, best, SELF, tree.beside, tree.palm)
-    add_row(rows.gradients[n], tree.beside, nearest, direction, 1.0, tree, frames)
-    add_row(rows.gradients[n], tree.palm, nearest, direction, -1.0, tree, frames)
+    _write(rows, n, best, (SELF, tree.beside, tree.palm), cover, nearest, direction)
+    add_row(rows.gradients[n], tree.palm, nearest, direction, -1.0, tree, cover.frames)
     return n + 1
 
 
 @njit(cache=True, error_model="numpy")
-def _self_rows(tree: RobotTree, frames: Frames, cover: Cover, activation: float, rows: Rows, n: int) -> int:
-    centres, direction = cover.centres, np.empty(3)
+def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
+    tree, centres, direction = cover.tree, cover.centres, np.empty(3)
     for k in range(tree.pairs.shape[0]):
         if n >= rows.values.shape[0]:
             continue
@@ -270,14 +274,13 @@ def _self_rows(tree: RobotTree, frames: Frames, cover: Cover, activation: float,
         reach = tree.bound_radius[a] + tree.bound_radius[b] + activation
         if _squared(cover.bounds[a], cover.bounds[b]) > reach * reach:
             continue
-        best, first, second = self_clearance(tree, frames, cover, a, b, activation)
+        best, first, second = self_clearance(cover, a, b, activation)
         if first >= 0:
             norm = np.sqrt(_squared(centres[first], centres[second])) + 1e-12
             for r in range(3):
                 direction[r] = (centres[first, r] - centres[second, r]) / norm
-            _start(rows, n, best, SELF, a, b)
-            add_row(rows.gradients[n], a, centres[first], direction, 1.0, tree, frames)
-            add_row(rows.gradients[n], b, centres[second], direction, -1.0, tree, frames)
+            _write(rows, n, best, (SELF, a, b), cover, centres[first], direction)
+            add_row(rows.gradients[n], b, centres[second], direction, -1.0, tree, cover.frames)
             n += 1
     return n
 

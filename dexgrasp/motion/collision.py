@@ -148,9 +148,9 @@ def _first_contact(
             _add_ways(tree, frames, before, watch.ways[0])
             _add_ways(tree, seen, seen_before, watch.ways[1])
         cover = cover_of(tree, frames)
-        value = _object_contact(tree, frames, cover, obstacle, needed, margin, watch, label)
+        value = _object_contact(cover, obstacle, needed, margin, watch, label)
         if value == np.inf:
-            value = _self_contact(tree, frames, cover, needed, margin, watch, label)
+            value = _self_contact(cover, needed, margin, watch, label)
         if value < np.inf:
             return i, value
         frames, before, seen, seen_before = before, frames, seen_before, seen
@@ -159,17 +159,17 @@ def _first_contact(
 
 @njit(cache=True, error_model="numpy")
 def _object_contact(
-    tree: RobotTree, frames: Frames, cover: Cover, obstacle: Obstacle, needed: Array, margin: float, watch: _Watch,
-    label: NDArray[np.int64],
-) -> float:  # fmt: skip
+    cover: Cover, obstacle: Obstacle, needed: Array, margin: float, watch: _Watch, label: NDArray[np.int64]
+) -> float:
     """Return a clearance from table or object that is less than needed, infinity if there is none."""
-    nb, direction, known = tree.parent.shape[0], np.empty(3), watch.to_object
+    tree, direction, known = cover.tree, np.empty(3), watch.to_object
+    nb = tree.parent.shape[0]
     for b in range(2, nb):
         if tree.bound_radius[b] < 0.0:
             continue
         value = cover.bounds[b, 2] - tree.bound_radius[b]
         if value <= margin:  # calls are dear: each counts references to the arrays of the tree
-            value, _ = table_clearance(tree, frames, cover, b, margin)
+            value, _ = table_clearance(cover, b, margin)
         if value < min(needed[b, nb + 1], margin):
             label[0], label[1], label[2] = TABLE, b, -1
             return value
@@ -178,7 +178,7 @@ def _object_contact(
             continue
         value = convex_distance(cover.bounds[b], obstacle, direction) - tree.bound_radius[b]
         if value <= margin:
-            value, _ = object_clearance(tree, frames, cover, b, obstacle, margin + _FAR, False, direction)
+            value, _ = object_clearance(cover, b, obstacle, margin + _FAR, False, direction)
         known[0, b], known[1, b] = value, way
         if value < min(needed[b, nb], margin):
             label[0], label[1], label[2] = OBJECT, b, -1
@@ -188,22 +188,21 @@ def _object_contact(
 
 @njit(cache=True, error_model="numpy")
 def _self_contact(
-    tree: RobotTree, frames: Frames, cover: Cover, needed: Array, margin: float, watch: _Watch,
-    label: NDArray[np.int64],
-) -> float:  # fmt: skip
+    cover: Cover, needed: Array, margin: float, watch: _Watch, label: NDArray[np.int64]
+) -> float:
     """Return a clearance between two bodies that is less than needed, infinity if there is none."""
-    count, known, ways = tree.pairs.shape[0], watch.to_self, watch.ways[1]
-    for k in range(-1, count):  # the first is thumb and palm, by their boxes
+    tree, known, ways = cover.tree, watch.to_self, watch.ways[1]
+    for k in range(-1, tree.pairs.shape[0]):  # the first is thumb and palm, by their boxes
         a, b = (tree.beside, tree.palm) if k < 0 else (tree.pairs[k, 0], tree.pairs[k, 1])
         way = ways[a] + ways[b]
         if known[0, k] - (way - known[1, k]) > margin:
             continue
         if k < 0:
-            value = palm_clearance(tree, frames, margin + _NEAR, np.empty(3), np.empty(3))
+            value = palm_clearance(cover, margin + _NEAR, np.empty(3), np.empty(3))
         else:
-            value = bounds_clearance(tree, cover, a, b)
+            value = bounds_clearance(cover, a, b)
             if value <= margin:
-                value, _, _ = self_clearance(tree, frames, cover, a, b, margin + _NEAR)
+                value, _, _ = self_clearance(cover, a, b, margin + _NEAR)
         known[0, k], known[1, k] = value, way
         if value < min(needed[a, b], margin):
             label[0], label[1], label[2] = SELF, a, b
