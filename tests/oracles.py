@@ -7,8 +7,9 @@ from scipy.sparse import csc_matrix
 
 from dexgrasp.physics.closure import TOLERANCE, closure_sweep
 from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.simplex import FAR
-from dexgrasp.physics.wrench import grasp_map, pyramid_rows, restore_feasible
+from dexgrasp.physics.wrench import pyramid_rows, restore_feasible
 
 
 def project_to_cone(forces, normals, mu):

@@ -58,7 +58,7 @@ def plan_contents():
     for seed, (name, make) in enumerate(MESHES.items()):
         made = make(name)
         meshes = made if isinstance(made, tuple) else (made,)
-        grasp_target = GraspTarget.of_parts(meshes, mass=0.2)
+        grasp_target = GraspTarget.of(*meshes, mass=0.2)
         plan = Planner().plan(grasp_target, seed, HOME)
         assert plan.grasp is not None, (name, plan.reason)
         identity, pose = name, None

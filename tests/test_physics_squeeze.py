@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from dexgrasp.physics.contacts import Contacts, checked
+from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.squeeze import RESERVED, empty_room, firmest_squeeze, squeeze_estimate
 from dexgrasp.physics.strength import load_of
-from dexgrasp.physics.wrench import grasp_map
 from dexgrasp_env.errors import InputError
 
 POINTS = np.array([[0.03, 0, 0.05], [-0.03, 0.02, 0.05], [-0.03, -0.02, 0.05]])

@@ -79,7 +79,7 @@ def proposals():
 
 
 def test_proposals_for_parts_lie_where_a_fingertip_can_touch_them():
-    target = GraspTarget.of_parts(hammer())
+    target = GraspTarget.of(*hammer())
     found, reach = propose(target), SETTINGS.tip_height
     points, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
     on_each = np.array([closest_on_mesh(part, points).distances for part in target.parts])
@@ -91,7 +91,7 @@ def test_proposals_for_parts_lie_where_a_fingertip_can_touch_them():
 
 def test_mass_of_parts_is_their_hulls_and_centre_their_own():
     parts = hammer()
-    target, whole = GraspTarget.of_parts(parts), GraspTarget.of(trimesh.util.concatenate(parts))
+    target, whole = GraspTarget.of(*parts), GraspTarget.of(trimesh.util.concatenate(parts))
     assert target.mass == pytest.approx(whole.mass)
     volumes = [part.volume for part in parts]
     expected = np.average([part.center_mass for part in parts], axis=0, weights=volumes)

@@ -7,8 +7,8 @@ from scipy.optimize import linprog
 from dexgrasp.physics.checks import rms_radius
 from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.physics.contacts import Contacts
+from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.strength import capacity_of, directions, hold_residual, load_of
-from dexgrasp.physics.wrench import grasp_map
 
 MU = 0.6
 

@@ -35,12 +35,17 @@ def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) ->
         if model.geom_group[geom] != _COLLISION_GROUP:
             continue
         local, radius = _cover(model, geom)
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, model.geom_quat[geom])
-        centres.append(local @ R.reshape(3, 3).T + model.geom_pos[geom])
+        centres.append(local @ rotation_matrix(model.geom_quat[geom]).T + model.geom_pos[geom])
         radii.append(np.full(len(local), radius))
         tips.append(np.full(len(local), model.geom(geom).name in touching))
     return Spheres(np.concatenate(centres), np.concatenate(radii), np.concatenate(tips))
+
+
+def rotation_matrix(quat: Array) -> Array:
+    """Return the rotation (3, 3) of a quaternion wxyz, as the simulation computes it."""
+    out = np.zeros(9)
+    mujoco.mju_quat2Mat(out, quat)
+    return out.reshape(3, 3)
 
 
 def _cover(model: mujoco.MjModel, geom: int) -> tuple[Array, float]:

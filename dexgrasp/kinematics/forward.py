@@ -42,13 +42,8 @@ def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int
                 for c in range(3):
                     R[b, r, c] = L[r, c]
         else:
+            to_world(R[a], p[a], tree.offset[b], p[b])
             for r in range(3):
-                p[b, r] = (
-                    p[a, r]
-                    + R[a, r, 0] * tree.offset[b, 0]
-                    + R[a, r, 1] * tree.offset[b, 1]
-                    + R[a, r, 2] * tree.offset[b, 2]
-                )
                 for c in range(3):
                     R[b, r, c] = R[a, r, 0] * L[0, c] + R[a, r, 1] * L[1, c] + R[a, r, 2] * L[2, c]
         if j >= 0:
@@ -137,13 +132,13 @@ def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     g = tree.tip_body.shape[0]
     J = np.zeros((g, 3, tree.lower.shape[0]))
     for i in range(g):
-        _add_columns(J[i], tree.tip_body[i], -1, tips[i], tree, frames)
+        add_columns(J[i], tree.tip_body[i], -1, tips[i], tree, frames)
     return J
 
 
 @njit(cache=True, error_model="numpy")
-def _add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
-    """Add the linear Jacobian of a point (3,) of a body to `J` (3, n), of the joints below body `top`."""
+def add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
+    """Add the linear Jacobian of a point (3,) of a body to `J` (3 or more, n), of the joints below body `top`."""
     b = body
     while b > top:
         j = tree.joint[b]
@@ -160,7 +155,7 @@ def hand_jacobian(tree: RobotTree, frames: Frames, points: Array, J: Array) -> N
     """Write the linear Jacobians (g, 3, n) of points (g, 3) m of the tips by the hand's joints; 0 by the arm's."""
     J[:] = 0.0
     for i in range(J.shape[0]):
-        _add_columns(J[i], tree.tip_body[i], tree.palm, points[i], tree, frames)
+        add_columns(J[i], tree.tip_body[i], tree.palm, points[i], tree, frames)
 
 
 def body_frames(q: Array, tree: RobotTree) -> Frames:

@@ -6,7 +6,7 @@ from numba import njit
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import (
     Frames,
-    add_row,
+    add_columns,
     add_turn_row,
     body_frames,
     empty_frames,
@@ -83,17 +83,12 @@ def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
 @njit(cache=True, error_model="numpy")
 def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
     """Write the Jacobian (6, a) of the palm frame by the arm's joints: m/rad, turns times `TURN_SCALE`."""
-    row, unit, point = np.empty(tree.lower.shape[0]), np.empty(3), np.empty(3)
+    point, axes = np.empty(3), np.eye(3)
     to_world(frames.R[tree.palm], frames.p[tree.palm], tree.palm_offset, point)
+    J[:] = 0.0
+    add_columns(J, tree.palm, -1, point, tree, frames)
     for r in range(3):
-        unit[:] = 0.0
-        unit[r] = 1.0
-        row[:] = 0.0
-        add_row(row, tree.palm, point, unit, 1.0, tree, frames)
-        J[r] = row[: tree.arm]
-        row[:] = 0.0
-        add_turn_row(row, tree.palm, unit, 1.0, tree, frames)
-        J[3 + r] = TURN_SCALE * row[: tree.arm]
+        add_turn_row(J[3 + r], tree.palm, axes[r], TURN_SCALE, tree, frames)
 
 
 @njit(cache=True, error_model="numpy")

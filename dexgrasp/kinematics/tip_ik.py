@@ -35,27 +35,21 @@ def solve_tips(
     start = q.copy()
     g, n = tree.tip_body.shape[0], q.shape[0]
     blocks = np.zeros((g, 3, n))
-    J, e = np.empty((3 * g, n)), np.empty(3 * g)
     miss = 1e9
     for k in range(iterations + 1):
         forward_part(q, tree, frames, tree.palm + 1 if fingers_only and k > 0 else 0, tree.parent.shape[0])
         tips = tip_positions(tree, frames)
+        e = (targets - tips).reshape(3 * g)
         miss = 0.0
-        for i in range(g):
-            squared = 0.0
-            for r in range(3):
-                e[3 * i + r] = targets[i, r] - tips[i, r]
-                squared += e[3 * i + r] ** 2
-            miss = max(miss, np.sqrt(squared))
+        for i in range(0, 3 * g, 3):
+            miss = max(miss, np.sqrt(e[i] ** 2 + e[i + 1] ** 2 + e[i + 2] ** 2))
         if miss < tolerance or k == iterations:
             return miss
         if fingers_only:
             hand_jacobian(tree, frames, tips, blocks)
         else:
             blocks = tip_jacobian(tree, frames, tips)
-        for i in range(g):
-            for r in range(3):
-                J[3 * i + r] = blocks[i, r]
+        J = blocks.reshape(3 * g, n)
         _freeze_blocked(J, e, q, tree)
         step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)
         for j in range(n):

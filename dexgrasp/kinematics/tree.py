@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.kinematics.cover import body_spheres, box_edges
+from dexgrasp.kinematics.cover import body_spheres, box_edges, rotation_matrix
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot
@@ -66,7 +66,6 @@ def robot_tree(cell: Cell) -> RobotTree:
     index = {body: i for i, body in enumerate(bodies)}
     parent = np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies])
     joint = np.array([_joint_column(model, b, robot) for b in bodies])
-    quats = model.body_quat[bodies]
     touching = tuple(finger.tip for finger in robot.grasping)
     spheres = [body_spheres(model, b, touching) for b in bodies]
     first = np.concatenate([[0], np.cumsum([len(s.radius) for s in spheres])])
@@ -77,7 +76,7 @@ def robot_tree(cell: Cell) -> RobotTree:
     return RobotTree(
         parent=parent,
         offset=model.body_pos[bodies].copy(),
-        rotation=np.stack([_matrix(q) for q in quats]),
+        rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
         joint=joint,
         axis=np.array(
             [model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]
@@ -87,7 +86,7 @@ def robot_tree(cell: Cell) -> RobotTree:
         tip_offset=model.site_pos[tips].copy(),
         palm=index[int(model.site_bodyid[site])],
         palm_offset=model.site_pos[site].copy(),
-        palm_rotation=_matrix(model.site_quat[site]),
+        palm_rotation=rotation_matrix(model.site_quat[site]),
         sphere_first=first,
         sphere_centre=np.concatenate([s.centre for s in spheres]),
         sphere_radius=np.concatenate([s.radius for s in spheres]),
@@ -117,12 +116,6 @@ def _joint_column(model: mujoco.MjModel, body: int, robot: Robot) -> int:
     if not model.body_jntnum[body]:
         return -1
     return robot.joints.index(model.joint(int(model.body_jntadr[body])).name)
-
-
-def _matrix(quat: Array) -> Array:
-    out = np.zeros(9)
-    mujoco.mju_quat2Mat(out, quat)
-    return out.reshape(3, 3)
 
 
 def _ancestors(parent: Index, joint: Index, dof: int) -> NDArray[np.bool_]:

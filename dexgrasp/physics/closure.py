@@ -22,6 +22,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.physics.checks import Numbers, check_contacts, check_positive, rms_radius
+from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.programme import Programme, add_presses, begin, empty_programme, set_cones
 from dexgrasp.physics.simplex import solve
 from dexgrasp.physics.wedges import chord_tables, closed_form, flatness
@@ -66,7 +67,8 @@ def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool
     set_cones(p, normals, friction)
     begin(p, 0.0, _FACES)
     add_presses(p, normals, 1.0)
-    lp, w, G = p.lp, np.empty(6), _grasp_map(points, cloud.scale)
+    centre = (points[0] + points[1] + points[2]) / 3.0
+    lp, w, G = p.lp, np.empty(6), grasp_map(points, centre, cloud.scale)
     for _ in range(_ROUNDS):
         if not solve(lp, _ROUNDING):
             break
@@ -85,18 +87,6 @@ def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool
             for k in range(6):
                 lp.A[row, i] -= G[k, i] * w[k] / size
     return False
-
-
-@njit(cache=True)
-def _grasp_map(points: Array, scale: float) -> Array:
-    """Return the map (6, 9) of forces to their wrench about the centroid, torques / scale."""
-    G, center = np.zeros((6, 9)), (points[0] + points[1] + points[2]) / 3.0
-    for i in range(3):
-        r = (points[i] - center) / scale
-        for k in range(3):
-            u, v = (k + 1) % 3, (k + 2) % 3
-            G[k, 3 * i + k], G[3 + k, 3 * i + v], G[3 + k, 3 * i + u] = 1.0, r[u], -r[v]
-    return G
 
 
 @njit(cache=True)

@@ -15,6 +15,18 @@ FLAT = 2e-3
 
 
 @njit(cache=True, error_model="numpy")
+def grasp_map(points: Array, centre: Array, scale: float) -> Array:
+    """Return the matrix (6, 3 N) from forces at points (N, 3) to their wrench about `centre` (3,), torques / scale."""
+    G = np.zeros((6, points.size))
+    for i in range(points.shape[0]):
+        r = (points[i] - centre) / scale
+        for k in range(3):
+            u, v = (k + 1) % 3, (k + 2) % 3
+            G[k, 3 * i + k], G[3 + k, 3 * i + v], G[3 + k, 3 * i + u] = 1.0, r[u], -r[v]
+    return G
+
+
+@njit(cache=True, error_model="numpy")
 def internal_forces(points: Array, internal: Array) -> float:
     """Write the unit forces along the sides of a triangle; return its height over its longest side.
 

@@ -9,7 +9,7 @@ from numba import njit
 
 from dexgrasp.physics.checks import check_array, rms_radius
 from dexgrasp.physics.contacts import Contacts, checked
-from dexgrasp.physics.equilibrium import FLAT, answers_to_pushes, internal_forces
+from dexgrasp.physics.equilibrium import FLAT, answers_to_pushes, grasp_map, internal_forces
 from dexgrasp.physics.programme import (
     Programme,
     add_torques,
@@ -19,7 +19,6 @@ from dexgrasp.physics.programme import (
     maximise,
     set_cones,
 )
-from dexgrasp.physics.wrench import grasp_map
 from dexgrasp_env.arrays import Array
 
 BALANCED = 1e-4  # of the weight: what counts as balanced

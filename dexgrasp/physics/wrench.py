@@ -15,6 +15,7 @@ import numpy as np
 
 from dexgrasp.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
 from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 
@@ -32,15 +33,6 @@ class WrenchSolution(NamedTuple):
     """(N, 3) contact forces on the object [N]."""
     status: str
     """"solved", or what the solver reported instead."""
-
-
-def grasp_map(points: Array, center: Array, length_scale: float) -> Array:
-    """Return the matrix (6, 3 N) from contact forces to their wrench about `center`, torques / scale."""
-    G = np.zeros((6, 3 * len(points)))
-    for i, (x, y, z) in enumerate((points - center) / length_scale):
-        G[:3, 3 * i : 3 * i + 3] = np.eye(3)
-        G[3:, 3 * i : 3 * i + 3] = [[0, -z, y], [z, 0, -x], [-y, x, 0]]
-    return G
 
 
 def pyramid_rows(normals: Array, mu: float, f_min: float) -> tuple[Array, Array]:

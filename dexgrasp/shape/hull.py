@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.geometry.convex_kernel import outward_triangles
 from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.perception.plane import Plane
 
@@ -31,13 +32,8 @@ def cloud_hull(
     if found is None:
         return None
     points, hull = found
-    corner = np.zeros(len(points), dtype=int)
-    corner[hull.vertices] = np.arange(len(hull.vertices))
-    faces, triangles = corner[hull.simplices], points[hull.simplices]
-    sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-    inward = (sides * hull.equations[:, :3]).sum(-1) < 0.0
-    faces[inward] = faces[inward][:, ::-1]  # Qhull does not order corners
-    return trimesh.Trimesh(points[hull.vertices], faces, process=False)
+    triangles = outward_triangles(points, hull.simplices, hull.equations)
+    return trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(triangles.size // 3).reshape(-1, 3))
 
 
 def cloud_corners(

@@ -54,35 +54,10 @@ class GraspTarget:
 
     @classmethod
     def of(
-        cls,
-        mesh: "trimesh.Trimesh",
-        mass: float | None = None,
-        centre: Array | None = None,
-        spread: Spread | None = None,
+        cls, *meshes: "trimesh.Trimesh", mass: float | None = None, centre: Array | None = None
     ) -> "GraspTarget":
-        """Take the convex hull of a mesh in the world frame.
-
-        Args:
-            mesh: m, world frame.
-            mass: kg; assumed from the hull's volume if None.
-            centre: (3,) m; the hull's centroid if None.
-            spread: of a surface that was guessed in part.
-
-        Raises:
-            InputError: for a mesh without volume or a mass that is not positive.
-        """
-        return cls.of_corners([mesh.vertices], mass, centre, spread)
-
-    @classmethod
-    def of_parts(
-        cls,
-        meshes: "Sequence[trimesh.Trimesh]",
-        mass: float | None = None,
-        centre: Array | None = None,
-        spread: Spread | None = None,
-    ) -> "GraspTarget":
-        """Take the union of the convex hulls of meshes in the world frame; arguments and errors as in `of`."""
-        return cls.of_corners([mesh.vertices for mesh in meshes], mass, centre, spread)
+        """Take the union of the convex hulls of meshes, m, in the world frame; the rest as in `of_corners`."""
+        return cls.of_corners([mesh.vertices for mesh in meshes], mass, centre)
 
     @classmethod
     def of_corners(
@@ -92,7 +67,17 @@ class GraspTarget:
         centre: Array | None = None,
         spread: Spread | None = None,
     ) -> "GraspTarget":
-        """Take the union of the convex hulls of points (N, 3) m; arguments and errors as in `of`."""
+        """Take the union of the convex hulls of points in the world frame.
+
+        Args:
+            corners: (N, 3) m of each part.
+            mass: kg; assumed from the hull's volume if None.
+            centre: (3,) m; the centroid of the parts' volumes if None.
+            spread: of a surface that was guessed in part.
+
+        Raises:
+            InputError: for a part without volume or a mass that is not positive.
+        """
         if mass is not None and not (np.isfinite(mass) and mass > 0.0):
             raise InputError(f"mass {mass!r}: valid is a positive number of kilograms")
         faces = MAX_FACES if len(corners) == 1 else PART_FACES
