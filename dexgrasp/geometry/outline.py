@@ -27,7 +27,7 @@ class _Faces(NamedTuple):
 
 
 def outline(points: Array, count: int) -> NDArray[np.int64]:
-    """Return up to `count` of points: four that span much, then always the one farthest outside the faces so far.
+    """Return up to `count` of points: three that span much, then always the one farthest outside the faces so far.
 
     Fewer where their hull holds all. For the choice the points are joggled, so that no four lie in a plane and no
     triangle is without one.
@@ -37,28 +37,26 @@ def outline(points: Array, count: int) -> NDArray[np.int64]:
         count: at least 4.
     """
     joggled = points + np.random.default_rng(0).uniform(-_JOGGLE, _JOGGLE, points.shape)
-    return _outline(joggled, count)
+    first = joggled[:, 0].argmin()
+    local = joggled - joggled[first]
+    second = (local**2).sum(1).argmax()
+    third = (np.cross(local, local[second]) ** 2).sum(1).argmax()
+    return _outline(joggled, np.array([first, second, third]), count)
 
 
 @njit(cache=True, error_model="numpy")
-def _outline(points: Array, count: int) -> NDArray[np.int64]:
-    chosen, corners = np.empty(count, np.int64), np.empty((count, 3))
-    n = _simplex(points, chosen)
+def _outline(points: Array, start: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+    """Continue from the two sides of a triangle."""
+    chosen, corners, n, size = np.empty(count, np.int64), np.empty((count, 3)), 3, 2 * count + 4
     for k in range(n):
-        corners[k] = points[chosen[k]]
-    if n < 4:
-        return chosen[:n]
-    size = 2 * count + 4
+        chosen[k], corners[k] = start[k], points[start[k]]
     faces = _Faces(
         np.empty((size, 3), np.int64), np.empty((size, 4)), np.zeros(size, np.bool_),
         np.full((count, count), -1),
     )  # fmt: skip
-    for k in range(4):
-        a, b, c = (k + 1) % 4, (k + 2) % 4, (k + 3) % 4
-        _set_face(corners, faces, k, a, b, c)
-        if _height(faces.planes[k], corners[k]) > 0.0:
-            _set_face(corners, faces, k, a, c, b)
-    height, face, new = np.empty(len(points)), np.full(len(points), -1), np.arange(4)
+    _set_face(corners, faces, 0, 0, 1, 2)
+    _set_face(corners, faces, 1, 0, 2, 1)
+    height, face, new = np.empty(len(points)), np.full(len(points), -1), np.arange(2)
     while True:
         far = _farthest(points, faces, new, height, face)
         if n == count or height[far] <= _OUTSIDE:
@@ -68,30 +66,6 @@ def _outline(points: Array, count: int) -> NDArray[np.int64]:
         n += 1
         if not len(new):
             return chosen[:n]
-
-
-@njit(cache=True, error_model="numpy")
-def _simplex(points: Array, chosen: NDArray[np.int64]) -> int:
-    """Write a point far out, the one farthest from it, from the line of both, and from the plane of the three."""
-    local, size = points - points[np.argmin(points[:, 0])], np.empty(len(points))
-    chosen[0] = np.argmin(points[:, 0])
-    normal = np.zeros(3)
-    for n in range(1, 4):
-        x, y, z = local[chosen[1]] if n > 1 else normal
-        for k in range(len(points)):
-            a, b, c = local[k]
-            if n == 1:
-                size[k] = a * a + b * b + c * c
-            elif n == 2:
-                size[k] = (y * c - z * b) ** 2 + (z * a - x * c) ** 2 + (x * b - y * a) ** 2
-            else:
-                size[k] = abs(normal[0] * a + normal[1] * b + normal[2] * c)
-        chosen[n] = np.argmax(size)
-        if not size[chosen[n]] > _FLAT**2:
-            return n
-        if n == 2:
-            normal = np.cross(local[chosen[1]], local[chosen[2]])
-    return 4
 
 
 @njit(cache=True, error_model="numpy")

@@ -28,7 +28,6 @@ class RobotTree(NamedTuple):
     rotation: Array  # (nb, 3, 3), in the parent's frame
     joint: Index  # (nb,) column of the body's joint, -1 if fixed
     axis: Array  # (nb, 3) joint axis in the body's frame
-    ancestor: NDArray[np.bool_]  # (nb, n): does the joint move the body
     tip_body: Index  # (g,) last bodies of the grasping fingers, the opposing one first
     tip_offset: Array  # (g, 3) m, tip sphere centre in the distal link's frame
     palm: int  # index of the palm body
@@ -64,8 +63,6 @@ def robot_tree(cell: Cell) -> RobotTree:
     robot, model = cell.robot, compiled_robot(cell)
     bodies = [model.body(name).id for name in robot.bodies]
     index = {body: i for i, body in enumerate(bodies)}
-    parent = np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies])
-    joint = np.array([_joint_column(model, b, robot) for b in bodies])
     touching = tuple(finger.tip for finger in robot.grasping)
     spheres = [body_spheres(model, b, touching) for b in bodies]
     first = np.concatenate([[0], np.cumsum([len(s.radius) for s in spheres])])
@@ -74,14 +71,13 @@ def robot_tree(cell: Cell) -> RobotTree:
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
     beside, edges = _beside_palm(model, robot)
     return RobotTree(
-        parent=parent,
+        parent=np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
-        joint=joint,
+        joint=np.array([_joint_column(model, b, robot) for b in bodies]),
         axis=np.array(
             [model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]
         ),
-        ancestor=_ancestors(parent, joint, robot.dof),
         tip_body=np.array([index[int(model.site_bodyid[s])] for s in tips]),
         tip_offset=model.site_pos[tips].copy(),
         palm=index[int(model.site_bodyid[site])],
@@ -116,16 +112,6 @@ def _joint_column(model: mujoco.MjModel, body: int, robot: Robot) -> int:
     if not model.body_jntnum[body]:
         return -1
     return robot.joints.index(model.joint(int(model.body_jntadr[body])).name)
-
-
-def _ancestors(parent: Index, joint: Index, dof: int) -> NDArray[np.bool_]:
-    table = np.zeros((len(parent), dof), dtype=bool)
-    for body in range(len(parent)):
-        if parent[body] >= 0:
-            table[body] = table[parent[body]]
-        if joint[body] >= 0:
-            table[body, joint[body]] = True
-    return table
 
 
 def _moved(robot: Robot) -> Index:
