@@ -15,7 +15,7 @@ from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.physics.closure import TOLERANCE
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.certifier import Candidate, Certifier
+from dexgrasp.planning.certifier import OPENINGS, Candidate, grasp_motion, opened
 from dexgrasp.planning.claims import certificate_of
 from dexgrasp.planning.constraints import FIXED_ROWS
 from dexgrasp.planning.cvae_source import CvaeProposals
@@ -24,7 +24,6 @@ from dexgrasp.planning.postures import Posture, oriented_postures
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp.planning.result import SearchLog
-from dexgrasp.planning.setpoints import OPENINGS, grasp_motion, opened
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.robot.cell import Cell
@@ -87,21 +86,15 @@ class LatentPlanner(Planner):
             yield Posture(q, problem, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
 
 
-class RejectingCertifier(Certifier):
-    """Refuses grasps whose forces do not bear the whole of the assumed weight."""
+class KinematicPlanner(LatentPlanner):
+    """Kinematics by the optimiser, dynamics by rejection."""
 
     def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
-        """Return the grasp, or None and note in `log` that it is too weak."""
+        """Return the grasp, or None and note in `log` that its forces do not bear the whole of the assumed weight."""
         if not candidate.hold.holds:
             log.block(TOO_WEAK, 1.0 - candidate.hold.share)
             return None
         return super().certify(candidate, log)
-
-
-class KinematicPlanner(LatentPlanner):
-    """Kinematics by the optimiser, dynamics by rejection."""
-
-    certifies = RejectingCertifier
 
 
 class CvaeKinematicsAgent(LatentAgent):
@@ -114,23 +107,8 @@ class CvaeKinematicsAgent(LatentAgent):
     planner = KinematicPlanner
 
 
-class UncheckedCertifier(Certifier):
-    """Presses with balanced forces of Eq. 4 that nobody has checked; the certificate tells what is true of them."""
-
-    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
-        """Return the grasp, whatever it is worth."""
-        problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
-        forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=PRESS).forces
-        pregrasp = opened(q, at.normals, problem, OPENINGS[0])
-        motion = grasp_motion(q, at.normals, forces, problem, pregrasp)
-        certificate = certificate_of(q, forces, problem, with_capacity=False)
-        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
-
-
 class RawPlanner(LatentPlanner):
     """Takes latents as IK reaches them; nothing is refined."""
-
-    certifies = UncheckedCertifier
 
     def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
         """Prepare."""
@@ -150,6 +128,15 @@ class RawPlanner(LatentPlanner):
             return COLLISION
         balanced = solve_wrench_qp(at.contacts, at.normals, settings.friction).residual < TOLERANCE
         return None if balanced else NO_CLOSURE
+
+    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+        """Return the grasp, pressed with balanced forces of Eq. 4; its certificate tells what is true of them."""
+        problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
+        forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=PRESS).forces
+        pregrasp = opened(q, at.normals, problem, OPENINGS[0])
+        motion = grasp_motion(q, at.normals, forces, problem, pregrasp)
+        certificate = certificate_of(q, forces, problem, with_capacity=False)
+        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
 
 
 class CvaeAgent(LatentAgent):

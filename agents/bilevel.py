@@ -12,12 +12,11 @@ from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.retreat import Retreat
 from dexgrasp.planning.carry import plan_turn
-from dexgrasp.planning.planner import Planner, warm_up
+from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult, Progress
-from dexgrasp.planning.seen import plan_scene, start_of
+from dexgrasp.planning.seen import default_planner, plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.planning.sources import make_source
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
@@ -73,9 +72,7 @@ class BilevelAgent(Agent):
         self._state: State | None = None
 
     def _make(self, cell: Cell) -> Planner:
-        source = make_source(self._proposals)
-        warm_up(cell, source)
-        return Planner(self.settings, source, cell)
+        return default_planner(cell, self.settings, self._proposals)
 
     def seed(self, seed: int) -> None:
         """Seed the proposals of the next episode."""

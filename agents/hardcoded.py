@@ -98,8 +98,7 @@ class HardcodedAgent(Agent):
             self.report.failure = "no_cloud"
             return
         try:
-            self._script, details = self._plan(start, points)
-            self.report.details = details
+            self._script = self._plan(start, points)
         except NoPath as blocked:
             self.report.failure = blocked.reason
             self.report.details = {"detail": blocked.detail}
@@ -118,23 +117,19 @@ class HardcodedAgent(Agent):
     def _action(self, targets: Array) -> NDArray[np.float32]:
         return normalise(targets, self._cell.robot).astype(np.float32)
 
-    def _plan(self, start: Array, points: Array) -> tuple[ActionScript, dict[str, Any]]:
-        tree, obstacle = robot_tree(self._cell), _obstacle(points)
+    def _plan(self, start: Array, points: Array) -> ActionScript:
+        tree, obstacle, s = robot_tree(self._cell), _obstacle(points), self.settings
+        hands = [self._hand(posture) for posture in (s.hand_open, s.hand_closed, s.hand_firm)]
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
-        for axis, arm in self._reachable(tree, start, points):
-            pregrasp, grasp, squeeze = (np.concatenate([arm, hand]) for hand in self._hands())
-            motion = GraspMotion(pregrasp, grasp, squeeze)
+        for arm in self._arms(tree, start, points):
+            pregrasp, grasp, squeeze = (np.concatenate([arm, hand]) for hand in hands)
             try:
-                script = make_script(start, motion, obstacle, self._cell, margin=0.002)
+                return make_script(
+                    start, GraspMotion(pregrasp, grasp, squeeze), obstacle, self._cell, margin=0.002
+                )
             except NoPath as reason:
                 blocked = reason
-                continue
-            return script, {"grip_axis": axis.tolist(), "phases": list(script.phases)}
         raise blocked
-
-    def _hands(self) -> list[Array]:
-        s = self.settings
-        return [self._hand(posture) for posture in (s.hand_open, s.hand_closed, s.hand_firm)]
 
     def _hand(self, posture: Posture) -> Array:
         """Return a posture as the hand's joints (h,) rad.
@@ -150,17 +145,22 @@ class HardcodedAgent(Agent):
             )
         return np.concatenate([posture[finger.name] for finger in fingers])
 
-    def _reachable(self, tree: RobotTree, start: Array, points: Array) -> list[tuple[Array, Array]]:
-        """Grip axes (3,) and arm configurations (a,) of the two wrist turns, nearer to the start first."""
-        found, arm = [], tree.arm
-        for axis in (short_axis(points), -short_axis(points)):
+    def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
+        """Return the configurations (a,) rad to try, of both wrist turns, nearer to `start` first."""
+        arms = self._reachable(tree, start, points, [short_axis(points), -short_axis(points)])
+        return sorted(arms, key=lambda arm: float(np.abs(arm - start[: tree.arm]).max()))
+
+    def _reachable(self, tree: RobotTree, start: Array, points: Array, axes: list[Array]) -> list[Array]:
+        """Return the configurations (a,) rad of the arm for grips along axes (3,), those that it reaches."""
+        arms = []
+        for axis in axes:
             R, p = self._palm_goal(points, axis)
             q = start.copy()
             q[tree.arm :] = self._hand(self.settings.hand_open)
             q[0] = np.arctan2(p[1], p[0])
             if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
-                found.append((float(np.abs(q[:arm] - start[:arm]).max()), axis, q[:arm].copy()))
-        return [(axis, arm) for _, axis, arm in sorted(found, key=lambda item: item[0])]
+                arms.append(q[: tree.arm].copy())
+        return arms
 
     def _palm_goal(self, points: Array, axis: Array) -> tuple[Array, Array]:
         """Return rotation (3, 3) and position (3,) m of the palm frame for a grip along `axis` (3,)."""

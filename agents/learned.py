@@ -25,17 +25,18 @@ class LearnedAgent(Agent):
     """Acts by the policy of a folder, in numpy; its `env_settings` are those that it was trained in."""
 
     env_settings: ClassVar[Mapping[str, Any]] = {}
+    shipped: ClassVar[str] = ""
 
-    def __init__(self, folder: str | Path) -> None:
+    def __init__(self, folder: str | Path | None = None) -> None:
         """Read the policy.
 
         Args:
-            folder: of `dexgrasp train`.
+            folder: of `dexgrasp train`; that of the policy that is shipped under the class's name by default.
 
         Raises:
             InputError: if the folder holds no policy, or a damaged one.
         """
-        self._policy = read_learned(expand(folder))
+        self._policy = read_learned(expand(folder or asset_path("weights", self.shipped)))
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
         self._run: CloneRun | ActorRun | GripRun | None = None
 
@@ -76,18 +77,14 @@ class BcAgent(LearnedAgent):
     """Cloned from demonstrations: sees the state, predicts set-points."""
 
     env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
-
-    def __init__(self) -> None:
-        super().__init__(asset_path("weights", "bc"))
+    shipped = "bc"
 
 
 class RlAgent(LearnedAgent):
     """`bc` with a grip that reinforcement corrects: sees the state, decides once an episode where to take hold."""
 
     env_settings: ClassVar[Mapping[str, Any]] = BcAgent.env_settings
-
-    def __init__(self) -> None:
-        super().__init__(asset_path("weights", "rl"))
+    shipped = "rl"
 
 
 class BcCloudAgent(LearnedAgent):
@@ -98,6 +95,4 @@ class BcCloudAgent(LearnedAgent):
         "control_mode": "joint_delta",
         "observe": "reset",
     }
-
-    def __init__(self) -> None:
-        super().__init__(asset_path("weights", "bc_cloud"))
+    shipped = "bc_cloud"

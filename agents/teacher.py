@@ -1,12 +1,8 @@
 """A hard-coded agent whose choices are easy to learn: scenes that look alike are grasped alike."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
-from dexgrasp.agent import Observation
-from dexgrasp.kinematics.palm_ik import palm_frame, solve_palm
+from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
@@ -14,7 +10,6 @@ from .hardcoded import HardcodedAgent
 
 _TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
 _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narrowest
-_IK_ERROR = 0.003  # m
 
 
 class Teacher(HardcodedAgent):
@@ -25,24 +20,8 @@ class Teacher(HardcodedAgent):
     the least turn of the wrist is taken.
     """
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
-        """Plan from the cloud."""
-        self._start = np.asarray(observation["joint_targets"], dtype=float)
-        super().reset(observation, info)
-
-    def _reachable(self, tree: RobotTree, start: Array, points: Array) -> list[tuple[Array, Array]]:
-        found = []
-        for axis in self._axes(tree, start, points):
-            R, p = self._palm_goal(points, axis)
-            q = start.copy()
-            q[tree.arm :] = self._hand(self.settings.hand_open)
-            q[0] = np.arctan2(p[1], p[0])
-            if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
-                found.append((axis, q[: tree.arm].copy()))
-        return found
-
-    def _axes(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
-        """Return the grips (3,) to try: along the narrowest directions, least turn of the wrist first."""
+    def _arms(self, tree: RobotTree, start: Array, points: Array) -> list[Array]:
+        """Return those of grips along the narrowest directions, least turn of the wrist first."""
         level = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
         widths = np.ptp(points[:, :2] @ level, axis=0)
         narrow = _TURNS[widths <= widths.min() * _WIDER[0] + _WIDER[1]]
@@ -54,4 +33,5 @@ class Teacher(HardcodedAgent):
         best = turns[np.argmin(np.abs(turns))]
         other = best - np.sign(best) * np.pi if best else np.pi
         angles = straight + np.array([best, other])
-        return [np.array([np.cos(a), np.sin(a), 0.0]) for a in angles]
+        axes = [np.array([np.cos(a), np.sin(a), 0.0]) for a in angles]
+        return self._reachable(tree, start, points, axes)

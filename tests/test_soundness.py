@@ -8,7 +8,7 @@ from robots import CELL, HOME
 
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.soundness import check_way
+from dexgrasp.motion.script import check_way
 
 
 def script(targets):

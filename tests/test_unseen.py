@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.planning.from_cloud import plan_cloud
 from dexgrasp.planning.holding import narrowed_friction
+from dexgrasp.planning.seen import plan_cloud
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.completion import NoTarget, completed_corners, target_of
 from dexgrasp.shape.hull import cloud_corners

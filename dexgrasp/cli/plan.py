@@ -113,10 +113,11 @@ class Plan(Command, Scan, Scene):
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress | None") -> "tuple[PlanResult, dict[str, Any]]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
-        from dexgrasp.planning.from_cloud import default_planner, scene_of
-        from dexgrasp.planning.seen import plan_scene
+        from dexgrasp.planning.seen import default_planner, plan_scene, scene_of
+        from dexgrasp.planning.settings import PlannerSettings
 
-        planner = default_planner(self.cell, self.friction)
+        settings = None if self.friction is None else PlannerSettings.for_friction(self.friction)
+        planner = default_planner(self.cell, settings)
         scene = scene_of(scan, near=self.object_near, seed=self.seed, cell=self.cell)
         home = self.cell.robot.home
         found = plan_scene(

@@ -26,12 +26,12 @@ from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.claims import FAR
 from dexgrasp.planning.constraints import FIXED_ROWS
-from dexgrasp.planning.holding import NONE, level_of
 from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, loads_on
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import SearchLog
+from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import matrix_to_quat
 
@@ -39,6 +39,8 @@ BATCH = 128  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
 REACH = ((0.40, 0.60), (-0.15, 0.15))  # m, where objects are put, x and y
 MOST_FORCE = 15.0  # N along each axis: a finger's 0.7 Nm over the shortest lever that any posture has
+NONE = -1
+"""Level of a grasp that bears none of `PlannerSettings.loads`."""
 _ROUGH = 1e-2  # of the margin
 COUNTS = ("triples_tried", "assignments_tried", "placed_by_atlas", "reached_by_arm", "feasible", "holding")
 
@@ -205,3 +207,11 @@ def _free_loads(
         contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity)
         out[m] = squeeze_estimate(contacts, most, room)
     return out
+
+
+def level_of(load: float, settings: PlannerSettings) -> int:
+    """Return which of `settings.loads` a load reaches first, `NONE` if it reaches none."""
+    for level, (share, disturbance) in enumerate(settings.loads):
+        if load >= share * (1.0 + disturbance) - 1e-6:
+            return level
+    return NONE

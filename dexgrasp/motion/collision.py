@@ -99,11 +99,11 @@ class CollisionChecker:
             path: its corners.
             slack: how much nearer than the margin may pass, m: for paths that follow a checked one.
         """
-        dense = densify(path, _CHECK_STEP)
+        nb, pairs = len(self._needed), len(self.tree.pairs)
+        known = np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs + 1), -1.0)
         label = np.empty(3, np.int64)
-        index, value = _first_contact(
-            dense, self.tree, self._obstacle, self._needed - slack, self.margin, label
-        )
+        watch = _Watch(self._obstacle, self._needed - slack, self.margin, *known, label)
+        index, value = _first_contact(densify(path, _CHECK_STEP), self.tree, watch)
         if index < 0:
             return None
         other = self._names[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
@@ -121,23 +121,23 @@ def densify(path: Array, step: float) -> Array:
 
 
 class _Watch(NamedTuple):
-    """What is known of clearances along a path: none changes by more than its bodies move.
+    """What is to be kept clear of, and what is known of clearances along a path: none changes by more than bodies move.
 
     A clearance is measured again when what the bodies have moved since could have used it up.
     """
 
+    obstacle: Obstacle
+    needed: Array  # (nb, nb + 2) m, clearance to keep between bodies, from the object, and from the table
+    margin: float  # m: more is never needed
     ways: Array  # (2, nb) m, how far each body has moved so far: in the world, and against the palm
     to_object: Array  # (2, nb) m: clearance from the object when it was measured, and the way up to then
     to_self: Array  # (2, np + 1) m: the same between two bodies, and of thumb and palm
+    label: NDArray[np.int64]  # (3,) of what was too near: kind, body, other body
 
 
 @njit(cache=True, error_model="numpy")
-def _first_contact(
-    path: Array, tree: RobotTree, obstacle: Obstacle, needed: Array, margin: float, label: NDArray[np.int64]
-) -> tuple[int, float]:
-    """Return the first state with a contact, -1 if none, and its clearance; `label` says between which."""
-    nb, pairs = tree.parent.shape[0], tree.pairs.shape[0]
-    watch = _Watch(np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs + 1), -1.0))
+def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> tuple[int, float]:
+    """Return the first state with a contact, -1 if none, and its clearance; the watch's label says between which."""
     frames, before, seen, seen_before = (
         empty_frames(tree), empty_frames(tree), empty_frames(tree), empty_frames(tree),
     )  # fmt: skip
@@ -148,9 +148,9 @@ def _first_contact(
             _add_ways(tree, frames, before, watch.ways[0])
             _add_ways(tree, seen, seen_before, watch.ways[1])
         cover = cover_of(tree, frames)
-        value = _object_contact(cover, obstacle, needed, margin, watch, label)
+        value = _object_contact(cover, watch)
         if value == np.inf:
-            value = _self_contact(cover, needed, margin, watch, label)
+            value = _self_contact(cover, watch)
         if value < np.inf:
             return i, value
         frames, before, seen, seen_before = before, frames, seen_before, seen
@@ -158,10 +158,9 @@ def _first_contact(
 
 
 @njit(cache=True, error_model="numpy")
-def _object_contact(
-    cover: Cover, obstacle: Obstacle, needed: Array, margin: float, watch: _Watch, label: NDArray[np.int64]
-) -> float:
+def _object_contact(cover: Cover, watch: _Watch) -> float:
     """Return a clearance from table or object that is less than needed, infinity if there is none."""
+    obstacle, needed, margin, label = watch.obstacle, watch.needed, watch.margin, watch.label
     tree, direction, known = cover.tree, np.empty(3), watch.to_object
     nb = tree.parent.shape[0]
     for b in range(2, nb):
@@ -187,10 +186,9 @@ def _object_contact(
 
 
 @njit(cache=True, error_model="numpy")
-def _self_contact(
-    cover: Cover, needed: Array, margin: float, watch: _Watch, label: NDArray[np.int64]
-) -> float:
+def _self_contact(cover: Cover, watch: _Watch) -> float:
     """Return a clearance between two bodies that is less than needed, infinity if there is none."""
+    needed, margin, label = watch.needed, watch.margin, watch.label
     tree, known, ways = cover.tree, watch.to_self, watch.ways[1]
     for k in range(-1, tree.pairs.shape[0]):  # the first is thumb and palm, by their boxes
         a, b = (tree.beside, tree.palm) if k < 0 else (tree.pairs[k, 0], tree.pairs[k, 1])

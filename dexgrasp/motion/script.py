@@ -4,7 +4,7 @@ import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
-from dexgrasp.grasp.path import jerkiness
+from dexgrasp.grasp.path import bend, jerkiness
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
@@ -20,6 +20,7 @@ from dexgrasp_env.tasks.control import max_step
 _SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
 _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
 _LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
+_BEND = 2.3e-3  # rad that a set-point of the approach may stand out of its neighbours' plane; `verify` allows 2.5e-3
 _LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
 
 
@@ -87,3 +88,19 @@ def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     if jerk > _LIFT_JERK:  # the arm turns at a joint limit or near a singularity
         raise NoPath("lift_out_of_reach", f"a joint would jerk by {1000 * jerk:.0f} mrad on the way up")
     return path
+
+
+def check_way(script: ActionScript, cell: Cell) -> None:
+    """Refuse what `verify` would refuse of a script: an approach that bends, a lift in which the hand meets itself.
+
+    Raises:
+        NoPath: `approach_bends`, or `lift_blocked` with what is in the way.
+    """
+    first = dict(script.phases)
+    bent = bend(np.concatenate([script.start[None], script.targets[: first["close"]]]))
+    if bent > _BEND:
+        raise NoPath("approach_bends", f"a set-point stands out by {1000 * bent:.1f} mrad")
+    lift = script.targets[first["lift"] - 1 : first["hold"]]
+    contact = CollisionChecker(cell, None, 0.0).first_contact(lift)
+    if contact is not None:
+        raise NoPath("lift_blocked", str(contact))

@@ -6,6 +6,8 @@ Backwards the largest x from which a stop at the end can still be reached; forwa
 Limits hold at both ends of every stretch between two grid points, where u is constant.
 """
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -38,22 +40,21 @@ def _narrow(first: Array, second: Array, ahead: float, acceleration: Array, x: f
     return most
 
 
+class _Curve(NamedTuple):
+    """Derivatives of the joints along the path, and how hard they may accelerate."""
+
+    first: Array  # (n, joints)
+    second: Array  # (n, joints)
+    acceleration: Array  # (joints,)
+
+
 @njit(cache=True, error_model="numpy")
-def _accelerations(
-    i: int,
-    x: float,
-    first: Array,
-    second: Array,
-    acceleration: Array,
-    ahead: float,
-    most_next: float,
-    bounds: Array,
-) -> float:
+def _accelerations(i: int, x: float, curve: _Curve, ahead: float, most_next: float, bounds: Array) -> float:
     """Write the bounds of u at grid point i and squared speed x, with their slopes; return the most x may be at all."""
     bounds[0, 0], bounds[0, 1] = -x / ahead, -1.0 / ahead  # the next squared speed is within [0, most_next]
     bounds[1, 0], bounds[1, 1] = (most_next - x) / ahead, -1.0 / ahead
-    here = _narrow(first[i], second[i], 0.0, acceleration, x, bounds)
-    there = _narrow(first[i + 1], second[i + 1], ahead, acceleration, x, bounds)
+    here = _narrow(curve.first[i], curve.second[i], 0.0, curve.acceleration, x, bounds)
+    there = _narrow(curve.first[i + 1], curve.second[i + 1], ahead, curve.acceleration, x, bounds)
     return min(here, there)
 
 
@@ -68,7 +69,7 @@ def fastest_squared_speeds(
         first: (n, joints) first derivatives of the joints there. second: (n, joints) second ones.
         velocity: (joints,) limits. acceleration: (joints,) limits.
     """
-    n, bounds = at.shape[0], np.empty((2, 2))
+    n, bounds, curve = at.shape[0], np.empty((2, 2)), _Curve(first, second, acceleration)
     most, x = np.zeros(n), np.zeros(n)
     for i in range(n - 2, -1, -1):
         most[i] = _LARGE
@@ -78,9 +79,7 @@ def fastest_squared_speeds(
         ahead = 2.0 * (at[i + 1] - at[i])
         for _ in range(_STEPS):
             # The room between the bounds is concave in x: Newton's steps from above end at its zero.
-            most[i] = min(
-                most[i], _accelerations(i, most[i], first, second, acceleration, ahead, most[i + 1], bounds)
-            )
+            most[i] = min(most[i], _accelerations(i, most[i], curve, ahead, most[i + 1], bounds))
             room = bounds[1, 0] - bounds[0, 0]
             if room >= -_ROUNDING:
                 break
@@ -92,7 +91,7 @@ def fastest_squared_speeds(
             return np.empty(0)
     for i in range(n - 1):
         ahead = 2.0 * (at[i + 1] - at[i])
-        _accelerations(i, x[i], first, second, acceleration, ahead, most[i + 1], bounds)
+        _accelerations(i, x[i], curve, ahead, most[i + 1], bounds)
         x[i + 1] = min(max(x[i] + ahead * bounds[1, 0], 0.0), most[i + 1])
     return x
 

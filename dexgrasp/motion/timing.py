@@ -1,10 +1,10 @@
 """When to be where: time-optimal within the limits, by reachability analysis (TOPP-RA)."""
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.spline import NaturalSpline
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -77,7 +77,7 @@ def _without_repeats(path: Array) -> Array:
 
 def _time_smooth(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     """Time a smooth path as fast as limits allow; by a slow smooth law where that fails."""
-    curve = NaturalSpline(at, points)
+    curve = CubicSpline(at, points, bc_type="natural")
     velocity, acceleration = _ROOM * speed * tree.velocity, _ROOM * speed * tree.acceleration
     squared = fastest_squared_speeds(at, curve(at, 1), curve(at, 2), velocity, acceleration)
     places = places_at(at, squared, CONTROL_PERIOD) if len(squared) else squared

@@ -57,44 +57,30 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
 
 
 def _made(robot: Robot, tree: RobotTree, seed: int) -> dict[str, Array]:
-    joints = _sample(robot, tree, seed)
-    tips, axes, pads = _tip_frames(_whole(joints, tree), tree)
-    return {"joints": joints, "tips": tips, "axes": axes, "pads": pads}
-
-
-def triangle_sides(corners: Array) -> Array:
-    """Return the sides (..., 3) m of triangles (..., 3, 3): thumb-index, thumb-middle, index-middle."""
-    a, b, c = corners[..., 0, :], corners[..., 1, :], corners[..., 2, :]
-    return np.stack(
-        [np.linalg.norm(a - b, axis=-1), np.linalg.norm(a - c, axis=-1), np.linalg.norm(b - c, axis=-1)], -1
-    )
-
-
-def _whole(joints: Array, tree: RobotTree) -> Array:
-    q = np.tile(tree.home, (len(joints), 1))
-    q[:, tree.arm :] = joints
-    return q
-
-
-def _sample(robot: Robot, tree: RobotTree, seed: int) -> Array:
     """Draw postures in which the thumb faces the two fingers and no tips meet."""
     rng = np.random.default_rng(seed)
     lower, upper = tree.lower[tree.arm :], tree.upper[tree.arm :]
     middle, half = 0.5 * (lower + upper), 0.5 * _RANGE * (upper - lower)
-    joints = middle + half * rng.uniform(-1.0, 1.0, (_SAMPLES, len(lower)))
+    q = np.tile(tree.home, (_SAMPLES, 1))
+    q[:, tree.arm :] = middle + half * rng.uniform(-1.0, 1.0, (_SAMPLES, len(lower)))
     for finger in robot.hand.fingers:
         if finger.name not in robot.hand.grasp and finger.aside:
-            own = robot.columns[finger.name]
-            joints[:, own.start - tree.arm : own.stop - tree.arm] = finger.aside
-    tips, _, pads = _tip_frames(_whole(joints, tree), tree)
+            q[:, robot.columns[finger.name]] = finger.aside
+    tips, axes, pads = _tip_frames(q, tree)
     sides = triangle_sides(tips)
     inside = ((sides > [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030]) & (sides < _SIDE[1])).all(1)
     between = 0.5 * (tips[:, 1] + tips[:, 2]) - tips[:, 0]
     between /= np.linalg.norm(between, axis=1, keepdims=True)
     opposed = (pads[:, 0] * between).sum(1) > 0.1
     opposed &= ((pads[:, 1] * between).sum(1) < 0.2) & ((pads[:, 2] * between).sum(1) < 0.2)
-    in_front = (tips[:, :, 0] > 0.02).all(1)
-    return joints[inside & opposed & in_front]
+    kept = inside & opposed & (tips[:, :, 0] > 0.02).all(1)  # in front of the palm
+    return {"joints": q[kept, tree.arm :], "tips": tips[kept], "axes": axes[kept], "pads": pads[kept]}
+
+
+def triangle_sides(corners: Array) -> Array:
+    """Return the sides (..., 3) m of triangles (..., 3, 3): thumb-index, thumb-middle, index-middle."""
+    sides: Array = np.linalg.norm(corners[..., [0, 0, 1], :] - corners[..., [1, 2, 2], :], axis=-1)
+    return sides
 
 
 @njit(cache=True)

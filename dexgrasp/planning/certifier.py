@@ -1,4 +1,4 @@
-"""A feasible configuration made a grasp: forces that hold, an opening to close from, and the certificate."""
+"""A feasible configuration made a grasp: set-points that open around it, touch and press, and the certificate."""
 
 from dataclasses import replace
 from itertools import product
@@ -6,17 +6,22 @@ from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.kinematics.forward import fingertips
+from dexgrasp.grasp.grasp import Grasp, GraspMotion
+from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
+from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.physics.strength import capacity_of
 from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import SearchLog
-from dexgrasp.planning.setpoints import OPENINGS, RISES, grasp_motion, opened
 from dexgrasp.planning.sqp import Solution
+from dexgrasp_env.arrays import Array
 
+OPENINGS = (0.025, 0.035, 0.018, 0.012)
+"""m that the tips back off along the normals, first choice first."""
+RISES = (0.0, 0.006)
+"""m that they rise besides: none, or off the table, where contacts are low."""
 _TIPS_MEET = (
     2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify` allows 3e-4
 )
@@ -34,37 +39,36 @@ class Candidate(NamedTuple, Generic[Start]):
     hold: Hold
 
 
-class Certifier:
-    """Certifies configurations."""
+def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool = True) -> Grasp | None:
+    """Return the grasp of a feasible configuration and its squeeze, or None and note in `log` what it lacks.
 
-    def __init__(self, with_closure: bool) -> None:
-        """Prepare; without closure, forces that fail to hold are reported in the certificate, not refused."""
-        self._with_closure = with_closure
-
-    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
-        """Return the grasp of a feasible configuration and its squeeze, or None and note in `log` what it lacks."""
-        problem, hold = candidate.start.problem, candidate.hold
-        settings, q, at = problem.settings, candidate.solution.q, candidate.solution.evaluation
-        if self._with_closure and at.contacts[:, 2].min() < settings.contact_height:
-            log.block("contact_height", settings.contact_height - float(at.contacts[:, 2].min()))
-            return None
-        if hold.share == 0.0 and self._with_closure:
-            log.block(f"holding_forces: {UNBALANCED}", 1.0)
-            return None
-        # Firm grasps are many. One that is not is worth another way to open.
-        rises = RISES[:1] if hold.merit >= settings.firm_load else RISES
-        ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
-        pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
-        if pregrasp is None:
-            log.block("pregrasp_clearance")
-            return None
-        motion = grasp_motion(q, at.normals, hold.forces, problem, pregrasp)
-        missed = fingertips(motion.grasp, problem.tree) - (at.contacts + settings.tip_radius * at.normals)
-        if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
-            log.block("surface_out_of_reach", farthest)
-            return None
-        certificate = certificate_of(q, hold.forces, problem, with_capacity=False)
-        return Grasp(q, at.contacts, at.normals, hold.forces, certificate, motion, problem.cell)
+    Args:
+        candidate: the configuration.
+        log: of the search.
+        with_closure: False reports forces that fail to hold in the certificate instead of refusing them.
+    """
+    problem, hold = candidate.start.problem, candidate.hold
+    settings, q, at = problem.settings, candidate.solution.q, candidate.solution.evaluation
+    if with_closure and at.contacts[:, 2].min() < settings.contact_height:
+        log.block("contact_height", settings.contact_height - float(at.contacts[:, 2].min()))
+        return None
+    if hold.share == 0.0 and with_closure:
+        log.block(f"holding_forces: {UNBALANCED}", 1.0)
+        return None
+    # Firm grasps are many. One that is not is worth another way to open.
+    rises = RISES[:1] if hold.merit >= settings.firm_load else RISES
+    ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
+    pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
+    if pregrasp is None:
+        log.block("pregrasp_clearance")
+        return None
+    motion = grasp_motion(q, at.normals, hold.forces, problem, pregrasp)
+    missed = fingertips(motion.grasp, problem.tree) - (at.contacts + settings.tip_radius * at.normals)
+    if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
+        log.block("surface_out_of_reach", farthest)
+        return None
+    certificate = certificate_of(q, hold.forces, problem, with_capacity=False)
+    return Grasp(q, at.contacts, at.normals, hold.forces, certificate, motion, problem.cell)
 
 
 def completed(grasp: Grasp, problem: Problem) -> Grasp:
@@ -72,3 +76,51 @@ def completed(grasp: Grasp, problem: Problem) -> Grasp:
     contacts, _ = contacts_of(grasp.q, problem, problem.settings.friction_hold)
     certificate = replace(grasp.certificate, capacity=capacity_of(contacts))
     return replace(grasp, certificate=certificate)
+
+
+def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: float = 0.0) -> Array:
+    """Return the configuration (n,) rad that a grasp closes from.
+
+    Args:
+        q: (n,) rad, the grasp.
+        normals: (3, 3) out of the object.
+        problem: object and robot.
+        opening: m that the tips back off before they close.
+        rise: m that they come down as they close.
+    """
+    (_, goals), pregrasp = _touching(q, normals, problem), q.copy()
+    solve_tips(pregrasp, goals + opening * normals + [0.0, 0.0, rise], problem.tree, 40, 1e-4, True)
+    return pregrasp
+
+
+def grasp_motion(q: Array, normals: Array, forces: Array, problem: Problem, pregrasp: Array) -> GraspMotion:
+    """Return the set-points of a grasp that closes from `pregrasp` (n,) rad.
+
+    The squeeze is exact for position servos: at rest on the surface a servo whose set-point is J^T f / kp further in
+    presses with f, J being that of the contact points.
+
+    Args:
+        q: (n,) rad, the grasp.
+        normals: (3, 3) out of the object.
+        forces: (3, 3) N on the object.
+        problem: object and robot.
+        pregrasp: see `opened`.
+    """
+    tree, touching = problem.tree, q.copy()
+    contacts, goals = _touching(q, normals, problem)
+    solve_tips(touching, goals, tree, 30, 1e-5, True)
+    J = tip_jacobian(tree, body_frames(touching, tree), contacts)[:, :, tree.arm :]
+    torque = np.einsum("frj,fr->j", J, forces)
+    squeeze = touching.copy()
+    hand = slice(tree.arm, None)
+    squeeze[hand] = np.clip(touching[hand] + torque / tree.stiffness, tree.lower[hand], tree.upper[hand])
+    return GraspMotion(pregrasp, touching, squeeze)
+
+
+def _touching(q: Array, normals: Array, problem: Problem) -> tuple[Array, Array]:
+    """Return the contacts (3, 3) m, and where the tips' centres are (3, 3) m when they touch there."""
+    tips = fingertips(q, problem.tree)
+    distance, _ = problem.target.distance.distance_gradient(tips)
+    return tips - distance[:, None] * normals, tips + (problem.settings.tip_radius - distance)[
+        :, None
+    ] * normals

@@ -47,15 +47,12 @@ class CvaeProposals(ProposalSource):
         if not len(contacts):
             return Proposals.none(_NO_SURFACE)
         if not self._ranked:
-            contacts, normals = contacts[: settings.triples], normals[: settings.triples]
-            unknown = np.full(len(contacts), np.nan)
-            return Proposals(
-                contacts, normals, unknown, assigned=True, palms=palms[usable][: settings.triples]
-            )
-        contacts, normals, margin = most_robust(contacts, normals, target, settings)
-        if not len(contacts):
+            first = slice(settings.triples)
+            return Proposals(contacts[first], normals[first], assigned=True, palms=palms[usable][first])
+        chosen = most_robust(contacts, normals, target, settings)
+        if not len(chosen):
             return Proposals.none(_NO_CLOSURE)
-        return Proposals(contacts, normals, margin, assigned=True)
+        return Proposals(contacts[chosen], normals[chosen], assigned=True)
 
 
 def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) -> tuple[Array, Array]:

@@ -15,8 +15,6 @@ from dexgrasp_env.arrays import Array
 
 ENOUGH = 6.0
 """Weights: to bear a larger push only strains the hand."""
-NONE = -1
-"""Level of a grasp that bears none of `settings.loads`."""
 DOWN = np.array([0.0, 0.0, -1.0])
 UNBALANCED = "no forces within friction cones and joint torques balance gravity at these contacts"
 _LEVER = 0.03  # m over which a surface that was guessed turns by its error in place
@@ -98,11 +96,3 @@ def _squeeze(contacts: Contacts, friction: Array, settings: PlannerSettings, dow
     limits, gravity = settings.torque_share * contacts.torque_limits, contacts.weight * down
     counted = contacts._replace(friction=friction, torque_limits=limits, gravity=gravity)
     return firmest_squeeze(counted, settings.least_press, ENOUGH)
-
-
-def level_of(load: float, settings: PlannerSettings) -> int:
-    """Return which of `settings.loads` a load reaches first, `NONE` if it reaches none."""
-    for level, (share, disturbance) in enumerate(settings.loads):
-        if load >= share * (1.0 + disturbance) - 1e-6:
-            return level
-    return NONE

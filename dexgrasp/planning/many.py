@@ -86,40 +86,35 @@ class _Pool:
 
     def __init__(self) -> None:
         self._all: list[Candidate[Posture]] = []
-        self._points = np.empty((256, 18))  # m
-        self._gaps = np.empty(256)  # m; infinite while nothing is chosen, -1 for what has been taken
-        self._chosen: list[Array] = []
+        self._points = np.empty((0, 18))  # m
+        self._gaps = np.empty(0)  # m; infinite while nothing is chosen, -1 for what has been taken
+        self._chosen: list[int] = []
 
     def __len__(self) -> int:
-        return int((self._gaps[: len(self._all)] >= 0.0).sum())
+        return int((self._gaps >= 0.0).sum())
 
     def add(self, candidate: Candidate[Posture], points: Array) -> bool:
         """Add a candidate with its hand's points (6, 3), unless one like it was here before."""
-        n, flat = len(self._all), points.ravel()
-        if n and _distance(self._points[:n], flat).min() < _APART:
+        flat = points.ravel()
+        if (_distance(self._points, flat) < _APART).any():
             return False
-        if n == len(self._gaps):
-            self._points, self._gaps = np.tile(self._points, (2, 1)), np.tile(self._gaps, 2)
+        gap = _distance(self._points[self._chosen], flat).min(initial=np.inf)
         self._all.append(candidate)
-        self._points[n] = flat
-        self._gaps[n] = _distance(np.array(self._chosen), flat).min() if self._chosen else np.inf
+        self._points, self._gaps = np.vstack([self._points, flat]), np.append(self._gaps, gap)
         return True
 
     def take(self) -> tuple[int, Candidate[Posture]]:
         """Take out the farthest from what is chosen; of several such, as at the beginning, the firmest."""
-        gaps = self._gaps[: len(self._all)]
-        ties = np.flatnonzero(gaps == gaps.max())
+        ties = np.flatnonzero(self._gaps == self._gaps.max())
         k = int(max(ties, key=lambda i: self._all[i].hold.merit))
         self._gaps[k] = -1.0
         return k, self._all[k]
 
     def choose(self, k: int) -> None:
         """Choose what was taken as number `k`."""
-        n = len(self._all)
-        self._chosen.append(self._points[k].copy())
-        left = self._gaps[:n] >= 0.0
-        apart = _distance(self._points[:n], self._points[k])
-        self._gaps[:n] = np.where(left, np.minimum(self._gaps[:n], apart), -1.0)
+        self._chosen.append(k)
+        apart = _distance(self._points, self._points[k])
+        self._gaps = np.where(self._gaps >= 0.0, np.minimum(self._gaps, apart), -1.0)
 
 
 def _distance(points: Array, to: Array) -> Array:
@@ -142,7 +137,9 @@ class _Search(Search):
             if not len(pool):
                 result.shortfall = self.log.commonest() or result.shortfall or NO_POSTURE
                 break
-            self._choose(pool)
+            k, farthest = pool.take()
+            if self.carried_out(farthest, holding=True):
+                pool.choose(k)
             progress(room + len(result.found), room + count)
         if len(result.found) == count:
             result.shortfall = None
@@ -163,10 +160,3 @@ class _Search(Search):
                 yield
         if new < _DRY * min(wanted, size):
             del sources[0]
-
-    def _choose(self, pool: "_Pool") -> None:
-        """Choose the farthest candidate if it can be certified and carried out."""
-        k, candidate = pool.take()
-        grasp = self.certified(candidate)
-        if grasp is not None and grasp.certificate.holds and self.carried_out(grasp):
-            pool.choose(k)

@@ -7,6 +7,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
+from dexgrasp.kinematics.forward import to_world
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
@@ -116,9 +117,8 @@ def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle,
 
     `room` is (3, 3): two rows to work in, and the middle of the palm's box in the palm frame, m.
     """
-    palm, gradient, middle = room[0], room[1], room[2]
-    for r in range(3):
-        palm[r] = p[r] + R[r, 0] * middle[0] + R[r, 1] * middle[1] + R[r, 2] * middle[2]
+    palm, gradient = room[0], room[1]
+    to_world(R, p, room[2], palm)
     # Down is best: the arm reaches it everywhere. Sideways is fine, palm up is not.
     down = -R[2, 0]
     if palm[2] < _PALM_HEIGHT or down < -0.2:

@@ -9,9 +9,8 @@ import numpy as np
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.script import make_script
-from dexgrasp.motion.soundness import check_way
-from dexgrasp.planning.certifier import Candidate, Certifier, Start, completed
+from dexgrasp.motion.script import check_way, make_script
+from dexgrasp.planning.certifier import Candidate, Start, certified, completed
 from dexgrasp.planning.holding import Hold, firmest_hold
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.problem import Problem
@@ -35,11 +34,9 @@ class Planner:
 
     Attributes:
         patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight.
-        certifies: what makes a certifier of it.
     """
 
     patience: ClassVar[int] = 4
-    certifies: ClassVar[type[Certifier]] = Certifier
 
     def __init__(
         self, settings: PlannerSettings | None = None, source: ProposalSource | None = None,
@@ -56,7 +53,6 @@ class Planner:
         self.settings, self.cell = settings or PlannerSettings(), cell or default_cell()
         self.tree: RobotTree = robot_tree(self.cell)
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
-        self.certifier = self.certifies(with_closure)
 
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
@@ -121,6 +117,10 @@ class Planner:
         """Return where the optimiser ends from a posture."""
         return solve(start.q, start.problem, with_margin=self._with_closure)
 
+    def certify(self, candidate: Candidate[Posture], log: SearchLog) -> Grasp | None:
+        """Return the grasp of a candidate, or None and note in `log` what it lacks."""
+        return certified(candidate, log, self._with_closure)
+
     def _out_of_time(self, log: SearchLog) -> bool:
         over = self.settings.seconds is not None and sum(log.seconds.values()) > self.settings.seconds
         if over:
@@ -161,20 +161,22 @@ class Search:
         # What holds the weight comes before what does not, though its merit with less friction may be lower.
         pool.sort(key=lambda candidate: (not candidate.hold.holds, -candidate.hold.merit))
         while pool and enough(pool[0].hold):
-            grasp = self.certified(pool.pop(0))
-            if grasp is not None and self.carried_out(grasp):
+            if self.carried_out(pool.pop(0)):
                 return True
         return False
 
-    def certified(self, candidate: Candidate[Posture]) -> Grasp | None:
-        """Return the grasp of a candidate, or None where something is missing, which is noted."""
-        grasp = self.planner.certifier.certify(candidate, self.log)
-        self.log.lap("certificate")
-        return grasp
+    def carried_out(self, candidate: Candidate[Posture], holding: bool = False) -> bool:
+        """Whether a candidate can be certified and approached; it is found then, and what it lacks noted else.
 
-    def carried_out(self, grasp: Grasp) -> bool:
-        """Whether a grasp can be approached; it is found then."""
-        script, planner = None, self.planner
+        Args:
+            candidate: the configuration.
+            holding: whether its forces must bear the assumed weight, as the certificate says.
+        """
+        planner, script = self.planner, None
+        grasp = planner.certify(candidate, self.log)
+        self.log.lap("certificate")
+        if grasp is None or (holding and not grasp.certificate.holds):
+            return False
         try:
             if self._start is not None:
                 script = make_script(self._start, grasp.motion, self._problem.target.distance, planner.cell)

@@ -11,7 +11,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, hand_jacobian, tip_positions
+from dexgrasp.kinematics.forward import (
+    empty_frames,
+    forward,
+    forward_part,
+    hand_jacobian,
+    tip_positions,
+    to_world,
+)
 from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
@@ -119,24 +126,18 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
                     frames.R[tree.palm, r, c] * tree.palm_offset[c] - turn[r, c] * placed.positions[m, c]
                 )
         tips = tip_positions(tree, frames)
-        _turned(turn, burden.centre, shift, middle)
-        _turned(turn, burden.gravity, nothing, down)
+        to_world(turn, shift, burden.centre, middle)
+        to_world(turn, nothing, burden.gravity, down)
         for i in range(3):
             inward = placed.goals.inward[goal, i]
-            _turned(turn, placed.goals.centres[goal, i] + height * inward, shift, points[i])
-            _turned(turn, -inward, nothing, normals[i])
+            to_world(turn, shift, placed.goals.centres[goal, i] + height * inward, points[i])
+            to_world(turn, nothing, -inward, normals[i])
             tips[i] -= height * normals[i]
         hand_jacobian(tree, frames, tips, J)
         hand[:] = J[:, :, tree.arm :]
         contacts = Contacts(points, normals, hand, limit, friction[goal], middle, down)
         out[m] = squeeze_estimate(contacts, ENOUGH, room)
     return out
-
-
-@njit(cache=True, error_model="numpy")
-def _turned(turn: Array, x: Array, shift: Array, out: Array) -> None:
-    for r in range(3):
-        out[r] = shift[r] + turn[r, 0] * x[0] + turn[r, 1] * x[1] + turn[r, 2] * x[2]
 
 
 def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> list[Posture]:

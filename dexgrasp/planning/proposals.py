@@ -18,7 +18,7 @@ LEAST_DISTANCE = 0.03
 """m between contacts: two fingertips are wider than this."""
 _ROUNDING = 1e-4  # m
 _JUDGED = 30  # times as many feasible triples have their margin computed as are proposed
-_NO_CLOSURE, _NO_SURFACE, _NOT_CONVEX = "no_closure_triple", "no_surface_above_table", "not_convex"
+_NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,6 @@ class Proposals:
     Attributes:
         contacts: (K, 3, 3) m, world frame.
         normals: (K, 3, 3) out of the object.
-        margins: (K,) closure margins, NaN where the source does not know.
         assigned: whether the order is thumb, index, middle; otherwise any finger may take any contact.
         failure: why there are none.
         palms: (K, 4, 4) where the source would have the palm, world frame; None where it does not say.
@@ -36,7 +35,6 @@ class Proposals:
 
     contacts: Array
     normals: Array
-    margins: Array
     assigned: bool = False
     failure: str | None = None
     palms: Array | None = None
@@ -45,7 +43,7 @@ class Proposals:
     def none(cls, failure: str) -> "Proposals":
         """Return an empty set with its reason."""
         empty = np.zeros((0, 3, 3))
-        return cls(empty, empty, np.zeros(0), failure=failure)
+        return cls(empty, empty, failure=failure)
 
 
 class ProposalSource(ABC):
@@ -76,49 +74,7 @@ class SurfaceProposals(ProposalSource):
             closed = margin > 0.0
             triples, contacts, at, margin = triples[closed], contacts[closed], at[closed], margin[closed]
         chosen = best_shared(triples, robustness(contacts, at, margin, target), settings.triples)
-        return Proposals(contacts[chosen], at[chosen], margin[chosen])
-
-
-class UniformProposals(ProposalSource):
-    """Triples drawn uniformly, not judged at all: what the other sources must beat."""
-
-    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
-        """Return `settings.triples` triples."""
-        points, normals = graspable_points(target, settings, rng)
-        if len(points) < 3:
-            return Proposals.none(_NO_SURFACE)
-        triples = np.argsort(rng.random((settings.triples, len(points))), axis=1)[:, :3]
-        return Proposals(points[triples], normals[triples], np.full(len(triples), np.nan))
-
-
-class FirstProposals(ProposalSource):
-    """What the first of some sources proposes that has anything to propose."""
-
-    def __init__(self, *sources: ProposalSource) -> None:
-        """Prepare; at least one source, the preferred one first."""
-        self._sources = sources
-
-    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
-        """Return the proposals of the first source that has any, else the last one's reason."""
-        for source in self._sources:
-            found = source.propose(target, settings, rng)
-            if len(found.contacts):
-                break
-        return found
-
-
-class ConvexOnly(ProposalSource):
-    """A source that was made for convex objects: it proposes nothing for others."""
-
-    def __init__(self, source: ProposalSource) -> None:
-        """Prepare; `source` is asked for convex objects."""
-        self._source = source
-
-    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
-        """Return what the source proposes for an object of one part."""
-        if not target.is_convex:
-            return Proposals.none(_NOT_CONVEX)
-        return self._source.propose(target, settings, rng)
+        return Proposals(contacts[chosen], at[chosen])
 
 
 def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:

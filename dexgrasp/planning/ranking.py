@@ -44,25 +44,24 @@ def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) ->
 
 def most_robust(
     contacts: Array, normals: Array, target: GraspTarget, settings: PlannerSettings
-) -> tuple[Array, Array, Array]:
-    """Return contacts, normals and margins of the `settings.triples` most robust of triples in closure, best first.
+) -> NDArray[np.int64]:
+    """Return the `settings.triples` most robust of triples in closure, best first.
 
     Those nearly the same as a better one are left out. Margins, the dear part, are at most `_ROUGH` too low. They are
     computed best first by what robustness could be at most, and not for triples that cannot be among the best any more.
     """
     risk = contact_sensitivity(contacts, normals, target)
     order = np.argsort(risk, kind="stable")
-    margin, score = np.full(len(order), np.nan), np.full(len(order), -np.inf)
+    score = np.full(len(order), -np.inf)
     for first in range(0, len(order), _AT_ONCE):
         some = order[first : first + _AT_ONCE]
-        margin[some] = rough_margins(contacts[some], normals[some], settings.friction, _ROUGH) - _ROUGH
-        closed = some[margin[some] > 0.0]
-        score[closed] = np.minimum(margin[closed], _ENOUGH) - risk[closed]
+        margin = rough_margins(contacts[some], normals[some], settings.friction, _ROUGH) - _ROUGH
+        score[some] = np.where(margin > 0.0, np.minimum(margin, _ENOUGH) - risk[some], -np.inf)
         chosen = best_apart(contacts, score, settings.triples)
         rest = order[first + _AT_ONCE : first + _AT_ONCE + 1]
         if len(chosen) == settings.triples and len(rest) and score[chosen[-1]] >= _ENOUGH - risk[rest[0]]:
             break
-    return contacts[chosen], normals[chosen], margin[chosen]
+    return chosen
 
 
 def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:

@@ -92,7 +92,7 @@ class PlanResult:
         seed: that it was planned with.
         asked: how many grasps were asked for; None: one.
         found: the grasps, by load, firmest first.
-        shortfall: what there are fewer for than asked, in a word that can be counted; None with all.
+        shortfall: why there are fewer than asked, in a word that can be counted; None with all.
         sentence: the same for people, where what was seen says more than the word.
         log: of the search.
         planning_seconds: from the scene to the certified grasps with their approach.
@@ -163,7 +163,6 @@ class PlanResult:
                 "bilevel": seconds.get("bilevel", 0.0) + seconds.get("certificate", 0.0),
             },
             "stage_repeats": {"cvae": self.log.rounds, "ik": tried, "bilevel": tried},
-            "postures_tried": tried,
             "blocked": self.log.counts(),
         }
         if self.grasp is not None:

@@ -1,17 +1,28 @@
-"""From what is seen to a plan: the one way of agents, of `plan` and of clouds of one's own."""
+"""From what is seen to a plan: the one way of agents, of `dexgrasp plan`, and of point clouds of one's own."""
 
 import time
+from collections.abc import Sequence
+from typing import Any
 
+import mujoco
 import numpy as np
 
 from dexgrasp.agent import Observation
 from dexgrasp.planning.many import check_count, plan_many
-from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.result import PlanResult, Progress
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sources import make_source
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.cloud import Cloud
+from dexgrasp_env.perception.recorded import find_object
+from dexgrasp_env.perception.robot import RobotShape
+from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
+from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.robot.robot import Robot
 
 _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
@@ -67,3 +78,84 @@ def start_of(observation: Observation, robot: Robot) -> Array:
     if start.shape != low.shape or not ((start > low) & (start < high)).all():
         raise InputError(f"joint_targets must be {len(low)} set-points within the joint ranges, in rad")
     return start
+
+
+def plan_cloud(
+    points: Any,
+    *,
+    near: Sequence[float] | None = None,
+    mass: float | None = None,
+    seed: int = 0,
+    start: Array | None = None,
+    planner: Planner | None = None,
+    robot: Given = None,
+    count: int | None = None,
+) -> PlanResult:
+    """Plan a grasp of the object in a cloud of the scene, or several that differ.
+
+    The scene stands on a table at the height that the cell has; the table, and the robot where it stands at `start`,
+    may be in the cloud. Points are given in the frame of the robot's base; the plan is in the world, whose z = 0 is the
+    table's top: the same frame, unless the cell says otherwise. Grasp files are in the frame of the base again.
+
+    Args:
+        points: (N, 3) m in the frame of the robot's base, z up, or a `Cloud` as `read_scan` returns it.
+        near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
+        mass: kg where it is known; None assumes one from the volume.
+        seed: of everything that is drawn; the same cloud and seed give the same grasp.
+        start: (n,) rad, where the robot stands; its home posture by default.
+        planner: one of your own, with its cell; the default planner otherwise.
+        robot: a cell, a robot, or the file of either; None: the simulated cell.
+        count: how many grasps that differ; None plans one.
+
+    Returns:
+        A plan with `.grasp`, or with `.reason` why there is none; with a count, `.found` are all, firmest first.
+
+    Raises:
+        InputError: for something that is no cloud, a point, a mass or a count that is none.
+    """
+    if mass is not None and not (isinstance(mass, int | float) and np.isfinite(mass) and mass > 0):
+        raise InputError(f"mass is {mass!r}: valid is a positive number of kilograms")
+    planner = planner or default_planner(make_cell(robot))
+    home = planner.cell.robot.home
+    q = _checked("start", home if start is None else start, len(home))
+    scene = scene_of(points, near=near, seed=seed, start=q, cell=planner.cell)
+    return plan_scene(planner, scene, seed, q, mass=mass, count=count)
+
+
+def scene_of(
+    points: Any,
+    *,
+    near: Sequence[float] | None = None,
+    seed: int = 0,
+    start: Array | None = None,
+    cell: Cell | None = None,
+) -> Scene:
+    """Return the scene of a cloud without the robot of a cell; the rest is as in `plan_cloud`."""
+    cloud = points if isinstance(points, Cloud) else cloud_of(points)
+    where = None if near is None else _checked("near", near, 3)
+    cell = cell or default_cell()
+    model = compiled_robot(cell)
+    data = mujoco.MjData(model)
+    data.qpos[:] = cell.robot.home if start is None else start
+    mujoco.mj_kinematics(model, data)
+    rng = np.random.default_rng(seed)
+    return find_object(cloud, rng, cell, near=where, robot=RobotShape(model), data=data)
+
+
+def default_planner(
+    cell: Cell | None = None, settings: PlannerSettings | None = None, proposals: str = "auto"
+) -> Planner:
+    """Return the planner of agent `bilevel`, its compiled code loaded; `proposals` are of a source of that name."""
+    source, cell = make_source(proposals), cell or default_cell()
+    warm_up(cell, source)
+    return Planner(settings, source, cell)
+
+
+def _checked(name: str, value: Any, size: int) -> Array:
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        array = np.empty(0)
+    if array.shape != (size,) or not np.isfinite(array).all():
+        raise InputError(f"{name} must be {size} finite numbers")
+    return array

@@ -1,30 +1,43 @@
 """Sources of proposals by their names."""
 
-from dexgrasp.planning.proposals import (
-    ConvexOnly,
-    FirstProposals,
-    ProposalSource,
-    SurfaceProposals,
-    UniformProposals,
-)
+from numpy.random import Generator
+
+from dexgrasp.planning.cvae_source import CvaeProposals
+from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.errors import unknown_name
 
-SOURCES = ("auto", "surface", "cvae", "uniform")
+
+class LearnedFirst(ProposalSource):
+    """What the network proposes for convex objects, which it was made for; where that is nothing, the surface."""
+
+    def __init__(self) -> None:
+        """Prepare.
+
+        Raises:
+            InputError: without the network's weights.
+        """
+        self._learned, self._surface = CvaeProposals(), SurfaceProposals()
+
+    def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
+        """Return proposals; the reason for none is the surface's."""
+        if target.is_convex:
+            found = self._learned.propose(target, settings, rng)
+            if len(found.contacts):
+                return found
+        return self._surface.propose(target, settings, rng)
+
+
+SOURCES = {"auto": LearnedFirst, "surface": SurfaceProposals, "cvae": CvaeProposals}
 
 
 def make_source(name: str) -> ProposalSource:
     """Return a source of proposals by its name.
 
     Raises:
-        InputError: for an unknown name, or for `cvae` without its weights.
+        InputError: for an unknown name, or for `auto` and `cvae` without weights.
     """
-    if name == "surface":
-        return SurfaceProposals()
-    if name == "uniform":
-        return UniformProposals()
-    if name in ("cvae", "auto"):
-        from dexgrasp.planning.cvae_source import CvaeProposals
-
-        learned = CvaeProposals()
-        return learned if name == "cvae" else FirstProposals(ConvexOnly(learned), SurfaceProposals())
-    raise unknown_name("proposals", name, SOURCES)
+    if name not in SOURCES:
+        raise unknown_name("proposals", name, SOURCES)
+    return SOURCES[name]()

@@ -154,18 +154,18 @@ def _merit(values: Array) -> float:
     return float(-np.minimum(values, 0.0).sum())
 
 
+_TIP_ROWS = ("distance_min", "distance_max", "fingertip_axis", "fingertip_pad")
+"""Names of the fixed rows beside closure's, three of each, one a finger."""
+
+
 def _name(label: NDArray[np.int64], robot: Robot) -> str:
     """Name a constraint in words that can be counted."""
     kind, a, b = (int(v) for v in label)
-    if kind < 0:
-        row = -1 - kind
-        if row == 6:
-            return "closure_margin"
-        group = (
-            ("distance_min", "distance_max")[row // 3]
-            if row < 6
-            else ("fingertip_axis", "fingertip_pad")[(row - 7) // 3]
-        )
-        return f"{group}:{robot.hand.grasp[row % 3 if row < 6 else (row - 7) % 3]}"
+    row = -1 - kind
+    if row == CLOSURE:
+        return "closure_margin"
+    if row >= 0:
+        row -= row > CLOSURE
+        return f"{_TIP_ROWS[row // 3]}:{robot.hand.grasp[row % 3]}"
     other = f":{robot.bodies[b]}" if b >= 0 else ""
     return f"clearance_{KINDS[kind]}:{robot.bodies[a]}{other}"

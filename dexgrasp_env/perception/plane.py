@@ -7,6 +7,9 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
 
+_TILT = np.radians(8.0)  # steeper hypotheses are dropped
+_HYPOTHESES, _SAMPLES = 64, 1500  # triples tried, and points on which they are scored
+
 
 @dataclass(frozen=True, eq=False)
 class Plane:
@@ -48,11 +51,8 @@ def fit_plane(
     *,
     height: float = 0.0,
     height_tolerance: float = 0.05,
-    tilt: float = np.radians(8.0),
     tolerance: float = 0.006,
     min_inliers: int = 200,
-    hypotheses: int = 64,
-    samples: int = 1500,
 ) -> Plane | None:
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
@@ -61,11 +61,8 @@ def fit_plane(
         rng: draws the subsample and the triples.
         height: where the table is expected, metres.
         height_tolerance: farther points have no say, metres.
-        tilt: steeper hypotheses are dropped, radians.
         tolerance: an inlier lies within this, metres.
         min_inliers: fewer inliers are no table.
-        hypotheses: triples tried.
-        samples: points on which hypotheses are scored.
 
     Returns:
         The plane, or None if there is none.
@@ -73,11 +70,11 @@ def fit_plane(
     near = points[np.abs(points[:, 2] - height) < height_tolerance]
     if len(near) < max(min_inliers, 3):
         return None
-    pool = near[rng.integers(len(near), size=samples)]
-    triples = pool[rng.integers(samples, size=(hypotheses, 3))]
+    pool = near[rng.integers(len(near), size=_SAMPLES)]
+    triples = pool[rng.integers(_SAMPLES, size=(_HYPOTHESES, 3))]
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     length = np.sqrt((normals * normals).sum(-1))
-    fit = np.abs(normals[:, 2]) > np.cos(tilt) * np.maximum(length, 1e-12)
+    fit = np.abs(normals[:, 2]) > np.cos(_TILT) * np.maximum(length, 1e-12)
     if not fit.any():
         return None
     normals = normals[fit] / (length * np.sign(normals[:, 2]))[fit, None]
