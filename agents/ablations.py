@@ -63,11 +63,11 @@ class LatentAgent(BilevelAgent):
 class LatentPlanner(Planner):
     """Tries latents one after the other and carries out the first that nothing rejects."""
 
-    patience: ClassVar[int] = 0
-
     def __init__(self, settings: PlannerSettings, cell: Cell) -> None:
         """Prepare; of `settings`, what bounds and ranks the search does not count."""
-        plain = replace(settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf)
+        plain = replace(
+            settings, breadths=(1.0,), triples=LATENTS, candidates=1, firm_load=-np.inf, patience=0
+        )
         super().__init__(plain, CvaeProposals(ranked=False), cell, with_closure=False)
 
     def starts(self, proposals: Proposals, problem: Problem) -> Iterator[Posture]:

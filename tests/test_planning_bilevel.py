@@ -137,8 +137,7 @@ def test_approach_keeps_clear_of_the_object(plan):
 def test_a_heavy_flat_bar_is_searched_for_until_a_grasp_bears_it():
     bar = lying((0.12, 0.03, 0.032))
     heavy = GraspTarget.of(bar.hull, mass=1.5)
-    hasty = Planner()
-    hasty.patience = 0
+    hasty = Planner(PlannerSettings(patience=0))
     weak, strong = hasty.plan(heavy, 0, HOME), Planner().plan(heavy, 0, HOME)
     assert weak.grasp is not None  # better than none
     assert not weak.grasp.certificate.holds
@@ -180,7 +179,7 @@ def test_impossible_tasks_end_with_a_reason_and_within_the_budget(grasp_target, 
     assert "\n" not in plan.shortfall
     assert plan.shortfall in reasons
     assert plan.reason == plan.failure == f"no_grasp:{plan.shortfall}"
-    rounds = (*settings.breadths, *settings.breadths[-1:] * Planner.patience)
+    rounds = (*settings.breadths, *settings.breadths[-1:] * settings.patience)
     assert plan.log.tried <= sum(round(b * settings.postures) for b in rounds)
     if plan.log.tried:
         assert sum(count for count, _ in plan.log.blocked.values()) >= plan.log.tried

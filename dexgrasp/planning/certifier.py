@@ -20,8 +20,6 @@ from dexgrasp_env.arrays import Array
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
-RISES = (0.0, 0.006)
-"""m that they rise besides: none, or off the table, where contacts are low."""
 _TIPS_MEET = (
     2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify` allows 3e-4
 )
@@ -56,7 +54,7 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
         log.block(f"holding_forces: {UNBALANCED}", 1.0)
         return None
     # Firm grasps are many. One that is not is worth another way to open.
-    rises = RISES[:1] if hold.merit >= settings.firm_load else RISES
+    rises = settings.rises[:1] if hold.merit >= settings.firm_load else settings.rises
     ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
     pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
     if pregrasp is None:

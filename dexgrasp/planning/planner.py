@@ -2,7 +2,6 @@
 
 from collections.abc import Callable, Iterator
 from itertools import islice, product
-from typing import ClassVar
 
 import numpy as np
 
@@ -30,13 +29,7 @@ def _holds(hold: Hold) -> bool:
 
 
 class Planner:
-    """A planner of one robot; its proposals come from any source.
-
-    Attributes:
-        patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight.
-    """
-
-    patience: ClassVar[int] = 4
+    """A planner of one robot; its proposals come from any source."""
 
     def __init__(
         self, settings: PlannerSettings | None = None, source: ProposalSource | None = None,
@@ -64,7 +57,7 @@ class Planner:
         """
         search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
         result, breadths = search.result, self.settings.breadths
-        for k, breadth in enumerate((*breadths, *breadths[-1:] * self.patience)):
+        for k, breadth in enumerate((*breadths, *breadths[-1:] * self.settings.patience)):
             patient = k >= len(breadths)
             if patient and (not pool or search.take(pool, _holds)):
                 break

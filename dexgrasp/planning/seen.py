@@ -50,7 +50,7 @@ def plan_scene(
         check_count(count)
     began = time.perf_counter()
     try:
-        target = target_of(scene, mass)
+        target = target_of(scene, mass, planner.settings.most_parts)
     except NoTarget as none:
         seconds = time.perf_counter() - began
         return PlanResult(

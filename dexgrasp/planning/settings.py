@@ -3,6 +3,7 @@
 from dataclasses import dataclass, replace
 
 from dexgrasp.grasp.thresholds import FROZEN, planned_friction
+from dexgrasp.shape.parts import MOST_PARTS
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,9 @@ class PlannerSettings:
         postures: postures that are tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the firmest is carried out.
         breadths: rounds of the search; each multiplies the samples, and follows only where the last found nothing firm.
+        patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight.
+        rises: of the tips, besides backing off, as the hand opens; those after the first only for grasps not firm.
+        most_parts: convex parts of an object's cloud that are planned on; 1: its hull.
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: steps of the SQP, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
@@ -58,6 +62,9 @@ class PlannerSettings:
     postures: int = 60
     candidates: int = 4
     breadths: tuple[float, ...] = (1.0, 2.0, 3.0)
+    patience: int = 4
+    rises: tuple[float, ...] = (0.0, 0.006)
+    most_parts: int = MOST_PARTS
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None

@@ -4,7 +4,7 @@ import numpy as np
 
 from dexgrasp.shape.hull import cloud_corners
 from dexgrasp.shape.network import CompletionNetwork, shipped_network
-from dexgrasp.shape.parts import parts_within
+from dexgrasp.shape.parts import MOST_PARTS, parts_within
 from dexgrasp.shape.target import GraspTarget, Spread
 from dexgrasp.shape.view import ONE_SIDED, UNIT, WRITTEN, View, one_sidedness
 from dexgrasp_env.arrays import Array
@@ -25,12 +25,13 @@ class NoTarget(Exception):  # noqa: N818  (it is an outcome, not a defect)
         self.reason = reason
 
 
-def target_of(scene: Scene, mass: float | None = None) -> GraspTarget:
+def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) -> GraspTarget:
     """Return the object that a scene shows.
 
     Args:
         scene: what is seen; the plane is the table on which the object stands.
         mass: kg; assumed if None.
+        parts: convex ones, at most, that an object which is not convex is planned on.
 
     Raises:
         NoTarget: with the scene's reason, or where its points span no volume to speak of.
@@ -42,9 +43,9 @@ def target_of(scene: Scene, mass: float | None = None) -> GraspTarget:
     hull, spread = completed_corners(scene.target, scene.plane)
     if hull is None:
         raise NoTarget(NO_VOLUME)
-    parts = [hull] if spread is not None else parts_within(hull, scene.target.points, scene.plane)
+    convex = [hull] if spread is not None else parts_within(hull, scene.target.points, scene.plane, parts)
     try:
-        return GraspTarget.of_corners(parts, mass=mass, spread=spread)
+        return GraspTarget.of_corners(convex, mass=mass, spread=spread)
     except InputError:
         raise NoTarget(NO_VOLUME) from None
 

@@ -26,7 +26,9 @@ _NOTCHES = 3  # deepest points of a piece that cuts are tried through
 _APART = 0.03  # m between two of them
 
 
-def parts_within(hull: Array, points: NDArray[Any], plane: Plane | None) -> list[Array]:
+def parts_within(
+    hull: Array, points: NDArray[Any], plane: Plane | None, most: int = MOST_PARTS
+) -> list[Array]:
     """Return the corners of convex parts whose union is the object of a cloud, or of its hull alone.
 
     The deepest notch is cut first (Lien and Amato, Approximate convex decomposition of polyhedra, 2007): through one of
@@ -38,12 +40,13 @@ def parts_within(hull: Array, points: NDArray[Any], plane: Plane | None) -> list
         hull: (N, 3) m, its corners as `cloud_corners` finds them.
         points: (M, 3) m, seen all round.
         plane: the table, down to which parts near it are completed; None completes nothing.
+        most: parts at most; 1 leaves the hull as it is.
 
     Returns:
-        (K, 3) m of each part, at most `MOST_PARTS`.
+        (K, 3) m of each part.
     """
     points = np.asarray(points, dtype=float)
-    pieces = _cut_up(points, plane)
+    pieces = _cut_up(points, plane, most)
     if len(pieces) < 2:
         return [hull]
     found = [cloud_corners(points[piece.holds(points)], plane) for piece in pieces]
@@ -114,7 +117,7 @@ def _within(points: Array, normals: Array, offsets: Array) -> NDArray[np.bool_]:
     return np.asarray((points @ normals.T <= offsets + _OVERLAP).all(1))
 
 
-def _cut_up(points: Array, plane: Plane | None) -> list[_Piece]:
+def _cut_up(points: Array, plane: Plane | None, most: int) -> list[_Piece]:
     """Cut the whole, and again the piece whose cut takes away most, until none takes away enough."""
     whole = _Piece.of(_sample(points, plane), np.zeros((0, 3)), np.zeros(0))
     if whole is None or (whole.depths() > _DEEP).mean() < _SHARE:
@@ -132,7 +135,7 @@ def _cut_up(points: Array, plane: Plane | None) -> list[_Piece]:
     def gains(pieces: list[_Piece]) -> list[float]:
         return [piece.hull_volume - held(sides(piece)) for piece in pieces]
 
-    return cut_up([whole], gains, sides, MOST_PARTS - 1)
+    return cut_up([whole], gains, sides, most - 1)
 
 
 def _sample(points: Array, plane: Plane | None) -> Array:

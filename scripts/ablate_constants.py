@@ -1,0 +1,126 @@
+"""What tuned constants are worth: agent `bilevel` with and without a group of them, on the same scenes.
+
+    python scripts/ablate_constants.py --groups rises patience --out runs/constants
+
+Run it in the repository's root. Every group is an agent of `evaluate` (`scripts.ablate_constants:no_rises`) beside
+`bilevel`, each with a run below --out that goes on when the same command is given again. Printed is what is lost
+without the group, in points of a hundred, with Newcombe's 95 % interval for paired rates; `docs/constants.md` has the
+constants.
+"""
+
+import argparse
+import json
+from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from dexgrasp.agents.bilevel import BilevelAgent, State
+from dexgrasp.evaluation.comparison import compare_agents
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.motion.carrying import GuardedCarry
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.runs.pool import Backend
+from dexgrasp_env.errors import InputError
+
+SEED = 7000
+"""Of scenes that nothing was tuned on."""
+
+
+def changed(
+    settings: PlannerSettings | None = None, regrasps: int = 2, turns: bool = True, **planner: Any
+) -> BilevelAgent:
+    """Return the agent with other settings; `settings` are those that a protocol asks for."""
+    return BilevelAgent(
+        settings=replace(settings or PlannerSettings(), **planner), regrasps=regrasps, turns=turns
+    )
+
+
+class Unfeeling(BilevelAgent):
+    """Never takes an object for lost."""
+
+    def _next(self, state: State, observation: Mapping[str, Any]) -> State:
+        return state if isinstance(state.motion, GuardedCarry) else super()._next(state, observation)
+
+
+no_rises = partial(changed, rises=(0.0,))
+no_patience = partial(changed, patience=0)
+no_parts = partial(changed, most_parts=1)
+no_turns = partial(changed, turns=False)
+no_lost = Unfeeling
+no_regrasps = partial(changed, regrasps=0)
+no_breadths = partial(changed, breadths=(1.0,), patience=0)
+no_place_error = partial(changed, place_error=0.0)
+no_squeeze_reserve = partial(changed, friction_squeeze=PlannerSettings().friction_hold)
+no_ranking = partial(changed, candidates=1, firm_load=0.0)
+
+GROUPS = {
+    "rises": "the hand opens straight back from the surface, never upwards besides",
+    "patience": "no more rounds where no grasp bears the assumed weight",
+    "parts": "every object is planned on the hull of its cloud",
+    "turns": "what is lifted is not turned",
+    "lost": "a lost object is not noticed; without a grasp it still looks again",
+    "regrasps": "one look, one grasp",
+    "breadths": "one round of proposals",
+    "place_error": "the surface is taken to be where it is seen",
+    "squeeze_reserve": "the squeeze counts on the friction that the certificate does",
+    "ranking": "the first grasp that is feasible",
+}
+"""Name, of an agent `no_<name>` above, and what that does. The first five were fitted to single objects."""
+FITTED = list(GROUPS)[:5]
+
+
+def main() -> None:
+    """Run what is missing, and print."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--groups", nargs="+", choices=GROUPS, default=FITTED)
+    parser.add_argument("--objects", nargs="+", default=["all20"])
+    parser.add_argument("--protocol", nargs="+", default=["robust"])
+    parser.add_argument("--trials", type=int, default=3, help="of each object under each of the protocols")
+    parser.add_argument("--seed", type=int, default=SEED)
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
+    args = parser.parse_args()
+    for group in args.groups:
+        print(json.dumps(measured(group, args)), flush=True)
+
+
+def measured(group: str, args: argparse.Namespace) -> dict[str, Any]:
+    """Return what it costs to leave a group out; what is missing of the trials is run."""
+    without = f"scripts.ablate_constants:no_{group}"
+    agents = {"bilevel": args.out / "bilevel", without: args.out / group}
+    for agent, folder in agents.items():  # a run each, so that groups may be added later
+        settings = EvaluationSettings.of(
+            [agent], args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol)
+        )
+        evaluate(settings, folder, backend=Backend(workers=args.workers))
+    found = compare_agents(list(agents.values()), *agents)
+    low, high = (100 * side for side in found["ci95"])
+    return {
+        "group": group,
+        "without": GROUPS[group],
+        "scenes": found["scenes"],
+        "with_percent": 100 * found["rate_a"],
+        "without_percent": 100 * found["rate_b"],
+        "loss_points": 100 * found["difference"],
+        "ci95": [low, high],
+        "only_with": found["only_a"],
+        "only_without": found["only_b"],
+        "p": found["p_value"],
+        "verdict": "keep"
+        if low > 0
+        else "may go: a loss of more than a point is excluded"
+        if high <= 1
+        else "open",
+    }
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except InputError as error:
+        raise SystemExit(str(error)) from None
