@@ -22,7 +22,7 @@ def film():
     poses = carried(states, 2, T, CELL)
     facts = {"load": "1.50 <firm>"}
     return Film("gelatin", CELL, states, poses, 0.05, (("approach", 0),), (hull,), contacts, normals, forces,
-                0.5, shape, hull, facts)  # fmt: skip
+                ("thumb", "index", "middle"), 0.5, shape, hull, facts)  # fmt: skip
 
 
 def test_the_object_rests_until_it_is_lifted_and_then_follows_the_palm(film):

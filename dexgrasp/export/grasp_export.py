@@ -8,7 +8,7 @@ import numpy as np
 from dexgrasp.export.formats import write_csv, write_json, write_ros2
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.trajectory import Trajectory, Waypoints, make_trajectory
-from dexgrasp.grasp.record import GraspRecord
+from dexgrasp.grasp.record import APPROACH, LIFT, GraspRecord
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
@@ -42,8 +42,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     """
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS)
-    record.check_cell()
-    cell = record.grasp.cell
+    cell = record.check_cell()
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
@@ -62,27 +61,26 @@ def trajectory_of(record: GraspRecord, robot: Robot) -> Trajectory:
     Raises:
         InputError: if the file has no approach and no lift, or they cannot be timed within the limits.
     """
-    approach, lift = record.phase("approach"), record.phase("lift")
+    approach, lift = record.phase(APPROACH), record.phase(LIFT)
     if approach is None or lift is None:
         raise InputError(
             "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
         )
-    motion = record.grasp.motion
-    return make_trajectory(Waypoints(approach.setpoints, motion.grasp, motion.squeeze, lift.setpoints), robot)
+    return make_trajectory(Waypoints(approach.setpoints, record.grasp, record.squeeze, lift.setpoints), robot)
 
 
 def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, Any]:
     """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
-    grasp, base, tree, hand = record.grasp, cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
-    R, p = palm_frame(grasp.q, tree)
-    J = tip_jacobian(tree, body_frames(grasp.motion.grasp, tree), grasp.contacts)[:, :, hand]
-    torque = np.einsum("frj,fr->j", J, grasp.forces)  # presses with the planned forces
+    base, tree, hand = cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
+    R, p = palm_frame(record.q, tree)
+    J = tip_jacobian(tree, body_frames(record.grasp, tree), record.points)[:, :, hand]
+    torque = np.einsum("frj,fr->j", J, record.forces)  # presses with the planned forces
     return {
         "object": record.object.name,
-        "mount": cell.robot.mount.name,
+        "mount": record.mount,
         "cell": cell.stamp,
-        "open": grasp.motion.pregrasp[hand].tolist(),
-        "closed": grasp.motion.squeeze[hand].tolist(),
+        "open": record.pregrasp[hand].tolist(),
+        "closed": record.squeeze[hand].tolist(),
         "palm": {"position": (p - base).tolist(), "quat_wxyz": matrix_to_quat(R).tolist()},
         "squeeze": {
             "joints": list(cell.robot.hand.joints.names),
@@ -91,13 +89,13 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, 
             "offset": (torque / stiffness).tolist(),
         },
         "contacts": {
-            "fingers": list(grasp.fingers),
-            "points": (grasp.contacts - base).tolist(),
-            "forces": grasp.forces.tolist(),
+            "fingers": list(record.fingers),
+            "points": (record.points - base).tolist(),
+            "forces": record.forces.tolist(),
         },
-        "largest_force": float(np.linalg.norm(grasp.forces, axis=1).max()),
-        "quality": grasp.certificate.closure_margin,
-        "lift_height": grasp.motion.lift_height,
+        "largest_force": float(np.linalg.norm(record.forces, axis=1).max()),
+        "quality": record.certificate.closure_margin,
+        "lift_height": 0.0 if record.script is None else record.script.lift_height,
         "parts": [(part - base).tolist() for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     }
@@ -120,4 +118,4 @@ def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
     mesh, pose = hulls[0] if len(hulls) == 1 else union(hulls), np.eye(4)
     pose[:3, 3] = mesh.center_mass
     parts = [hull_part(part) for part in record.parts]
-    return centred_model(record.object.name, mesh, parts, record.mass), pose
+    return centred_model(record.object.name, mesh, parts, record.certificate.mass), pose

@@ -1,6 +1,7 @@
 """Measures of a path of set-points that planner and judge share: how sharply it bends, how far a lift strays."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dexgrasp_env.arrays import Array
 
@@ -36,12 +37,7 @@ def _stands_out(rows: Array, near: Array) -> float:
 def stray(positions: Array, rotations: Array) -> float:
     """Return how far, m, a palm at `positions` (T, 3), `rotations` (T, 3, 3) strays from straight up without a turn."""
     aside = np.linalg.norm(positions[:, :2] - positions[0, :2], axis=1)
-    relative = rotations @ rotations[0].T
-    skew = np.stack([
-        relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
-        relative[:, 1, 0] - relative[:, 0, 1],
-    ], 1)  # fmt: skip
-    turn = np.arctan2(0.5 * np.linalg.norm(skew, axis=1), 0.5 * (np.trace(relative, axis1=1, axis2=2) - 1.0))
+    turn = Rotation.from_matrix(rotations @ rotations[0].T).magnitude()
     return float(np.hypot(aside, TURN * turn).max())
 
 

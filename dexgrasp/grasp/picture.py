@@ -10,7 +10,7 @@ from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 
-_COLOURS = ("#d1495b", "#2e6f95", "#3a7d44")  # thumb, index, middle
+_COLOURS = ("#d1495b", "#2e6f95", "#3a7d44", "#8f5aa8", "#b8860b")  # of the contacts, in their order
 _VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
 _HAND, _TABLE = (0.25, 0.27, 0.30, 0.22), (0.80, 0.72, 0.62, 0.55)
 _AROUND = 0.045  # m that is shown around the object
@@ -69,6 +69,7 @@ def _hand_triangles(grasp: Grasp) -> Array:
 
 
 def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array) -> None:
+    from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
     def solid(triangles: Array, face: Any, edge: Any, width: float = 0.4) -> None:
@@ -78,11 +79,11 @@ def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array) -> None:
     solid(_patch(low, high), _TABLE, "none")
     solid(hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
     solid(target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
-    for i, finger in enumerate(grasp.fingers):
-        p, n, f = grasp.contacts[i], grasp.normals[i], grasp.forces[i]
-        solid(_cone(p, n, grasp.certificate.friction), (*_rgb(_COLOURS[i]), 0.25), "none")
-        axes.scatter(*p, color=_COLOURS[i], s=28, depthshade=False)
-        _arrow(axes, p - _NEWTON * f, p, _COLOURS[i], 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
+    contacts = zip(_COLOURS, grasp.fingers, grasp.contacts, grasp.normals, grasp.forces, strict=False)
+    for colour, finger, p, n, f in contacts:
+        solid(_cone(p, n, grasp.certificate.friction), to_rgba(colour, 0.25), "none")
+        axes.scatter(*p, color=colour, s=28, depthshade=False)
+        _arrow(axes, p - _NEWTON * f, p, colour, 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
     weight = np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass])
     _arrow(axes, target.centre, target.centre - weight, "k", 1.8, "weight")
 
@@ -118,12 +119,6 @@ def _set_axes(axes: Any, target: GraspTarget, from_above: bool) -> None:
         axes.set_proj_type("ortho")
         axes.set_zticks([])
         axes.set_zlabel("")
-
-
-def _rgb(colour: str) -> tuple[float, float, float]:
-    from matplotlib.colors import to_rgb
-
-    return to_rgb(colour)
 
 
 def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str | None = None) -> None:

@@ -5,6 +5,8 @@ from typing import Any
 
 import numpy as np
 
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.cell import Cell
@@ -16,7 +18,7 @@ class Film:
 
     Attributes:
         title: one line.
-        cell: of the robot.
+        cell: with the mount in use.
         states: (T, n) rad.
         object_poses: (T, 4, 4) m, world frame.
         period: s between states.
@@ -24,7 +26,8 @@ class Film:
         object: the true object where it is known, else None.
         parts: (V, 3) m of each convex part that was planned on, in the world frame.
         cloud: (N, 3) m that was seen; may be empty.
-        contacts, normals, forces: (3, 3) m, unit out of the object, N on the object.
+        contacts, normals, forces: (N, 3) m, unit out of the object, N on the object.
+        fingers: whose tips make the contacts.
         friction: of the cones that are drawn.
         facts: name -> value, shown beside the scene.
     """
@@ -39,6 +42,7 @@ class Film:
     contacts: Array
     normals: Array
     forces: Array
+    fingers: tuple[str, ...]
     friction: float
     object: ObjectModel | None = None
     cloud: Array = field(default_factory=lambda: np.zeros((0, 3)))
@@ -52,7 +56,7 @@ def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell)
         states: (T, n) rad.
         first_lifted: from this state on the object moves with the palm.
         T_world_object: (4, 4) where it rests.
-        cell: of the robot.
+        cell: with the mount in use.
     """
     palms = palm_poses(states, cell)
     poses = np.tile(np.asarray(T_world_object, dtype=float), (len(states), 1, 1))
@@ -64,15 +68,9 @@ def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell)
 
 def palm_poses(states: Array, cell: Cell) -> Array:
     """Return the palm's poses (T, 4, 4) in the world frame."""
-    model, data = robot_model(cell)
-    import mujoco
-
-    poses = np.tile(np.eye(4), (len(states), 1, 1))
-    site = model.site(cell.robot.hand.palm).id
+    poses, tree = np.tile(np.eye(4), (len(states), 1, 1)), robot_tree(cell)
     for pose, q in zip(poses, states, strict=True):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        pose[:3, :3], pose[:3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
+        pose[:3, :3], pose[:3, 3] = palm_frame(q, tree)
     return poses
 
 

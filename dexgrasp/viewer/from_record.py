@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from dexgrasp.grasp.file import read_grasp
-from dexgrasp.grasp.record import GraspRecord
+from dexgrasp.grasp.record import APPROACH, LIFT, GraspRecord
 from dexgrasp.viewer.film import Film, carried
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -27,24 +27,24 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
     Raises:
         InputError: for a grasp of another cell, or one whose object is not here.
     """
-    record.check_cell()
-    grasp, motion = record.grasp, record.grasp.motion
-    approach, lift = record.phase("approach"), record.phase("lift")
+    cell = record.check_cell()
+    approach, lift = record.phase(APPROACH), record.phase(LIFT)
     pieces = {
-        "approach": motion.pregrasp[None] if approach is None else approach.setpoints,
-        "close": _between(motion.pregrasp, motion.grasp),
-        "squeeze": _between(motion.grasp, motion.squeeze),
-        "lift": motion.squeeze[None] if lift is None else lift.setpoints,
+        "approach": record.pregrasp[None] if approach is None else approach.setpoints,
+        "close": _between(record.pregrasp, record.grasp),
+        "squeeze": _between(record.grasp, record.squeeze),
+        "lift": record.squeeze[None] if lift is None else lift.setpoints,
     }
     starts = np.cumsum([0, *(len(piece) for piece in pieces.values())])[:-1]
     states = np.concatenate(list(pieces.values()))
     pose = np.eye(4) if record.T_world_object is None else record.T_world_object
     model = None if record.T_world_object is None else record.object.load()
     return Film(
-        title=record.object.name, cell=grasp.cell, states=states,
-        object_poses=carried(states, int(starts[3]), pose, grasp.cell), period=CONTROL_PERIOD,
+        title=record.object.name, cell=cell, states=states,
+        object_poses=carried(states, int(starts[3]), pose, cell), period=CONTROL_PERIOD,
         segments=tuple(zip(pieces, (int(start) for start in starts), strict=True)), parts=record.parts,
-        contacts=grasp.contacts, normals=grasp.normals, forces=grasp.forces,
+        contacts=record.points, normals=record.normals, forces=record.forces,
+        fingers=record.fingers,
         friction=record.thresholds.friction, object=model, cloud=np.zeros((0, 3)) if cloud is None else cloud,
         facts=_facts(record),
     )  # fmt: skip
@@ -69,13 +69,13 @@ def _between(a: Array, b: Array) -> Array:
 
 
 def _facts(record: GraspRecord) -> dict[str, str]:
-    c = record.grasp.certificate
+    c = record.certificate
     return {
-        "planned by": record.origin.agent or "unknown",
+        "planned by": record.agent or "unknown",
         "fingertip distances, cm": ", ".join(f"{d:.2f}" for d in c.distances_cm),
         "closure margin": f"{c.closure_margin:.2f}",
         "load, weights": f"{c.load:.2f}",
-        "assumed mass, g": f"{1000 * record.mass:.0f}",
+        "assumed mass, g": f"{1000 * c.mass:.0f}",
         "least clearance, mm": f"{1000 * c.min_clearance_m:.1f}",
         "joint torque over limit": f"{c.max_joint_torque_fraction:.2f}",
         "holds": str(c.holds),

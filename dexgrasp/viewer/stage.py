@@ -12,7 +12,7 @@ from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 if TYPE_CHECKING:
     import viser
 
-_COLOURS = {"thumb": (214, 84, 60), "index": (58, 120, 190), "middle": (60, 150, 90)}
+_COLOURS = ((214, 84, 60), (58, 120, 190), (60, 150, 90), (143, 90, 168), (184, 134, 11))  # of the contacts
 _TABLE = (168, 140, 106)
 _OBJECT, _HULL, _CLOUD = (222, 168, 84), (90, 90, 110), (40, 40, 60)
 _FORCE_SCALE = 0.008  # m a newton
@@ -126,8 +126,8 @@ class Stage:
         T = np.linalg.inv(film.object_poses[0])
         points, turned = film.contacts @ T[:3, :3].T + T[:3, 3], T[:3, :3].T
         normals, forces = film.normals @ turned, film.forces @ turned
-        for k, finger in enumerate(self.film.cell.robot.hand.grasp[: len(self.film.contacts)]):
-            path, colour = f"{self._root}/object/contacts/{finger}", _COLOURS[finger]
+        for k, (finger, colour) in enumerate(zip(film.fingers, _COLOURS, strict=False)):
+            path = f"{self._root}/object/contacts/{finger}"
             tip = points[k] - _FORCE_SCALE * forces[k]
             segment = np.array([[tip, points[k]]], np.float32)
             self._scene.add_line_segments(

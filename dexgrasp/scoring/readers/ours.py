@@ -25,15 +25,14 @@ def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list
         InputError: if the file is unusable, of another cell, knows no true pose, or its object is not found.
     """
     record = record_of(content, str(path))
-    record.check_cell()
+    cell = record.check_cell()
     if record.T_world_object is None:
         raise InputError(
             f"{path}: T_world_object is missing: a grasp planned on a cloud alone cannot be simulated"
         )
     identity = record.object
     target = find_object(identity.source or identity.name, identity.scale, options, path)
-    cell, motion = record.grasp.cell, record.grasp.motion
-    first, middle, last = (_stage(cell, q) for q in (motion.pregrasp, motion.grasp, motion.squeeze))
+    first, middle, last = (_stage(cell, q) for q in (record.pregrasp, record.grasp, record.squeeze))
     hand, pose = find_hand(ALLEGRO), record.T_world_object
     return [Candidate(str(path), hand, target, pose, first, middle, last, SERVO_KP)]
 

@@ -20,9 +20,9 @@ _ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do n
 
 def clearance_checks(case: Case) -> list[Check]:
     """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it."""
-    bound, found = case.limits.clearance, case.scene.clearances(case.grasp.q, tips_touch=True)
+    bound, found = case.limits.clearance, case.scene.clearances(case.record.q, tips_touch=True)
     checks = [at_least(f"clearance {kind}", value, bound, "m", _TRUE) for kind, value in found.items()]
-    claimed = case.grasp.certificate.min_clearance_m
+    claimed = case.record.certificate.min_clearance_m
     if np.isnan(claimed):
         return checks
     counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
@@ -36,7 +36,7 @@ def clearance_checks(case: Case) -> list[Check]:
 
 def pregrasp_checks(case: Case) -> list[Check]:
     """Check that the open hand, tips included, is clear."""
-    found = case.scene.clearances(case.grasp.motion.pregrasp, tips_touch=False)
+    found = case.scene.clearances(case.record.pregrasp, tips_touch=False)
     bounds = {"hand_object": OPEN, "hand_table": OPEN, "self": 0.0}
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
@@ -47,7 +47,7 @@ def pregrasp_checks(case: Case) -> list[Check]:
 def cover_clearance(case: Case) -> float:
     """Return the least clearance of the covering spheres, m, frames and distances being the judge's own."""
     tree, scene, names = robot_tree(case.cell), case.scene, case.robot.bodies
-    scene.place(case.grasp.q)
+    scene.place(case.record.q)
     R = np.array([scene.data.body(name).xmat.reshape(3, 3) for name in names])
     p = np.array([scene.data.body(name).xpos for name in names])
     body: Index = np.repeat(np.arange(len(names), dtype=np.int64), np.diff(tree.sphere_first))
