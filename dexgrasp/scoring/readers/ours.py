@@ -13,7 +13,7 @@ from dexgrasp.scoring.hand import ALLEGRO, find_hand
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.cell import Cell, make_cell
 
 SERVO_KP = 10.0  # Nm/rad, of the hand that the squeeze is made for
 
@@ -24,7 +24,7 @@ def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list
     Raises:
         InputError: if the file is unusable, of another cell, knows no true pose, or its object is not found.
     """
-    record = record_of(content, str(path))
+    record = record_of(content, str(path), make_cell(options.robot))
     cell = record.check_cell()
     if record.T_world_object is None:
         raise InputError(
