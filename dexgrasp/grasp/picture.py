@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.cones import cone_edges
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 
@@ -128,14 +128,8 @@ def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str 
 
 def _cone(p: Array, n: Array, friction: float) -> Array:
     """Triangles of the friction cone into the object."""
-    t1, t2 = (t[0] for t in tangent_basis(n[None]))
-    angle = np.linspace(0.0, 2.0 * np.pi, _CONE_SIDES + 1)
-    rim = (
-        p
-        - _CONE_LENGTH * n
-        + _CONE_LENGTH * friction * (np.cos(angle)[:, None] * t1 + np.sin(angle)[:, None] * t2)
-    )
-    return np.stack([np.broadcast_to(p, rim[:-1].shape), rim[:-1], rim[1:]], axis=1)
+    rim = p + _CONE_LENGTH * cone_edges(n[None], friction, _CONE_SIDES)[0]
+    return np.stack([np.broadcast_to(p, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
 
 
 def _caption(grasp: Grasp) -> str:

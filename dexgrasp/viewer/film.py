@@ -1,10 +1,10 @@
-"""What a viewer shows of a grasp: states of robot and object over time, contacts, forces, and the certificate."""
+"""What a viewer shows of a grasp: states of robot and object over time, what was seen, and the certificate."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
@@ -17,36 +17,38 @@ class Film:
     """One grasp as it would be carried out. NB: kinematic, with the object fixed to the palm in the lift.
 
     Attributes:
-        title: one line.
-        cell: with the mount in use.
-        states: (T, n) rad.
+        record: of the grasp.
+        states: (T, n) rad, one a control period.
         object_poses: (T, 4, 4) m, world frame.
-        period: s between states.
-        segments: names and first states.
         object: the true object where it is known, else None.
-        parts: (V, 3) m of each convex part that was planned on, in the world frame.
-        cloud: (N, 3) m that was seen; may be empty.
-        contacts, normals, forces: (N, 3) m, unit out of the object, N on the object.
-        fingers: whose tips make the contacts.
-        friction: of the cones that are drawn.
-        facts: name -> value, shown beside the scene.
+        cloud: (N, 3) m that was seen, where it is to be shown.
     """
 
-    title: str
-    cell: Cell
+    record: GraspRecord
     states: Array
     object_poses: Array
-    period: float
-    segments: tuple[tuple[str, int], ...]
-    parts: tuple[Array, ...]
-    contacts: Array
-    normals: Array
-    forces: Array
-    fingers: tuple[str, ...]
-    friction: float
     object: ObjectModel | None = None
-    cloud: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    facts: dict[str, str] = field(default_factory=dict)
+    cloud: Array | None = None
+
+    @property
+    def title(self) -> str:
+        """The object's name."""
+        return self.record.object.name
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What is shown beside the scene, by name."""
+        c = self.record.certificate
+        return {
+            "planned by": self.record.agent or "unknown",
+            "fingertip distances, cm": ", ".join(f"{d:.2f}" for d in c.distances_cm),
+            "closure margin": f"{c.closure_margin:.2f}",
+            "load, weights": f"{c.load:.2f}",
+            "assumed mass, g": f"{1000 * c.mass:.0f}",
+            "least clearance, mm": f"{1000 * c.min_clearance_m:.1f}",
+            "joint torque over limit": f"{c.max_joint_torque_fraction:.2f}",
+            "holds": str(c.holds),
+        }
 
 
 def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell) -> Array:
@@ -72,13 +74,3 @@ def palm_poses(states: Array, cell: Cell) -> Array:
     for pose, q in zip(poses, states, strict=True):
         pose[:3, :3], pose[:3, 3] = palm_frame(q, tree)
     return poses
-
-
-def robot_model(cell: Cell) -> tuple[Any, Any]:
-    """Return the robot alone: model and data."""
-    import mujoco
-
-    from dexgrasp_env.robot.model import compiled_robot
-
-    model = compiled_robot(cell)
-    return model, mujoco.MjData(model)

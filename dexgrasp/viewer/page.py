@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dexgrasp.viewer.film import Film
 from dexgrasp.viewer.stage import Stage
 from dexgrasp_env.extras import require_extra
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 if TYPE_CHECKING:
     import viser
@@ -32,7 +33,7 @@ def page(films: Sequence[Film]) -> str:
         for index in range(0, count, every):
             for stage in stages:
                 stage.show(min(index, len(stage.film.states) - 1))
-            recording.insert_sleep(every * films[0].period)
+            recording.insert_sleep(every * CONTROL_PERIOD)
         text = str(recording.as_html())
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -53,7 +54,7 @@ def serve(films: Sequence[Film], port: int = 8080) -> None:
     while True:
         for stage in stages:
             stage.show(min(int(slider.value), len(stage.film.states) - 1))
-        time.sleep(films[0].period)
+        time.sleep(CONTROL_PERIOD)
         if playing.value:
             slider.value = (int(slider.value) + 1) % count
 
