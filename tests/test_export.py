@@ -59,7 +59,7 @@ def test_laws_keep_the_limits_and_reach_the_end(seed):
     assert np.array_equal(rows[-1], path[-1])
     shares = largest_shares(np.concatenate([path[:1], rows, np.repeat(rows[-1:], 3, axis=0)]), LIMITS, 0.001)
     assert max(shares) < 0.95
-    assert shares.velocity > 0.2 or shares.acceleration > 0.2  # not just slow
+    assert shares[:2].max() > 0.2  # not just slow
 
 
 def test_a_law_goes_through_the_points_of_its_path():

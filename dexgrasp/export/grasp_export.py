@@ -8,12 +8,13 @@ import numpy as np
 from dexgrasp.export.formats import write_csv, write_json, write_ros2
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.trajectory import Trajectory, Waypoints, make_trajectory
-from dexgrasp.grasp.record import APPROACH, LIFT, GraspRecord
+from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
@@ -61,11 +62,11 @@ def trajectory_of(record: GraspRecord, robot: Robot) -> Trajectory:
     Raises:
         InputError: if the file has no approach and no lift, or they cannot be timed within the limits.
     """
-    approach, lift = record.phase(APPROACH), record.phase(LIFT)
-    if approach is None or lift is None:
+    if record.script is None:
         raise InputError(
             "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
         )
+    approach, lift = record.script.phases
     return make_trajectory(Waypoints(approach.setpoints, record.grasp, record.squeeze, lift.setpoints), robot)
 
 
@@ -75,30 +76,27 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, 
     R, p = palm_frame(record.q, tree)
     J = tip_jacobian(tree, body_frames(record.grasp, tree), record.points)[:, :, hand]
     torque = np.einsum("frj,fr->j", J, record.forces)  # presses with the planned forces
-    return {
+    facts = {
         "object": record.object.name,
         "mount": record.mount,
         "cell": cell.stamp,
-        "open": record.pregrasp[hand].tolist(),
-        "closed": record.squeeze[hand].tolist(),
-        "palm": {"position": (p - base).tolist(), "quat_wxyz": matrix_to_quat(R).tolist()},
+        "open": record.pregrasp[hand],
+        "closed": record.squeeze[hand],
+        "palm": {"position": p - base, "quat_wxyz": matrix_to_quat(R)},
         "squeeze": {
-            "joints": list(cell.robot.hand.joints.names),
-            "torque": torque.tolist(),
+            "joints": cell.robot.hand.joints.names,
+            "torque": torque,
             "stiffness": stiffness,
-            "offset": (torque / stiffness).tolist(),
+            "offset": torque / stiffness,
         },
-        "contacts": {
-            "fingers": list(record.fingers),
-            "points": (record.points - base).tolist(),
-            "forces": record.forces.tolist(),
-        },
-        "largest_force": float(np.linalg.norm(record.forces, axis=1).max()),
+        "contacts": {"fingers": record.fingers, "points": record.points - base, "forces": record.forces},
+        "largest_force": np.linalg.norm(record.forces, axis=1).max(),
         "quality": record.certificate.closure_margin,
         "lift_height": 0.0 if record.script is None else record.script.lift_height,
-        "parts": [(part - base).tolist() for part in record.parts],
+        "parts": [part - base for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     }
+    return dict(jsonable(facts))
 
 
 def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
