@@ -14,13 +14,9 @@ def bend(rows: Array) -> float:
 
     Straight ways and rounded corners lie in such planes; a single set-point that was changed does not.
     """
-    inner = np.arange(2, len(rows) - 2)
-    ends = [k for k in (1, len(rows) - 2) if 0 < k < len(rows) - 1]
-    near = [rows[[i for i in (k - 2, k - 1, k + 1, k + 2) if 0 <= i < len(rows)]][None] for k in ends]
-    worst = [_stands_out(rows[[k]], some) for k, some in zip(ends, near, strict=True)]
-    if len(inner):
-        worst.append(_stands_out(rows[inner], rows[inner[:, None] + [-2, -1, 1, 2]]))
-    return max(worst, default=0.0)
+    inner = np.arange(1, len(rows) - 1)
+    near = np.clip(inner[:, None] + [-2, -1, 1, 2], 0, len(rows) - 1)
+    return _stands_out(rows[inner], rows[near]) if len(inner) else 0.0
 
 
 def _stands_out(rows: Array, near: Array) -> float:

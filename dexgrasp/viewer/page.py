@@ -32,7 +32,7 @@ def page(films: Sequence[Film]) -> str:
         every = max(1, -(-count // _FRAMES))
         for index in range(0, count, every):
             for stage in stages:
-                stage.show(min(index, len(stage.film.states) - 1))
+                stage.show(index)
             recording.insert_sleep(every * CONTROL_PERIOD)
         text = str(recording.as_html())
     finally:
@@ -53,7 +53,7 @@ def serve(films: Sequence[Film], port: int = 8080) -> None:
             server.gui.add_markdown("\n".join(f"- {name}: **{value}**" for name, value in film.facts.items()))
     while True:
         for stage in stages:
-            stage.show(min(int(slider.value), len(stage.film.states) - 1))
+            stage.show(int(slider.value))
         time.sleep(CONTROL_PERIOD)
         if playing.value:
             slider.value = (int(slider.value) + 1) % count

@@ -48,9 +48,10 @@ class Stage:
         self.show(0)
 
     def show(self, index: int) -> None:
-        """Put robot and object into one state of the film."""
+        """Put robot and object into one state of the film; its last stays."""
         import mujoco
 
+        index = min(index, len(self.film.states) - 1)
         self._data.qpos[:] = self.film.states[index]
         mujoco.mj_kinematics(self._model, self._data)
         for body, handle in self._bodies.items():
