@@ -65,19 +65,11 @@ def start_server(port: int, quiet: bool) -> "viser.ViserServer":
     import viser
 
     with contextlib.redirect_stdout(io.StringIO() if quiet else sys.stderr):  # it prints a banner
-        server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), verbose=False)
+        server = viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
     server.scene.set_up_direction("+z")
     server.initial_camera.position = _CAMERA
     server.initial_camera.look_at = _LOOK_AT
     return server
-
-
-def _free_port() -> int:
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _facts(films: Sequence[Film]) -> str:

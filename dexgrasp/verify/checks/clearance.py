@@ -1,13 +1,11 @@
 """Clearances: of the true collision shapes, and of the covering spheres that the claim is made with."""
 
-from typing import Any
-
 import numpy as np
 
-from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import LENGTH, Check, at_least, at_most
+from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
@@ -53,22 +51,14 @@ def cover_clearance(case: Case) -> float:
     body: Index = np.repeat(np.arange(len(names), dtype=np.int64), np.diff(tree.sphere_first))
     centres = np.einsum("sij,sj->si", R[body], tree.sphere_centre) + p[body]
     return min(
-        COVER_FAR, _object(tree, body, centres, scene.parts), _table(tree, body, centres), _self(tree, centres),
+        COVER_FAR, _object(tree, body, centres, scene), _table(tree, body, centres), _self(tree, centres),
         _palm(tree, R, p),
     )  # fmt: skip
 
 
-def _object(tree: RobotTree, body: Index, centres: Array, parts: list[Any]) -> float:
+def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float:
     counted = (body >= 2) & ~tree.sphere_is_tip
-    least = COVER_FAR
-    for part in parts:
-        # The farthest plane is a lower bound of the distance: spheres that it keeps clear need no more.
-        planes = ((centres[:, None] - part.triangles[None, :, 0]) * part.face_normals[None]).sum(-1).max(1)
-        near = np.flatnonzero(counted & (planes - tree.sphere_radius < COVER_FAR))
-        if len(near):
-            apart = closest_on_mesh(part, centres[near]).distances - tree.sphere_radius[near]
-            least = min(least, float(apart.min()))
-    return least
+    return float((scene.closest(centres[counted]).distances - tree.sphere_radius[counted]).min())
 
 
 def _table(tree: RobotTree, body: Index, centres: Array) -> float:
