@@ -186,7 +186,7 @@ def test_ros_messages_have_their_fields(trajectory, tmp_path):
 
 def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
     shape = load_object("sugar_box")
-    write_scene(tmp_path / "here", shape, None, CELL, 0.7)
+    write_scene(tmp_path / "here", shape, np.eye(4), CELL)
     shutil.move(tmp_path / "here", tmp_path / "there")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "there" / "scene.xml"))
     own = build_scene(shape, CELL)

@@ -20,7 +20,6 @@ from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.scene.constants import FRICTION
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
 
@@ -103,7 +102,7 @@ def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
     model, pose = record.object.load(), record.T_world_object
     if model is None or pose is None:
         model, pose = _seen(record)
-    return write_scene(folder, model, pose, cell, FRICTION)
+    return write_scene(folder, model, pose, cell)
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
