@@ -33,7 +33,7 @@ SHIFTED = {**dict.fromkeys(SETPOINTS, "rad"), "table_height": "m"}
 SMALL = {
     "q": 2e-4, "grasp": 1e-6, "pregrasp": 1e-6, "squeeze": 1e-6, "script.approach.setpoints": 2.5e-3,
     "script.lift.setpoints": 4e-3, "script.approach.times": 1e-9, "script.lift.times": 1e-9,
-    "script.approach.bend": 1e-8, "script.lift.stray": 2e-6, "script.lift_height": 5e-4, "parts": 5e-4,
+    "script.approach.measure": 1e-8, "script.lift.measure": 2e-6, "script.lift_height": 5e-4, "parts": 5e-4,
     "T_world_object": 1e-6, "hull_offset": 2e-6, "centre": 2e-6, "contacts.point": 2e-6, "contacts.normal": 1e-5,
     "contacts.force": 2e-3, "certificate.distances_cm": 2e-4, "certificate.force_ratio_percent": 1e-3,
     "certificate.torque_ratio_percent": 1e-3, "certificate.closure_residual": 1e-6, "certificate.hold_residual": 1e-4,

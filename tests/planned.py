@@ -3,9 +3,8 @@
 import trimesh
 from robots import HOME
 
-from dexgrasp.grasp.content import ObjectPose, grasp_json
+from dexgrasp.grasp.content import ObjectPose, Origin, grasp_json, planned_record
 from dexgrasp.grasp.identity import ObjectIdentity
-from dexgrasp.grasp.record import Origin
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
@@ -65,15 +64,11 @@ def plan_contents():
         if name in CATALOGUE:
             identity = ObjectIdentity.of(load_object(name), name)
             pose = ObjectPose(load_object(name).solid, PLACED[name])
-        found[name] = grasp_json(
-            identity,
-            plan.grasp,
-            grasp_target,
-            SETTINGS,
-            script=plan.script,
-            pose=pose,
-            origin=Origin("bilevel", seed),
-        )
+        record = planned_record(
+            identity, plan.grasp, grasp_target, SETTINGS,
+            script=plan.script, pose=pose, origin=Origin("bilevel", seed),
+        )  # fmt: skip
+        found[name] = grasp_json(record)
     return found
 
 

@@ -115,6 +115,6 @@ def test_what_is_not_grasped_stays_on_the_table(tmp_path):
     pytest.importorskip("pybullet")
     T = np.eye(4)
     T[:3, 3] = 0.5, 0.0, 0.0225
-    write_scene(tmp_path, load_object("sugar_box"), T, CELL, 0.7)
+    write_scene(tmp_path, load_object("sugar_box"), T, CELL)
     outcome = replay_in_bullet(still(), tmp_path / "scene.xml", np.random.default_rng(0))
     assert not outcome.success

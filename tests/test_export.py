@@ -59,7 +59,7 @@ def test_laws_keep_the_limits_and_reach_the_end(seed):
     assert np.array_equal(rows[-1], path[-1])
     shares = largest_shares(np.concatenate([path[:1], rows, np.repeat(rows[-1:], 3, axis=0)]), LIMITS, 0.001)
     assert max(shares) < 0.95
-    assert shares.velocity > 0.2 or shares.acceleration > 0.2  # not just slow
+    assert shares[:2].max() > 0.2  # not just slow
 
 
 def test_a_law_goes_through_the_points_of_its_path():
@@ -186,7 +186,7 @@ def test_ros_messages_have_their_fields(trajectory, tmp_path):
 
 def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
     shape = load_object("sugar_box")
-    write_scene(tmp_path / "here", shape, None, CELL, 0.7)
+    write_scene(tmp_path / "here", shape, np.eye(4), CELL)
     shutil.move(tmp_path / "here", tmp_path / "there")
     model = mujoco.MjModel.from_xml_path(str(tmp_path / "there" / "scene.xml"))
     own = build_scene(shape, CELL)

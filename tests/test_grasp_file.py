@@ -12,7 +12,7 @@ from robots import HOME
 
 from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
 from dexgrasp.grasp.identity import surface_hash
-from dexgrasp.grasp.schema import as_json
+from dexgrasp.grasp.record import as_json
 from dexgrasp.grasp.thresholds import FROZEN
 from dexgrasp.planning.look import subject_of
 from dexgrasp.verify.verify import verify
@@ -23,27 +23,22 @@ def test_round_trip(contents, tmp_path):
     content = contents["pear"]
     write_grasp(tmp_path / "g.json", content)
     record = read_grasp(tmp_path / "g.json")
-    np.testing.assert_array_equal(record.grasp.q, content["q"])
-    for name in ("pregrasp", "grasp", "squeeze"):
-        np.testing.assert_array_equal(getattr(record.grasp.motion, name), content[name])
-    for name, rows in (
-        ("point", record.grasp.contacts),
-        ("normal", record.grasp.normals),
-        ("force", record.grasp.forces),
-    ):
+    for name in ("q", "pregrasp", "grasp", "squeeze"):
+        np.testing.assert_array_equal(getattr(record, name), content[name])
+    for name, rows in (("point", record.points), ("normal", record.normals), ("force", record.forces)):
         np.testing.assert_array_equal(rows, [contact[name] for contact in content["contacts"]])
     np.testing.assert_array_equal(record.hull, content["parts"][0])
-    assert record.grasp.fingers == ("thumb", "index", "middle")
+    assert record.fingers == ("thumb", "index", "middle")
     assert record.object.name == record.object.source == "pear"
-    assert record.grasp.cell.robot.mount.name == "palm_normal"
-    assert record.mass == content["certificate"]["mass"] == content["object"]["known_mass"]
+    assert record.mount == "palm_normal"
+    assert record.certificate.mass == content["certificate"]["mass"] == content["object"]["known_mass"]
     assert record.thresholds == FROZEN
     np.testing.assert_array_equal(record.phase("approach").setpoints[0], HOME)
     np.testing.assert_array_equal(record.phase("lift").setpoints[0], content["squeeze"])
     assert json.loads((tmp_path / "g.json").read_text()) == content
     assert as_json(record) == {name: content[name] for name in content if name not in ("version", "created")}
     write_grasp(tmp_path / "whole.json", {"schema": 1, "grasp": content})  # the output of `plan --json`
-    np.testing.assert_array_equal(read_grasp(tmp_path / "whole.json").grasp.q, record.grasp.q)
+    np.testing.assert_array_equal(read_grasp(tmp_path / "whole.json").q, record.q)
 
 
 def test_neighbours_and_any_number_of_contacts_are_read_as_they_were_written(contents):
@@ -61,12 +56,12 @@ def test_neighbours_and_any_number_of_contacts_are_read_as_they_were_written(con
     assert [n.name for n in record.neighbours] == [None, "mug"]
     np.testing.assert_allclose(record.neighbours[0].pose[:3, 3], [0.6, 0.1, 0.25])
     np.testing.assert_array_equal(record.neighbours[1].parts[1], content["parts"][1])
-    assert record.grasp.fingers == ("thumb", "index", "middle", "ring")
-    assert record.grasp.contacts.shape == record.grasp.forces.shape == (4, 3)
+    assert record.fingers == ("thumb", "index", "middle", "ring")
+    assert record.points.shape == record.forces.shape == (4, 3)
     again = record_of(as_json(record))
     for one, other in (
         (record.centre, again.centre),
-        (record.grasp.contacts, again.grasp.contacts),
+        (record.points, again.points),
         (record.hull, again.hull),
     ):
         np.testing.assert_allclose(one, other, atol=1e-12)
@@ -83,7 +78,8 @@ def as_schema_2(content):
     new = ("robot", "parts", "script", "neighbours", "holds_probability")
     kept = {k: v for k, v in content.items() if k not in new}
     keys = (("contacts", "point"), ("normals", "normal"), ("forces", "force"))
-    approach, lift = ({k: v for k, v in p.items() if k != "name"} for p in content["script"]["phases"])
+    approach, lift = ({k: p[k] for k in ("times", "setpoints")} for p in content["script"]["phases"])
+    approach["bend"], lift["stray"] = (p["measure"] for p in content["script"]["phases"])
     old = kept | {
         "schema": 2, "cell": "simulated", "finger_order": [row["finger"] for row in rows],
         **{old: [row[new] for row in rows] for old, new in keys},
@@ -103,7 +99,7 @@ def test_schema_2_is_read_as_the_same_record(name, contents):
     del old["cell"], old["table_height"]  # before there were others
     assert as_json(record_of(old)) == as_json(record_of(contents[name]))
     elsewhere = record_of(old | {"cell": "lab-1-0a1b2c3d"})
-    assert elsewhere.conventions["robot"]["hash"] == "0a1b2c3d"
+    assert elsewhere.robot.hash == "0a1b2c3d"
     with pytest.raises(InputError, match=r"cell 'lab-1' .*, and this is 'simulated'"):
         elsewhere.check_cell()
 
@@ -112,7 +108,7 @@ def test_schema_2_is_read_as_the_same_record(name, contents):
     "change",
     [
         {"approach": 3},
-        {"lift": None},
+        {"approach": None},
         {"forces": [[0, 0, 1]] * 2},
         {"normals": None},
         {"part_sizes": [4, 4]},
@@ -159,23 +155,23 @@ def put(key, value, *inner):
         (drop("q"), "q"),
         (drop("thresholds"), "thresholds"),
         (drop("parts"), "parts"),
-        (put("q", [0.0] * 22), r"q must be .*\(23,\)"),
-        (put("q", ["a"] * 23), "q must be"),
-        (put("q", None), "q must be"),
-        (put("contacts", []), "contacts must be a list of 2"),
-        (put("force", [0.0, 1.0], "contacts", 1), r"force of a contact must be .*\(3,\)"),
-        (put("force", [0, 0, 1e9], "contacts", 2), "force of a contact must be finite"),
-        (put("finger", "index", "contacts", 0), "fingers of contacts"),
-        (put("finger", "toe", "contacts", 0), "fingers of contacts"),
-        (put("finger", [], "contacts", 0), "unhashable"),
-        (put("squeeze", [1e7] * 23), "squeeze must be finite"),
-        (put("parts", []), "parts must be a list of 1"),
-        (put("parts", [[[0, 0, 0]] * 3]), "a part of parts must be a list of 4"),
-        (put("parts", [[[0.0, 0.0, 1e9]] * 8]), "parts must be finite"),
-        (put("parts", [[[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0], [0.1, 0.1, 0]]]), "enclose a volume"),
-        (put("neighbours", None), "neighbours must be a list"),
-        (put("neighbours", [3]), "grasp"),
-        (put("neighbours", [{"name": None, "pose": [1], "parts": []}]), "pose of a neighbour"),
+        (put("q", [0.0] * 22), "q, pregrasp, grasp and squeeze have 23"),
+        (put("q", ["a"] * 23), "q is"),
+        (put("q", None), "q is None: valid is finite numbers"),
+        (put("contacts", []), "contacts is .*: valid is a list of 2"),
+        (put("force", [0.0, 1.0], "contacts", 1), r"contact 1 force is .* \(3\)"),
+        (put("force", [0, 0, 1e9], "contacts", 2), "contact 2 force is"),
+        (put("finger", "index", "contacts", 0), "different fingers"),
+        (put("finger", "toe", "contacts", 0), "fingers of index, middle, ring, thumb"),
+        (put("finger", [], "contacts", 0), "contact 0 finger is"),
+        (put("squeeze", [1e7] * 23), "squeeze is"),
+        (put("parts", []), "parts is .*: valid is 1 to 64"),
+        (put("parts", [[[0, 0, 0]] * 3]), "parts is .* 4 or more corners"),
+        (put("parts", [[[0.0, 0.0, 1e9]] * 8]), "parts is"),
+        (put("parts", [[[0.1, 0, 0], [0, 0.1, 0], [0, 0, 0], [0.1, 0.1, 0]]]), "parts is .* around a volume"),
+        (put("neighbours", None), "neighbours is None"),
+        (put("neighbours", [3]), "neighbour 0 is no mapping"),
+        (put("neighbours", [{"name": None, "pose": [1], "parts": []}]), "neighbour 0 pose is"),
         (put("robot", "simulated"), "grasp"),
         (put("hash", None, "robot"), "robot hash"),
         (put("table_height", "low"), "table_height"),
@@ -188,10 +184,10 @@ def put(key, value, *inner):
         (put("scale", True, "object"), "scale"),
         (put("object", "pear"), "grasp"),
         (put("setpoints", [[0.0] * 23], "script", "phases", 0), "setpoints"),
-        (put("setpoints", [[0.0] * 22] * 3, "script", "phases", 1), "lift"),
+        (put("setpoints", [[0.0] * 22] * 3, "script", "phases", 1), "setpoints of 23 numbers"),
         (put("times", "now", "script", "phases", 1), "times"),
-        (put("name", "turn", "script", "phases", 1), "measure"),
-        (put("name", "approach", "script", "phases", 1), "bend"),
+        (put("name", "turn", "script", "phases", 1), "phase 1 name is .*: valid is approach, lift"),
+        (put("name", "approach", "script", "phases", 1), "phases are approach and lift"),
         (put("lift_height", 3.0, "script"), "lift_height"),
         (put("holds", 1, "certificate"), "holds"),
         (put("hull_offset", None), "go together"),
@@ -201,7 +197,7 @@ def put(key, value, *inner):
         (put("distance", [0.0, 0.0, 0.0], "thresholds"), "distance"),
         (put("friction", None, "thresholds"), "friction"),
         (put("friction", -0.5, "thresholds"), "friction"),
-        (put("certificate", {}), "holds"),
+        (put("certificate", {}), "distances_cm is missing"),
         (put("certificate", None), "grasp"),
         (put("distances_cm", [0.1, 0.2], "certificate"), "distances_cm"),
         (put("distances_cm", ["a", "b", "c"], "certificate"), "grasp"),

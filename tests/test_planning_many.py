@@ -9,9 +9,7 @@ from robots import HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
-from dexgrasp.grasp.content import grasp_json
-from dexgrasp.grasp.file import record_of
-from dexgrasp.grasp.record import Origin
+from dexgrasp.grasp.content import Origin, planned_record
 from dexgrasp.grasp.variety import component_shares, hand_points
 from dexgrasp.planning.many import MOST, plan_many
 from dexgrasp.planning.planner import Planner
@@ -47,10 +45,10 @@ def test_every_grasp_is_verified_and_bears_the_weight(found):
     assert grasps.reason is None
     for plan in grasps.found:
         assert plan.grasp.certificate.load >= 1.0
-        content = grasp_json(
+        record = planned_record(
             "box", plan.grasp, target, planner.settings, script=plan.script, origin=Origin("bilevel")
         )
-        assert [check.name for check in verify(record_of(content)) if not check.holds] == []
+        assert [check.name for check in verify(record) if not check.holds] == []
 
 
 def test_firmest_first_and_progress_to_the_end(found):

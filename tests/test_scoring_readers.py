@@ -13,7 +13,6 @@ from robots import CELL, HAND_JOINTS, TIPS
 
 from dexgrasp.cli.main import main
 from dexgrasp.cli.score import short_names
-from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.scoring.candidate import HandStage, joints_in_order
 from dexgrasp.scoring.closing import PRESS, balanced_forces, close_around
 from dexgrasp.scoring.hand import find_hand
@@ -267,8 +266,8 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mo
     q = np.concatenate([[0.1, 0.4, -0.2, -1.9, 0.3, 2.0, 0.7], rng.uniform(0.3, 0.8, 16)])
     identity = SimpleNamespace(source="sugar_box", name="sugar_box", scale=1.0)
     record = SimpleNamespace(
-        T_world_object=np.eye(4), object=identity, check_cell=lambda: None,
-        grasp=SimpleNamespace(cell=CELL.mounted(mount), motion=GraspMotion(q - 0.1, q, np.r_[q[:7], q[7:] + 0.02])),
+        T_world_object=np.eye(4), object=identity, check_cell=lambda: CELL.mounted(mount),
+        pregrasp=q - 0.1, grasp=q, squeeze=np.r_[q[:7], q[7:] + 0.02],
     )  # fmt: skip
     monkeypatch.setattr(ours, "record_of", lambda *_: record)
     (found,) = ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())

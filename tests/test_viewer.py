@@ -1,9 +1,16 @@
 """The viewer's film and page."""
 
+from dataclasses import fields
+
 import numpy as np
 import pytest
 from robots import CELL, HOME
 
+from dexgrasp.grasp.certificate import Certificate
+from dexgrasp.grasp.content import Origin, planned_record
+from dexgrasp.grasp.grasp import Grasp, GraspMotion
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp.viewer.film import Film, carried, palm_poses
 from dexgrasp_env.objects import load_object
 
@@ -15,14 +22,20 @@ def film():
     shape = load_object("gelatin_box")
     T = np.eye(4)
     T[:3, 3] = 0.5, 0.0, 0.02
-    hull = np.asarray(shape.mesh.vertices) + T[:3, 3]
+    mesh = shape.mesh.copy().apply_transform(T)
     contacts = np.array([[0.5, -0.04, 0.02], [0.48, 0.04, 0.02], [0.52, 0.04, 0.02]])
     normals = np.array([[0.0, -1, 0], [0, 1, 0], [0, 1, 0]])
-    forces = -4.0 * normals
-    poses = carried(states, 2, T, CELL)
-    facts = {"load": "1.50 <firm>"}
-    return Film("gelatin", CELL, states, poses, 0.05, (("approach", 0),), (hull,), contacts, normals, forces,
-                0.5, shape, hull, facts)  # fmt: skip
+    claims = dict.fromkeys((f.name for f in fields(Certificate)), 0.0) | {
+        "distances_cm": (0.0,) * 3,
+        "load": 1.5,
+    }
+    grasp = Grasp(
+        HOME, contacts, normals, -4.0 * normals, Certificate(**claims), GraspMotion(HOME, HOME, HOME), CELL
+    )
+    record = planned_record(
+        "gelatin", grasp, GraspTarget.of(mesh), PlannerSettings(), origin=Origin("a.b:<Firm>")
+    )
+    return Film(record, states, carried(states, 2, T, CELL), shape, mesh.vertices)
 
 
 def test_the_object_rests_until_it_is_lifted_and_then_follows_the_palm(film):
@@ -38,7 +51,7 @@ def test_the_page_is_whole_and_fetches_nothing(film):
     from dexgrasp.viewer.page import page
 
     text = page([film, film])
-    assert text.count("1.50 &lt;firm&gt;") == 2
+    assert text.count("a.b:&lt;Firm&gt;") == text.count("1.50") == 2
     assert "__VISER_EMBED_DATA__" in text
     assert text.rstrip().endswith("</html>")
     assert 'src="http' not in text

@@ -141,18 +141,11 @@ def _attempt(planner: Planner, scene: str, target: GraspTarget, seed: int) -> At
 
 
 def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> bool:
-    import json
-    import tempfile
-    from pathlib import Path
-
-    from dexgrasp.grasp.content import grasp_json
-    from dexgrasp.grasp.file import read_grasp
+    from dexgrasp.grasp.content import planned_record
     from dexgrasp.verify.verify import UNEXECUTED, verify
 
-    with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "grasp.json"
-        path.write_text(json.dumps(grasp_json("hull", grasp, target, settings)))
-        return all(check.holds for check in verify(read_grasp(path), UNEXECUTED))
+    record = planned_record("hull", grasp, target, settings)
+    return all(check.holds for check in verify(record, UNEXECUTED))
 
 
 def _figures(attempts: list[Attempt]) -> dict[str, Any]:

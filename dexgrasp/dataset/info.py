@@ -102,10 +102,8 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
 
     from dexgrasp.dataset.rest_scene import turn
     from dexgrasp.grasp.certificate import Certificate
+    from dexgrasp.grasp.content import planned_record
     from dexgrasp.grasp.grasp import Grasp, GraspMotion
-    from dexgrasp.grasp.identity import ObjectIdentity
-    from dexgrasp.grasp.record import GraspRecord
-    from dexgrasp.grasp.thresholds import thresholds_for
     from dexgrasp.physics.contacts import GRAVITY
     from dexgrasp_env.robot.cell import default_cell
 
@@ -129,8 +127,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
         g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, Certificate(**claims),
         GraspMotion(g["q"], g["q"], g["q"]), default_cell(),
     )  # fmt: skip
-    hull = target.distance.triangles.reshape(-1, 3)
-    return GraspRecord(ObjectIdentity(pose.name), grasp, (hull,), target.centre, thresholds_for(settings))
+    return planned_record(pose.name, grasp, target, settings)
 
 
 def picture(folder: Path, path: Path) -> None:

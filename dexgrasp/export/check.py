@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.export.read import Recording, Rows
-from dexgrasp.grasp.values import convex_parts
+from dexgrasp.grasp.values import CONVEX
 from dexgrasp.verify.check import Check, at_least, at_most
 from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
@@ -115,8 +115,8 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
 def _parts(facts: dict[str, Any]) -> tuple[Array, ...]:
     """Corners of the object's convex parts; none where senseless."""
     try:
-        return convex_parts("parts", facts.get("parts"))
-    except ValueError:
+        return tuple(CONVEX.admit(facts.get("parts")))
+    except (TypeError, ValueError, OverflowError):
         return ()
 
 

@@ -14,12 +14,12 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.scene.constants import FRICTION
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
 
@@ -42,8 +42,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     """
     if kind not in FORMATS:
         raise unknown_name("format", kind, FORMATS)
-    record.check_cell()
-    cell = record.grasp.cell
+    cell = record.check_cell()
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
@@ -62,52 +61,48 @@ def trajectory_of(record: GraspRecord, robot: Robot) -> Trajectory:
     Raises:
         InputError: if the file has no approach and no lift, or they cannot be timed within the limits.
     """
-    approach, lift = record.phase("approach"), record.phase("lift")
-    if approach is None or lift is None:
+    if record.script is None:
         raise InputError(
             "this grasp file has no approach and no lift: plan it again with `dexgrasp plan --out`"
         )
-    motion = record.grasp.motion
-    return make_trajectory(Waypoints(approach.setpoints, motion.grasp, motion.squeeze, lift.setpoints), robot)
+    approach, lift = record.script.phases
+    return make_trajectory(Waypoints(approach.setpoints, record.grasp, record.squeeze, lift.setpoints), robot)
 
 
 def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, Any]:
     """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
-    grasp, base, tree, hand = record.grasp, cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
-    R, p = palm_frame(grasp.q, tree)
-    J = tip_jacobian(tree, body_frames(grasp.motion.grasp, tree), grasp.contacts)[:, :, hand]
-    torque = np.einsum("frj,fr->j", J, grasp.forces)  # presses with the planned forces
-    return {
+    base, tree, hand = cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
+    R, p = palm_frame(record.q, tree)
+    J = tip_jacobian(tree, body_frames(record.grasp, tree), record.points)[:, :, hand]
+    torque = np.einsum("frj,fr->j", J, record.forces)  # presses with the planned forces
+    facts = {
         "object": record.object.name,
-        "mount": cell.robot.mount.name,
+        "mount": record.mount,
         "cell": cell.stamp,
-        "open": grasp.motion.pregrasp[hand].tolist(),
-        "closed": grasp.motion.squeeze[hand].tolist(),
-        "palm": {"position": (p - base).tolist(), "quat_wxyz": matrix_to_quat(R).tolist()},
+        "open": record.pregrasp[hand],
+        "closed": record.squeeze[hand],
+        "palm": {"position": p - base, "quat_wxyz": matrix_to_quat(R)},
         "squeeze": {
-            "joints": list(cell.robot.hand.joints.names),
-            "torque": torque.tolist(),
+            "joints": cell.robot.hand.joints.names,
+            "torque": torque,
             "stiffness": stiffness,
-            "offset": (torque / stiffness).tolist(),
+            "offset": torque / stiffness,
         },
-        "contacts": {
-            "fingers": list(grasp.fingers),
-            "points": (grasp.contacts - base).tolist(),
-            "forces": grasp.forces.tolist(),
-        },
-        "largest_force": float(np.linalg.norm(grasp.forces, axis=1).max()),
-        "quality": grasp.certificate.closure_margin,
-        "lift_height": grasp.motion.lift_height,
-        "parts": [(part - base).tolist() for part in record.parts],
+        "contacts": {"fingers": record.fingers, "points": record.points - base, "forces": record.forces},
+        "largest_force": np.linalg.norm(record.forces, axis=1).max(),
+        "quality": record.certificate.closure_margin,
+        "lift_height": 0.0 if record.script is None else record.script.lift_height,
+        "parts": [part - base for part in record.parts],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     }
+    return dict(jsonable(facts))
 
 
 def _scene(record: GraspRecord, cell: Cell, folder: Path) -> list[Path]:
     model, pose = record.object.load(), record.T_world_object
     if model is None or pose is None:
         model, pose = _seen(record)
-    return write_scene(folder, model, pose, cell, FRICTION)
+    return write_scene(folder, model, pose, cell)
 
 
 def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
@@ -120,4 +115,4 @@ def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
     mesh, pose = hulls[0] if len(hulls) == 1 else union(hulls), np.eye(4)
     pose[:3, 3] = mesh.center_mass
     parts = [hull_part(part) for part in record.parts]
-    return centred_model(record.object.name, mesh, parts, record.mass), pose
+    return centred_model(record.object.name, mesh, parts, record.certificate.mass), pose

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp_env.arrays import Array
@@ -93,11 +94,7 @@ def _held(rows: Rows, time: float) -> Array:
 
 def displace(pose: Array, rng: np.random.Generator) -> None:
     """Move a free joint's pose (7,), in place, by the error that is stated."""
-    import mujoco
-
     direction, axis = rng.normal(size=3), rng.normal(size=3)
     pose[:3] += OFFSET * direction / np.linalg.norm(direction)
-    turn, turned = np.empty(4), np.empty(4)
-    mujoco.mju_axisAngle2Quat(turn, axis / np.linalg.norm(axis), TURN)
-    mujoco.mju_mulQuat(turned, turn, pose[3:])
-    pose[3:] = turned
+    turn = Rotation.from_rotvec(TURN * axis / np.linalg.norm(axis))
+    pose[3:] = (turn * Rotation.from_quat(pose[3:], scalar_first=True)).as_quat(scalar_first=True)

@@ -4,8 +4,6 @@ import re
 import shutil
 from pathlib import Path
 
-import numpy as np
-
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -17,17 +15,14 @@ from dexgrasp_env.robot.cell import Cell
 SCENE, MESHES = "scene.xml", "meshes"
 
 
-def write_scene(
-    folder: Path, model: ObjectModel, T_world_object: Array | None, cell: Cell, friction: float
-) -> list[Path]:
+def write_scene(folder: Path, model: ObjectModel, T_world_object: Array, cell: Cell) -> list[Path]:
     """Write `scene.xml` and `meshes/`: robot, table and object, with a keyframe `start`.
 
     Args:
         folder: made if it is not there.
         model: the object.
-        T_world_object: (4, 4) its pose at the start; above the table's middle if None.
+        T_world_object: (4, 4) its pose at the start.
         cell: with the mount in use.
-        friction: sliding coefficient of every contact.
 
     Raises:
         InputError: if the written folder does not load.
@@ -36,11 +31,8 @@ def write_scene(
 
     from dexgrasp_env.scene.build import scene_spec
 
-    spec = scene_spec(model, cell, friction=friction)
-    pose = np.eye(4) if T_world_object is None else np.asarray(T_world_object, dtype=float)
-    if T_world_object is None:
-        pose[:3, 3] = 0.5, 0.0, 0.3
-    free = [*pose[:3, 3], *matrix_to_quat(pose[:3, :3])]
+    spec = scene_spec(model, cell)
+    free = [*T_world_object[:3, 3], *matrix_to_quat(T_world_object[:3, :3])]
     home = cell.robot.home.tolist()
     spec.add_key(name="start", qpos=[*home, *free], ctrl=home)
     spec.compile()

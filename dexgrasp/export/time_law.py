@@ -17,6 +17,9 @@ USED = 0.90
 """Share of every limit that is planned for; finite differences of the rows then stay below 0.95."""
 _APART = 0.004  # rad between two points of a path: nearer ones bend the spline for nothing
 _ROUNDS = 20
+_SLOWER = 1.0 / np.arange(
+    1, 4
+)  # the time by which velocity, acceleration and jerk fall: k, k^2 and k^3 times
 
 
 class Limits(NamedTuple):
@@ -50,32 +53,21 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
     for _ in range(_ROUNDS):
         rows = spline(_law(length, slow, tick))
         rows[-1] = points[-1]
-        share = largest_shares(
-            np.concatenate([points[:1], rows, rows[-1:], rows[-1:], rows[-1:]]), limits, tick
-        )
-        excess = max(share.velocity, share.acceleration**0.5, share.jerk ** (1 / 3)) / USED
+        to_rest = np.concatenate([points[:1], rows, np.repeat(rows[-1:], 3, axis=0)])
+        excess = (largest_shares(to_rest, limits, tick) ** _SLOWER).max() / USED
         if excess <= 1.0:
             return _padded(rows, multiple)
         slow *= 1.02 * excess
     raise InputError("the path cannot be timed within the limits of the joints: it bends too sharply")
 
 
-class Shares(NamedTuple):
-    """Largest part used of each limit; at most 1 is within them."""
-
-    velocity: float
-    acceleration: float
-    jerk: float
-
-
-def largest_shares(rows: Array, limits: Limits, tick: float) -> Shares:
-    """Return what the finite differences of rows (T, n) use of the limits; at rest before the first row."""
+def largest_shares(rows: Array, limits: Limits, tick: float) -> Array:
+    """Return the largest part used of each limit by the finite differences of rows (T, n); at rest before the first."""
     still = np.concatenate([np.repeat(rows[:1], 3, axis=0), rows])
-    values = []
-    for order, limit in enumerate(limits, start=1):
-        change = np.abs(np.diff(still, n=order, axis=0)) / tick**order
-        values.append(float((change / limit).max(initial=0.0)))
-    return Shares(*values)
+    return np.array([
+        (np.abs(np.diff(still, n=order, axis=0)) / tick**order / limit).max(initial=0.0)
+        for order, limit in enumerate(limits, start=1)
+    ])  # fmt: skip
 
 
 def _thinned(path: Array) -> Array:

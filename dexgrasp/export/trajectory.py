@@ -63,23 +63,25 @@ def make_trajectory(way: Waypoints, robot: Robot) -> Trajectory:
     limits = Limits(robot.velocity, robot.acceleration, robot.jerk)
     gentle = Limits(_CLOSING * limits.velocity, limits.acceleration, limits.jerk)
     steady = Limits(_LIFTING * limits.velocity, _LIFTING**2 * limits.acceleration, limits.jerk)
-    hand, open_ = robot.arm_dof, way.approach[-1]  # closing moves the hand alone, lifting the arm
-    closed, pressing = (np.r_[open_[:hand], posture[hand:]] for posture in (way.grasp, way.squeeze))
+    hand = robot.arm_dof
+    closed, pressing = (
+        np.r_[way.approach[-1, :hand], posture[hand:]] for posture in (way.grasp, way.squeeze)
+    )
     lift = np.concatenate([pressing[None], way.lift])
-    lift[:, hand:] = pressing[hand:]
-    pieces = [
-        ("approach", timed(way.approach, limits, ARM_TICK, HAND_EVERY), _PAUSE),
-        ("close", timed(np.stack([open_, closed]), gentle, ARM_TICK, HAND_EVERY), 0.0),
-        ("squeeze", timed(np.stack([closed, pressing]), gentle, ARM_TICK, HAND_EVERY), _PAUSE),
-        ("lift", timed(lift, steady, ARM_TICK, HAND_EVERY), 0.0),
-    ]
-    rows, segments, last = [way.approach[:1]], [], way.approach[0]
-    count = 0
-    for name, piece, pause in pieces:
-        last = piece[-1] if len(piece) else last
-        rows += [piece, np.repeat(last[None], round(pause / ARM_TICK), axis=0)]
-        end = count + len(rows[-2]) + len(rows[-1])
-        segments.append((name, count * ARM_TICK, end * ARM_TICK))
-        count = end
+    lift[:, hand:] = pressing[hand:]  # closing moves the hand alone, lifting the arm
+    rows, segments, start = [way.approach[:1]], [], 0
+    for name, path, law, pause in (
+        ("approach", way.approach, limits, _PAUSE),
+        ("close", np.stack([way.approach[-1], closed]), gentle, 0.0),
+        ("squeeze", np.stack([closed, pressing]), gentle, _PAUSE),
+        ("lift", lift, steady, 0.0),
+    ):
+        rows += [
+            timed(path, law, ARM_TICK, HAND_EVERY),
+            np.repeat(path[-1:], round(pause / ARM_TICK), axis=0),
+        ]
+        end = start + len(rows[-2]) + len(rows[-1])
+        segments.append((name, start * ARM_TICK, end * ARM_TICK))
+        start = end
     everything = np.concatenate(rows)
     return Trajectory(robot, everything[:, :hand], everything[::HAND_EVERY, hand:], tuple(segments))

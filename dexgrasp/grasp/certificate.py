@@ -3,6 +3,8 @@
 from dataclasses import asdict, dataclass
 from typing import Any
 
+from dexgrasp.grasp.values import Number, Numbers, Positive
+
 
 @dataclass(frozen=True)
 class Certificate:
@@ -27,20 +29,20 @@ class Certificate:
         friction: coefficient that was planned with.
     """
 
-    distances_cm: tuple[float, ...]
-    force_ratio_percent: float
-    torque_ratio_percent: float
-    closure_residual: float
-    closure_margin: float
-    min_clearance_m: float
-    joint_limit_margin_rad: float
-    max_joint_torque_fraction: float
+    distances_cm: Numbers
+    force_ratio_percent: Number
+    torque_ratio_percent: Number
+    closure_residual: Number
+    closure_margin: Number
+    min_clearance_m: Number
+    joint_limit_margin_rad: Number
+    max_joint_torque_fraction: Number
     holds: bool
-    hold_residual: float
-    mass: float
-    load: float
-    capacity: float
-    friction: float
+    hold_residual: Number
+    mass: Positive
+    load: Number
+    capacity: Number
+    friction: Number
 
     def as_json(self) -> dict[str, Any]:
         """Return the certificate as JSON holds it."""

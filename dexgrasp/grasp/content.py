@@ -10,8 +10,7 @@ from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.path import bend, stray
-from dexgrasp.grasp.record import GraspRecord, Origin, Phase
-from dexgrasp.grasp.schema import as_json
+from dexgrasp.grasp.record import APPROACH, LIFT, Contact, GraspRecord, Phase, Script, as_json
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.thresholds import thresholds_for
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -21,6 +20,15 @@ from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.solid import Solid
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+
+@dataclass(frozen=True)
+class Origin:
+    """Who planned a grasp, with which seed, and in how many seconds: provenance, nothing that can be checked."""
+
+    agent: str = ""
+    seed: int = 0
+    planning_seconds: float | None = None
 
 
 @dataclass(frozen=True)
@@ -41,11 +49,11 @@ class ObjectPose:
         return hull_volume(target.distance)[1] - (R @ self.surface.hull_centre + p)
 
 
-def grasp_json(
+def planned_record(
     name: str | ObjectIdentity, grasp: Grasp, target: GraspTarget, settings: Any, *,
     script: ActionScript | None = None, pose: ObjectPose | None = None, origin: Origin | None = None,
-) -> dict[str, Any]:  # fmt: skip
-    """Return the JSON object of a grasp (lengths m, angles rad, forces N, frame of the robot's base).
+) -> GraspRecord:  # fmt: skip
+    """Return the record of a planned grasp.
 
     Args:
         name: which object, or only what to call it.
@@ -56,18 +64,35 @@ def grasp_json(
         pose: of the true object, where it is known.
         origin: who planned.
     """
-    record = GraspRecord(
+    origin, motion = origin or Origin(), grasp.motion
+    contacts = zip(grasp.fingers, grasp.contacts, grasp.normals, grasp.forces, strict=True)
+    return GraspRecord(
+        **vars(origin),
+        **conventions(grasp.cell),
+        here=grasp.cell,
+        mount=grasp.cell.robot.mount.name,
         object=_told(ObjectIdentity(name) if isinstance(name, str) else name, target),
-        grasp=grasp,
+        T_world_object=None if pose is None else np.asarray(pose.T_world_object, dtype=float),
+        hull_offset=None if pose is None else pose.hull_offset(target),
         parts=target.corners,
         centre=target.centre,
         thresholds=thresholds_for(settings),
-        T_world_object=None if pose is None else np.asarray(pose.T_world_object, dtype=float),
-        hull_offset=None if pose is None else pose.hull_offset(target),
-        phases=() if script is None else (_approach(script), _lift(script, grasp)),
-        origin=origin or Origin(),
-        conventions=conventions(grasp.cell),
+        q=grasp.q,
+        pregrasp=motion.pregrasp,
+        grasp=motion.grasp,
+        squeeze=motion.squeeze,
+        contacts=tuple(Contact(*contact) for contact in contacts),
+        neighbours=(),
+        script=None
+        if script is None
+        else Script(motion.lift_height, (_approach(script), _lift(script, grasp))),
+        certificate=grasp.certificate,
+        holds_probability=None,
     )
+
+
+def grasp_json(record: GraspRecord) -> dict[str, Any]:
+    """Return the JSON object of a grasp (lengths m, angles rad, forces N, frame of the robot's base)."""
     made = {"version": __version__, "created": datetime.now(UTC).isoformat(timespec="seconds")}
     return as_json(record) | made
 
@@ -76,15 +101,14 @@ def _told(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
     """Add what the planner was told of the object, rather than assumed from its shape."""
     told = abs(target.mass - assumed_mass(hull_volume(target.distance)[0])) > 1e-9
     moved = np.abs(target.centre - volume_centre(target.distance)).max() > 1e-9
-    x, y, z = target.centre.tolist()
     return replace(
-        identity, known_mass=target.mass if told else None, known_centre=(x, y, z) if moved else None
+        identity, known_mass=target.mass if told else None, known_centre=target.centre if moved else None
     )
 
 
 def _approach(script: ActionScript) -> Phase:
     rows = np.concatenate([script.start[None], script.targets[: dict(script.phases)["close"]]])
-    return Phase("approach", _times(rows), rows, bend(rows))
+    return Phase(APPROACH, _times(rows), rows, bend(rows))
 
 
 def _lift(script: ActionScript, grasp: Grasp) -> Phase:
@@ -92,7 +116,7 @@ def _lift(script: ActionScript, grasp: Grasp) -> Phase:
     rows = np.concatenate([grasp.motion.squeeze[None], script.targets[first["lift"] : first["hold"]]])
     palms = [palm_frame(q, robot_tree(grasp.cell)) for q in rows]
     strayed = stray(np.array([p for _, p in palms]), np.array([R for R, _ in palms]))
-    return Phase("lift", _times(rows), rows, strayed)
+    return Phase(LIFT, _times(rows), rows, strayed)
 
 
 def _times(rows: Array) -> Array:

@@ -4,11 +4,11 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.grasp.older import of_schema_2
-from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.grasp.schema import SCHEMA, parse
+from dexgrasp.grasp.record import SCHEMA, GraspRecord
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object, write_json
 from dexgrasp_env.robot.cell import Cell, default_cell
+from dexgrasp_env.valid import read
 
 _LARGEST = 64 << 20  # bytes of a file that is read
 
@@ -45,11 +45,13 @@ def record_of(content: Any, source: str = "this object", cell: Cell | None = Non
         raise InputError(
             f"{source} is not a grasp of schema {SCHEMA} (or 2), as `dexgrasp plan --out` writes it"
         )
-    cell = cell or default_cell()
     try:
-        return parse(content if schema == SCHEMA else of_schema_2(content, cell), cell)
+        here = (cell or default_cell()).mounted(content["mount"])
+        stated = content if schema == SCHEMA else of_schema_2(content, here)
+        record = read(GraspRecord, stated | {"here": here}, more=True)
     except KeyError as error:
         raise InputError(f"{source} is not a usable grasp: {error} is missing") from None
-    except (TypeError, ValueError, AttributeError, IndexError, RecursionError) as error:
+    except (TypeError, ValueError, AttributeError, RecursionError) as error:
         text = " ".join(str(error).split())[:300]
         raise InputError(f"{source} is not a usable grasp: {text}") from None
+    return record.moved(-record.table_height)

@@ -3,15 +3,15 @@
 from itertools import accumulate, pairwise
 from typing import Any
 
-from dexgrasp.grasp.conventions import conventions
-from dexgrasp.grasp.values import items
+from dexgrasp.grasp.conventions import RobotName, conventions
+from dexgrasp.grasp.record import APPROACH, LIFT
 from dexgrasp_env.robot.cell import SIMULATED, Cell
 
 _CONTACT = ("finger", "point", "normal", "force")
 
 
 def of_schema_2(old: dict[str, Any], cell: Cell) -> dict[str, Any]:
-    """Return the content of a file of schema 2 in schema 3.
+    """Return the content of a file of schema 2 in schema 3, for a grasp in a cell.
 
     A file without a cell, or its table, was written before there were others. One for the simulated cell states no
     hash: that of today's robot is taken. Hashes of other cells covered more than the robot, and fit none of today's.
@@ -19,30 +19,29 @@ def of_schema_2(old: dict[str, Any], cell: Cell) -> dict[str, Any]:
     Raises:
         KeyError, TypeError, ValueError, AttributeError: with what is missing or malformed.
     """
-    stamp = old.get("cell", SIMULATED)
-    name, _, version = ("", "", "") if stamp == SIMULATED else stamp.rpartition("-")
-    robot = {"name": name, "hash": version} if name else conventions(cell.mounted(old["mount"]))["robot"]
+    name, _, version = old.get("cell", SIMULATED).rpartition("-")
     rows = zip(old["finger_order"], old["contacts"], old["normals"], old["forces"], strict=True)
-    approach, lift = old["approach"], old["lift"]
-    phases = None if approach is None else [{"name": "approach"} | approach, {"name": "lift"} | lift]
     return old | {
-        "schema": 3,
-        "cell": name or SIMULATED,
-        "robot": robot,
+        "cell": name or version,
+        "robot": RobotName(name, version) if name else conventions(cell)["robot"],
         "table_height": old.get("table_height", 0.0),
         "parts": _parts(old["hull_vertices"], old.get("part_sizes")),
         "contacts": [dict(zip(_CONTACT, row, strict=True)) for row in rows],
         "neighbours": [],
-        "script": None if phases is None else {"lift_height": lift["height"], "phases": phases},
+        "script": None if old["lift"] is None else _script(old["approach"], old["lift"]),
         "holds_probability": None,
     }
+
+
+def _script(approach: dict[str, Any], lift: dict[str, Any]) -> dict[str, Any]:
+    first, last = {"name": APPROACH, "measure": approach["bend"]}, {"name": LIFT, "measure": lift["stray"]}
+    return {"lift_height": lift["height"], "phases": [approach | first, lift | last]}
 
 
 def _parts(vertices: list[Any], sizes: list[int] | None) -> list[Any]:
     """The parts' vertices were one after the other; without sizes they were those of one hull."""
     if sizes is None:
         return [vertices]
-    ends = [0, *accumulate(items("part_sizes", sizes, 2, 64))]
-    if ends[-1] != len(vertices):
+    if sum(sizes) != len(vertices):
         raise ValueError("part_sizes must be those of hull_vertices, in all")
-    return [vertices[a:b] for a, b in pairwise(ends)]
+    return [vertices[a:b] for a, b in pairwise([0, *accumulate(sizes)])]

@@ -1,6 +1,7 @@
 """Measures of a path of set-points that planner and judge share: how sharply it bends, how far a lift strays."""
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dexgrasp_env.arrays import Array
 
@@ -13,13 +14,9 @@ def bend(rows: Array) -> float:
 
     Straight ways and rounded corners lie in such planes; a single set-point that was changed does not.
     """
-    inner = np.arange(2, len(rows) - 2)
-    ends = [k for k in (1, len(rows) - 2) if 0 < k < len(rows) - 1]
-    near = [rows[[i for i in (k - 2, k - 1, k + 1, k + 2) if 0 <= i < len(rows)]][None] for k in ends]
-    worst = [_stands_out(rows[[k]], some) for k, some in zip(ends, near, strict=True)]
-    if len(inner):
-        worst.append(_stands_out(rows[inner], rows[inner[:, None] + [-2, -1, 1, 2]]))
-    return max(worst, default=0.0)
+    inner = np.arange(1, len(rows) - 1)
+    near = np.clip(inner[:, None] + [-2, -1, 1, 2], 0, len(rows) - 1)
+    return _stands_out(rows[inner], rows[near]) if len(inner) else 0.0
 
 
 def _stands_out(rows: Array, near: Array) -> float:
@@ -36,12 +33,7 @@ def _stands_out(rows: Array, near: Array) -> float:
 def stray(positions: Array, rotations: Array) -> float:
     """Return how far, m, a palm at `positions` (T, 3), `rotations` (T, 3, 3) strays from straight up without a turn."""
     aside = np.linalg.norm(positions[:, :2] - positions[0, :2], axis=1)
-    relative = rotations @ rotations[0].T
-    skew = np.stack([
-        relative[:, 2, 1] - relative[:, 1, 2], relative[:, 0, 2] - relative[:, 2, 0],
-        relative[:, 1, 0] - relative[:, 0, 1],
-    ], 1)  # fmt: skip
-    turn = np.arctan2(0.5 * np.linalg.norm(skew, axis=1), 0.5 * (np.trace(relative, axis1=1, axis2=2) - 1.0))
+    turn = Rotation.from_matrix(rotations @ rotations[0].T).magnitude()
     return float(np.hypot(aside, TURN * turn).max())
 
 

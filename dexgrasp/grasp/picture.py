@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.physics.cones import tangent_basis
+from dexgrasp.physics.cones import cone_edges
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 
-_COLOURS = ("#d1495b", "#2e6f95", "#3a7d44")  # thumb, index, middle
+_COLOURS = ("#d1495b", "#2e6f95", "#3a7d44", "#8f5aa8", "#b8860b")  # of the contacts, in their order
 _VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
 _HAND, _TABLE = (0.25, 0.27, 0.30, 0.22), (0.80, 0.72, 0.62, 0.55)
 _AROUND = 0.045  # m that is shown around the object
@@ -33,11 +33,11 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
 
     figure = Figure(figsize=(15, 5.8))
     FigureCanvasAgg(figure)
-    hand = _hand_triangles(grasp)
+    hand, box = _hand_triangles(grasp), _box(target)
     for k, (elevation, azimuth) in enumerate(_VIEWS):
         axes: Any = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
-        _draw(axes, grasp, target, hand)
-        _set_axes(axes, target, from_above=elevation == 90)
+        _draw(axes, grasp, target, hand, box)
+        _set_axes(axes, box, from_above=elevation == 90)
         axes.view_init(elevation, azimuth)
     figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=10)
     figure.suptitle(title)
@@ -59,88 +59,67 @@ def _hand_triangles(grasp: Grasp) -> Array:
     data = mujoco.MjData(model)
     data.qpos[:] = grasp.q
     mujoco.mj_kinematics(model, data)
-    hand = {model.body(name).id for name in grasp.cell.robot.hand.bodies}
-    triangles = []
-    for geom in range(model.ngeom):
-        if int(model.geom_bodyid[geom]) in hand and model.geom_contype[geom]:
-            corners = geom_mesh(model, geom).triangles
-            triangles.append(corners @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom])
-    return np.concatenate(triangles)
+    of_hand = np.isin(model.geom_bodyid, [model.body(name).id for name in grasp.cell.robot.hand.bodies])
+    return np.concatenate([
+        geom_mesh(model, geom).triangles @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
+        for geom in np.flatnonzero(of_hand & (model.geom_contype > 0)).tolist()
+    ])  # fmt: skip
 
 
-def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array) -> None:
+def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array, box: Array) -> None:
+    from matplotlib.colors import to_rgba
     from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
-    def solid(triangles: Array, face: Any, edge: Any, width: float = 0.4) -> None:
-        axes.add_collection3d(Poly3DCollection(triangles, facecolor=face, edgecolor=edge, linewidth=width))
+    def solid(polygons: Any, face: Any, edge: Any, width: float = 0.4) -> None:
+        axes.add_collection3d(Poly3DCollection(polygons, facecolor=face, edgecolor=edge, linewidth=width))
 
-    low, high = _box(target)
-    solid(_patch(low, high), _TABLE, "none")
+    (x, y, _), (X, Y, _) = box
+    solid([[(x, y, 0), (X, y, 0), (X, Y, 0), (x, Y, 0)]], _TABLE, "none")
     solid(hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
     solid(target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
-    for i, finger in enumerate(grasp.fingers):
-        p, n, f = grasp.contacts[i], grasp.normals[i], grasp.forces[i]
-        solid(_cone(p, n, grasp.certificate.friction), (*_rgb(_COLOURS[i]), 0.25), "none")
-        axes.scatter(*p, color=_COLOURS[i], s=28, depthshade=False)
-        _arrow(axes, p - _NEWTON * f, p, _COLOURS[i], 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
+    contacts = zip(_COLOURS, grasp.fingers, grasp.contacts, grasp.normals, grasp.forces, strict=False)
+    for colour, finger, p, n, f in contacts:
+        solid(_cone(p, n, grasp.certificate.friction), to_rgba(colour, 0.25), "none")
+        axes.scatter(*p, color=colour, s=28, depthshade=False)
+        _arrow(axes, p - _NEWTON * f, p, colour, 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
     weight = np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass])
     _arrow(axes, target.centre, target.centre - weight, "k", 1.8, "weight")
 
 
-def _box(target: GraspTarget) -> tuple[Array, Array]:
-    """Corners of what is shown: a cube around the object, from just below the table."""
+def _box(target: GraspTarget) -> Array:
+    """Corners (2, 3) of what is shown: a cube around the object, from just below the table."""
     corners = target.distance.triangles.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
     half = 0.5 * float((high - low).max()) + _AROUND
     middle = 0.5 * (low + high)
-    low, high = middle - half, middle + half
-    low[2], high[2] = -0.01, 2.0 * half - 0.01
-    return low, high
+    middle[2] = half - 0.01
+    return np.stack([middle - half, middle + half])
 
 
-def _patch(low: Array, high: Array) -> Array:
-    """The table's top within the box, two triangles."""
-    (x, y, _), (X, Y, _) = low, high
-    return np.array([[[x, y, 0], [X, y, 0], [X, Y, 0]], [[x, y, 0], [X, Y, 0], [x, Y, 0]]], dtype=float)
-
-
-def _set_axes(axes: Any, target: GraspTarget, from_above: bool) -> None:
+def _set_axes(axes: Any, box: Array, from_above: bool) -> None:
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
-    for axis, low, high in zip((axes.xaxis, axes.yaxis, axes.zaxis), *_box(target), strict=True):
-        getattr(axes, f"set_{axis.axis_name}lim")(low, high)
+    for name, limits in zip("xyz", box.T, strict=True):
+        axes.set(**{f"{name}lim": limits, f"{name}label": f"{name} / cm"})
+        axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(MaxNLocator(_TICKS))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}"))
-        getattr(axes, f"set_{axis.axis_name}label")(f"{axis.axis_name} / cm", fontsize=9)
     axes.set_box_aspect((1, 1, 1), zoom=0.9)
     axes.tick_params(labelsize=8)
     if from_above:
         axes.set_proj_type("ortho")
-        axes.set_zticks([])
-        axes.set_zlabel("")
+        axes.set(zticks=[], zlabel="")
 
 
-def _rgb(colour: str) -> tuple[float, float, float]:
-    from matplotlib.colors import to_rgb
-
-    return to_rgb(colour)
-
-
-def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str | None = None) -> None:
+def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str) -> None:
     d = b - a
     axes.quiver(*a, *d, color=colour, linewidth=width, arrow_length_ratio=0.25, label=label)
 
 
 def _cone(p: Array, n: Array, friction: float) -> Array:
     """Triangles of the friction cone into the object."""
-    t1, t2 = (t[0] for t in tangent_basis(n[None]))
-    angle = np.linspace(0.0, 2.0 * np.pi, _CONE_SIDES + 1)
-    rim = (
-        p
-        - _CONE_LENGTH * n
-        + _CONE_LENGTH * friction * (np.cos(angle)[:, None] * t1 + np.sin(angle)[:, None] * t2)
-    )
-    return np.stack([np.broadcast_to(p, rim[:-1].shape), rim[:-1], rim[1:]], axis=1)
+    rim = p + _CONE_LENGTH * cone_edges(n[None], friction, _CONE_SIDES)[0]
+    return np.stack([np.broadcast_to(p, rim.shape), rim, np.roll(rim, -1, axis=0)], axis=1)
 
 
 def _caption(grasp: Grasp) -> str:

@@ -1,17 +1,45 @@
-"""All that a grasp file holds: checked for shape and sense when it is read, not yet for truth."""
+"""Schema 3 of grasp files: what each field is, and what it may be (`docs/grasp-file.md`).
 
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from typing import Any
+A record is checked for shape and sense when it is read, not yet for truth.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Any
 
 import numpy as np
 
-from dexgrasp.grasp.conventions import conventions, place
-from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.certificate import Certificate
+from dexgrasp.grasp.conventions import RobotName, conventions
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
+from dexgrasp.grasp.values import Number, Parts, Pose, Row, Vector, Word, array, several
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import jsonable
+from dexgrasp_env.poses import shifted
+from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.valid import number, one_of
+
+SCHEMA = 3
+APPROACH, LIFT = "approach", "lift"
+"""The phases of a script."""
+
+
+@dataclass(frozen=True)
+class Contact:
+    """A fingertip on the object.
+
+    Attributes:
+        finger: whose tip it is.
+        point: (3,) m, on the surface that was planned on.
+        normal: (3,) unit, out of the object.
+        force: (3,) N on the object.
+    """
+
+    finger: Word
+    point: Vector
+    normal: Vector
+    force: Vector
 
 
 @dataclass(frozen=True)
@@ -22,13 +50,21 @@ class Phase:
         name: `approach`, from home to the pregrasp, or `lift`, from the squeeze up.
         times: (T,) s.
         setpoints: (T, n) rad.
-        measure: what the file says of the way: `bend` of an approach, rad, `stray` of a lift, m (see `path`).
+        measure: of the way: `path.bend` of an approach, rad, `path.stray` of a lift, m.
     """
 
-    name: str
-    times: Array
-    setpoints: Array
-    measure: float
+    name: Annotated[str, one_of((APPROACH, LIFT))]
+    times: Row
+    setpoints: Annotated[Array, array(None, None)]
+    measure: Number
+
+
+@dataclass(frozen=True)
+class Script:
+    """What is executed open loop: approach and lift; between them fingers close and press on feedback."""
+
+    lift_height: Annotated[float, number(gt=0, le=0.5)]
+    phases: Annotated[tuple[Phase, ...], several(Phase, 2, 2)]
 
 
 @dataclass(frozen=True)
@@ -36,80 +72,164 @@ class Neighbour:
     """An object beside the one that is grasped, an obstacle.
 
     Attributes:
-        parts: vertices (V, 3) m of its convex parts, in a frame of its own.
-        pose: (4, 4) of that frame, world; identity where only a cloud was seen.
         name: None where it is not known.
+        pose: (4, 4) of a frame of its own; identity where only a cloud was seen.
+        parts: vertices (V, 3) m of its convex parts in that frame.
     """
 
-    parts: tuple[Array, ...]
-    pose: Array
-    name: str | None = None
+    name: Word | None
+    pose: Pose
+    parts: Parts
 
 
-@dataclass(frozen=True)
-class Origin:
-    """Who planned a grasp, with which seed, and in how many seconds: provenance, nothing that can be checked."""
-
-    agent: str = ""
-    seed: int = 0
-    planning_seconds: float | None = None
-
-
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class GraspRecord:
-    """A grasp as a file holds it; world frame (the file's is the robot's base), m, rad, N.
+    """A grasp as a file holds it, but in the world frame (the file's is the robot's base); m, rad, N.
 
     Attributes:
+        agent, seed, planning_seconds: who planned, with which seed, how long: provenance.
+        here: the cell that it was read or planned in, with its mount; in no file.
+        frame, units, outside_certificate, cell, robot, table_height, joint_names: see `conventions`.
+        mount: of the hand.
         object: which object it is of.
-        grasp: configuration, contacts, forces, set-points, and what is claimed of them.
+        T_world_object: (4, 4) of the true object, where the file knows it.
+        hull_offset: (3,) m, volume centroid of the planned hull less that of the true object's hull, where known.
         parts: vertices (V, 3) of each convex part that was planned on; mostly one, the hull.
         centre: (3,) of mass that was planned with.
         thresholds: that the file asks to be held to.
-        T_world_object: (4, 4) of the true object, where the file knows it.
-        hull_offset: (3,) m, volume centroid of the planned hull less that of the true object's hull, where known.
-        phases: approach and lift; empty where the grasp was planned without a start.
+        q, pregrasp, grasp, squeeze: (n,) the configuration, and set-points: open, in contact, pressing.
+        contacts: any number.
         neighbours: what stands around the object.
+        script: what is executed; None where the grasp was planned without a start.
+        certificate: what the planner claims.
         holds_probability: of being lifted and held; None where no model has said one.
-        origin: who planned.
-        conventions: frame, units, robot and names as the file states them.
     """
 
+    agent: Word
+    seed: int
+    planning_seconds: float | None
+    here: Cell
+    frame: Word
+    units: dict[str, str]
+    outside_certificate: list[str]
+    cell: Word
+    robot: RobotName
+    table_height: Number
+    joint_names: list[str]
+    mount: Word
     object: ObjectIdentity
-    grasp: Grasp
-    parts: tuple[Array, ...]
-    centre: Array
+    T_world_object: Pose | None
+    hull_offset: Vector | None
+    parts: Parts
+    centre: Vector
     thresholds: Thresholds
-    T_world_object: Array | None = None
-    hull_offset: Array | None = None
-    phases: tuple[Phase, ...] = ()
-    neighbours: tuple[Neighbour, ...] = ()
-    holds_probability: float | None = None
-    origin: Origin = Origin()
-    conventions: Mapping[str, Any] = field(default_factory=dict)
+    q: Row
+    pregrasp: Row
+    grasp: Row
+    squeeze: Row
+    contacts: Annotated[tuple[Contact, ...], several(Contact, 2, 20)]
+    neighbours: Annotated[tuple[Neighbour, ...], several(Neighbour, 0, 100)]
+    script: Script | None
+    certificate: Certificate
+    holds_probability: Annotated[float, number(ge=0, le=1)] | None
+
+    def __post_init__(self) -> None:
+        """Check that the fields go together.
+
+        Raises:
+            InputError: naming those that do not.
+        """
+        robot, known = self.here.robot, self.T_world_object is not None
+        joints = robot.dof
+        rows = [self.q, self.pregrasp, self.grasp, self.squeeze]
+        phases = [] if self.script is None else list(self.script.phases)
+        fits = {
+            f"q, pregrasp, grasp and squeeze have {joints} numbers": all(len(row) == joints for row in rows),
+            f"phases are {APPROACH} and {LIFT}": [p.name for p in phases] in ([], [APPROACH, LIFT]),
+            f"phases have 2 or more setpoints of {joints} numbers, and as many times": all(
+                p.setpoints.shape == (len(p.times), joints) and len(p.times) >= 2 for p in phases
+            ),
+            "distances_cm has a number for each contact": len(self.certificate.distances_cm)
+            == len(self.contacts),
+            f"contacts are of different fingers of {', '.join(robot.columns)}": set(self.fingers)
+            <= set(robot.columns)
+            and len(set(self.fingers)) == len(self.contacts),
+            "T_world_object, hull_offset and the object's content_hash go together": known
+            == (self.hull_offset is not None)
+            and (self.object.content_hash is not None or not known),
+            "the object's source and content_hash go together": (self.object.source is None)
+            == (self.object.content_hash is None),
+        }
+        for rule, kept in fits.items():
+            if not kept:
+                raise InputError(f"it does not fit together: valid is where {rule}")
+
+    @property
+    def fingers(self) -> tuple[str, ...]:
+        """Whose tips make the contacts."""
+        return tuple(contact.finger for contact in self.contacts)
+
+    @property
+    def points(self) -> Array:
+        """Contacts (N, 3) m."""
+        return np.array([contact.point for contact in self.contacts])
+
+    @property
+    def normals(self) -> Array:
+        """Normals (N, 3) out of the object."""
+        return np.array([contact.normal for contact in self.contacts])
+
+    @property
+    def forces(self) -> Array:
+        """Forces (N, 3) N on the object."""
+        return np.array([contact.force for contact in self.contacts])
 
     @property
     def hull(self) -> Array:
         """(V, 3) m, vertices whose convex hull is that of all parts."""
         return np.concatenate(self.parts)
 
-    @property
-    def mass(self) -> float:
-        """Kg that the certificate is about."""
-        return self.grasp.certificate.mass
-
     def phase(self, name: str) -> Phase | None:
-        """Return a phase by its name, None where the file lacks it."""
-        return next((phase for phase in self.phases if phase.name == name), None)
+        """Return a phase of the script by its name, None where there is no script."""
+        return (
+            next((phase for phase in self.script.phases if phase.name == name), None) if self.script else None
+        )
 
-    def check_cell(self) -> None:
-        """Refuse a grasp of another cell, where the same joint angles are another place.
+    def check_cell(self) -> Cell:
+        """Return the cell that it is carried out in.
 
         Raises:
-            InputError: naming both cells.
+            InputError: where the grasp is of another cell: the same joint angles would be another place.
         """
-        here = conventions(self.grasp.cell)
-        if any(self.conventions[name] != here[name] for name in ("cell", "robot", "table_height")):
-            raise InputError(
-                f"the grasp was planned for cell {place(self.conventions)}, and this is {place(here)}: "
-                "give its --cell file"
+        places = []
+        for stated in (self.__dict__, conventions(self.here)):
+            robot = stated["robot"]
+            places.append(
+                f"{stated['cell']!r} ({robot.name}-{robot.hash}, table at {stated['table_height']:g} m)"
             )
+        if places[0] != places[1]:
+            raise InputError(
+                f"the grasp was planned for cell {places[0]}, and this is {places[1]}: give its --cell file"
+            )
+        return self.here
+
+    def moved(self, by: float) -> "GraspRecord":
+        """Return it in a frame whose origin is lower by `by` m: places rise."""
+        offset = np.array([0.0, 0.0, by])
+        centre, pose = self.object.known_centre, self.T_world_object
+        return replace(
+            self,
+            object=replace(self.object, known_centre=None if centre is None else centre + offset),
+            T_world_object=None if pose is None else shifted(pose, offset),
+            parts=tuple(part + offset for part in self.parts),
+            centre=self.centre + offset,
+            contacts=tuple(replace(contact, point=contact.point + offset) for contact in self.contacts),
+            neighbours=tuple(replace(n, pose=shifted(n.pose, offset)) for n in self.neighbours),
+        )
+
+
+def as_json(record: GraspRecord) -> dict[str, Any]:
+    """Return a record as schema 3 holds it (lengths m, angles rad, forces N, frame of the robot's base)."""
+    stated = vars(record.moved(record.table_height)) | {"schema": SCHEMA}
+    del stated["here"]
+    return jsonable(stated)

@@ -1,7 +1,12 @@
 """The thresholds that `verify` holds every grasp to. Frozen: tuning the planner does not move its judge."""
 
 from dataclasses import dataclass, fields, replace
-from typing import Any
+from typing import Annotated, Any
+
+from dexgrasp.grasp.values import Number, Positive
+from dexgrasp_env.valid import number, pair
+
+Range = Annotated[tuple[float, float], pair(number())]
 
 FRICTION_SHARE = 5.0 / 7.0
 """Of the true friction coefficient that a plan may count on."""
@@ -28,22 +33,18 @@ class Thresholds:
         torque_share: share of the joint torque limits that the forces may use.
     """
 
-    friction: float = 0.5
-    friction_hold: float = 0.6
-    distance: tuple[float, float] = (-0.0068, -0.0032)
-    tip_radius: float = 0.014
-    closure_margin: float = 0.15
-    clearance: float = 0.001
-    tip_cosine: float = 0.10
-    pad_cosine: float = -0.25
-    joint_margin: float = 0.01
-    contact_height: float = 0.015
-    least_press: float = 2.5
-    torque_share: float = 0.95
-
-    def as_json(self) -> dict[str, Any]:
-        """Return the thresholds by name, as JSON holds them."""
-        return {f.name: _listed(getattr(self, f.name)) for f in fields(self)}
+    friction: Positive = 0.5
+    friction_hold: Positive = 0.6
+    distance: Range = (-0.0068, -0.0032)
+    tip_radius: Number = 0.014
+    closure_margin: Number = 0.15
+    clearance: Number = 0.001
+    tip_cosine: Number = 0.10
+    pad_cosine: Number = -0.25
+    joint_margin: Number = 0.01
+    contact_height: Number = 0.015
+    least_press: Number = 2.5
+    torque_share: Number = 0.95
 
     def looser(self) -> list[str]:
         """Return the names of those that ask less than the frozen ones; a tip radius may not differ at all."""
@@ -76,7 +77,3 @@ def thresholds_for(settings: Any) -> Thresholds:
     stated = {f.name: getattr(settings, f.name) for f in fields(Thresholds) if hasattr(settings, f.name)}
     kept = {name: stated[name] for name in replace(FROZEN, **stated).looser()}
     return replace(FROZEN, friction=settings.friction, friction_hold=settings.friction_hold, **kept)
-
-
-def _listed(value: Any) -> Any:
-    return list(value) if isinstance(value, tuple) else value

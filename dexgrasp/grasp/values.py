@@ -1,69 +1,80 @@
-"""Values of a file: numbers of a shape, words, convex parts. What is none of these is a ValueError that says so."""
+"""What the fields of a grasp file may be, as rules of `dexgrasp_env.valid` that stand at them."""
 
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.valid import Rule, number, read
 
-_LARGEST = 1e6  # in SI units: no number of a grasp is nearly as large, and squares of larger ones overflow
+LARGEST = 1e6
+"""In SI units: no number of a grasp is nearly as large, and squares of larger ones overflow."""
 _FLAT = 1e-6  # m: a part thinner than this has no inside
 _MOST_VERTICES, _MOST_PARTS = 100_000, 64
 
 
-def array(name: str, value: Any, shape: tuple[int, ...]) -> Array:
-    """Return finite numbers of a shape; text and truth values are no numbers."""
-    try:
+def array(*shape: int | None) -> Rule:
+    """Return the rule of finite numbers of a shape (None: any length); text and truth values are no numbers."""
+    sizes = ", ".join("N" if size is None else str(size) for size in shape)
+
+    def admit(value: Any) -> Array:
         found = np.asarray(value, dtype=float)
-    except (TypeError, ValueError, OverflowError):
-        raise ValueError(f"{name} must be numbers of shape {shape}") from None
-    if found.shape != shape or _has_words(value):
-        raise ValueError(f"{name} must be numbers of shape {shape}, not {found.shape}")
-    if not (np.abs(found) < _LARGEST).all():
-        raise ValueError(f"{name} must be finite numbers below {_LARGEST:.0e}")
-    return found
+        fits = found.ndim == len(shape) and all(
+            s in (None, n) for s, n in zip(shape, found.shape, strict=True)
+        )
+        if not fits or _has_words(value) or not (np.abs(found) < LARGEST).all():
+            raise ValueError
+        return found
+
+    return Rule(f"finite numbers below {LARGEST:.0e} of shape ({sizes})", admit)
 
 
-def number(name: str, value: Any) -> float:
-    """Return a finite number."""
-    return float(array(name, value, ()))
+def several(kind: type, least: int, most: int) -> Rule:
+    """Return the rule of lists of a dataclass."""
+
+    def admit(value: Any) -> tuple[Any, ...]:
+        if not isinstance(value, list) or not least <= len(value) <= most:
+            raise ValueError
+        return tuple(
+            read(kind, item, f"{kind.__name__.lower()} {k}", more=True) for k, item in enumerate(value)
+        )
+
+    return Rule(f"a list of {least} to {most}", admit)
 
 
-def positive(name: str, value: Any) -> float:
-    """Return a finite number above 0."""
-    found = number(name, value)
-    if found <= 0.0:
-        raise ValueError(f"{name} must be above 0, not {found}")
-    return found
+def _convex_parts(value: Any) -> tuple[Array, ...]:
+    if not isinstance(value, list) or not 1 <= len(value) <= _MOST_PARTS:
+        raise ValueError
+    parts = tuple(map(array(None, 3).admit, value))
+    for part in parts:
+        if (
+            not 4 <= len(part) <= _MOST_VERTICES
+            or np.linalg.svd(part - part.mean(0), compute_uv=False)[2] < _FLAT
+        ):
+            raise ValueError
+    return parts
 
 
-def word(name: str, value: Any) -> str:
-    """Return a text of some length."""
+def _word(value: Any) -> str:
     if not isinstance(value, str) or len(value) > 4096:
-        raise ValueError(f"{name} must be a word")
+        raise ValueError
     return value
-
-
-def items(name: str, value: Any, least: int, most: int) -> list[Any]:
-    """Return a list of `least` to `most` items."""
-    if not isinstance(value, list) or not least <= len(value) <= most:
-        raise ValueError(f"{name} must be a list of {least} to {most} items")
-    return value
-
-
-def convex_parts(name: str, value: Any) -> tuple[Array, ...]:
-    """Return the vertices (V, 3) m of convex parts, each of which encloses a volume."""
-    return tuple(_hull(name, part) for part in items(name, value, 1, _MOST_PARTS))
-
-
-def _hull(name: str, value: Any) -> Array:
-    hull = array(name, value, (len(items(f"a part of {name}", value, 4, _MOST_VERTICES)), 3))
-    if np.linalg.svd(hull - hull.mean(0), compute_uv=False)[2] < _FLAT:
-        raise ValueError(f"every part of {name} must enclose a volume")
-    return hull
 
 
 def _has_words(value: Any) -> bool:
     if isinstance(value, list):
         return any(_has_words(item) for item in value)
     return isinstance(value, str | bool)
+
+
+Number = Annotated[float, number(ge=-LARGEST, le=LARGEST)]
+Positive = Annotated[float, number(gt=0, le=LARGEST)]
+Word = Annotated[str, Rule("a word", _word)]
+Vector = Annotated[Array, array(3)]
+Row = Annotated[Array, array(None)]
+Pose = Annotated[Array, array(4, 4)]
+Numbers = Annotated[
+    tuple[float, ...], Rule("finite numbers", lambda value: tuple(array(None).admit(value).tolist()))
+]
+CONVEX = Rule(f"1 to {_MOST_PARTS} lists of 4 or more corners (x, y, z), each around a volume", _convex_parts)
+Parts = Annotated[tuple[Array, ...], CONVEX]

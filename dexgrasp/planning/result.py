@@ -9,10 +9,9 @@ from typing import Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 import numpy as np
 
 from dexgrasp.agent import Observation, Report
-from dexgrasp.grasp.content import ObjectPose, grasp_json
+from dexgrasp.grasp.content import ObjectPose, Origin, grasp_json, planned_record
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
-from dexgrasp.grasp.record import Origin
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.variety import component_shares, grasp_features
 from dexgrasp.planning.settings import PlannerSettings
@@ -188,15 +187,11 @@ class PlanResult:
         origin = Origin(agent, self.seed, self.planning_seconds / max(len(self.found), 1))
         return [
             grasp_json(
-                name,
-                planned.grasp,
-                self.target,
-                self.settings,
-                script=planned.script,
-                pose=pose,
-                origin=origin,
+                planned_record(
+                    name, one.grasp, self.target, self.settings, script=one.script, pose=pose, origin=origin
+                )
             )
-            for planned in self.found
+            for one in self.found
         ]
 
     def as_json(

@@ -66,14 +66,10 @@ def _features(candidate: Candidate) -> Array:
 def _fingers(scene: FloatingScene) -> dict[int, int]:
     """Return body -> the first body of its finger: the branches of the first body that has several."""
     parents = scene.model.body_parentid
-    children = {b: [c for c in scene.hand_bodies if parents[c] == b] for b in scene.hand_bodies}
-    palm = scene.hand_bodies[0]
-    while len(children[palm]) == 1:
-        palm = children[palm][0]
+    branches = np.bincount(parents[scene.hand_bodies])
+    palm = next((body for body in scene.hand_bodies[:-1] if branches[body] > 1), -1)
     found: dict[int, int] = {}
-    for body in scene.hand_bodies:
-        if parents[body] == palm:
-            found[body] = body
-        elif int(parents[body]) in found:
-            found[body] = found[int(parents[body])]
+    for body in scene.hand_bodies:  # parents come first
+        if parents[body] == palm or parents[body] in found:
+            found[body] = found.get(int(parents[body]), body)
     return found

@@ -106,7 +106,7 @@ class FloatingScene:
         self.model = build_model(candidate.hand, candidate.object.with_mass(mass), physics)
         self.data = mujoco.MjData(self.model)
         self.servo_kp = None if candidate.hand.own_gains else physics.servo_kp
-        self._joints = len(candidate.hand.joint_names)  # after the base's free joint, before the object's
+        self._alone = mujoco.MjData(candidate.hand.model)
         self.object_body = self.model.body("object").id
         first, last = self.model.body(_BASE).id, self.model.nbody
         self.hand_bodies = [
@@ -120,14 +120,15 @@ class FloatingScene:
         object_pose = _seven(self.candidate.T_world_object)
         data.qpos[:] = np.concatenate([_seven(stage.T_world_hand), stage.joints, object_pose])
         mujoco.mj_forward(self.model, data)
-        self._moment = _dense_moment(self.model, data)[:, 6 : 6 + self._joints]
         self.aim(stage.T_world_hand, stage.joints)
 
     def aim(self, T_world_hand: Array, joints: Array) -> None:
         """Set the set-points of base and joints."""
         seven = _seven(T_world_hand)
         self.data.mocap_pos[0], self.data.mocap_quat[0] = seven[:3], seven[3:]
-        self.data.ctrl[:] = self._moment @ joints
+        self._alone.qpos[:] = joints
+        mujoco.mj_fwdPosition(self.candidate.hand.model, self._alone)
+        self.data.ctrl[:] = self._alone.actuator_length  # what servos hold
 
     def push(self, force: Array) -> None:
         """Apply a force (3,) N through the object's centre of mass, world frame, until it is changed."""
@@ -188,11 +189,3 @@ def interpolated(first: Array, last: Array, part: float) -> Array:
 
 def _seven(T: Array) -> Array:
     return np.concatenate([T[:3, 3], matrix_to_quat(T[:3, :3])])
-
-
-def _dense_moment(model: mujoco.MjModel, data: mujoco.MjData) -> Array:
-    dense = np.zeros((model.nu, model.nv))
-    mujoco.mju_sparse2dense(
-        dense, data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind
-    )
-    return dense

@@ -16,7 +16,6 @@ class Case:
 
     Attributes:
         record: of the file.
-        grasp: of the record.
         limits: thresholds of the record.
         cell, robot: in which the record was read.
         scene: robot, object and table.
@@ -25,16 +24,16 @@ class Case:
 
     def __init__(self, record: GraspRecord) -> None:
         """Set the scene."""
-        self.record, self.grasp, self.limits = record, record.grasp, record.thresholds
-        self.cell = record.grasp.cell
+        self.record, self.limits = record, record.thresholds
+        self.cell = record.here
         self.robot = self.cell.robot
-        self.scene = Scene(self.cell, record.parts, record.grasp.fingers)
-        self.touch = self.scene.touch(record.grasp.q)
+        self.scene = Scene(self.cell, record.parts, record.fingers)
+        self.touch = self.scene.touch(record.q)
 
     @cached_property
     def idle(self) -> list[int]:
         """The joints of the fingers that make no contact."""
-        columns = [own for finger, own in self.robot.columns.items() if finger not in self.grasp.fingers]
+        columns = [own for finger, own in self.robot.columns.items() if finger not in self.record.fingers]
         return [joint for own in columns for joint in range(own.start, own.stop)]
 
     @cached_property
@@ -48,8 +47,8 @@ class Hold:
 
     def __init__(self, case: Case) -> None:
         """Compute it."""
-        self.forces, self.normals, self.mu = case.grasp.forces, case.touch.normals, case.limits.friction_hold
-        self.weight = GRAVITY * case.record.mass
+        self.forces, self.normals, self.mu = case.record.forces, case.touch.normals, case.limits.friction_hold
+        self.weight = GRAVITY * case.record.certificate.mass
         self.G = wrench_map(case.touch.points, case.record.centre)
         self.wrench = self.G @ self.forces.ravel() / self.weight
         self.left = self.wrench - [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]

@@ -48,7 +48,7 @@ def claim(
     unit: str = "",
 ) -> list[Check]:
     """Compare what the certificate says, if it says it, with what was found."""
-    claimed = np.asarray(getattr(case.grasp.certificate, key), dtype=float)
+    claimed = np.asarray(getattr(case.record.certificate, key), dtype=float)
     if np.isnan(claimed).any():
         return []
     off = np.abs(claimed - value)

@@ -6,6 +6,7 @@ from dexgrasp_env.arrays import Array
 
 _RAYS, _NEAR = 1500, 80  # directions at first, and about each of the best
 _NARROWINGS, _BEST, _REACH = 8, 5, 0.12
+_FAR, _HALVINGS = 1e3, 40  # pushes: no hand bears as many; down to 1e-9 of them
 
 
 def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
@@ -32,19 +33,17 @@ def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
     return least
 
 
-def _ways(f: Array, moves: Array, normals: Array, mu: float) -> Array:
-    """Return (K,) how often moves (K, 3 N) can be added to forces (N, 3) until one leaves its cone."""
-    d = moves.reshape(len(moves), -1, 3)
-    p0, p1 = -(f * normals).sum(-1), -(d * normals).sum(-1)
-    t0, t1 = f + p0[:, None] * normals, d + p1[..., None] * normals
-    a = (t1 * t1).sum(-1) - mu**2 * p1**2
-    b = (t0 * t1).sum(-1) - mu**2 * p0 * p1
-    c = np.minimum((t0 * t0).sum(-1) - mu**2 * p0**2, 0.0)
-    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
-    # c <= 0 within the cone, so the first way out is the positive root, written without cancellation.
-    with np.errstate(divide="ignore", invalid="ignore"):
-        way = np.where(b + root > 0.0, -c / (b + root), np.where(a > 0.0, (root - b) / a, np.inf))
-    return np.nan_to_num(way, nan=0.0, posinf=1e9).min(1)
+def _ways(forces: Array, moves: Array, normals: Array, mu: float) -> Array:
+    """Return (K,) how often moves (K, 3 N) can be added to forces (N, 3) until one leaves its cone, by halving."""
+    moves = moves.reshape(-1, *forces.shape)
+    low, high = np.zeros(len(moves)), np.full(len(moves), _FAR)
+    for _ in range(_HALVINGS):
+        middle = 0.5 * (low + high)
+        f = forces + middle[:, None, None] * moves
+        press = -(f * normals).sum(-1)
+        inside = (np.linalg.norm(f + press[..., None] * normals, axis=-1) <= mu * press).all(1)
+        low, high = np.where(inside, middle, low), np.where(inside, high, middle)
+    return low
 
 
 def _sphere(count: int) -> Array:

@@ -71,9 +71,7 @@ class Scene:
     @cached_property
     def hull(self) -> Any:
         """The convex hull of all parts."""
-        return (
-            self.parts[0] if len(self.parts) == 1 else _hull(np.concatenate([p.vertices for p in self.parts]))
-        )
+        return _hull(np.concatenate([part.vertices for part in self.parts]))
 
     def place(self, q: Array) -> None:
         """Put the robot at `q` (n,) rad."""
@@ -147,22 +145,22 @@ class Scene:
 
     def first_contact(self, path: Array, with_object: bool = True) -> tuple[int, float]:
         """Return the first row of a path (T, n) in which anything touches, or -1, and the deepest penetration, m."""
-        deepest = 0.0
         for row, q in enumerate(path):
             self.data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_collision(self.model, self.data)
-            for k in range(self.data.ncon):
-                contact = self.data.contact[k]
-                pair = {int(contact.geom[0]), int(contact.geom[1])}
-                if pair & self.object and (not with_object or pair <= self.object | {self.table}):
-                    continue
-                if self.table in pair and self._on_plinth(next(iter(pair - {self.table}))):
-                    continue
-                deepest = min(deepest, float(contact.dist))
-            if deepest < 0.0:
-                return row, -deepest
+            depths = [
+                -float(c.dist) for c in self.data.contact if self._is_collision(set(c.geom), with_object)
+            ]
+            if max(depths, default=0.0) > 0.0:
+                return row, max(depths)
         return -1, 0.0
+
+    def _is_collision(self, pair: set[int], with_object: bool) -> bool:
+        """Object and table belong together, and so do the table and what stands on its plinth."""
+        if pair & self.object:
+            return with_object and not pair <= self.object | {self.table}
+        return self.table not in pair or not any(map(self._on_plinth, pair - {self.table}))
 
     def _on_plinth(self, geom: int) -> bool:
         return self.model.body(self.model.geom_bodyid[geom]).name in self.robot.arm.bodies[:PLINTH_BODIES]

@@ -1,10 +1,12 @@
-"""What a viewer shows of a grasp: states of robot and object over time, contacts, forces, and the certificate."""
+"""What a viewer shows of a grasp: states of robot and object over time, what was seen, and the certificate."""
 
-from dataclasses import dataclass, field
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
+from dexgrasp.grasp.record import GraspRecord
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.cell import Cell
@@ -15,34 +17,38 @@ class Film:
     """One grasp as it would be carried out. NB: kinematic, with the object fixed to the palm in the lift.
 
     Attributes:
-        title: one line.
-        cell: of the robot.
-        states: (T, n) rad.
+        record: of the grasp.
+        states: (T, n) rad, one a control period.
         object_poses: (T, 4, 4) m, world frame.
-        period: s between states.
-        segments: names and first states.
         object: the true object where it is known, else None.
-        parts: (V, 3) m of each convex part that was planned on, in the world frame.
-        cloud: (N, 3) m that was seen; may be empty.
-        contacts, normals, forces: (3, 3) m, unit out of the object, N on the object.
-        friction: of the cones that are drawn.
-        facts: name -> value, shown beside the scene.
+        cloud: (N, 3) m that was seen, where it is to be shown.
     """
 
-    title: str
-    cell: Cell
+    record: GraspRecord
     states: Array
     object_poses: Array
-    period: float
-    segments: tuple[tuple[str, int], ...]
-    parts: tuple[Array, ...]
-    contacts: Array
-    normals: Array
-    forces: Array
-    friction: float
     object: ObjectModel | None = None
-    cloud: Array = field(default_factory=lambda: np.zeros((0, 3)))
-    facts: dict[str, str] = field(default_factory=dict)
+    cloud: Array | None = None
+
+    @property
+    def title(self) -> str:
+        """The object's name."""
+        return self.record.object.name
+
+    @property
+    def facts(self) -> dict[str, str]:
+        """What is shown beside the scene, by name."""
+        c = self.record.certificate
+        return {
+            "planned by": self.record.agent or "unknown",
+            "fingertip distances, cm": ", ".join(f"{d:.2f}" for d in c.distances_cm),
+            "closure margin": f"{c.closure_margin:.2f}",
+            "load, weights": f"{c.load:.2f}",
+            "assumed mass, g": f"{1000 * c.mass:.0f}",
+            "least clearance, mm": f"{1000 * c.min_clearance_m:.1f}",
+            "joint torque over limit": f"{c.max_joint_torque_fraction:.2f}",
+            "holds": str(c.holds),
+        }
 
 
 def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell) -> Array:
@@ -52,7 +58,7 @@ def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell)
         states: (T, n) rad.
         first_lifted: from this state on the object moves with the palm.
         T_world_object: (4, 4) where it rests.
-        cell: of the robot.
+        cell: with the mount in use.
     """
     palms = palm_poses(states, cell)
     poses = np.tile(np.asarray(T_world_object, dtype=float), (len(states), 1, 1))
@@ -64,23 +70,7 @@ def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell)
 
 def palm_poses(states: Array, cell: Cell) -> Array:
     """Return the palm's poses (T, 4, 4) in the world frame."""
-    model, data = robot_model(cell)
-    import mujoco
-
-    poses = np.tile(np.eye(4), (len(states), 1, 1))
-    site = model.site(cell.robot.hand.palm).id
+    poses, tree = np.tile(np.eye(4), (len(states), 1, 1)), robot_tree(cell)
     for pose, q in zip(poses, states, strict=True):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
-        pose[:3, :3], pose[:3, 3] = data.site_xmat[site].reshape(3, 3), data.site_xpos[site]
+        pose[:3, :3], pose[:3, 3] = palm_frame(q, tree)
     return poses
-
-
-def robot_model(cell: Cell) -> tuple[Any, Any]:
-    """Return the robot alone: model and data."""
-    import mujoco
-
-    from dexgrasp_env.robot.model import compiled_robot
-
-    model = compiled_robot(cell)
-    return model, mujoco.MjData(model)

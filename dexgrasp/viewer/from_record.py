@@ -5,12 +5,11 @@ from pathlib import Path
 import numpy as np
 
 from dexgrasp.grasp.file import read_grasp
-from dexgrasp.grasp.record import GraspRecord
+from dexgrasp.grasp.record import APPROACH, LIFT, GraspRecord
 from dexgrasp.viewer.film import Film, carried
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 MOST_TRIALS = 6
 """Trials of a run that are shown side by side."""
@@ -27,27 +26,17 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
     Raises:
         InputError: for a grasp of another cell, or one whose object is not here.
     """
-    record.check_cell()
-    grasp, motion = record.grasp, record.grasp.motion
-    approach, lift = record.phase("approach"), record.phase("lift")
-    pieces = {
-        "approach": motion.pregrasp[None] if approach is None else approach.setpoints,
-        "close": _between(motion.pregrasp, motion.grasp),
-        "squeeze": _between(motion.grasp, motion.squeeze),
-        "lift": motion.squeeze[None] if lift is None else lift.setpoints,
-    }
-    starts = np.cumsum([0, *(len(piece) for piece in pieces.values())])[:-1]
-    states = np.concatenate(list(pieces.values()))
-    pose = np.eye(4) if record.T_world_object is None else record.T_world_object
-    model = None if record.T_world_object is None else record.object.load()
-    return Film(
-        title=record.object.name, cell=grasp.cell, states=states,
-        object_poses=carried(states, int(starts[3]), pose, grasp.cell), period=CONTROL_PERIOD,
-        segments=tuple(zip(pieces, (int(start) for start in starts), strict=True)), parts=record.parts,
-        contacts=grasp.contacts, normals=grasp.normals, forces=grasp.forces,
-        friction=record.thresholds.friction, object=model, cloud=np.zeros((0, 3)) if cloud is None else cloud,
-        facts=_facts(record),
-    )  # fmt: skip
+    cell, pose = record.check_cell(), record.T_world_object
+    approach, lift = record.phase(APPROACH), record.phase(LIFT)
+    before = [
+        record.pregrasp[None] if approach is None else approach.setpoints,
+        np.linspace(record.pregrasp, record.grasp, _CLOSING),
+        np.linspace(record.grasp, record.squeeze, _CLOSING),
+    ]
+    states = np.concatenate([*before, record.squeeze[None] if lift is None else lift.setpoints])
+    poses = carried(states, sum(map(len, before)), np.eye(4) if pose is None else pose, cell)
+    model = None if pose is None else record.object.load()
+    return Film(record, states, poses, model, cloud)
 
 
 def films_of_run(folder: Path, cell: Cell | None = None) -> list[Film]:
@@ -62,21 +51,3 @@ def films_of_run(folder: Path, cell: Cell | None = None) -> list[Film]:
             f"{folder} holds no grasps: name the --out of `dexgrasp evaluate` with an agent that plans"
         )
     return [film_of(read_grasp(file, cell)) for file in files]
-
-
-def _between(a: Array, b: Array) -> Array:
-    return a + np.linspace(0.0, 1.0, _CLOSING)[:, None] * (b - a)
-
-
-def _facts(record: GraspRecord) -> dict[str, str]:
-    c = record.grasp.certificate
-    return {
-        "planned by": record.origin.agent or "unknown",
-        "fingertip distances, cm": ", ".join(f"{d:.2f}" for d in c.distances_cm),
-        "closure margin": f"{c.closure_margin:.2f}",
-        "load, weights": f"{c.load:.2f}",
-        "assumed mass, g": f"{1000 * record.mass:.0f}",
-        "least clearance, mm": f"{1000 * c.min_clearance_m:.1f}",
-        "joint torque over limit": f"{c.max_joint_torque_fraction:.2f}",
-        "holds": str(c.holds),
-    }

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dexgrasp.viewer.film import Film
 from dexgrasp.viewer.stage import Stage
 from dexgrasp_env.extras import require_extra
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 if TYPE_CHECKING:
     import viser
@@ -31,8 +32,8 @@ def page(films: Sequence[Film]) -> str:
         every = max(1, -(-count // _FRAMES))
         for index in range(0, count, every):
             for stage in stages:
-                stage.show(min(index, len(stage.film.states) - 1))
-            recording.insert_sleep(every * films[0].period)
+                stage.show(index)
+            recording.insert_sleep(every * CONTROL_PERIOD)
         text = str(recording.as_html())
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -52,8 +53,8 @@ def serve(films: Sequence[Film], port: int = 8080) -> None:
             server.gui.add_markdown("\n".join(f"- {name}: **{value}**" for name, value in film.facts.items()))
     while True:
         for stage in stages:
-            stage.show(min(int(slider.value), len(stage.film.states) - 1))
-        time.sleep(films[0].period)
+            stage.show(int(slider.value))
+        time.sleep(CONTROL_PERIOD)
         if playing.value:
             slider.value = (int(slider.value) + 1) % count
 
@@ -64,19 +65,11 @@ def start_server(port: int, quiet: bool) -> "viser.ViserServer":
     import viser
 
     with contextlib.redirect_stdout(io.StringIO() if quiet else sys.stderr):  # it prints a banner
-        server = viser.ViserServer(host="127.0.0.1", port=port or _free_port(), verbose=False)
+        server = viser.ViserServer(host="127.0.0.1", port=port, verbose=False)
     server.scene.set_up_direction("+z")
     server.initial_camera.position = _CAMERA
     server.initial_camera.look_at = _LOOK_AT
     return server
-
-
-def _free_port() -> int:
-    import socket
-
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
 
 
 def _facts(films: Sequence[Film]) -> str:

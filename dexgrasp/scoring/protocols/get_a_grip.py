@@ -36,11 +36,10 @@ class GetAGrip(GraspProtocol):
             T[:3, 3] = rng.uniform(-self._noise, self._noise, 3)
             T[:3, :3] = Rotation.from_euler("xyz", rng.uniform(-self._tilt, self._tilt, 3)).as_matrix()
             verdicts.append(self._draw(scene, candidate.displaced(T)))
-        share = sum(v.success for v in verdicts) / self._draws
-        worst = next((v for v in verdicts if not v.success), verdicts[-1])
         held = sum(v.success for v in verdicts)
-        text = f"{held} of {self._draws} draws held" + ("" if share == 1.0 else f"; {worst.sentence}")
-        return Verdict(share == 1.0, share, worst.reason, text, worst.moved_m, worst.turned_rad)
+        worst = next((v for v in verdicts if not v.success), verdicts[-1])
+        text = f"{held} of {self._draws} draws held" + ("" if worst.success else f"; {worst.sentence}")
+        return replace(worst, score=held / self._draws, sentence=text)
 
     def _draw(self, scene: FloatingScene, candidate: Candidate) -> Verdict:
         scene.candidate = candidate

@@ -13,7 +13,7 @@ from dexgrasp.scoring.hand import ALLEGRO, find_hand
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.cell import Cell, make_cell
 
 SERVO_KP = 10.0  # Nm/rad, of the hand that the squeeze is made for
 
@@ -24,16 +24,15 @@ def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list
     Raises:
         InputError: if the file is unusable, of another cell, knows no true pose, or its object is not found.
     """
-    record = record_of(content, str(path))
-    record.check_cell()
+    record = record_of(content, str(path), make_cell(options.robot))
+    cell = record.check_cell()
     if record.T_world_object is None:
         raise InputError(
             f"{path}: T_world_object is missing: a grasp planned on a cloud alone cannot be simulated"
         )
     identity = record.object
     target = find_object(identity.source or identity.name, identity.scale, options, path)
-    cell, motion = record.grasp.cell, record.grasp.motion
-    first, middle, last = (_stage(cell, q) for q in (motion.pregrasp, motion.grasp, motion.squeeze))
+    first, middle, last = (_stage(cell, q) for q in (record.pregrasp, record.grasp, record.squeeze))
     hand, pose = find_hand(ALLEGRO), record.T_world_object
     return [Candidate(str(path), hand, target, pose, first, middle, last, SERVO_KP)]
 

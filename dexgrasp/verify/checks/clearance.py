@@ -1,13 +1,11 @@
 """Clearances: of the true collision shapes, and of the covering spheres that the claim is made with."""
 
-from typing import Any
-
 import numpy as np
 
-from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import LENGTH, Check, at_least, at_most
+from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
@@ -20,9 +18,9 @@ _ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do n
 
 def clearance_checks(case: Case) -> list[Check]:
     """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it."""
-    bound, found = case.limits.clearance, case.scene.clearances(case.grasp.q, tips_touch=True)
+    bound, found = case.limits.clearance, case.scene.clearances(case.record.q, tips_touch=True)
     checks = [at_least(f"clearance {kind}", value, bound, "m", _TRUE) for kind, value in found.items()]
-    claimed = case.grasp.certificate.min_clearance_m
+    claimed = case.record.certificate.min_clearance_m
     if np.isnan(claimed):
         return checks
     counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
@@ -36,7 +34,7 @@ def clearance_checks(case: Case) -> list[Check]:
 
 def pregrasp_checks(case: Case) -> list[Check]:
     """Check that the open hand, tips included, is clear."""
-    found = case.scene.clearances(case.grasp.motion.pregrasp, tips_touch=False)
+    found = case.scene.clearances(case.record.pregrasp, tips_touch=False)
     bounds = {"hand_object": OPEN, "hand_table": OPEN, "self": 0.0}
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
@@ -47,28 +45,20 @@ def pregrasp_checks(case: Case) -> list[Check]:
 def cover_clearance(case: Case) -> float:
     """Return the least clearance of the covering spheres, m, frames and distances being the judge's own."""
     tree, scene, names = robot_tree(case.cell), case.scene, case.robot.bodies
-    scene.place(case.grasp.q)
+    scene.place(case.record.q)
     R = np.array([scene.data.body(name).xmat.reshape(3, 3) for name in names])
     p = np.array([scene.data.body(name).xpos for name in names])
     body: Index = np.repeat(np.arange(len(names), dtype=np.int64), np.diff(tree.sphere_first))
     centres = np.einsum("sij,sj->si", R[body], tree.sphere_centre) + p[body]
     return min(
-        COVER_FAR, _object(tree, body, centres, scene.parts), _table(tree, body, centres), _self(tree, centres),
+        COVER_FAR, _object(tree, body, centres, scene), _table(tree, body, centres), _self(tree, centres),
         _palm(tree, R, p),
     )  # fmt: skip
 
 
-def _object(tree: RobotTree, body: Index, centres: Array, parts: list[Any]) -> float:
+def _object(tree: RobotTree, body: Index, centres: Array, scene: Scene) -> float:
     counted = (body >= 2) & ~tree.sphere_is_tip
-    least = COVER_FAR
-    for part in parts:
-        # The farthest plane is a lower bound of the distance: spheres that it keeps clear need no more.
-        planes = ((centres[:, None] - part.triangles[None, :, 0]) * part.face_normals[None]).sum(-1).max(1)
-        near = np.flatnonzero(counted & (planes - tree.sphere_radius < COVER_FAR))
-        if len(near):
-            apart = closest_on_mesh(part, centres[near]).distances - tree.sphere_radius[near]
-            least = min(least, float(apart.min()))
-    return least
+    return float((scene.closest(centres[counted]).distances - tree.sphere_radius[counted]).min())
 
 
 def _table(tree: RobotTree, body: Index, centres: Array) -> float:

@@ -18,10 +18,10 @@ def contact_checks(case: Case) -> list[Check]:
     return [
         *(
             Check(f"distance:{finger}", 100.0 * float(d), shown, bool(good))
-            for finger, d, good in zip(case.grasp.fingers, depth, within, strict=True)
+            for finger, d, good in zip(case.record.fingers, depth, within, strict=True)
         ),
-        at_most("contacts as claimed", np.abs(touch.points - case.grasp.contacts).max(), LENGTH, "m"),
-        at_most("normals as claimed", np.abs(touch.normals - case.grasp.normals).max(), _NORMAL),
+        at_most("contacts as claimed", np.abs(touch.points - case.record.points).max(), LENGTH, "m"),
+        at_most("normals as claimed", np.abs(touch.normals - case.record.normals).max(), _NORMAL),
         *claim(case, "distances_cm", 100.0 * depth, 100.0 * LENGTH, unit="cm"),
         at_least("contact height", touch.points[:, 2].min(), limits.contact_height, "m", LENGTH),
         at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", _COSINE),
@@ -31,8 +31,8 @@ def contact_checks(case: Case) -> list[Check]:
 
 def limit_checks(case: Case) -> list[Check]:
     """Check the joint range of every configuration, and the margin of the grasp."""
-    motion, robot = case.grasp.motion, case.robot
-    rows = np.stack([case.grasp.q, motion.pregrasp, motion.grasp, motion.squeeze])
+    record, robot = case.record, case.robot
+    rows = np.stack([record.q, record.pregrasp, record.grasp, record.squeeze])
     rooms = np.minimum(rows - robot.lower, robot.upper - rows)
     busy = np.delete(rooms[0], case.idle)
     return [

@@ -3,7 +3,7 @@
 import re
 from dataclasses import fields
 
-from dexgrasp.grasp.conventions import STATED, conventions
+from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, FROZEN, HOLD_SHARE, Thresholds
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import ROUNDING, Check
@@ -17,10 +17,10 @@ def convention_checks(case: Case) -> list[Check]:
     """Check the stated conventions, the thresholds, who planned, and that nothing is stated that is not looked at."""
     record, here = case.record, conventions(case.cell)
     return [
-        *(_flag(name, record.conventions[name] == here[name]) for name in STATED),
+        *(_flag(name, getattr(record, name) == stated) for name, stated in here.items()),
         *threshold_checks(case),
         *_exact_thresholds(case.limits),
-        _flag("agent", _AGENT.fullmatch(record.origin.agent) is not None),
+        _flag("agent", _AGENT.fullmatch(record.agent) is not None),
         _flag("no neighbours, which are not looked at yet", not record.neighbours),
         _flag("no holds_probability, which no model says yet", record.holds_probability is None),
     ]

@@ -64,7 +64,7 @@ def force_checks(case: Case) -> list[Check]:
 
 def strength_checks(case: Case) -> list[Check]:
     """Check `load` and `capacity`, and that `holds` says what they say."""
-    found, claimed = _load(case.hold), case.grasp.certificate.holds
+    found, claimed = _load(case.hold), case.record.certificate.holds
     bears = found >= 1.0 - LOAD
     return [
         at_least("load", found, 1.0, "", LOAD),

@@ -31,7 +31,7 @@ def _mass_checks(case: Case) -> list[Check]:
     )
     centre = middle if known.known_centre is None else known.known_centre
     return [
-        same("mass", abs(record.mass - mass), MASS, "kg"),
+        same("mass", abs(record.certificate.mass - mass), MASS, "kg"),
         same("centre of mass", np.abs(record.centre - centre).max(), LENGTH, "m"),
     ]
 

@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 
 from dexgrasp.grasp.path import bend, jerkiness, stray
-from dexgrasp.grasp.record import Phase
+from dexgrasp.grasp.record import APPROACH, LIFT, Phase
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import ROUNDING, Check, at_least, at_most, same
 from dexgrasp_env.arrays import Array
@@ -25,10 +25,10 @@ _DENSE = 0.02  # rad of any joint between two states checked for collisions
 
 def setpoint_checks(case: Case) -> list[Check]:
     """Check pregrasp, grasp and squeeze against configuration, contacts and forces."""
-    motion, touch = case.grasp.motion, case.touch
-    moved = np.abs([motion.pregrasp, motion.grasp, motion.squeeze] - case.grasp.q)
+    record, touch = case.record, case.touch
+    moved = np.abs([record.pregrasp, record.grasp, record.squeeze] - record.q)
     met = touch.points + case.limits.tip_radius * touch.normals
-    closed, opened = case.scene.touch(motion.grasp).tips, case.scene.touch(motion.pregrasp).tips
+    closed, opened = case.scene.touch(record.grasp).tips, case.scene.touch(record.pregrasp).tips
     return [
         same("arm still", moved[:, : case.robot.arm_dof].max(), ROUNDING, "rad"),
         same("idle fingers still", moved[:, case.idle].max(initial=0.0), ROUNDING, "rad"),
@@ -44,17 +44,17 @@ def _farthest(offsets: Array) -> float:
 
 def _press_error(case: Case) -> float:
     """Position servos whose set-points are J^T f / kp further in press with f; the joint range ends them."""
-    grasp, robot, scene, hand = case.grasp, case.robot, case.scene, slice(case.robot.arm_dof, None)
-    scene.place(grasp.motion.grasp)
-    torque = np.einsum("frj,fr->j", scene.jacobians(grasp.contacts), grasp.forces)
-    pressed = grasp.motion.grasp[hand] + torque / scene.model.actuator_gainprm[hand, 0]
+    record, robot, scene, hand = case.record, case.robot, case.scene, slice(case.robot.arm_dof, None)
+    scene.place(record.grasp)
+    torque = np.einsum("frj,fr->j", scene.jacobians(record.points), record.forces)
+    pressed = record.grasp[hand] + torque / scene.model.actuator_gainprm[hand, 0]
     expected = np.clip(pressed, robot.lower[hand], robot.upper[hand])
-    return float(np.abs(grasp.motion.squeeze[hand] - expected).max())
+    return float(np.abs(record.squeeze[hand] - expected).max())
 
 
 def approach_checks(case: Case) -> list[Check]:
     """Check the way from home to the pregrasp."""
-    phase = case.record.phase("approach")
+    phase = case.record.phase(APPROACH)
     if phase is None:
         return [Check("approach given", 1.0, "in the file", False)]
     rows = phase.setpoints
@@ -62,7 +62,7 @@ def approach_checks(case: Case) -> list[Check]:
     return [
         *_phase_checks(phase, case.robot),
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
-        same("approach ends at the pregrasp", np.abs(rows[-1] - case.grasp.motion.pregrasp).max(), ROUNDING),
+        same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
         at_most("approach: collision", depth if row >= 0 else 0.0, 0.0, "m"),
         at_most("approach: bend", found, BEND, "rad"),
         same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
@@ -71,8 +71,8 @@ def approach_checks(case: Case) -> list[Check]:
 
 def lift_checks(case: Case) -> list[Check]:
     """Check the way straight up from the squeeze."""
-    phase = case.record.phase("lift")
-    if phase is None:
+    phase, script = case.record.phase(LIFT), case.record.script
+    if phase is None or script is None:
         return [Check("lift given", 1.0, "in the file", False)]
     rows, fingers = phase.setpoints, slice(case.robot.arm_dof, None)
     palms = [case.scene.palm(q) for q in rows]
@@ -82,9 +82,9 @@ def lift_checks(case: Case) -> list[Check]:
     row, depth = case.scene.first_contact(_dense(rows), with_object=False)
     return [
         *_phase_checks(phase, case.robot),
-        same("lift starts at the squeeze", np.abs(rows[0] - case.grasp.motion.squeeze).max(), ROUNDING),
+        same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),
         same("lift: fingers still", np.abs(rows[:, fingers] - rows[0, fingers]).max(), ROUNDING, "rad"),
-        same("lift: height", abs(rise[-1] - case.grasp.motion.lift_height), RISE, "m"),
+        same("lift: height", abs(rise[-1] - script.lift_height), RISE, "m"),
         at_least("lift: rises", np.diff(rise).min(), 0.0, "m", 1e-5),
         at_most("lift: stray", strayed, STRAY, "m"),
         same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
