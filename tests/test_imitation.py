@@ -30,6 +30,7 @@ from dexgrasp.imitation.cloning import Cloning  # noqa: E402
 from dexgrasp.imitation.settings import BcSettings, CloneNetwork  # noqa: E402
 from dexgrasp.imitation.trials import Trials  # noqa: E402
 from dexgrasp.runs.checkpoint import read_state  # noqa: E402
+from dexgrasp.runs.policy_folder import read_policy  # noqa: E402
 from dexgrasp.runs.training import CHECKPOINT, Course  # noqa: E402
 
 SMALL = CloneNetwork(hidden=24, layers=2, local=8, cloud=12)
@@ -119,7 +120,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, v
 
 def test_numpy_predicts_what_torch_does(demos, tmp_path):
     Cloning([demos], tmp_path / "out", settings_of("cloud")).run()
-    clone = Clone.read(tmp_path / "out")
+    clone = Clone(*read_policy(tmp_path / "out"))
     rows, _ = read_rows([demos], "cloud")
     batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
     net = CloneNet(SMALL, *rows.looks[:2], with_cloud=True)
@@ -134,7 +135,7 @@ def test_numpy_predicts_what_torch_does(demos, tmp_path):
 
 def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):
     Cloning([demos], tmp_path / "out", settings_of("state", execute=3)).run()
-    clone, looks = Clone.read(tmp_path / "out"), []
+    clone, looks = Clone(*read_policy(tmp_path / "out")), []
     predict = clone.predict
     monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
     seen = {key: array[0] for key, array in next(read_episodes(demos)).observations.items()}

@@ -3,16 +3,18 @@
 import numpy as np
 import pytest
 
+from dexgrasp.demos.generate import generate
+from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import read
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.imitation.clone import Clone  # noqa: E402
 from dexgrasp.imitation.features import features, first_look  # noqa: E402
 from dexgrasp.reinforcement import policy_training  # noqa: E402
 from dexgrasp.reinforcement import settings as settings_module  # noqa: E402
@@ -72,6 +74,26 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_pat
         PolicyTraining(tmp_path / "parts", settings_of(algorithm, seed=1), base).run()
 
 
+def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
+    pytest.importorskip("minari")
+    generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=1), tmp_path / "demos")
+    more = {"control_mode": "ee_delta", "share": 0.5, "randomise": (("mass", 1.0, 1.05),)}
+    settings = settings_of("ppo", resets=str(tmp_path / "demos"), **more)
+    whole = PolicyTraining(tmp_path / "whole", settings).run()
+    assert [row["front"] for row in whole.curve] == [0.9] * 3
+    PolicyTraining(tmp_path / "parts", settings).run(stop_after=1)
+    PolicyTraining(tmp_path / "parts", settings).run()
+    files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
+    assert files[0] == files[1]
+    assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
+
+
+def test_only_lifting_is_learned():
+    given = {"objects": "sugar_box", "env_id": "DexGrasp/Place-v2"}
+    with pytest.raises(InputError, match="valid is DexGrasp/Lift-v1"):
+        read(RlSettings, given)
+
+
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
 def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
     settings = settings_of(algorithm)
@@ -111,6 +133,6 @@ def test_a_correction_begins_at_the_clone(tmp_path, clone):
 def test_clones_of_clouds_are_refused(tmp_path, clone):
     about, arrays = read_policy(clone)
     write_policy(clone, about | {"env": {"obs_mode": "state", "control_mode": "joint_position"}}, arrays)
-    assert Clone.read(clone)
+    assert make_agent(str(clone))
     with pytest.raises(InputError, match="clone another"):
         PolicyTraining(tmp_path / "out", settings_of("ppo"), clone).run()

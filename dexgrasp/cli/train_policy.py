@@ -20,7 +20,9 @@ if TYPE_CHECKING:
     from dexgrasp.runs.training import Progress, Training
 
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
-_SAC = ("objects", "share", "steps", "num_envs", "rate", "threads")
+_SAC = (
+    "objects", "env_id", "control_mode", "randomise", "resets", "share", "steps", "num_envs", "rate", "threads",
+)  # fmt: skip
 
 
 class _Tried(Options):
@@ -188,6 +190,8 @@ class Ppo(_Rl):
     examples:
       dexgrasp train ppo --objects sugar_box --steps 2000000 --out runs/ppo
       dexgrasp train ppo --objects varied-0..29 --from runs/bc --steps 500000 --out runs/ppo_bc --try-on seen
+      dexgrasp train ppo --objects sugar_box --control-mode ee_delta --resets runs/demos --out runs/ppo_demos
+      dexgrasp train ppo --objects seen --env-id DexGrasp/LiftPushed-v2 --randomise mass=0.8:1.2 --out runs/ppo_pushed
       dexgrasp evaluate --agents runs/ppo_bc runs/bc --objects all20 --protocol lift pushed slippery
 
     Stable-Baselines3's algorithm on the native vector environment, dense reward. With --from, a cloned policy acts and

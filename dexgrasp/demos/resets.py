@@ -1,6 +1,7 @@
 """Episodes that begin along demonstrations, backwards from success: reward is met before the way to it is known."""
 
 from collections import deque
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -21,10 +22,7 @@ from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 
 _EVERY = 4  # control steps from one kept state to the next
-_LATEST, _BACK = (
-    0.9,
-    0.05,
-)  # shares of a demonstration: where episodes begin at first, and what is won at a time
+_LATEST, _BACK = 0.9, 0.05  # shares of a demonstration: where episodes begin at first, what is won at a time
 _WON, _OF = 0.6, 100  # share of the last so many episodes from the front that succeed before it moves back
 
 
@@ -78,6 +76,15 @@ class DemoResets:
         inner.start_from(self)
         return self
 
+    @property
+    def progress(self) -> dict[str, Any]:
+        """What `go_on` takes."""
+        return {"front": self.front, "recent": list(self._recent)}
+
+    def go_on(self, front: float, recent: Sequence[bool]) -> None:
+        """Take up `progress`; episodes that run count no more."""
+        self.front, self._recent, self._near = front, deque(recent, maxlen=_OF), {}
+
     def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> dict[str, Any]:
         """Note how the last episode of a slot went, and return the options of its next reset."""
         if self._near.pop(slot, False):
@@ -97,7 +104,8 @@ class DemoResets:
         target = demo.about["target"]
         if target not in env.settings.objects:
             return []
-        env.reset(options={"object": target, "object_pose": self._pose(demo)})
+        where = {"object": target, "object_pose": self._pose(demo)}
+        env.reset(seed=demo.about["scene_seed"], options=where)
         states, path = [env.get_state()], demo.observations["joint_targets"].astype(float)
         for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
             if result[4]["is_success"]:

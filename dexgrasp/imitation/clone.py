@@ -1,7 +1,6 @@
 """A cloned policy at work, in numpy: looks, predicts a chunk of set-points, carries out a part of it."""
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -9,7 +8,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.imitation.features import VIEWS, Observation, Scene, features, first_look
 from dexgrasp.imitation.policy import Mlp, Policy, relu
-from dexgrasp.runs.policy_folder import Arrays, read_policy
+from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
@@ -40,18 +39,6 @@ class Clone(Policy):
             and self._trunk.inputs == inputs
             and self._trunk.outputs == self.joints * self.chunk == self._unit.size
         )
-
-    @classmethod
-    def read(cls, folder: Path) -> "Clone":
-        """Read a cloned policy.
-
-        Raises:
-            InputError: if the folder holds none.
-        """
-        about, arrays = read_policy(folder)
-        if about.get("kind") != KIND:
-            raise InputError(f"{folder} holds a policy of kind {about.get('kind')!r}, not {KIND!r}")
-        return cls(about, arrays)
 
     def begin(self, first: Observation, cell: Cell) -> "CloneRun":
         """Start an episode in a cell."""

@@ -1,5 +1,6 @@
 """The network that is trained; `clone` runs it in numpy."""
 
+from collections.abc import Iterable
 from itertools import pairwise
 
 import numpy as np
@@ -47,13 +48,18 @@ class CloneNet(nn.Module):
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
         """Return the arrays as `clone` reads them."""
-        out: dict[str, torch.Tensor] = {"mean": self.mean, "scale": self.scale}
-        for name, part in (("encoder", self.encoder), ("trunk", self.trunk)):
-            if part is not None:
-                linear = [layer for layer in part if isinstance(layer, nn.Linear)]
-                for k, layer in enumerate(linear):
-                    out |= {f"{name}.{k}.weight": layer.weight, f"{name}.{k}.bias": layer.bias}
-        return {name: tensor.detach().cpu().numpy() for name, tensor in out.items()}
+        out = {"mean": self.mean.cpu().numpy(), "scale": self.scale.cpu().numpy()}
+        return out | layer_arrays("encoder", self.encoder or ()) | layer_arrays("trunk", self.trunk)
+
+
+def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, NDArray[np.float32]]:
+    """Return weights and biases of the linear ones of `layers`, as `policy.Mlp` reads them."""
+    linear = enumerate(layer for layer in layers if isinstance(layer, nn.Linear))
+    return {
+        f"{name}.{k}.{part}": tensor.detach().cpu().numpy()
+        for k, layer in linear
+        for part, tensor in layer.named_parameters()
+    }
 
 
 def _mlp(widths: list[int]) -> nn.Sequential:

@@ -64,7 +64,7 @@ class Eye:
         Args:
             scaling: of the features.
             clone: that acts along, or None.
-            share: of the network's action on the clone's.
+            share: of the network's action that is carried out.
             cell: of the robot.
             first: observation of the episode.
 
@@ -74,7 +74,7 @@ class Eye:
         self._scaling, self._share, self._step = scaling, share, 0
         self._scene = first_look("state", first)
         self._clone = None if clone is None else clone.begin(first, cell)
-        self._clones: Any = None
+        self._clones: Any = 0.0
 
     def look(self, observation: Observation) -> Array:
         """Return what the network is given now: scaled features, and the clone's action (m,)."""
@@ -88,6 +88,5 @@ class Eye:
         return np.concatenate([scaled, self._clones])
 
     def carried_out(self, action: Array) -> NDArray[np.float32]:
-        """Return the action that is carried out: the network's, or the clone's with a share of the network's on it."""
-        whole = action if self._clone is None else self._clones + self._share * action
-        return np.clip(whole, -1.0, 1.0).astype(np.float32)
+        """Return the action that is carried out: a share of the network's, on the clone's where there is one."""
+        return np.clip(self._clones + self._share * action, -1.0, 1.0).astype(np.float32)

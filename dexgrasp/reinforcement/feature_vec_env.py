@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
 from dexgrasp.imitation.clone import Clone
-from dexgrasp.imitation.features import Observation, features, first_look
+from dexgrasp.imitation.features import Observation
 from dexgrasp.reinforcement.actor import Eye, Scaling
 from dexgrasp_env.arrays import Array
 
@@ -24,9 +24,9 @@ class FeatureVecEnv(VecEnvWrapper):
             envs: with dict observations.
             scaling: mean and spread (F,) of the features.
             clone: that acts along, or None.
-            share: of the network's action on the clone's.
+            share: of the network's action that is carried out.
         """
-        width = len(scaling[0]) + (0 if clone is None else clone.joints)
+        width = np.size(scaling[0]) + (0 if clone is None else clone.joints)
         super().__init__(envs, observation_space=spaces.Box(-np.inf, np.inf, (width,), np.float32))
         self._acting = scaling, clone, share, envs.get_attr("settings")[0].cell
         self._eyes: list[Eye] = []
@@ -73,16 +73,7 @@ def one(observations: Observation, i: int) -> Observation:
 
 def measure(envs: VecEnv, steps: int, rng: np.random.Generator) -> tuple[Array, Array]:
     """Return mean and spread (F,) of the features under random actions; spreads are at least 0.1."""
-    observations: Any = envs.reset()
-    number = envs.num_envs
-    scenes = [first_look("state", one(observations, i)) for i in range(number)]
-    rows: list[Array] = []
-    for step in range(steps):
-        rows += [features("state", scenes[i], one(observations, i), step) for i in range(number)]
-        observations, _, dones, _ = envs.step(
-            rng.uniform(-1.0, 1.0, (number, *(envs.action_space.shape or ())))
-        )
-        for i in np.flatnonzero(dones).tolist():
-            scenes[i] = first_look("state", one(observations, i))
-    table = np.array(rows)
+    seen, size = FeatureVecEnv(envs, (0.0, 1.0), None, 1.0), (envs.num_envs, *(envs.action_space.shape or ()))
+    looks: list[Any] = [seen.reset()] + [seen.step(rng.uniform(-1.0, 1.0, size))[0] for _ in range(steps - 1)]
+    table = np.concatenate(looks).astype(float)
     return table.mean(axis=0), np.maximum(table.std(axis=0), 0.1)

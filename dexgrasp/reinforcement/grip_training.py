@@ -5,7 +5,7 @@ from typing import Any
 
 from dexgrasp.reinforcement.grip import KIND
 from dexgrasp.reinforcement.grip_settings import GripSettings
-from dexgrasp.reinforcement.rounds import Rounds, forget
+from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.runs.training import Course, Row
 from dexgrasp_env.extras import from_extra
 
@@ -24,23 +24,24 @@ class GripTraining(Rounds):
         """As `Rounds`."""
         super().__init__(out, settings, clone, course)
 
-    def build(self) -> None:
-        """Make environments, and a learner that begins with no correction."""
+    def environments(self) -> GripVecEnv:
+        """Make the environments."""
         s = self.settings
-        assert self.clone and self.base, "a grip is a clone's"
-        self.envs = GripVecEnv(
-            s.env_id, s.num_envs, self.clone, (self.base[1]["mean"], self.base[1]["scale"]), s.alike,
-            objects=list(s.objects), max_episode_steps=s.episode_steps,
-            randomisation={"friction": s.friction, "mass": s.mass}, **self.clone.env,
+        assert self.clone, "a grip is a clone's"
+        return GripVecEnv(
+            s.env_id, s.num_envs, self.clone, self.scaling, s.alike, objects=list(s.objects),
+            max_episode_steps=s.episode_steps, randomisation={"friction": s.friction, "mass": s.mass}, **self.env,
         )  # fmt: skip
-        self.open.callback(self.envs.close)
-        self.model = PPO(
+
+    def learner(self) -> PPO:
+        """Make the learner."""
+        s = self.settings
+        return PPO(
             "MlpPolicy", self.envs, n_steps=s.round_episodes, n_epochs=s.passes, target_kl=s.divergence,
             batch_size=max(2, s.round_steps // 2), learning_rate=s.rate,
             policy_kwargs={"net_arch": [s.hidden, s.hidden], "log_std_init": s.spread}, seed=s.seed,
             device=self.place,
         )  # fmt: skip
-        forget(self.model.policy.action_net)
 
     def policy(self) -> tuple[Row, dict[str, Any]]:
         """Return what a `Grip` reads."""

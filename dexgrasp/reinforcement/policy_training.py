@@ -5,14 +5,16 @@ from typing import Any
 
 import numpy as np
 
+from dexgrasp.demos.resets import DemoResets
 from dexgrasp.reinforcement.actor import KIND
-from dexgrasp.reinforcement.rounds import ENV, Rounds, forget
+from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import RlSettings
 from dexgrasp.runs.training import Course, Row
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
     from stable_baselines3 import PPO, SAC
+    from stable_baselines3.common.base_class import BaseAlgorithm
 
     from dexgrasp.reinforcement.feature_vec_env import FeatureVecEnv, measure
     from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
@@ -32,24 +34,25 @@ class PolicyTraining(Rounds):
     ) -> None:
         """As `Rounds`; without a clone it begins from nothing."""
         super().__init__(out, settings, clone, course)
-        self._share = settings.share if clone else 1.0
+        self._share = settings.share or (0.2 if clone else 1.0)
+        self._resets = DemoResets(settings.resets) if settings.resets else None
 
-    def build(self) -> None:
-        """Make environments and learner; features are scaled as the clone's, or by random actions."""
-        settings = self.settings
-        envs = SB3VecEnv(settings.env_id, settings.num_envs, objects=list(settings.objects), **ENV)
+    def environments(self) -> FeatureVecEnv:
+        """Make the environments; features are scaled as the clone's, or by random actions."""
+        s = self.settings
+        drawn = {name: tuple(ends) for name, *ends in s.randomise}
+        envs = SB3VecEnv(
+            s.env_id, s.num_envs, objects=list(s.objects), randomisation=drawn or None, **self.env
+        )
+        if self._resets:
+            self._resets.attach(envs.envs)
         if self.base is None:
-            envs.seed(settings.seed)
-            self._scaling = measure(envs, _MEASURED, np.random.default_rng([settings.seed, 0]))
-        else:
-            self._scaling = self.base[1]["mean"], self.base[1]["scale"]
-        self.envs = FeatureVecEnv(envs, self._scaling, self.clone, self._share)
-        self.open.callback(self.envs.close)
-        self.model = self._learner()
-        if self.base is not None:
-            forget(self.model.policy.action_net if settings.algorithm == "ppo" else self.model.actor.mu)
+            envs.seed(s.seed)
+            self.scaling = measure(envs, _MEASURED, np.random.default_rng([s.seed, 0]))
+        return FeatureVecEnv(envs, self.scaling, self.clone, self._share)
 
-    def _learner(self) -> Any:
+    def learner(self) -> BaseAlgorithm:
+        """Make the learner."""
         s = self.settings
         common: dict[str, Any] = {
             "learning_rate": s.rate, "gamma": s.discount, "seed": s.seed, "device": self.place,
@@ -65,8 +68,26 @@ class PolicyTraining(Rounds):
             policy_kwargs=width | {"log_std_init": s.spread}, **common,
         )  # fmt: skip
 
+    def learn(self) -> Row:
+        """As every round; with demonstrations, the row says from where along them on episodes begin."""
+        if self._resets is None:
+            return super().learn()
+        self._resets.go_on(**self._resets.progress)
+        return super().learn() | {"front": self._resets.front}
+
+    def note(self) -> Row:
+        """As every round's, with where resets are."""
+        return super().note() | {"resets": self._resets and self._resets.progress}
+
+    def begin(self) -> Row | None:
+        """As every training, with where resets were."""
+        note = super().begin()
+        if note and self._resets:
+            self._resets.go_on(**note["resets"])
+        return note
+
     def policy(self) -> tuple[Row, dict[str, Any]]:
         """Return what an `Actor` reads."""
         is_sac = self.settings.algorithm == "sac"
         about = {"share": self._share, "activation": "relu" if is_sac else "tanh", "squashed": is_sac}
-        return about, dict(zip(("mean", "scale"), self._scaling, strict=True))
+        return about, dict(zip(("mean", "scale"), self.scaling, strict=True))

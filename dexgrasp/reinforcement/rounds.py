@@ -4,7 +4,6 @@ A round depends on the learner's state and on its number alone, so that a traini
 same bits: nothing of the environments has to be kept.
 """
 
-import io
 from abc import abstractmethod
 from dataclasses import asdict
 from operator import attrgetter
@@ -14,20 +13,22 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.imitation.clone import Clone
+from dexgrasp.reinforcement.actor import Scaling
 from dexgrasp.runs.checkpoint import Parts, damaged
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp.runs.training import CHECKPOINT, Course, Row, Training
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import content_hash, read_npz, write_atomically
+from dexgrasp_env.files import content_hash
 
 with from_extra():
     import torch
     from stable_baselines3 import PPO
+    from stable_baselines3.common.base_class import BaseAlgorithm
 
-ENV = {"obs_mode": "state", "control_mode": "joint_delta"}
-"""What clones that are corrected see and command."""
+    from dexgrasp.imitation.clone_net import layer_arrays
+
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
 _PACKAGES = ("dexgrasp", "numpy", "torch", "stable-baselines3")
 
@@ -35,7 +36,7 @@ _PACKAGES = ("dexgrasp", "numpy", "torch", "stable-baselines3")
 class Rounds(Training):
     """A training by a learner of Stable-Baselines3; its folder is an agent by its path.
 
-    Who inherits makes `envs`, whose `finished` are returns and successes of a round's episodes, and `model`.
+    Who inherits makes environments, whose `finished` are returns and successes of a round's episodes, and a learner.
     """
 
     kind: str
@@ -62,9 +63,11 @@ class Rounds(Training):
         super().__init__(out, settings, settings.rounds, course)
         self.base: Any = None if clone is None else read_policy(clone)
         self.clone = None if self.base is None else Clone(*self.base)
-        if self.clone and (self.clone.view != "state" or self.clone.env != ENV):
+        self.scaling: Scaling = (self.base[1]["mean"], self.base[1]["scale"]) if self.base else (0.0, 1.0)
+        self.env = {"obs_mode": "state", "control_mode": getattr(settings, "control_mode", "joint_delta")}
+        if self.clone and (self.clone.view != "state" or self.clone.env != self.env):
             raise InputError(
-                f"reinforcement starts from a clone of {ENV}: this one is of {self.clone.env}, clone another"
+                f"reinforcement starts from a clone of {self.env}: this one is of {self.clone.env}, clone another"
             )
 
     def identity(self) -> Row:
@@ -73,13 +76,32 @@ class Rounds(Training):
         return {"clone": arrays and content_hash(*(arrays[name] for name in sorted(arrays)))}
 
     @abstractmethod
+    def environments(self) -> Any:
+        """Make the environments."""
+
+    @abstractmethod
+    def learner(self) -> BaseAlgorithm:
+        """Make the learner in `envs`, with nothing learned."""
+
+    @abstractmethod
     def policy(self) -> tuple[Row, dict[str, Any]]:
         """Return what is said of the policy, and its arrays, but for the actor's and the clone's."""
 
+    def build(self) -> None:
+        """Make environments and learner; a correction begins with none."""
+        self.envs = self.environments()
+        self.open.callback(self.envs.close)
+        self.model = self.learner()
+        if self.base is not None:
+            for tensor in _mean_action(self.model)[-1].parameters():
+                torch.nn.init.zeros_(tensor)
+
     def parts(self) -> Parts:
-        """Return networks, optimisers and single tensors of the learner."""
+        """Return networks, optimisers and single tensors of the learner, and what it remembers."""
         modules, tensors = self.model._get_torch_save_params()
-        return {name: attrgetter(name)(self.model) for name in (*modules, *tensors)}
+        learned = {name: attrgetter(name)(self.model) for name in (*modules, *tensors)}
+        kept = _BUFFER if self._buffer else ()
+        return learned | {f"buffer.{name}": torch.from_numpy(getattr(self._buffer, name)) for name in kept}
 
     def learn(self) -> Row:
         """Learn from a round's episodes, begun anew from the round's seed."""
@@ -96,9 +118,9 @@ class Rounds(Training):
     def write(self) -> None:
         """Write the policy."""
         own, arrays = self.policy()
-        arrays |= actor_arrays(self.model)
+        arrays |= layer_arrays("actor", _mean_action(self.model))
         about = {
-            "kind": self.kind, "view": "state", "env": ENV, **own,
+            "kind": self.kind, "view": "state", "env": self.env, **own,
             "training": {
                 "settings": asdict(self.settings), **self.state.curve[-1], "versions": package_versions(_PACKAGES),
             },
@@ -109,58 +131,32 @@ class Rounds(Training):
         write_policy(self.out, about, arrays)
 
     def note(self) -> Row:
-        """Return the learner's counters; what it remembers goes into a file of its own."""
-        model = self.model
-        if buffer := getattr(model, "replay_buffer", None):
-            count = buffer.buffer_size if buffer.full else buffer.pos
-            arrays = {name: getattr(buffer, name)[:count] for name in _BUFFER}
-            arrays["where"] = np.array([buffer.pos, buffer.full, model.num_timesteps], dtype=np.int64)
-            content = io.BytesIO()
-            np.savez(content, allow_pickle=False, **arrays)
-            write_atomically(self._buffer_path, content.getvalue())
-        return {"counters": {"num_timesteps": model.num_timesteps, "n_updates": model._n_updates}}
+        """Return the learner's counters."""
+        return {"counters": [getattr(owner, name) for owner, name in self._counters()]}
 
     def begin(self) -> Row | None:
-        """As every training, from counters and buffer; a buffer of another moment (a kill in between) is refused."""
+        """As every training, with the counters."""
         note = super().begin()
         try:
-            if note is not None:
-                self._fill(**note["counters"])
-        except (OSError, ValueError, LookupError, TypeError):
+            for (owner, name), count in zip(self._counters(), note["counters"] if note else (), strict=False):
+                setattr(owner, name, count)
+        except (LookupError, TypeError):
             raise damaged(self.out / CHECKPOINT) from None
         return note
 
-    def _fill(self, num_timesteps: int, n_updates: int) -> None:
-        self.model.num_timesteps, self.model._n_updates = num_timesteps, n_updates
-        if buffer := getattr(self.model, "replay_buffer", None):
-            arrays = read_npz(self._buffer_path)
-            position, full, written = (int(value) for value in arrays["where"])
-            if written != num_timesteps:
-                raise ValueError("the buffer is of another moment")
-            for name in _BUFFER:
-                getattr(buffer, name)[: len(arrays[name])] = arrays[name]
-            buffer.pos, buffer.full = position, bool(full)
-
     @property
-    def _buffer_path(self) -> Path:
-        return self.out / "checkpoint.buffer.npz"
+    def _buffer(self) -> Any:
+        return getattr(self.model, "replay_buffer", None)
+
+    def _counters(self) -> list[tuple[Any, str]]:
+        own = [(self.model, "num_timesteps"), (self.model, "_n_updates")]
+        return own + ([(self._buffer, "pos"), (self._buffer, "full")] if self._buffer else [])
 
 
-def forget(layer: torch.nn.Linear) -> None:
-    """Have a layer say nothing at first: a correction begins with none."""
-    torch.nn.init.zeros_(layer.weight)
-    torch.nn.init.zeros_(layer.bias)
-
-
-def actor_arrays(model: Any) -> dict[str, Any]:
+def _mean_action(model: Any) -> list[torch.nn.Linear]:
     """Return the layers from features to the mean action."""
     if isinstance(model, PPO):
         parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
     else:
         parts = [*model.actor.latent_pi, model.actor.mu]
-    linear = [part for part in parts if isinstance(part, torch.nn.Linear)]
-    return {
-        f"actor.{k}.{name}": getattr(layer, name).detach().cpu().numpy()
-        for k, layer in enumerate(linear)
-        for name in ("weight", "bias")
-    }
+    return [part for part in parts if isinstance(part, torch.nn.Linear)]

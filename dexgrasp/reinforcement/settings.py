@@ -3,9 +3,22 @@
 from dataclasses import dataclass
 from typing import Annotated
 
+from gymnasium import registry
+
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.valid import Count, Natural, Positive, number, one_of
+from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.valid import Count, Natural, Positive, Rule, number, one_of
+
+
+def _drawn(word: str) -> tuple[str, float, float]:
+    name, _, ends = word.partition("=")
+    low, _, high = ends.partition(":")
+    return name, float(low), float(high)
+
+
+_LIFTS = one_of(sorted(name for name in registry if name.startswith("DexGrasp/Lift")))
+_DRAWN = Rule("NAME=LOW:HIGH", lambda value: value, _drawn)
 
 
 @dataclass(frozen=True)
@@ -16,10 +29,13 @@ class RlSettings:
         objects: objects, sets or mesh files to learn on.
         algorithm: `ppo` or `sac`, of Stable-Baselines3.
         env_id: what is learned.
+        control_mode: of the environments.
+        randomise: what every episode draws: friction, mass, size, gain, latency, joint_noise.
+        resets: demonstrations that episodes begin along, backwards from success.
         steps: control steps, of all environments together.
         num_envs: environments side by side.
         seed: of everything.
-        share: of an action that is the network's, where there is a clone to begin with; without one it is 1.
+        share: of the network's action that is carried out (default: 0.2 on a clone's action, 1 alone).
         hidden: width of the two layers of every network.
         rate: of Adam.
         discount: of a reward a step later.
@@ -31,11 +47,14 @@ class RlSettings:
 
     objects: Annotated[Objects, "OBJECT"]
     algorithm: Annotated[str, one_of(("ppo", "sac"))] = "ppo"
-    env_id: str = "DexGrasp/Lift-v1"
+    env_id: Annotated[str, _LIFTS] = "DexGrasp/Lift-v2"
+    control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
+    randomise: tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...] = ()
+    resets: Annotated[str | None, "DIR"] = None
     steps: Count = 1_000_000
     num_envs: Count = 16
     seed: Natural = 0
-    share: Annotated[float, number(gt=0, le=1)] = 0.2
+    share: Annotated[float | None, number(gt=0, le=1)] = None
     hidden: Count = 256
     rate: Positive = 3e-4
     discount: float = 0.99
