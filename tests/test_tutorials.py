@@ -1,23 +1,16 @@
 """The tutorials of the site do what they say: every block is run, in order, in a folder of its own."""
 
-import importlib.util
 import shlex
 import sys
 from pathlib import Path
 
 import pytest
+from project_scripts import load_script
 
 from dexgrasp.cli.commands import run_command
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-
-
-def load_script(name):
-    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 walk = load_script("walk")
