@@ -33,7 +33,7 @@ from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.backends import make_backend
-from dexgrasp_env.sensing.cameras import default_cameras
+from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.sensing.groups import VISUAL_GROUPS
 from dexgrasp_env.sensing.sensor import SensorModel
 
@@ -132,7 +132,7 @@ def _yaw(rng: Generator) -> Array:
 def _cameras(rng: Generator) -> tuple[Camera, ...]:
     """Two of the cell's cameras, or two from anywhere above the table."""
     if rng.random() < _CELL:
-        return tuple(default_cameras()[k] for k in rng.permutation(4)[:_CAMERAS])
+        return tuple(default_cell().make_cameras()[k] for k in rng.permutation(4)[:_CAMERAS])
     found = []
     for _ in range(_CAMERAS):
         azimuth, elevation = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(22.0, 55.0))
