@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from project_scripts import load_script
+from trial_rows import row, write_run
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 
@@ -19,12 +20,11 @@ def fuzz():
 def good(tmp_path_factory):
     """A run folder as `evaluate` leaves it, without the running."""
     folder = tmp_path_factory.mktemp("good")
-    (folder / "run").mkdir()
     rows = [
-        {"protocol": "lift", "agent": agent, "object": "sugar_box", "trial": k, "success": k > 0, "stable": False,
-         "scene_seed": k, "agent_seed": k, "reason": "dropped", "planning_seconds": 1.0, "details": {}}
-        for agent in ("random", "hardcoded") for k in range(2)
-    ]  # fmt: skip
+        row(agent, "sugar_box", k, k > 0, protocol="lift", agent_seed=k)
+        for agent in ("random", "hardcoded")
+        for k in range(2)
+    ]
     run = {
         "agents": ["random", "hardcoded"],
         "objects": ["sugar_box"],
@@ -32,9 +32,8 @@ def good(tmp_path_factory):
         "seed": 0,
         "protocol": "lift",
     }
-    (folder / "run" / "trials.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
-    for name in ("run.json", "summary.json"):
-        (folder / "run" / name).write_text(json.dumps(run))
+    write_run(folder / "run", rows, **run)
+    (folder / "run" / "summary.json").write_text(json.dumps(run))
     return folder
 
 
