@@ -7,6 +7,8 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
 
+_HYPOTHESES, _SAMPLES = 64, 1500  # triples that planes are tried through, and points that they are scored on
+
 
 @dataclass(frozen=True, eq=False)
 class Plane:
@@ -51,8 +53,6 @@ def fit_plane(
     tilt: float = np.radians(8.0),
     tolerance: float = 0.006,
     min_inliers: int = 200,
-    hypotheses: int = 64,
-    samples: int = 1500,
 ) -> Plane | None:
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
@@ -64,8 +64,6 @@ def fit_plane(
         tilt: steeper hypotheses are dropped, radians.
         tolerance: an inlier lies within this, metres.
         min_inliers: fewer inliers are no table.
-        hypotheses: triples tried.
-        samples: points on which hypotheses are scored.
 
     Returns:
         The plane, or None if there is none.
@@ -73,8 +71,8 @@ def fit_plane(
     near = points[np.abs(points[:, 2] - height) < height_tolerance]
     if len(near) < max(min_inliers, 3):
         return None
-    pool = near[rng.integers(len(near), size=samples)]
-    triples = pool[rng.integers(samples, size=(hypotheses, 3))]
+    pool = near[rng.integers(len(near), size=_SAMPLES)]
+    triples = pool[rng.integers(_SAMPLES, size=(_HYPOTHESES, 3))]
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     length = np.sqrt((normals * normals).sum(-1))
     fit = np.abs(normals[:, 2]) > np.cos(tilt) * np.maximum(length, 1e-12)
