@@ -32,8 +32,8 @@ from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.sensing.groups import VISUAL_GROUPS
 from dexgrasp_env.sensing.sensor import SensorModel
 
