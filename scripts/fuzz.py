@@ -23,7 +23,6 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 from typing import Any, NamedTuple
 
-sys.path.insert(0, str(Path(__file__).parent))
 import fuzz_inputs as inputs
 import numpy as np
 from fuzz_clouds import odd_cloud

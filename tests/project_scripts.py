@@ -1,6 +1,6 @@
 """The project's scripts as modules."""
 
-import importlib.util
+import importlib
 import sys
 from pathlib import Path
 
@@ -8,8 +8,7 @@ SCRIPTS = Path(__file__).parents[1] / "scripts"
 
 
 def load_script(name):
-    """Return scripts/<name>.py as a module."""
-    spec = importlib.util.spec_from_file_location(name, SCRIPTS / f"{name}.py")
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    """Return scripts/<name>.py as a module; scripts find each other as when one is run."""
+    if str(SCRIPTS) not in sys.path:
+        sys.path.append(str(SCRIPTS))
+    return importlib.import_module(name)
