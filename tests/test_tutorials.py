@@ -57,7 +57,10 @@ def test_a_walk_stops_where_a_command_fails(tmp_path, capsys):
     assert "never" not in said
 
 
-PAGE = '<html><head><link rel="stylesheet" href="{0}"><link rel="canonical" href="https://x.org/"></head><body>{1}</body></html>'
+PAGE = (
+    '<html><head><link rel="stylesheet" href="{0}"><link rel="canonical" href="https://x.org/"></head>'
+    "<body>{1}</body></html>"
+)
 
 
 @pytest.mark.parametrize(
