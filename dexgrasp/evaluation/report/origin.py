@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
 
+from dexgrasp.evaluation.store import read_run
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import parse_json
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.sets import is_set, set_targets
 from dexgrasp_env.robot.cell import SIMULATED
@@ -48,8 +48,8 @@ class _Run:
 
 def _run(folder: Path) -> _Run | None:
     try:
-        return read(_Run, parse_json((folder / "run.json").read_bytes()), more=True)
-    except (OSError, ValueError, InputError):
+        return read(_Run, read_run(folder), more=True)
+    except InputError:
         return None
 
 
@@ -80,11 +80,11 @@ def commands(folder: Path) -> list[str]:
 
 def replay_commands(folder: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return the commands that show the first failures of an evaluation again."""
-    failed = [row for row in rows if not row["success"]][:_MOST_REPLAYS]
     return [
         f"dexgrasp replay {folder} --agent {row['agent']} --object {row['object']} --trial {row['trial']} --video"
-        for row in failed
-    ]
+        for row in rows
+        if not row["success"]
+    ][:_MOST_REPLAYS]
 
 
 def _sets(objects: Sequence[str]) -> list[str]:
