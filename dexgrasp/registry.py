@@ -45,13 +45,9 @@ def make_agent(name: str, **kwargs: Any) -> Agent:
     if name in AGENTS:
         return _load(AGENTS[name])(**kwargs)
     if name.endswith(".zip"):
-        from dexgrasp.agents.checkpoint import CheckpointAgent
-
-        return CheckpointAgent(name, **kwargs)
+        return _load("dexgrasp.agents.checkpoint:CheckpointAgent")(name, **kwargs)
     if is_policy(name):
-        from dexgrasp.agents.learned import LearnedAgent
-
-        return LearnedAgent(name, **kwargs)
+        return _load("dexgrasp.agents.learned:LearnedAgent")(name, **kwargs)
     check_name(name)
     return complete(name, _made(name, kwargs))
 
@@ -104,9 +100,8 @@ def agent_files(name: str) -> list[Path]:
     if is_policy(name):
         return policy_files(name)
     if name.endswith(".zip"):
-        from dexgrasp.agents.checkpoint import checkpoint_files
-
-        return checkpoint_files(name)
+        files: list[Path] = _load("dexgrasp.agents.checkpoint:checkpoint_files")(name)
+        return files
     return []
 
 

@@ -1,63 +1,74 @@
 """Damaged input of every kind through every command: exit codes 0 to 3, no traceback, no unphysical object.
 
-    python scripts/fuzz.py [--count 10000] [--processes 300] [--seed 0] [--log out/fuzz.jsonl]
+    python scripts/fuzz.py [--count 10000] [--seed 0] [--kinds cloud mesh] [--log out/fuzz.jsonl]
 
-Every case follows from --seed and its number alone; a run that was interrupted goes on. Cases go through `main(argv)`
-in a worker that lives on from case to case, and --processes of them, spread evenly, through the command itself.
-Meshes, grasp files, run folders, arguments, caches, datasets and checkpoints take turns. A mesh that is accepted must
-have a physical inertia, and extents within 5 % of its file's or a note that says why not. Exits with 1 if anything
-failed.
+Every case follows from --seed, --kinds and its number alone; a run that was interrupted goes on, and tries again what
+failed. Cases go through `main(argv)` in a process that lives on from case to case. A mesh that is accepted must have a
+physical inertia, and extents within 5 % of its file's or a note that says why not. Files of cases that failed are kept
+beside the log. Exits with 1 if anything failed.
 """
 
 import argparse
 import contextlib
 import io
 import json
+import multiprocessing
 import os
-import select
 import shutil
-import subprocess
 import sys
 import tempfile
 import time
 from collections import Counter
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-sys.path.insert(0, str(Path(__file__).parent))
 import fuzz_inputs as inputs
 import numpy as np
-from json_log import JsonLog
+from fuzz_clouds import odd_cloud
+from numpy.random import Generator
 
-KINDS = {"arguments": 40, "mesh": 14, "grasp": 20, "run": 12, "cache": 4, "dataset": 6, "checkpoint": 4}
-"""Kind -> share of the cases, %."""
-PROCESS_KINDS = KINDS | {"arguments": 60, "mesh": 6, "cache": 0, "grasp": 14}
-"""The same for those that are processes of their own, which take seconds to start."""
 LONGEST = 300.0  # s a case may take on a busy machine: more is a hang
 ALLOWED = (0, 1, 2, 3)
+EVALUATE = ["evaluate", "--agents", "random", "hardcoded", "--objects", "sugar_box", "--trials", "2", "--out"]
+
+
+class Case(NamedTuple):
+    """Arguments of a command; the mesh that it accepts or refuses; a seed by which the cache is damaged, then again."""
+
+    argv: list[str]
+    mesh: Path | None = None
+    scale: float = 1.0
+    cache_seed: int | None = None
 
 
 def prepare(folder: Path) -> None:
     """Make the good inputs that cases are damaged from: a grasp, an evaluation, a dataset, a checkpoint."""
     from dexgrasp.cli.main import main
 
-    runs = ["evaluate", "--agents", "random", "hardcoded", "--objects", "sugar_box", "--trials", "2"]
+    dataset = [
+        "dataset",
+        "generate",
+        "--objects",
+        "tomato_soup_can",
+        "--grasps-per-pose",
+        "4",
+        "--chunk",
+        "2",
+    ]
     steps = {
         "grasp/grasp.json": ["plan", "pear", "--seed", "1", "--out", str(folder / "grasp")],
-        "run/summary.json": [*runs, "--out", str(folder / "run")],
-        "data/manifest.json": [
-            "dataset", "generate", "--objects", "tomato_soup_can", "--grasps-per-pose", "4", "--chunk", "2",
-            "--out", str(folder / "data"),
-        ],
-    }  # fmt: skip
+        "run/summary.json": [*EVALUATE, str(folder / "run")],
+        "data/manifest.json": [*dataset, "--out", str(folder / "data")],
+    }
     for made, argv in steps.items():
         if not (folder / made).exists() and main(argv) != 0:
             raise SystemExit(f"cannot prepare {made}")
     if not (folder / "ppo.zip").exists():
-        _checkpoint(folder / "ppo.zip")
+        _save_checkpoint(folder / "ppo.zip")
 
 
-def _checkpoint(path: Path) -> None:
+def _save_checkpoint(path: Path) -> None:
     import gymnasium as gym
     from stable_baselines3 import PPO
 
@@ -67,133 +78,100 @@ def _checkpoint(path: Path) -> None:
     PPO("MultiInputPolicy", env, n_steps=8, batch_size=8, device="cpu").save(path)
 
 
-def case_argv(
-    kind: str, rng: np.random.Generator, good: Path, here: Path
-) -> tuple[list[str], dict[str, Any]]:
-    """Write a case's files to `here`; return its arguments and what is to be checked of the outcome."""
-    return {
-        "arguments": _arguments, "mesh": _mesh, "grasp": _grasp, "run": _run, "cache": _cache, "dataset": _dataset,
-        "checkpoint": _checkpoint_case,
-    }[kind](rng, good, here)  # fmt: skip
+def _arguments(rng: Generator, good: Path, here: Path) -> Case:
+    return Case(inputs.arguments(rng))
 
 
-Case = tuple[list[str], dict[str, Any]]
-
-
-def _arguments(rng: np.random.Generator, good: Path, here: Path) -> Case:
-    return inputs.arguments(rng), {}
-
-
-def _mesh(rng: np.random.Generator, good: Path, here: Path) -> Case:
+def _mesh(rng: Generator, good: Path, here: Path) -> Case:
     path, scale = inputs.mesh_file(here / "thing", rng)
     options = ["--mesh-scale", repr(scale)] if scale != 1.0 else []
     if rng.random() < 0.04:
-        return ["plan", str(path), *options, "--json"], {}
-    return ["doctor", str(path), *options], {"mesh": str(path), "scale": scale}
+        return Case(["plan", str(path), *options, "--json"])
+    return Case(["doctor", str(path), *options], path, scale)
 
 
-def _grasp(rng: np.random.Generator, good: Path, here: Path) -> Case:
+def _cache(rng: Generator, good: Path, here: Path) -> Case:
+    """A mesh that has been seen, and files of the cache damaged since."""
+    inputs.block(rng).export(here / "thing.stl")
+    return Case(["doctor", str(here / "thing.stl")], here / "thing.stl", cache_seed=int(rng.integers(2**31)))
+
+
+def _cloud(rng: Generator, good: Path, here: Path) -> Case:
+    np.save(here / "cloud.npy", odd_cloud(rng))
+    return Case(["plan", "--cloud", str(here / "cloud.npy"), "--json"])
+
+
+def _grasp(rng: Generator, good: Path, here: Path) -> Case:
     content = json.loads((good / "grasp" / "grasp.json").read_text())
     (here / "grasp.json").write_bytes(inputs.change_json(content, rng))
-    return ["verify", str(here / "grasp.json"), *(["--json"] if rng.random() < 0.5 else [])], {}
+    return Case(["verify", str(here / "grasp.json"), *(["--json"] if rng.random() < 0.5 else [])])
 
 
-def _run(rng: np.random.Generator, good: Path, here: Path) -> Case:
+def _run(rng: Generator, good: Path, here: Path) -> Case:
     folder = here / "run"
     shutil.copytree(good / "run", folder)
-    name = str(rng.choice(["trials.jsonl", "trials.jsonl", "trials.jsonl", "run.json", "summary.json"]))
-    path = folder / name
+    path = folder / str(
+        rng.choice(["trials.jsonl", "trials.jsonl", "trials.jsonl", "run.json", "summary.json"])
+    )
     if rng.random() < 0.1:
         path.unlink()
-    elif name == "trials.jsonl" and rng.random() < 0.8:
+    elif path.suffix == ".jsonl" and rng.random() < 0.8:
         lines = path.read_bytes().splitlines()
         at = int(rng.integers(len(lines)))
         lines[at] = inputs.change_json(json.loads(lines[at]), rng)
         path.write_bytes(b"\n".join(lines) + b"\n")
-    elif name == "trials.jsonl" or rng.random() < 0.5:
-        path.write_bytes(inputs.change_bytes(path.read_bytes(), rng))
     else:
-        path.write_bytes(inputs.change_json(json.loads(path.read_text()), rng))
-    again = [
-        "evaluate",
-        "--agents",
-        "random",
-        "hardcoded",
-        "--objects",
-        "sugar_box",
-        "--trials",
-        "2",
-        "--out",
-        str(folder),
-    ]
+        path.write_bytes(inputs.change_file(path, rng))
     replay = ["replay", str(folder), "--agent", "random", "--object", "sugar_box", "--trial", "0"]
-    choices = [["compare", str(folder), "random", "hardcoded"], ["report", str(folder)], again, replay]
-    return choices[int(rng.choice(4, p=[0.6, 0.15, 0.15, 0.1]))], {}
+    compare, again = ["compare", str(folder), "random", "hardcoded"], [*EVALUATE, str(folder)]
+    return Case(
+        [compare, ["report", str(folder)], again, replay][int(rng.choice(4, p=[0.6, 0.15, 0.15, 0.1]))]
+    )
 
 
-def _cache(rng: np.random.Generator, good: Path, here: Path) -> Case:
-    """A mesh that has been seen, and files of the cache damaged since."""
-    path = here / "thing.stl"
-    inputs.block(rng).export(path)
-    return ["doctor", str(path)], {"damage_cache": int(rng.integers(2**31)), "mesh": str(path), "scale": 1.0}
-
-
-def _dataset(rng: np.random.Generator, good: Path, here: Path) -> Case:
+def _dataset(rng: Generator, good: Path, here: Path) -> Case:
     folder = here / "data"
     shutil.copytree(good / "data", folder)
-    files = sorted(path for path in folder.rglob("*") if path.is_file() and path.suffix in (".npz", ".json"))
+    files = sorted(path for path in folder.rglob("*") if path.suffix in (".npz", ".json"))
     path = files[int(rng.integers(len(files)))] if rng.random() < 0.6 else folder / "manifest.json"
-    if path.suffix == ".json" and rng.random() < 0.7:
-        path.write_bytes(inputs.change_json(json.loads(path.read_text()), rng))
-    elif path.suffix == ".npz" and rng.random() < 0.6:
-        path.write_bytes(inputs.change_zip(path.read_bytes(), rng))
-    else:
-        path.write_bytes(inputs.change_bytes(path.read_bytes(), rng))
-    return ["dataset", "info", str(folder), "--picture", str(here / "p.png")], {}
+    path.write_bytes(inputs.change_file(path, rng))
+    return Case(["dataset", "info", str(folder), "--picture", str(here / "p.png")])
 
 
-def _checkpoint_case(rng: np.random.Generator, good: Path, here: Path) -> Case:
-    data = (good / "ppo.zip").read_bytes()
-    (here / "ppo.zip").write_bytes(inputs.change_zip(data, rng) if rng.random() < 0.9 else data)
+def _checkpoint(rng: Generator, good: Path, here: Path) -> Case:
+    shutil.copy(good / "ppo.zip", here)
+    if rng.random() < 0.9:
+        (here / "ppo.zip").write_bytes(inputs.change_zip((here / "ppo.zip").read_bytes(), rng))
     if rng.random() < 0.3:
-        (here / "ppo.json").write_bytes(
-            inputs.change_json({"obs_mode": "state", "control_mode": "joint_delta"}, rng)
-        )
+        note = {"obs_mode": "state", "control_mode": "joint_delta"}
+        (here / "ppo.json").write_bytes(inputs.change_json(note, rng))
     name = ("ppo:" if rng.random() < 0.5 else "") + str(here / "ppo.zip")
-    return [
-        "evaluate",
-        "--agents",
-        name,
-        "--objects",
-        "sugar_box",
-        "--trials",
-        "1",
-        "--out",
-        str(here / "o"),
-    ], {}
+    return Case(
+        ["evaluate", "--agents", name, "--objects", "sugar_box", "--trials", "1", "--out", str(here / "o")]
+    )
 
 
-def run_here(argv: list[str], checks: dict[str, Any]) -> tuple[int, str]:
-    """Run a case through `main` in this process; return its exit code and the end of what it said."""
-    from dexgrasp.cli import checks as doctor
+KINDS = {
+    "arguments": (38, _arguments), "mesh": (14, _mesh), "grasp": (18, _grasp), "run": (12, _run), "cloud": (6, _cloud),
+    "cache": (4, _cache), "dataset": (5, _dataset), "checkpoint": (3, _checkpoint),
+}  # fmt: skip
+"""Kind -> share of the cases, and what writes a case's files: from the good ones, to a folder of its own."""
+
+
+def run_case(case: Case) -> tuple[int, str]:
+    """Run a case; return its exit code, negative for a fault, and the end of what it said."""
     from dexgrasp.cli.main import main
 
-    doctor.check_versions = doctor.check_rendering = doctor.check_machine = (
-        lambda: []
-    )  # the same every time, and slow
     said = io.StringIO()
     with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
         try:
-            code = main(argv)
-            if "damage_cache" in checks:
-                _damage_cache(checks["damage_cache"])
-                moved = Path(checks["mesh"]).with_name("again.stl")
-                shutil.copy(checks["mesh"], moved)
-                code = main([argv[0], str(moved)])
+            code = main(case.argv)
+            if case.mesh and case.cache_seed is not None:
+                _damage_cache(case.cache_seed)
+                code = main(["doctor", str(shutil.copy(case.mesh, case.mesh.with_name("again.stl")))])
+            fault = unphysical(case.mesh, case.scale) if case.mesh and code == 0 else None
         except BaseException as error:
-            code = -1
-            said.write(f"escaped: {type(error).__name__}: {error}")
-    fault = unphysical(checks) if code == 0 and "mesh" in checks else None
+            return -1, f"{said.getvalue()[-1500:]}escaped: {type(error).__name__}: {error}"
     return (-2, fault) if fault else (code, said.getvalue()[-1500:])
 
 
@@ -201,28 +179,28 @@ def _damage_cache(seed: int) -> None:
     from dexgrasp_env.files import cache_dir
 
     rng = np.random.default_rng(seed)
-    for path in sorted((p for p in cache_dir().rglob("*") if p.is_file()), key=lambda p: p.stat().st_mtime)[
-        -3:
-    ]:
+    files = sorted(
+        (path for path in cache_dir().rglob("*") if path.is_file()), key=lambda p: p.stat().st_mtime
+    )
+    for path in files[-3:]:
         path.write_bytes(inputs.change_bytes(path.read_bytes(), rng))
 
 
-def unphysical(checks: dict[str, Any]) -> str | None:
+def unphysical(path: Path, scale: float) -> str | None:
     """Return what is impossible of a mesh that was accepted."""
     from dexgrasp_env.objects.load import load_object
     from dexgrasp_env.objects.user_mesh import read_mesh
 
-    model = load_object(checks["mesh"], scale=checks["scale"])
-    moments = np.linalg.eigvalsh(model.inertia)
+    model = load_object(path, scale=scale)
+    hull, moments = model.mesh.convex_hull, np.linalg.eigvalsh(model.inertia)
     if not moments[0] > 0 or moments[0] + moments[1] < moments[2] * (1 - 1e-6):
         return f"inertia {moments.tolist()} is not that of a body"
-    if not 0 < model.mesh.volume <= 1.001 * model.mesh.convex_hull.volume:
+    if not 0 < model.mesh.volume <= 1.001 * hull.volume:
         return f"volume {model.mesh.volume:.3g} m3 is not within the hull's"
-    if not model.mesh.convex_hull.contains([[0.0, 0.0, 0.0]])[0]:
+    if not hull.contains([[0.0, 0.0, 0.0]])[0]:
         return "the centre of mass is outside the hull"
-    raw = read_mesh(Path(checks["mesh"]))
-    extents = np.ptp(raw.vertices[np.unique(raw.faces)], axis=0) * checks["scale"]
-    off = np.abs(model.extents / extents - 1.0).max()
+    raw = read_mesh(path)
+    off = np.abs(model.extents / (scale * np.ptp(raw.vertices[np.unique(raw.faces)], axis=0)) - 1.0).max()
     told = [note for note in model.notes if not note.startswith(("mass", "split", "turned"))]
     return f"extents are off by {off:.0%} without a note" if off > 0.05 and not told else None
 
@@ -231,102 +209,67 @@ class Worker:
     """A process that runs one case after the other, started again when it dies or hangs."""
 
     def __init__(self) -> None:
-        self._process: subprocess.Popen[str] | None = None
+        self._process: Any = None
 
-    def run(self, argv: list[str], checks: dict[str, Any], cwd: Path) -> tuple[int, str]:
-        """Return exit code and the end of what was said; negative for a crash, a hang, or an unphysical object."""
-        process = self._process or self._start()
-        assert process.stdin
-        assert process.stdout
-        process.stdin.write(json.dumps({"argv": argv, "checks": checks, "cwd": str(cwd)}) + "\n")
-        process.stdin.flush()
-        ready, _, _ = select.select([process.stdout], [], [], LONGEST)
-        line = process.stdout.readline() if ready else ""
-        if line:
-            code, said = json.loads(line)
-            return code, said
-        process.kill()
+    def run(self, case: Case, folder: str) -> tuple[int, str]:
+        """Return exit code and the end of what was said; negative for what `run_case` says, a crash or a hang."""
+        if self._process is None:
+            context = multiprocessing.get_context("spawn")
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=serve, args=(theirs,), daemon=True)
+            self._process.start()
+            theirs.close()
+        try:
+            self._pipe.send((case, folder))
+            if self._pipe.poll(LONGEST):
+                return self._pipe.recv()
+            fault = f"no answer after {LONGEST:.0f} s"
+        except (EOFError, OSError):
+            fault = "the process died"
+        self._process.kill()
         self._process = None
-        return -9, f"no answer after {LONGEST:.0f} s" if not ready else f"the worker died: {process.wait()}"
-
-    def _start(self) -> "subprocess.Popen[str]":
-        self._process = subprocess.Popen(
-            [sys.executable, __file__, "--serve"], stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL, text=True,
-        )  # fmt: skip
-        return self._process
-
-    def close(self) -> None:
-        """End the process."""
-        if self._process is not None:
-            self._process.kill()
+        return -9, fault
 
 
-def serve() -> None:
-    """Answer cases from standard input on standard output, until it ends."""
-    answers = os.fdopen(os.dup(1), "w")
-    os.dup2(2, 1)  # what native code prints is no answer
-    for line in sys.stdin:
-        task = json.loads(line)
-        os.chdir(task["cwd"])
-        print(json.dumps(run_here(task["argv"], task["checks"])), file=answers, flush=True)
+def serve(cases: Connection) -> None:
+    """Answer cases."""
+    from dexgrasp.cli import checks
+
+    for name in ("check_versions", "check_rendering", "check_machine"):  # the same every time, and slow
+        setattr(checks, name, list)
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what native code prints
+    while True:
+        case, folder = cases.recv()
+        os.chdir(folder)
+        cases.send(run_case(case))
 
 
-def run_process(argv: list[str], cwd: Path) -> tuple[int, str]:
-    """Run a case as a user does."""
-    command = [sys.executable, "-m", "dexgrasp.cli.main", *argv]
-    try:
-        done = subprocess.run(command, capture_output=True, cwd=cwd, timeout=2 * LONGEST, check=False)
-    except ValueError as error:  # a zero byte cannot be an argument
-        return 2, str(error)
-    except subprocess.TimeoutExpired:
-        return -9, "no answer"
-    return done.returncode, done.stderr.decode(errors="replace")[-1500:]
+def make_case(kind: str, rng: Generator, good: Path, here: Path) -> Case:
+    """Write a case's files to `here` and return it."""
+    return KINDS[kind][1](rng, good, here)
 
 
-def fuzz(
-    count: int, processes: int, seed: int, log: Path, good: Path, *, progress: bool = True
-) -> Counter[str]:
-    """Run what is not in the log yet; return how often each exit code came up, by kind."""
-    from tqdm import tqdm
-
-    worker, every = Worker(), max(1, count // processes) if processes else count + 1
-    with JsonLog(log, "case") as done, tqdm(total=count, disable=not progress, unit="case") as bar:
-        for k in range(count):
-            if k not in done.rows or done.rows[k]["code"] not in ALLOWED:  # what failed is tried again
-                alone = (k + 1) % every == 0
-                done.add(_one(k, kind_of(k, seed, alone), seed, None if alone else worker, good))
-            bar.update()
-    worker.close()
-    return Counter(f"{row['kind']} {row['code']}" for row in done.rows.values() if row["case"] < count)
-
-
-def kind_of(k: int, seed: int, alone: bool) -> str:
-    """Return what a case is of."""
-    shares = PROCESS_KINDS if alone else KINDS
-    weights = np.array(list(shares.values())) / sum(shares.values())
-    return str(np.random.default_rng([seed, k, 1]).choice(list(shares), p=weights))
-
-
-def _one(k: int, kind: str, seed: int, worker: Worker | None, good: Path) -> dict[str, Any]:
-    rng = np.random.default_rng([seed, k])
-    with tempfile.TemporaryDirectory() as folder:
-        argv, checks = case_argv(kind, rng, good, Path(folder))
-        began = time.perf_counter()
-        code, said = (
-            run_process(argv, Path(folder)) if worker is None else worker.run(argv, checks, Path(folder))
-        )
-        seconds = round(time.perf_counter() - began, 2)
-        if code not in ALLOWED:
-            _keep(Path(folder), good.parent / "failed" / f"{kind}-{seed}-{k}")
-    row = {"case": k, "kind": kind, "process": worker is None, "argv": argv, "code": code, "seconds": seconds}
-    return row | {"said": said[-1500:] if code not in ALLOWED else said[-120:]}
-
-
-def _keep(folder: Path, place: Path) -> None:
-    """Keep the files of a case that failed, small as they are."""
-    shutil.rmtree(place, ignore_errors=True)
-    shutil.copytree(folder, place, ignore_dangling_symlinks=True)
+def fuzz(numbers: list[int], kinds: list[str], seed: int, good: Path, worker: Worker) -> Any:
+    """Yield a row for each case."""
+    shares = np.array([KINDS[kind][0] for kind in kinds], dtype=float)
+    for k in numbers:
+        kind = str(np.random.default_rng([seed, k, 1]).choice(kinds, p=shares / shares.sum()))
+        with tempfile.TemporaryDirectory() as folder:
+            case = make_case(kind, np.random.default_rng([seed, k]), good, Path(folder))
+            began = time.perf_counter()
+            code, said = worker.run(case, folder)
+            seconds = round(time.perf_counter() - began, 2)
+            if code not in ALLOWED:
+                kept = good.parent / "failed" / f"{kind}-{seed}-{k}"
+                shutil.copytree(folder, kept, ignore_dangling_symlinks=True, dirs_exist_ok=True)
+        yield {
+            "case": k,
+            "kind": kind,
+            "argv": case.argv,
+            "code": code,
+            "seconds": seconds,
+            "said": said[-1500:],
+        }
 
 
 def main() -> int:
@@ -335,24 +278,29 @@ def main() -> int:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--processes", type=int, default=300)
     parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
     parser.add_argument("--log", type=Path, default=Path("out/fuzz.jsonl"))
-    parser.add_argument("--serve", action="store_true", help=argparse.SUPPRESS)
     args = parser.parse_args()
-    if args.serve:
-        serve()
-        return 0
     good = args.log.resolve().parent / "good"
     good.mkdir(parents=True, exist_ok=True)
     os.environ["DEXGRASP_CACHE"] = str(good / "cache")  # cases damage it
     prepare(good)
-    found = fuzz(args.count, args.processes, args.seed, args.log, good)
-    for name, number in sorted(found.items()):
+    from tqdm import tqdm
+
+    from dexgrasp.runs.lines import Lines
+
+    log = Lines(args.log, "case", lambda row: None)
+    done = {row["case"] for row in log.rows if row["code"] in ALLOWED}
+    left = [k for k in range(args.count) if k not in done]
+    for row in tqdm(fuzz(left, args.kinds, args.seed, good, Worker()), total=len(left), unit="case"):
+        log.append(row)
+    rows = {row["case"]: row for row in log.rows if row["case"] < args.count}.values()
+    for name, number in sorted(Counter(f"{row['kind']} {row['code']}" for row in rows).items()):
         print(f"{name:<16} {number}")
-    failed = sum(number for name, number in found.items() if int(name.split()[1]) not in ALLOWED)
-    print(f"{sum(found.values())} cases, {failed} failed")
-    return 1 if failed else 0
+    failed = sum(row["code"] not in ALLOWED for row in rows)
+    print(f"{len(rows)} cases, {failed} failed")
+    return int(failed > 0)
 
 
 if __name__ == "__main__":

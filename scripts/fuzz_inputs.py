@@ -4,11 +4,15 @@ import copy
 import io
 import json
 import zipfile
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import trimesh
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import quat_to_matrix
 
 Rng = np.random.Generator
 STRANGE = [
@@ -28,26 +32,22 @@ WORDS = [
 
 
 def change_bytes(data: bytes, rng: Rng) -> bytes:
-    """Flip, cut, repeat, insert or empty."""
+    """Leave out, repeat or overwrite pieces, short ones mostly."""
     raw = bytearray(data)
     for _ in range(int(rng.integers(1, 5))):
-        if not raw:
-            break
-        at, kind = int(rng.integers(len(raw))), int(rng.integers(6))
-        if kind == 0:
-            raw[at] ^= 1 << int(rng.integers(8))
-        elif kind == 1:
-            del raw[at:]
-        elif kind == 2:
-            del raw[at : at + int(rng.integers(1, 40))]
-        elif kind == 3:
-            raw[at:at] = rng.bytes(int(rng.integers(1, 20)))
-        elif kind == 4:
-            raw[at:at] = raw[at : at + int(rng.integers(1, 200))]
-        else:
-            raw[at : at + 4] = rng.choice(
-                [b"\xff\xff\xff\xff", b"\x00\x00\x00\x00", b"nan ", b"1e99", b"-1 \n"]
-            )
+        at, size = int(rng.integers(len(raw) + 1)), int(10 ** rng.uniform(0, 3))
+        piece = bytes(raw[at : at + size])
+        others = [
+            b"",
+            piece + piece,
+            rng.bytes(size),
+            b"\xff\xff\xff\xff",
+            b"\x00\x00\x00\x00",
+            b"nan ",
+            b"1e99",
+            b"-1 \n",
+        ]
+        raw[at : at + size] = _one_of(others, rng)
     return bytes(raw)
 
 
@@ -57,7 +57,7 @@ def change_json(content: Any, rng: Rng) -> bytes:
     if rng.random() < 0.15:
         return change_bytes(json.dumps(content).encode(), rng)
     if rng.random() < 0.04:
-        return [b"[" * 100_000, b'{"a":' * 50_000, b"9" * 5000, b'"\xff"', b""][int(rng.integers(5))]
+        return _one_of([b"[" * 100_000, b'{"a":' * 50_000, b"9" * 5000, b'"\xff"', b""], rng)
     for _ in range(int(rng.integers(1, 4))):
         content = _change_value(content, rng)
     return json.dumps(content).encode()
@@ -66,8 +66,8 @@ def change_json(content: Any, rng: Rng) -> bytes:
 def _change_value(content: Any, rng: Rng) -> Any:
     places = list(_places(content))
     if not places or rng.random() < 0.02:
-        return STRANGE[int(rng.integers(len(STRANGE)))]
-    holder, key = places[int(rng.integers(len(places)))]
+        return _one_of(STRANGE, rng)
+    holder, key = _one_of(places, rng)
     value, kind = holder[key], rng.random()
     if kind < 0.15 and isinstance(holder, dict):
         del holder[key]
@@ -76,19 +76,13 @@ def _change_value(content: Any, rng: Rng) -> Any:
     elif kind < 0.6 and isinstance(value, int | float) and not isinstance(value, bool):
         holder[key] = value * float(rng.choice([0.0, -1.0, 1.01, 2.0, 1e3, 1e-9, 1e200]))
     else:
-        holder[key] = copy.deepcopy(STRANGE[int(rng.integers(len(STRANGE)))])
+        holder[key] = copy.deepcopy(_one_of(STRANGE, rng))
     return content
 
 
 def _places(content: Any, depth: int = 0) -> Any:
     """Every (container, key) of a tree, outer ones more often than their share."""
-    items = (
-        content.items()
-        if isinstance(content, dict)
-        else enumerate(content)
-        if isinstance(content, list)
-        else ()
-    )
+    items = enumerate(content) if isinstance(content, list) else getattr(content, "items", tuple)()
     for key, value in items:
         yield from [(content, key)] * (3 if depth < 2 else 1)
         yield from _places(value, depth + 1)
@@ -112,6 +106,16 @@ def change_zip(data: bytes, rng: Rng) -> bytes:
     return out.getvalue()
 
 
+def change_file(path: Path, rng: Rng) -> bytes:
+    """Return the content of a file changed as what it is, JSON or zip, or as bytes."""
+    content = path.read_bytes()
+    if path.suffix == ".json" and rng.random() < 0.7:
+        return change_json(json.loads(content), rng)
+    if path.suffix == ".npz" and rng.random() < 0.6:
+        return change_zip(content, rng)
+    return change_bytes(content, rng)
+
+
 def _changed_entry(content: bytes, rng: Rng) -> bytes:
     try:
         return change_json(json.loads(content), rng)
@@ -128,9 +132,9 @@ def solid(rng: Rng) -> trimesh.Trimesh:
         lambda: trimesh.creation.torus(0.05, float(rng.uniform(0.005, 0.02)), 16, 8),
         lambda: trimesh.creation.annulus(0.02, 0.04, float(rng.uniform(0.02, 0.15)), sections=16),
     ]  # fmt: skip
-    mesh = make[int(rng.integers(len(make)))]()
+    mesh = _one_of(make, rng)()
     if rng.random() < 0.3:
-        other = make[int(rng.integers(len(make)))]()
+        other = _one_of(make, rng)()
         other.apply_translation(rng.uniform(-0.06, 0.06, 3))
         mesh = trimesh.util.concatenate([mesh, other])
     return mesh
@@ -141,45 +145,59 @@ def block(rng: Rng) -> trimesh.Trimesh:
     return trimesh.creation.box([0.04, 0.05 + 0.01 * int(rng.integers(12)), 0.06])
 
 
+def _turned(points: Array, rng: Rng) -> Array:
+    quat = rng.normal(size=4)
+    return points @ quat_to_matrix(quat / np.linalg.norm(quat)).T
+
+
+def _not_finite(points: Array, rng: Rng) -> Array:
+    some = rng.random(len(points)) < rng.choice([1.5 / len(points), rng.uniform()])
+    return np.where(some, rng.choice([np.nan, np.inf, -np.inf, 1e300]), points.T).T
+
+
+MOVES: tuple[Callable[[Array, Rng], Array], ...] = (
+    _turned,
+    _not_finite,
+    lambda points, rng: points + rng.normal(0.0, 10 ** rng.uniform(-5.0, -1.5), points.shape),
+    lambda points, rng: points * rng.choice([1e-6, 0.01, 10.0, 1e3, 1e6]),
+    lambda points, rng: points * rng.choice([-1.0, 0.0, 1e-4, 1.0], 3),
+    lambda points, rng: points + rng.uniform(-1.0, 1.0, 3) * 10 ** rng.uniform(-2.0, 6.0),
+    lambda points, rng: np.round(points, 2),
+)
+"""What happens to points, (N, 3): turned, not finite, noisy, of another unit, mirrored or flat, far away, rounded."""
+_FACES: tuple[Callable[[Any, Any, int, Rng], Any], ...] = (
+    lambda faces, some, count, rng: faces[~some],
+    lambda faces, some, count, rng: np.where(some, faces[:, ::-1].T, faces.T).T,
+    lambda faces, some, count, rng: np.concatenate([faces, faces[some]]),
+    lambda faces, some, count, rng: np.where(some, faces[:, [1, 1, 2]].T, faces.T).T,
+    lambda faces, some, count, rng: np.where(some, rng.integers(0, count, faces.T.shape), faces.T).T,
+    lambda faces, some, count, rng: faces[: int(rng.integers(1, 4))],
+)
+"""What happens to some of the faces: lost, turned, doubled, without area, between any of `count` vertices, few left."""
+
+
 def damage(mesh: trimesh.Trimesh, rng: Rng) -> tuple[trimesh.Trimesh, float]:
-    """Return a mesh with the faults that real files have, and the scale to read it with."""
-    vertices, faces, scale = np.array(mesh.vertices), np.array(mesh.faces), 1.0
+    """Return a mesh with up to three faults that real files have, and the scale to read it with."""
+    vertices, faces = np.array(mesh.vertices), np.array(mesh.faces)
     for _ in range(int(rng.integers(0, 4))):
-        kind, some = int(rng.integers(14)), rng.random(len(faces)) < rng.uniform(0.01, 0.6)
-        if kind == 0 and len(faces):
-            faces = faces[~some]
-        elif kind == 1:
-            faces[some] = faces[some][:, ::-1]
-        elif kind == 2:
-            vertices = vertices + rng.normal(0, 10 ** rng.uniform(-5, -1.5), vertices.shape)
-        elif kind == 3 and len(vertices):
-            vertices[int(rng.integers(len(vertices)))] = rng.choice([np.nan, np.inf, 1e308, 1e30, -5.0, 0.0])
-        elif kind == 4:
-            vertices, scale = vertices * 1000.0, 0.001
-        elif kind == 5:
-            vertices = vertices * float(rng.choice([1e-6, 0.01, 10.0, 1e6, -1.0]))
-        elif kind == 6:
-            vertices = vertices + rng.uniform(-1, 1, 3) * 10 ** rng.uniform(-2, 6)
-        elif kind == 7:
-            vertices = vertices * rng.choice([0.0, 1e-4, 1.0], 3)
-        elif kind == 8 and len(faces):
-            faces = np.concatenate([faces, faces[some]])
-        elif kind == 9 and len(faces):
-            faces[some, 0] = faces[some, 1]
-        elif kind == 10 and len(vertices):
-            faces[some] = rng.integers(0, len(vertices), (int(some.sum()), 3))
-        elif kind == 11 and len(faces):
-            faces = faces[: int(rng.integers(1, 4))]
-        elif kind == 12:
-            vertices, faces = vertices[faces].reshape(-1, 3), np.arange(3 * len(faces)).reshape(-1, 3)
-        elif kind == 13:
-            vertices = np.round(vertices, 2)
-    return trimesh.Trimesh(vertices, faces, process=False), scale
+        if rng.random() < 0.5:
+            vertices = _one_of(MOVES, rng)(vertices, rng)
+        else:
+            some = rng.random(len(faces)) < rng.uniform(0.01, 0.6)
+            faces = _one_of(_FACES, rng)(faces, some, len(vertices), rng)
+    if rng.random() < 0.1:  # triangles that share no vertex
+        vertices, faces = vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
+    scale = 0.001 if rng.random() < 0.1 else 1.0
+    return trimesh.Trimesh(vertices / scale, faces, process=False), scale
+
+
+def _one_of(things: Sequence[Any], rng: Rng) -> Any:
+    return things[int(rng.integers(len(things)))]
 
 
 def mesh_file(path: Path, rng: Rng) -> tuple[Path, float]:
     """Write a damaged mesh; return its path, with a suffix of its kind, and the scale to read it with."""
-    kind = ("obj", "stl", "ply", "glb")[int(rng.integers(4))]
+    kind = _one_of(("obj", "stl", "ply", "glb"), rng)
     mesh, scale = damage(solid(rng), rng)
     try:
         data = mesh.export(file_type=kind)
@@ -204,6 +222,6 @@ def arguments(rng: Rng) -> list[str]:
     command = str(rng.choice([*good, "", "nosuch"]))
     rest = list(good.get(command, []))
     for _ in range(int(rng.integers(1, 4))):
-        word, at = WORDS[int(rng.integers(len(WORDS)))], int(rng.integers(len(rest) + 1))
+        word, at = _one_of(WORDS, rng), int(rng.integers(len(rest) + 1))
         rest[at : at + int(rng.integers(2))] = [word]
     return [command, *rest]

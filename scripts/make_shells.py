@@ -1,16 +1,21 @@
-"""The shapes that are shown: smooth shells around the robot's frames, written as `assets/robot/shells/*.obj`.
+"""The shapes that are shown: smooth shells around the robot's frames, of shells.yaml, as `assets/robot/shells/*.obj`.
 
-Each shell is a signed distance function, a smooth union of rounded primitives in the frame of its body.
-Collision uses none of them. Run `python scripts/make_shells.py assets/robot/shells` to make them anew.
+    python scripts/make_shells.py assets/robot/shells
+
+Each shell is a signed distance function, a smooth union of rounded primitives in the frame of its body. Collision uses
+none of them.
 """
 
 import math
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+import yaml
 
+SHELLS = Path(__file__).with_name("shells.yaml")
 Point = tuple[float, float, float]
 Field = Callable[[float, float, float], float]
 
@@ -62,84 +67,15 @@ def _rounded(a: float, b: float, c: float, edge: float) -> float:
     return outside + min(max(a, b, c), 0.0) - edge
 
 
-ARM: dict[str, Field] = {
-    "panda_link0": blend(
-        [
-            bar((0, 0, 0.0), (0, 0, 0.14), 0.092, 0.01, 0.062),
-            block((-0.07, 0, 0.045), (0.065, 0.055, 0.042), 0.018),
-            bar((0.02, 0, 0.0), (0.02, 0, 0.022), 0.088, 0.008),
-        ],
-        0.04,
-    ),
-    "panda_link1": blend(
-        [bar((0, 0, -0.19), (0, 0, -0.02), 0.058, 0.006), bar((0, -0.073, 0), (0, -0.002, 0), 0.061, 0.012)],
-        0.03,
-    ),
-    "panda_link2": blend(
-        [bar((0, -0.19, 0), (0, -0.02, 0), 0.058, 0.006), bar((0, 0, 0.002), (0, 0, 0.073), 0.061, 0.012)],
-        0.03,
-    ),
-    "panda_link3": blend(
-        [
-            bar((0, 0, -0.123), (0, 0, -0.05), 0.058, 0.006),
-            bar((0.0825, 0.002, 0), (0.0825, 0.072, 0), 0.056, 0.012),
-            bar((0.005, 0.012, -0.045), (0.06, 0.015, -0.01), 0.042, 0.02),
-        ],
-        0.03,
-    ),
-    "panda_link4": blend(
-        [
-            bar((0, 0, 0.002), (0, 0, 0.072), 0.056, 0.012),
-            bar((-0.0825, 0.05, 0), (-0.0825, 0.123, 0), 0.058, 0.006),
-            bar((-0.02, 0.01, 0.015), (-0.0775, 0.05, 0.012), 0.042, 0.02),
-        ],
-        0.03,
-    ),
-    "panda_link5": blend(
-        [
-            bar((0, 0, -0.259), (0, 0, -0.18), 0.058, 0.006),
-            bar((0, 0.035, -0.2), (0, 0.072, -0.06), 0.044, 0.02, 0.034),
-            bar((0, 0.062, 0), (0, 0.105, 0), 0.046, 0.012),
-            bar((0, 0.08, -0.06), (0, 0.083, 0), 0.035, 0.015),
-        ],
-        0.045,
-    ),
-    "panda_link6": blend(
-        [
-            bar((0, 0, -0.054), (0, 0, 0.054), 0.047, 0.012),
-            bar((0.01, 0, 0.0), (0.07, 0, 0.0), 0.042, 0.015),
-            bar((0.088, 0.057, 0), (0.088, -0.047, 0), 0.046, 0.01),
-        ],
-        0.025,
-    ),
-    "panda_link7": blend(
-        [
-            bar((0, 0, 0.05), (0, 0, 0.098), 0.045, 0.008),
-            bar((0.02, 0.02, 0.072), (0.04, 0.04, 0.072), 0.02, 0.008),
-        ],
-        0.02,
-    ),
-}
-"""Shells of the arm's links, in their frames."""
-
-
-def _finger_link(length: float) -> Field:
-    return block((0, 0, length / 2), (0.0096, 0.0135, length / 2 - 0.001), 0.0035)
-
-
-HAND: dict[str, Field] = {
-    "allegro_palm": block((-0.0093, 0, -0.0475), (0.0203, 0.0564, 0.0474), 0.007),
-    "allegro_palm_pad": block((0.0105, 0, -0.0475), (0.0030, 0.045, 0.036), 0.0025),
-    "allegro_base": _finger_link(0.0164),
-    "allegro_proximal": _finger_link(0.054),
-    "allegro_medial": _finger_link(0.0384),
-    "allegro_distal": _finger_link(0.018),
-    "allegro_thumb_base": block((-0.0179, 0.005, 0.02275), (0.0178, 0.0169, 0.0226), 0.005),
-    "allegro_thumb_proximal": _finger_link(0.0177),
-    "allegro_thumb_medial": _finger_link(0.0514),
-    "allegro_thumb_distal": _finger_link(0.0330),
-}
-"""Shells of the hand's links, in their frames."""
+def shell(fillet: float = 1.0, *, of: list[dict[str, Any]]) -> Field:
+    """Return the field of a shell as shells.yaml has it."""
+    fields = []
+    for part in of:
+        if "bar" in part:
+            fields.append(bar(*part["bar"], part["radius"], part["edge"], part.get("end_radius")))
+        else:
+            fields.append(block(*part["block"], part["edge"]))
+    return blend(fields, fillet)
 
 
 def mesh_field(field: Field, step: float, faces: int) -> tuple[np.ndarray, np.ndarray]:
@@ -182,10 +118,10 @@ def write_obj(path: Path, points: np.ndarray, triangles: np.ndarray) -> None:
 
 def write_shells(directory: Path) -> None:
     """Mesh every shell into `directory`."""
-    for name, field in ARM.items():
-        write_obj(directory / f"{name}.obj", *mesh_field(field, 0.005, 1800))
-    for name, field in HAND.items():
-        write_obj(directory / f"{name}.obj", *mesh_field(field, 0.002, 500))
+    shells = yaml.safe_load(SHELLS.read_text())
+    for part, step, faces in (("arm", 0.005, 1800), ("hand", 0.002, 500)):
+        for name, content in shells[part].items():
+            write_obj(directory / f"{name}.obj", *mesh_field(shell(**content), step, faces))
 
 
 if __name__ == "__main__":

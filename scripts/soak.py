@@ -9,9 +9,11 @@ not finite, or if memory grew by more than 32 MB after the first tenth.
 import argparse
 import ctypes
 import os
+import resource
 import sys
 from collections import Counter
 from dataclasses import dataclass, field
+from itertools import cycle
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +25,12 @@ from dexgrasp_env.errors import InputError
 
 GROWTH_MB = 32.0
 MODES = ("joint_position", "joint_delta", "ee_delta")
-VECTOR_RANDOMISATION = {
-    "mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2), "gain": (0.7, 1.3), "latency": (0.0, 0.05),
-    "joint_noise": (0.0, 0.01),
-}  # fmt: skip
 RANDOMISATION = {"mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2)}
+VECTOR_RANDOMISATION = RANDOMISATION | {
+    "gain": (0.7, 1.3),
+    "latency": (0.0, 0.05),
+    "joint_noise": (0.0, 0.01),
+}
 
 
 @dataclass
@@ -44,8 +47,10 @@ class Soak:
     @property
     def growth_mb(self) -> float:
         """Memory gained between the first tenth and the end."""
-        early = self.memory_mb[max(1, len(self.memory_mb) // 10)] if len(self.memory_mb) > 1 else 0.0
-        return self.memory_mb[-1] - early
+        return (
+            self.memory_mb[-1]
+            - self.memory_mb[min(len(self.memory_mb) - 1, max(1, len(self.memory_mb) // 10))]
+        )
 
     @property
     def is_clean(self) -> bool:
@@ -57,65 +62,57 @@ def memory_mb() -> float:
     """Resident memory of this process, without what the allocator keeps though it is free."""
     try:
         ctypes.CDLL("libc.so.6").malloc_trim(0)
-        pages = int(Path("/proc/self/statm").read_text().split()[1])
+        return int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 2**20
     except (OSError, AttributeError):  # not Linux with glibc: the peak will do
-        import resource
-
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
-def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60, progress: bool = False) -> Soak:
+def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60) -> Soak:
     """Step through all objects and control modes in turns, with randomised mass, friction and size."""
     rng, soak = np.random.default_rng(seed), Soak()
-    envs = [
-        gym.make(
-            "DexGrasp/Lift-v2",
-            objects=objects,
-            control_mode=mode,
-            randomisation=RANDOMISATION,
-            disable_env_checker=True,
-        )
-        for mode in MODES
-    ]
+    fixed = {"objects": objects, "randomisation": RANDOMISATION, "disable_env_checker": True}
+    envs = [gym.make("DexGrasp/Lift-v2", control_mode=mode, **fixed) for mode in MODES]
     names = list(envs[0].unwrapped.settings.objects)  # type: ignore[attr-defined]
     while soak.steps < steps:
         name = names[soak.episodes % len(names)]
-        env = envs[(soak.episodes // len(names)) % len(MODES)]
-        _episode(env, name, min(episode, steps - soak.steps), rng, soak)
-        soak.memory_mb.append(memory_mb())
-        if progress and soak.episodes % len(names) == 0:
-            print(f"{soak.steps} steps, {soak.memory_mb[-1]:.0f} MB", file=sys.stderr)
+        _episode(
+            envs[(soak.episodes // len(names)) % len(MODES)],
+            name,
+            min(episode, steps - soak.steps),
+            rng,
+            soak,
+        )
+        _note_memory(soak)
     for env in envs:
         env.close()
     return soak
 
 
-def run_vector(
-    steps: int, objects: list[str], number: int, *, seed: int = 0, episode: int = 60, progress: bool = False
-) -> Soak:
+def run_vector(steps: int, objects: list[str], number: int, *, seed: int = 0, episode: int = 60) -> Soak:
     """Step the native vector environments of every id, control and observation mode in turns, over all objects."""
     rng, soak = np.random.default_rng(seed), Soak()
     ids = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
-    kinds = [(name, mode, {}) for mode in MODES for name in ids]
+    kinds: list[tuple[str, str, dict[str, Any]]] = [(name, mode, {}) for mode in MODES for name in ids]
     kinds += [("DexGrasp/Lift-v2", MODES[0], {"obs_mode": mode}) for mode in ("depth", "pointcloud")]
-    turn = 0
-    while soak.steps < steps:
-        name, mode, more = kinds[turn % len(kinds)]
-        turn += 1
+    for name, mode, more in cycle(kinds):
+        if more or "View" in name:
+            more = more | {"observe": "reset"}
         envs = gym.make_vec(
             name, num_envs=number, objects=objects, control_mode=mode, max_episode_steps=episode,
-            randomisation=VECTOR_RANDOMISATION, **({"observe": "reset"} if more or "View" in name else {}), **more,
+            randomisation=VECTOR_RANDOMISATION, **more,
         )  # fmt: skip
         _vector_episodes(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
         envs.close()
-        soak.memory_mb.append(memory_mb())
-        if progress:
-            print(
-                f"{soak.steps} steps, {name} {mode} {more or ''}, {soak.memory_mb[-1]:.0f} MB",
-                file=sys.stderr,
-            )
+        _note_memory(soak)
+        if soak.steps >= steps:
+            break
     return soak
+
+
+def _note_memory(soak: Soak) -> None:
+    soak.memory_mb.append(memory_mb())
+    if len(soak.memory_mb) % 20 == 0:
+        print(f"{soak.steps} steps, {soak.memory_mb[-1]:.0f} MB", file=sys.stderr)
 
 
 def _vector_episodes(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
@@ -183,9 +180,9 @@ def main() -> int:
     parser.add_argument("--vector", type=int, metavar="N", help="through native vector environments of N")
     args = parser.parse_args()
     if args.vector:
-        soak = run_vector(args.steps, args.objects, args.vector, seed=args.seed, progress=True)
+        soak = run_vector(args.steps, args.objects, args.vector, seed=args.seed)
     else:
-        soak = run(args.steps, args.objects, seed=args.seed, progress=True)
+        soak = run(args.steps, args.objects, seed=args.seed)
     print(f"{soak.steps} steps, {soak.episodes} episodes; endings {dict(soak.endings)}")
     print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
     print(

@@ -1,21 +1,146 @@
-"""Train the completion network: `python scripts/train_unseen.py VIEWS.npz assets/weights/unseen.safetensors`.
+"""The completion network: what it learns from, and its training.
 
-`unseen_views.py` makes VIEWS.npz. Every twentieth object is held out. Training minimises |error| / spread + log spread,
-so that the spread becomes the mean absolute error that the network expects of itself.
+    python scripts/train_unseen.py views VIEWS.npz --first 5000 --objects 2000
+    python scripts/train_unseen.py train VIEWS.npz assets/weights/unseen.safetensors
+
+Views are objects of random shape, each seen by one camera, beside the whole hull: features (N, 391) and what is missing
+to the support of the seen side (N, 361), cm, each once as it is and once mirrored. Two thirds of the objects are
+`varied-N`, the rest convex shapes of random points; no object of the catalogue and no scan is among them. Every
+twentieth object is held out. Training minimises |error| / spread + log spread, so that the spread becomes the mean
+absolute error that the network expects of itself.
 """
 
 import argparse
 import itertools
 import json
+from collections.abc import Iterator
 
+import mujoco
 import numpy as np
 import torch
+import trimesh
+from numpy.random import Generator
 from safetensors.torch import save_file
 from torch import Tensor, nn
+from tqdm import tqdm
 
-from dexgrasp.shape.network import LOG_SPREAD, SCHEMA
+from dexgrasp.shape.network import LOG_SPREAD, OUTPUT, SCHEMA
+from dexgrasp.shape.view import UNIT, WRITTEN, View
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.perception.plane import Plane
+from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.perception.segment import segment
+from dexgrasp_env.robot.camera import Camera
+from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.sensing.backends import make_backend
+from dexgrasp_env.sensing.groups import VISUAL_GROUPS
+from dexgrasp_env.sensing.sensor import SensorModel
 
 _BATCH, _RATE, _DECAY, _NOISE = 256, 1.5e-3, 1e-2, 0.03  # noise in standard deviations of the features
+_VARIED, _CELL = (
+    0.65,
+    0.7,
+)  # shares of `varied-N` among the objects and of the cell's cameras among the cameras
+_POSES, _CAMERAS = 6, 2  # of an object; of a pose
+_MIRROR = np.array([1.0, -1.0, 1.0])
+
+
+def random_shape(rng: Generator) -> trimesh.Trimesh:
+    """Return a convex shape of 3 to 20 cm: polytope, superellipsoid, tapered prism, or the hull of two bodies."""
+    kind = rng.integers(4)
+    size = np.exp(rng.uniform(np.log([0.03, 0.03, 0.03]), np.log([0.1, 0.13, 0.2])))
+    if kind == 0:
+        points = rng.standard_normal((rng.integers(8, 40), 3))
+        points *= size / 2.0 / np.linalg.norm(points, axis=1, keepdims=True) ** rng.uniform(0.5, 1.0)
+    elif kind == 1:
+        points, power = rng.standard_normal((500, 3)), rng.uniform(1.5, 6.0)
+        points *= size / 2.0 / (np.abs(points) ** power).sum(1, keepdims=True) ** (1.0 / power)
+    elif kind == 2:
+        angle, taper = np.sort(rng.uniform(0.0, 2.0 * np.pi, rng.integers(3, 9))), rng.uniform(0.3, 1.0)
+        base = np.stack([np.cos(angle), np.sin(angle), np.zeros(len(angle))], axis=1) * size / 2.0
+        points = np.concatenate([base, base * taper + [0.0, 0.0, size[2]]])
+    else:
+        ball = rng.standard_normal((200, 3))
+        ball /= np.linalg.norm(ball, ord=np.inf if rng.random() < 0.5 else 2, axis=1, keepdims=True)
+        other = ball * size / 2.0 * rng.uniform(0.3, 1.0, 3) + size * rng.uniform(-0.5, 0.5, 3)
+        points = np.concatenate([ball * size / 2.0, other])
+    return trimesh.convex.convex_hull(points)
+
+
+def shape_of(number: int, rng: Generator) -> trimesh.Trimesh:
+    """Return the surface of object `number`, m."""
+    return load_target(f"varied-{number}").mesh if rng.random() < _VARIED else random_shape(rng)
+
+
+def views_of(mesh: trimesh.Trimesh, rng: Generator) -> Iterator[tuple[Scene, Array]]:
+    """Yield clouds of one camera each, and the corners (V, 3) m of the whole hull, of an object at rest."""
+    transforms, odds = trimesh.poses.compute_stable_poses(mesh.convex_hull, n_samples=1)
+    model = _scene(mesh)
+    data, sensor = mujoco.MjData(model), SensorModel.realistic()
+    for _ in range(_POSES):
+        chosen = transforms[rng.choice(len(odds), p=odds / odds.sum())]
+        R = _yaw(rng) @ chosen[:3, :3]
+        hull = mesh.convex_hull.vertices @ R.T
+        middle = 0.5 * (hull.min(0) + hull.max(0))
+        shift = np.array([rng.uniform(0.44, 0.60), rng.uniform(-0.12, 0.12), 0.0])
+        shift -= [*middle[:2], hull[:, 2].min()]
+        data.qpos[:3] = shift
+        mujoco.mju_mat2Quat(data.qpos[3:7], R.ravel())
+        mujoco.mj_kinematics(model, data)
+        cameras = _cameras(rng)
+        backend = make_backend("auto", model, cameras, VISUAL_GROUPS)
+        believed = sensor.calibrate(cameras, rng)
+        depths = sensor.measure(backend.render(data), cameras, rng)
+        backend.close()
+        for k in range(len(cameras)):
+            yield segment(depths[k : k + 1], believed[k : k + 1], rng), hull + shift
+
+
+def example(scene: Scene, hull: Array, mirror: bool) -> tuple[Array, Array]:
+    """Return features (391,) and what the support of the seen side lacks (361,), in units of `OUTPUT`."""
+    side = _MIRROR if mirror else np.ones(3)
+    assert scene.plane is not None
+    plane = Plane(scene.plane.normal * side, scene.plane.offset, scene.plane.rms, 0)
+    view = View.of(scene.target.points * side, scene.target.normals * side, plane)
+    whole = (((hull * side - view.origin) @ view.R.T / UNIT) @ WRITTEN.T).max(0)
+    return view.features(), (whole - view.seen()) * UNIT / OUTPUT
+
+
+def _scene(mesh: trimesh.Trimesh) -> mujoco.MjModel:
+    spec = mujoco.MjSpec()
+    spec.add_mesh(
+        name="shape",
+        uservert=mesh.vertices.ravel(),
+        userface=mesh.faces.ravel(),
+        inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
+    )
+    table = {"size": [0.6, 0.8, 0.02], "pos": [0.55, 0.0, -0.02]}
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **table)
+    body = spec.worldbody.add_body(name="object")
+    body.add_freejoint()
+    body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="shape")
+    return spec.compile()
+
+
+def _yaw(rng: Generator) -> Array:
+    angle = rng.uniform(0.0, 2.0 * np.pi)
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _cameras(rng: Generator) -> tuple[Camera, ...]:
+    """Two of the cell's cameras, or two from anywhere above the table."""
+    if rng.random() < _CELL:
+        return tuple(default_cell().make_cameras()[k] for k in rng.permutation(4)[:_CAMERAS])
+    found = []
+    for _ in range(_CAMERAS):
+        azimuth, elevation = rng.uniform(-np.pi, np.pi), np.radians(rng.uniform(22.0, 55.0))
+        level = np.cos(elevation)
+        way = np.array([level * np.cos(azimuth), level * np.sin(azimuth), np.sin(elevation)])
+        centre = np.array([0.52, 0.0, 0.05])
+        found.append(Camera.look_at("anywhere", centre + rng.uniform(0.5, 0.9) * way, centre))
+    return tuple(found)
 
 
 def losses(answer: Tensor, missing: Tensor) -> tuple[Tensor, Tensor]:
@@ -48,24 +173,51 @@ def train(x: Tensor, y: Tensor, held_out: Tensor, hidden: int, epochs: int) -> n
     return network
 
 
-def main() -> None:
-    """Train and write the weights."""
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
-    parser.add_argument("views")
-    parser.add_argument("out")
-    parser.add_argument("--hidden", type=int, default=384)
-    parser.add_argument("--epochs", type=int, default=16)
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    torch.manual_seed(args.seed)
-    file = np.load(args.views)
+def write_views(out: str, first: int, count: int) -> None:
+    """Write the examples of some objects."""
+    rows = []
+    for number in tqdm(range(first, first + count)):
+        rng = np.random.default_rng([number, 77])
+        for cloud, hull in views_of(shape_of(number, rng), rng):
+            if cloud.reason is None:
+                rows += [(*example(cloud, hull, mirror), number) for mirror in (False, True)]
+    features, missing, objects = (np.array(column) for column in zip(*rows, strict=True))
+    np.savez(out, features=features.astype(np.float32), missing=missing.astype(np.float32), objects=objects)
+
+
+def write_weights(views: str, out: str, hidden: int, epochs: int, seed: int) -> None:
+    """Train, and write the weights."""
+    torch.manual_seed(seed)
+    file = np.load(views)
     x, y = torch.tensor(file["features"]), torch.tensor(file["missing"])
     held_out = torch.tensor(file["objects"] % 20 == 0)
     mean, scale = x[~held_out].mean(0), x[~held_out].std(0) + 1e-3
-    network = train((x - mean) / scale, y, held_out, args.hidden, args.epochs)
+    network = train((x - mean) / scale, y, held_out, hidden, epochs)
     arrays = {f"network.{key}": value for key, value in network.state_dict().items()}
-    note = {"schema": SCHEMA, "epochs": args.epochs, "seed": args.seed, "views": len(x)}
-    save_file({"mean": mean, "scale": scale} | arrays, args.out, {"dexgrasp": json.dumps(note)})
+    note = {"schema": SCHEMA, "epochs": epochs, "seed": seed, "views": len(x)}
+    save_file({"mean": mean, "scale": scale} | arrays, out, {"dexgrasp": json.dumps(note)})
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Make views, or train on them."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    commands = parser.add_subparsers(required=True)
+    views = commands.add_parser("views")
+    views.set_defaults(run=write_views)
+    views.add_argument("out")
+    views.add_argument("--first", type=int, default=5000)
+    views.add_argument("--objects", dest="count", type=int, default=2000)
+    weights = commands.add_parser("train")
+    weights.set_defaults(run=write_weights)
+    weights.add_argument("views")
+    weights.add_argument("out")
+    weights.add_argument("--hidden", type=int, default=384)
+    weights.add_argument("--epochs", type=int, default=16)
+    weights.add_argument("--seed", type=int, default=0)
+    options = vars(parser.parse_args(argv))
+    options.pop("run")(**options)
 
 
 if __name__ == "__main__":

@@ -43,6 +43,20 @@ def directional_error(value, arguments, gradients, moves, step=1e-6):
     return abs(numeric - analytic) / (1 + abs(numeric))
 
 
+def random_grasps(K, seed=0):
+    """Return points and unit normals (K, 3, 3) m, these leaning outwards."""
+    rng = np.random.default_rng(seed)
+    p = 0.05 * rng.normal(size=(K, 3, 3))
+    n = rng.normal(size=(K, 3, 3)) + p / 0.03
+    return p, n / np.linalg.norm(n, axis=-1, keepdims=True)
+
+
+def box_distance(points, sides):
+    """Return signed distances (N,) of points (N, 3) to a box about the origin."""
+    q = np.abs(points) - sides / 2
+    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
+
+
 def closed(points, normals, mu, scale=None):
     """Return which of triples (K, 3, 3) the sweep accepts (K,), one at a time."""
     return np.array(

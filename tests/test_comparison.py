@@ -3,25 +3,17 @@
 import json
 
 import pytest
+from trial_rows import row, write_run
 
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.comparison import compare_rows
-
-
-def row(agent, target, trial, success, **more):
-    return {
-        "agent": agent, "object": target, "trial": trial, "scene_seed": 7 * trial, "success": success,
-        "reason": None if success else "dropped", "stable": success, "planning_seconds": None, "details": {},
-        "error": None, **more,
-    }  # fmt: skip
 
 
 @pytest.fixture
 def folder(tmp_path):
     rows = [row("x", "pear", k, True) for k in range(8)] + [row("y", "pear", k, k < 2) for k in range(9)]
     rows += [row(a, "lego", 0, a == "y") for a in "xy"]
-    (tmp_path / "trials.jsonl").write_text("".join(json.dumps(r) + "\n" for r in rows))
-    return tmp_path
+    return write_run(tmp_path, rows)
 
 
 def test_compare_counts_only_scenes_that_both_met(folder, capsys):

@@ -1,11 +1,9 @@
-import importlib.util
 import json
 import shutil
 import subprocess
 import sys
 import textwrap
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -353,42 +351,3 @@ def test_learned_proposals_need_no_torch():
     assigned, count = out.stdout.split()
     assert assigned == "True"
     assert int(count) > 10
-
-
-def sweep_script():
-    path = Path(__file__).parents[1] / "scripts" / "sweep_cvae.py"
-    spec = importlib.util.spec_from_file_location("sweep_cvae", path)
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-def test_sweep_judges_by_what_becomes_a_grasp(data, trained):
-    """Learned weights are worth more than hardly trained ones, and shares are shares."""
-    sweep, unseen = sweep_script(), read_dataset(data)[:2]
-    learned = sweep.judged(shipped_weights(), unseen)
-    raw = sweep.judged(trained[0] / "cvae.safetensors", unseen)
-    assert raw["feasible"] < 0.2 < learned["feasible"] <= 1.0
-    assert raw["fingertip_cm"] > learned["fingertip_cm"]
-    assert 0.0 < learned["closure"] <= 1.0
-    assert learned["spread_cm"] > 0.1
-
-
-def test_sweep_goes_on_and_chooses_the_most_feasible(data, tmp_path, monkeypatch, capsys):
-    sweep = sweep_script()
-    worth = {"kl-0.05-latent-2": 0.1, "kl-0.05-latent-3": 0.4}
-    given = dict.fromkeys(sweep.COLUMNS, 1.0)
-    asked = []
-    monkeypatch.setattr(
-        sweep.CvaeTraining, "__init__", lambda _, data, out, settings: asked.append((out.name, settings))
-    )
-    monkeypatch.setattr(sweep.CvaeTraining, "run", lambda _: None)
-    monkeypatch.setattr(sweep, "judged", lambda path, _: given | {"feasible": worth.pop(path.parent.name)})
-    words = [str(data), str(data), "--out", str(tmp_path), "--kl-weights", "0.05", "--latents", "2", "3"]
-    for _ in range(2):  # what was judged is not judged again
-        sweep.main([*words, "--epochs", "1", "--json", str(tmp_path / "sweep.json")])
-    found = json.loads((tmp_path / "sweep.json").read_text())
-    assert [row["feasible"] for row in found["rows"]] == [0.1, 0.4]
-    assert found["chosen"]["latent"] == 3
-    assert [(s.network.latent, s.kl_weight, s.epochs) for _, s in asked[:2]] == [(2, 0.05, 1), (3, 0.05, 1)]
-    assert capsys.readouterr().out.count("| 0.05 | 3 |") == 2

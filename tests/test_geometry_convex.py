@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from oracles import box_distance
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import closest_feature, convex_distance, convex_distance_hessian
@@ -20,18 +21,13 @@ def can():
     return ConvexDistance.from_mesh(trimesh.creation.cylinder(0.033, 0.1, sections=64))
 
 
-def box_distance(points):
-    q = np.abs(points) - SIDES / 2
-    return np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0)
-
-
 def scatter(rng, n, size=0.3):
     return rng.uniform(-size, size, (n, 3))
 
 
 def test_box_is_exact_inside_and_outside(box):
     points = scatter(np.random.default_rng(0), 5000)
-    np.testing.assert_allclose(box.distance(points), box_distance(points), atol=1e-15)
+    np.testing.assert_allclose(box.distance(points), box_distance(points, SIDES), atol=1e-15)
     assert (box.distance(points) < 0).any()
 
 

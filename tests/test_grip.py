@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from robots import CELL, HOME
 
-from dexgrasp.imitation.features import features, first_look
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
@@ -23,24 +22,6 @@ from dexgrasp.reinforcement.grip_training import GripTraining  # noqa: E402
 SETTINGS = GripSettings(
     ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8
 )
-
-
-@pytest.fixture
-def clone(tmp_path):
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
-    first, _ = env.reset(seed=0)
-    width = len(features("state", first_look("state", first), first, 0))
-    rng = np.random.default_rng(0)
-    arrays = {
-        "mean": np.zeros(width), "scale": np.ones(width), "unit": np.full(8 * 23, 0.01),
-        "trunk.0.weight": 0.1 * rng.standard_normal((8 * 23, width)), "trunk.0.bias": np.zeros(8 * 23),
-    }  # fmt: skip
-    about = {
-        "kind": "clone", "view": "state", "chunk": 8, "execute": 4,
-        "env": {"obs_mode": "state", "control_mode": "joint_delta"},
-    }  # fmt: skip
-    write_policy(tmp_path / "clone", about, arrays)
-    return tmp_path / "clone"
 
 
 def grip_of(clone, correction):

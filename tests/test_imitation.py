@@ -1,6 +1,5 @@
 """Cloned policies: what they look at, resuming to the same bits, numpy as torch, agents by their path."""
 
-import importlib.util
 import json
 import subprocess
 import sys
@@ -8,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from project_scripts import load_script
 from robots import CELL
 
 from dexgrasp.demos.generate import generate
@@ -172,11 +172,8 @@ def test_a_policy_acts_without_torch():
 
 
 def test_the_script_records_clones_and_scores(tmp_path, capsys):
-    path = Path(__file__).parents[1] / "scripts" / "clone_the_planner.py"
-    assert len(path.read_text().splitlines()) < 60
-    spec = importlib.util.spec_from_file_location("clone_the_planner", path)
-    script = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(script)
+    script = load_script("clone_the_planner")
+    assert len(Path(script.__file__).read_text().splitlines()) < 60
     words = (
         "--objects sugar_box --episodes 2 --epochs 1 --test sugar_box --trials 1 --beside hardcoded bilevel"
     )

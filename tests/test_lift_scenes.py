@@ -1,13 +1,11 @@
 """Lift-v2's scenes: what reset and info say, what makes them hard, what is drawn at random."""
 
 import copy
-import importlib.util
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
 from lift_envs import make
+from project_scripts import load_script
 from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
@@ -195,14 +193,7 @@ def test_drawn_places_stay_in_their_ranges():
 
 def test_short_soak():
     """`scripts/soak.py` is the long one."""
-    path = Path(__file__).parents[1] / "scripts" / "soak.py"
-    if not path.is_file():
-        pytest.skip("not in a checkout")
-    spec = importlib.util.spec_from_file_location("soak", path)
-    soak = importlib.util.module_from_spec(spec)
-    sys.modules["soak"] = soak
-    spec.loader.exec_module(soak)
-    found = soak.run(900, ["sugar_box", "massage_ball", "tetrahedron"], episode=30)
+    found = load_script("soak").run(900, ["sugar_box", "massage_ball", "tetrahedron"], episode=30)
     assert found.steps == 900
     assert found.is_clean, found
     assert found.endings["dropped"] or found.endings["object_lost"]

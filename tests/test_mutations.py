@@ -1,11 +1,8 @@
 """No field of a grasp file can be changed unseen: a short run of `scripts/mutate_grasps.py`."""
 
-import importlib.util
-import sys
-from pathlib import Path
-
 import numpy as np
 import pytest
+from project_scripts import load_script
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.grasp.file import record_of
@@ -15,11 +12,7 @@ from dexgrasp.verify.verify import verify
 
 @pytest.fixture(scope="module")
 def script():
-    path = Path(__file__).parents[1] / "scripts" / "mutate_grasps.py"
-    spec = importlib.util.spec_from_file_location("mutate_grasps", path)
-    module = sys.modules[spec.name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return load_script("mutate_grasps")
 
 
 @pytest.fixture(scope="module")

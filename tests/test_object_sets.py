@@ -1,7 +1,6 @@
 """Set files: members with units, masses, friction and poses of their own; fetching from a publisher."""
 
 import http.server
-import importlib.util
 import io
 import json
 import tarfile
@@ -12,6 +11,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from project_scripts import load_script
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.main import main
@@ -188,12 +188,7 @@ def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
 
 @pytest.fixture(scope="module")
 def fetch_ycb():
-    spec = importlib.util.spec_from_file_location(
-        "fetch_ycb", Path(__file__).parents[1] / "scripts" / "fetch_ycb.py"
-    )
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module.main
+    return load_script("fetch_ycb").main
 
 
 def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fetch_ycb, capsys):

@@ -1,19 +1,12 @@
 import numpy as np
 import pytest
-from oracles import closed, directional_error
+from oracles import closed, directional_error, random_grasps
 
 from dexgrasp.benchmarks.wrench import sample_box
 from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins, rough_margins
 from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.verify.cones import conic_margin
 from dexgrasp_env.errors import InputError
-
-
-def random_grasps(K, seed=0):
-    rng = np.random.default_rng(seed)
-    p = 0.05 * rng.normal(size=(K, 3, 3))
-    n = rng.normal(size=(K, 3, 3)) + p / 0.03
-    return p, n / np.linalg.norm(n, axis=-1, keepdims=True)
 
 
 def test_cone_margin_is_the_cone_programme():

@@ -1,16 +1,9 @@
 import numpy as np
 import pytest
-from oracles import closed, pyramid_violation
+from oracles import closed, pyramid_violation, random_grasps
 
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp_env.errors import InputError
-
-
-def random_grasps(K, seed):
-    rng = np.random.default_rng(seed)
-    p = 0.05 * rng.normal(size=(K, 3, 3))
-    n = rng.normal(size=(K, 3, 3)) + p / 0.03
-    return p, n / np.linalg.norm(n, axis=-1, keepdims=True)
 
 
 def test_solvers_agree_and_forces_are_feasible():

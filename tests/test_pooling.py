@@ -3,7 +3,7 @@
 import json
 
 import pytest
-from trial_rows import row
+from trial_rows import row, write_run
 
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.pooling import rows_by_agent
@@ -11,7 +11,11 @@ from dexgrasp_env.errors import InputError
 
 
 def run_folder(folder, seed, successes, agents=("x", "y"), **more):
-    folder.mkdir()
+    rows = [
+        row(agent, trial=t, success=ok, scene_seed=10 * seed + t, protocol="lift")
+        for agent in agents
+        for t, ok in enumerate(successes)
+    ]
     identity = {
         "agents": list(agents),
         "objects": ["soda"],
@@ -20,14 +24,7 @@ def run_folder(folder, seed, successes, agents=("x", "y"), **more):
         "versions": {},
         **more,
     }
-    (folder / "run.json").write_text(json.dumps(identity))
-    rows = [
-        row(agent, trial=t, success=ok, scene_seed=10 * seed + t, protocol="lift")
-        for agent in agents
-        for t, ok in enumerate(successes)
-    ]
-    (folder / "trials.jsonl").write_text("".join(json.dumps(r) + "\n" for r in rows))
-    return folder
+    return write_run(folder, rows, **identity)
 
 
 def test_seeds_of_one_experiment_are_one_sample(tmp_path):
@@ -75,6 +72,6 @@ def test_pushes_are_judged_in_comparisons_as_in_reports(tmp_path, capsys):
         for agent in ("x", "y")
         for protocol in ("pushed@0.5", "pushed@1")
     ]
-    (folder / "trials.jsonl").write_text("".join(json.dumps(r) + "\n" for r in rows))
+    write_run(folder, rows)
     assert main(["compare", str(folder), "x", "y", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["only_b"] == 2

@@ -2,6 +2,7 @@
 
 import gymnasium as gym
 import pytest
+from trial_rows import row as trial_row
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST, parts, protocol_names
@@ -12,14 +13,7 @@ from dexgrasp_env.errors import InputError
 
 
 def row(protocol, success, trial=0, agent="a"):
-    return {
-        "protocol": protocol,
-        "agent": agent,
-        "object": "pear",
-        "trial": trial,
-        "success": success,
-        "reason": None,
-    }
+    return trial_row(agent, "pear", trial, success, protocol=protocol)
 
 
 def test_robust_is_all_eight_and_their_parts():

@@ -15,7 +15,6 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.imitation.features import features, first_look  # noqa: E402
 from dexgrasp.reinforcement import policy_training  # noqa: E402
 from dexgrasp.reinforcement import settings as settings_module  # noqa: E402
 from dexgrasp.reinforcement.policy_training import PolicyTraining  # noqa: E402
@@ -33,24 +32,6 @@ def settings_of(algorithm, **more):
     return RlSettings(
         ("sugar_box",), algorithm, steps=60, num_envs=2, hidden=16, buffer=500, warm_up=10, **more
     )
-
-
-@pytest.fixture
-def clone(tmp_path):
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
-    first, _ = env.reset(seed=0)
-    width = len(features("state", first_look("state", first), first, 0))
-    rng = np.random.default_rng(0)
-    arrays = {
-        "mean": np.zeros(width), "scale": np.ones(width), "unit": np.full(8 * 23, 0.01),
-        "trunk.0.weight": 0.1 * rng.standard_normal((8 * 23, width)), "trunk.0.bias": np.zeros(8 * 23),
-    }  # fmt: skip
-    about = {
-        "kind": "clone", "view": "state", "chunk": 8, "execute": 4,
-        "env": {"obs_mode": "state", "control_mode": "joint_delta"},
-    }  # fmt: skip
-    write_policy(tmp_path / "clone", about, arrays)
-    return tmp_path / "clone"
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])

@@ -6,6 +6,8 @@ import re
 from html.parser import HTMLParser
 
 import pytest
+from trial_rows import row as trial_row
+from trial_rows import write_run
 
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.report.build import write_report
@@ -46,11 +48,10 @@ def parsed(text):
 
 def row(agent, target, trial, success, protocol):
     stages = {"stage_seconds": {"cvae": 0.04, "ik": 0.02, "bilevel": 0.4 + 0.1 * trial}}
-    return {
-        "agent": agent, "object": target, "trial": trial, "scene_seed": 10 * trial, "protocol": protocol,
-        "success": success, "stable": success, "reason": None if success else "not_lifted",
-        "planning_seconds": 0.5 + trial, "details": stages if agent == "bilevel" else {}, "error": None,
-    }  # fmt: skip
+    return trial_row(
+        agent, target, trial, success, protocol=protocol, reason=None if success else "not_lifted",
+        details=stages if agent == "bilevel" else {},
+    )  # fmt: skip
 
 
 @pytest.fixture
@@ -62,11 +63,10 @@ def folder(tmp_path):
         for k in range(3)
         for protocol in ("lift", "heavy")
     ]
-    (tmp_path / "trials.jsonl").write_text("".join(json.dumps(r) + "\n" for r in rows))
-    run = {"agents": ["bilevel", "hardcoded"], "objects": list(OBJECT_SETS["seen"]), "trials": 3, "seed": 0,
-           "protocol": "lift+heavy", "versions": {"mujoco": "3.17.0"}, "friction": 0.5}  # fmt: skip
-    (tmp_path / "run.json").write_text(json.dumps(run))
-    return tmp_path
+    return write_run(
+        tmp_path, rows, agents=["bilevel", "hardcoded"], objects=list(OBJECT_SETS["seen"]), trials=3, seed=0,
+        protocol="lift+heavy", versions={"mujoco": "3.17.0"}, friction=0.5,
+    )  # fmt: skip
 
 
 def test_one_page_that_needs_no_other_file(folder):
@@ -97,7 +97,7 @@ def test_curves_predictions_and_clips(folder):
     lines = [json.loads(line) for line in (folder / "trials.jsonl").read_text().splitlines()]
     for k, line in enumerate(lines):
         line["details"]["certificate"] = {"load": 1.0 + line["success"] + 0.01 * k}
-    (folder / "trials.jsonl").write_text("".join(json.dumps(line) + "\n" for line in lines))
+    write_run(folder, lines)
     (folder / "videos").mkdir()
     (folder / "videos" / f"heavy-hardcoded-{OBJECT_SETS['seen'][0]}-0.mp4").write_bytes(CLIP)
     markdown = write_report([folder], folder / "out")

@@ -13,14 +13,11 @@ from dexgrasp_env.objects.rest_poses import MOST_POSES, clusters, find_rest_pose
 from dexgrasp_env.objects.shapes import Shape, box, cylinder, tetrahedron
 from dexgrasp_env.poses import quat_to_matrix
 
+pytestmark = pytest.mark.usefixtures("own_cache")
+
 
 def model_of(shape: Shape, name: str = "thing") -> ObjectModel:
     return centred_model(name, shape.mesh, shape.parts, 0.2)
-
-
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path))
 
 
 def test_a_box_rests_on_each_face_and_most_often_on_the_largest():
@@ -106,7 +103,7 @@ def test_shipped_poses_are_up_to_date_and_stable(name, tmp_path):
 def test_poses_are_cached_and_a_damaged_cache_is_replaced(tmp_path):
     model = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")
     poses = rest_poses(model)
-    (path,) = (tmp_path / "rest_poses").iterdir()
+    (path,) = (tmp_path / "cache" / "rest_poses").iterdir()
     whole = path.read_bytes()
     path.write_text("{broken")
     again = model_of(box((0.05, 0.06, 0.07)), "not_in_the_catalogue")

@@ -1,16 +1,14 @@
 """Results of record: pages show what the JSON files hold; certificates as predictions."""
 
 import json
-import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
+from project_scripts import load_script
 
 from dexgrasp.evaluation.prediction import auc, predictions
 
-sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
-import record_results
+record_results = load_script("record_results")
 
 
 def test_every_page_shows_what_the_json_holds():

@@ -9,7 +9,6 @@ from dexgrasp.evaluation.power import paired_power, paired_trials, power_figures
 from dexgrasp.evaluation.sequential import capital, decided_after, is_decided
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.statistics import (
-    mcnemar,
     object_difference_interval,
     object_interval,
     paired_difference_interval,
@@ -151,10 +150,6 @@ def test_success_within_tries():
     assert success_within(counts, 4) == pytest.approx(1.0)
     assert success_within(counts, 5) is None
     assert success_within({"a": (0, 5)}, 3) == 0.0
-
-
-def test_mcnemar_without_discordant_scenes():
-    assert mcnemar({1: True, 2: False}, {1: True, 2: False})["p_value"] == 1.0
 
 
 def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeypatch):

@@ -1,23 +1,16 @@
 """The tutorials of the site do what they say: every block is run, in order, in a folder of its own."""
 
-import importlib.util
 import shlex
 import sys
 from pathlib import Path
 
 import pytest
+from project_scripts import load_script
 
 from dexgrasp.cli.commands import run_command
 
 ROOT = Path(__file__).parents[1]
 TUTORIALS = sorted((ROOT / "docs" / "tutorials").glob("*.md"))
-
-
-def load_script(name):
-    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
-    module = sys.modules[name] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 walk = load_script("walk")
@@ -64,7 +57,10 @@ def test_a_walk_stops_where_a_command_fails(tmp_path, capsys):
     assert "never" not in said
 
 
-PAGE = '<html><head><link rel="stylesheet" href="{0}"><link rel="canonical" href="https://x.org/"></head><body>{1}</body></html>'
+PAGE = (
+    '<html><head><link rel="stylesheet" href="{0}"><link rel="canonical" href="https://x.org/"></head>'
+    "<body>{1}</body></html>"
+)
 
 
 @pytest.mark.parametrize(

@@ -17,12 +17,9 @@ from dexgrasp_env.objects.shapes import union
 from dexgrasp_env.objects.surface import is_solid, is_sound, simplified
 from dexgrasp_env.objects.user_mesh import describe_mesh, load_mesh
 
+pytestmark = pytest.mark.usefixtures("own_cache")
+
 CAPSULE = trimesh.creation.capsule(radius=0.03, height=0.1, count=[16, 16])
-
-
-@pytest.fixture(autouse=True)
-def _own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "cache"))
 
 
 def saved(tmp_path: Path, mesh: trimesh.Trimesh, name: str) -> Path:

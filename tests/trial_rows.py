@@ -1,4 +1,6 @@
-"""Lines of trials.jsonl as tests want them."""
+"""Lines of trials.jsonl and folders of evaluations as tests want them."""
+
+import json
 
 
 def row(agent="a", name="soda", trial=0, success=False, **rest):
@@ -7,3 +9,12 @@ def row(agent="a", name="soda", trial=0, success=False, **rest):
         "reason": None if success else "dropped", "planning_seconds": 1.0 + trial, "details": {}, "error": None,
     }  # fmt: skip
     return values | rest
+
+
+def write_run(folder, rows, **run):
+    """Write what an evaluation leaves: its rows, and run.json where `run` says anything; return the folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "trials.jsonl").write_text("".join(json.dumps(row) + "\n" for row in rows))
+    if run:
+        (folder / "run.json").write_text(json.dumps(run))
+    return folder

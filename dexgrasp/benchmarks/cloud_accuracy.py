@@ -1,6 +1,6 @@
 """How good a segmented cloud is, judged by what only the simulation knows."""
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -46,10 +46,6 @@ class Accuracy:
     table_points: int
     hull_volume: float
     reason: str | None
-
-    def as_dict(self) -> dict[str, object]:
-        """Return the measures by name."""
-        return asdict(self)
 
 
 def measure_accuracy(

@@ -1,20 +1,37 @@
 """Cost of perception by step against the raw ray rate, and its accuracy over the objects."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+import mujoco
 import numpy as np
 
+from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
 from dexgrasp.benchmarks.timing import seconds_of
-
-if TYPE_CHECKING:
-    import mujoco
-
-    from dexgrasp_env.objects.model import ObjectModel
-    from dexgrasp_env.sensing.sensor import SensorModel
+from dexgrasp.shape.hull import cloud_hull
+from dexgrasp_env.objects.load import load_object, resolve_targets
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.rest_poses import rest_poses
+from dexgrasp_env.perception.cloud import (
+    crop,
+    downsample,
+    gather,
+    largest_cluster,
+    remove_flying,
+    remove_outliers,
+)
+from dexgrasp_env.perception.level import level_views, view_corrections
+from dexgrasp_env.perception.normals import smooth
+from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
+from dexgrasp_env.perception.robot import remove_robot
+from dexgrasp_env.poses import pose_matrix
+from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.scene.build import build_scene
+from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
+from dexgrasp_env.sensing.perception import Perception
+from dexgrasp_env.sensing.sensor import SensorModel
+from dexgrasp_env.tasks.placement import Placement
 
 OBJECT = "sugar_box"
 BUDGET_MS = 60.0
@@ -30,9 +47,6 @@ def run(quick: bool = False) -> dict[str, Any]:
     Args:
         quick: fewer repetitions.
     """
-    from dexgrasp_env.robot.cell import default_cell
-    from dexgrasp_env.sensing.perception import Perception
-
     repeats = 5 if quick else 31
     model, data, _ = _scene(OBJECT, np.random.default_rng(0), 0)
     perception, rng = Perception(model, default_cell().make_cameras()), np.random.default_rng(1)
@@ -66,8 +80,6 @@ def accuracy(
         objects: names or sets of the catalogue.
         seed: of poses and sensor.
     """
-    from dexgrasp_env.objects.load import resolve_targets
-
     rows = {
         name: [_observation(name, pose, sensor, seed + index) for pose in range(poses)]
         for index, name in enumerate(resolve_targets(list(objects)))
@@ -77,12 +89,6 @@ def accuracy(
 
 
 def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) -> dict[str, Any]:
-    from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
-    from dexgrasp_env.poses import pose_matrix
-    from dexgrasp_env.robot.cell import default_cell
-    from dexgrasp_env.sensing.groups import VISUAL_GROUPS
-    from dexgrasp_env.sensing.perception import Perception
-
     rng = np.random.default_rng((seed, pose))
     model, data, shape = _scene(name, rng, pose)
     perception = Perception(model, default_cell().make_cameras(), sensor=sensor)
@@ -116,14 +122,6 @@ def _scene(
     name: str, rng: np.random.Generator, pose: int
 ) -> tuple[mujoco.MjModel, mujoco.MjData, ObjectModel]:
     """Return a scene, the robot at home and the object at rest: pose n takes its n-th rest pose."""
-    import mujoco
-
-    from dexgrasp_env.objects.load import load_object
-    from dexgrasp_env.objects.rest_poses import rest_poses
-    from dexgrasp_env.robot.cell import default_cell
-    from dexgrasp_env.scene.build import build_scene
-    from dexgrasp_env.tasks.placement import Placement
-
     shape = load_object(name)
     rest = "likely" if shape.fixed_pose is not None else pose % len(rest_poses(shape))
     cell = default_cell()
@@ -137,20 +135,6 @@ def _scene(
 
 def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> dict[str, Callable[[], object]]:
     """Return each step as a call on the results of the steps before it."""
-    from dexgrasp.shape.hull import cloud_hull
-    from dexgrasp_env.perception.cloud import (
-        crop,
-        downsample,
-        gather,
-        largest_cluster,
-        remove_flying,
-        remove_outliers,
-    )
-    from dexgrasp_env.perception.level import level_views, view_corrections
-    from dexgrasp_env.perception.normals import smooth
-    from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
-    from dexgrasp_env.perception.robot import remove_robot
-
     s, cameras = perception.settings, perception.believed
     depths = perception.measure(data, rng)
     everything = gather(remove_flying(depths), cameras)
@@ -189,10 +173,6 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
 
 
 def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:
-    import mujoco
-
-    from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
-
     mask = group_mask(VISUAL_GROUPS)
     casts = [
         (c.position, (c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel())

@@ -14,6 +14,7 @@ from tqdm import tqdm
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.benchmarks.timing import spread_of
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.file import record_of
 from dexgrasp.verify.verify import verify
@@ -69,9 +70,8 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
 def _figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
     found = [row for row in rows if row["failure"] is None]
     good = [row for row in found if not row["broken"] and row["seconds"] <= _LIMIT]
-    seconds = np.array([row["seconds"] for row in rows])
+    seconds = [row["seconds"] for row in rows]
     stages = sorted({stage for row in found for stage in row["stages"]})
-    failures = [row["failure"] for row in rows if row["failure"]]
     return {
         "plans": len(rows),
         "verified within 2 s": {"share": len(good) / len(rows), "ci95": list(wilson_interval(len(good), len(rows)))},
@@ -79,24 +79,13 @@ def _figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
             "share": (sum(not row["broken"] for row in found) / len(found)) if found else 0.0, "of": len(found),
         },
         "broken": dict(Counter(name for row in found for name in row["broken"])),
-        "failures": {reason: failures.count(reason) for reason in set(failures)},
-        "seconds": _quantiles(seconds),
-        "cpu seconds": _quantiles(np.array([row["cpu"] for row in rows])),
+        "failures": dict(Counter(row["failure"] for row in rows if row["failure"])),
+        "seconds": spread_of(seconds),
+        "cpu seconds": spread_of([row["cpu"] for row in rows]),
         "stages, median ms": {
             s: 1000.0 * float(np.median([row["stages"].get(s, 0.0) for row in found])) for s in stages
         },
-        "closure margin": _quantiles(np.array([row["margin"] for row in found])) if found else {},
-        "postures tried": _quantiles(np.array([row["tried"] for row in found])) if found else {},
+        "closure margin": spread_of([row["margin"] for row in found]),
+        "postures tried": spread_of([row["tried"] for row in found]),
         "paper's median over ours": PAPER_SECONDS / float(np.median(seconds)),
-    }  # fmt: skip
-
-
-def _quantiles(values: np.ndarray) -> dict[str, Any]:
-    """Median with a bootstrap interval, and the 90th percentile."""
-    rng = np.random.default_rng(0)
-    medians = np.median(rng.choice(values, (2000, len(values))), axis=1)
-    low, high = np.percentile(medians, [2.5, 97.5])
-    return {
-        "median": float(np.median(values)), "ci95": [float(low), float(high)],
-        "p90": float(np.percentile(values, 90)), "max": float(values.max()),
     }  # fmt: skip

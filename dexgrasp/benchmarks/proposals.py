@@ -5,13 +5,20 @@ Every source serves the same planner on the same perceived hulls, without planni
 
 import time
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import Any
 
+import gymnasium as gym
 import numpy as np
 from numpy.random import Generator
 
+import dexgrasp_env  # noqa: F401  (registers the environment)
+from dexgrasp.benchmarks.timing import spread_of
 from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.grasp.content import planned_record
 from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.kinematics.forward import body_frames
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
@@ -22,8 +29,10 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp.verify.verify import UNEXECUTED, verify
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.robot.cell import default_cell
 
 SETS = ("seen", "familiar", "novel")
 _SINGLE = 100  # proposals an object for `each_feasible`
@@ -61,8 +70,8 @@ def run(quick: bool = False) -> dict[str, Any]:
     """Measure all sources on seen, familiar and novel objects.
 
     Returns:
-        By set and source: `trials`, `verified` with its interval, medians of `tried` and `seconds` with bootstrap
-        intervals, of the closure `margin` and of Ferrari and Canny's `epsilon` [N], `each_feasible` (single
+        By set and source: `trials`, `verified` with its interval, medians with bootstrap intervals of `tried`,
+        `seconds`, the closure `margin` and Ferrari and Canny's `epsilon` [N], `each_feasible` (single
         proposals that become feasible), and over the verified grasps of one scene the mean distance of contact
         centroids (`spread_cm`) and the mean angle between palms (`palm_degrees`).
     """
@@ -95,11 +104,8 @@ def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> 
     found = source.propose(target, settings, rng)
     if found.failure:
         return 0.0
-    order = (
-        np.tile(np.arange(3), (len(found.contacts), 1))
-        if found.assigned
-        else rng.permuted(np.tile(np.arange(3), (len(found.contacts), 1)), axis=1)
-    )
+    order = np.tile(np.arange(3), (len(found.contacts), 1))
+    order = order if found.assigned else rng.permuted(order, axis=1)
     contacts, normals = (
         np.take_along_axis(a, order[:, :, None], axis=1) for a in (found.contacts, found.normals)
     )
@@ -111,20 +117,9 @@ def _feasible(planner: Planner, source: ProposalSource, target: GraspTarget) -> 
 
 def _perceived(name: str, seed: int) -> GraspTarget | None:
     """Return the hull of an object as the depth cameras see it."""
-    import gymnasium as gym
-
-    import dexgrasp_env  # noqa: F401
-
-    env = gym.make(
-        "DexGrasp/Lift-v2",
-        objects=name,
-        obs_mode="pointcloud",
-        control_mode="joint_position",
-        observe="reset",
-    )
+    env = gym.make("DexGrasp/Lift-v2", objects=name, obs_mode="pointcloud", observe="reset")
     try:
-        observation, _ = env.reset(seed=seed)
-        return target_of(Scene.of_observation(observation))
+        return target_of(Scene.of_observation(env.reset(seed=seed)[0]))
     except NoTarget:
         return None
     finally:
@@ -141,56 +136,31 @@ def _attempt(planner: Planner, scene: str, target: GraspTarget, seed: int) -> At
 
 
 def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> bool:
-    from dexgrasp.grasp.content import planned_record
-    from dexgrasp.verify.verify import UNEXECUTED, verify
-
     record = planned_record("hull", grasp, target, settings)
     return all(check.holds for check in verify(record, UNEXECUTED))
 
 
 def _figures(attempts: list[Attempt]) -> dict[str, Any]:
-    good = [a for a in attempts if a.verified]
-    low, high = wilson_interval(len(good), len(attempts))
+    good, mu = [a for a in attempts if a.verified], PlannerSettings().friction
     spread, angle = _diversity(good)
     return {
-        "trials": len(attempts), "verified": len(good) / len(attempts), "verified_low": low, "verified_high": high,
-        **_median("tried", [a.tried for a in good]), **_median("seconds", [a.seconds for a in good]),
-        **_median("margin", [a.grasp.certificate.closure_margin for a in good if a.grasp]),
-        **_median("epsilon", [_epsilon(a.grasp) for a in good if a.grasp]),
+        "trials": len(attempts), "verified": len(good) / len(attempts),
+        "verified_ci95": list(wilson_interval(len(good), len(attempts))),
+        "tried": spread_of([a.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
+        "margin": spread_of([a.grasp.certificate.closure_margin for a in good if a.grasp]),
+        "epsilon": spread_of([ferrari_canny(a.grasp.contacts, a.grasp.normals, mu) for a in good if a.grasp]),
         "mean_tried": float(np.mean([a.tried for a in attempts])),
         "proposal_seconds": float(np.median([a.proposal_seconds for a in attempts])),
         "spread_cm": spread, "palm_degrees": angle,
     }  # fmt: skip
 
 
-def _epsilon(grasp: Grasp) -> float:
-    return ferrari_canny(grasp.contacts, grasp.normals, PlannerSettings().friction)
-
-
-def _median(name: str, values: list[float]) -> dict[str, float | None]:
-    """Return the median with its 95 % bootstrap interval."""
-    if not values:
-        return {name: None, f"{name}_low": None, f"{name}_high": None}
-    drawn = np.random.default_rng(0).choice(np.asarray(values, float), (2000, len(values)))
-    low, high = np.quantile(np.median(drawn, axis=1), [0.025, 0.975])
-    return {name: float(np.median(values)), f"{name}_low": float(low), f"{name}_high": float(high)}
-
-
 def _diversity(good: list[Attempt]) -> tuple[float | None, float | None]:
     """Return mean distances, cm and degrees, between verified grasps of the same scene."""
-    from dexgrasp.kinematics.forward import body_frames
-    from dexgrasp.kinematics.tree import robot_tree
-    from dexgrasp_env.robot.cell import default_cell
-
     tree, spreads, angles = robot_tree(default_cell()), [], []
-    for scene in {a.scene for a in good}:
-        grasps = [a.grasp for a in good if a.scene == scene and a.grasp is not None]
-        palms = [body_frames(g.q, tree)[0][tree.palm] for g in grasps]
-        for i in range(len(grasps)):
-            for j in range(i):
-                spreads.append(
-                    100.0 * np.linalg.norm(grasps[i].contacts.mean(0) - grasps[j].contacts.mean(0))
-                )
-                cosine = 0.5 * (np.trace(palms[i].T @ palms[j]) - 1.0)
-                angles.append(np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))))
+    for a, b in combinations(good, 2):
+        if a.scene == b.scene and a.grasp and b.grasp:
+            spreads.append(100.0 * np.linalg.norm(a.grasp.contacts.mean(0) - b.grasp.contacts.mean(0)))
+            R_a, R_b = (body_frames(grasp.q, tree)[0][tree.palm] for grasp in (a.grasp, b.grasp))
+            angles.append(np.degrees(np.arccos(np.clip(0.5 * (np.trace(R_a.T @ R_b) - 1.0), -1.0, 1.0))))
     return (float(np.mean(spreads)), float(np.mean(angles))) if spreads else (None, None)

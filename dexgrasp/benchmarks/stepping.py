@@ -5,9 +5,7 @@ contacts; that both end in the same states is checked. They take turns every few
 both, and medians over many rounds count.
 """
 
-import importlib.util
 import itertools
-import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -27,7 +25,6 @@ _ID = "DexGrasp/Lift-v2"
 _TURN = 5  # control steps
 _ENVS = 16
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
-_PEERS = ("AdroitHandRelocate-v1", "HandManipulateBlock-v1", "FetchPickAndPlace-v4")
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ class Recording:
 
 
 def run(quick: bool = False) -> dict[str, Any]:
-    """Return raw / environment time by object and motion, of the vector environment, and beside other ones.
+    """Return raw / environment time by object and motion, of the vector environment, and beside Gymnasium's.
 
     `random` moves all joints at random; `grasp` reaches for the object, closes the hand on it and lifts.
 
@@ -80,11 +77,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         "all": {"ratio": float(np.median(ratios)), "least_ratio": min(ratios)},
         f"vector, {_ENVS} environments, 1 thread": many,
         f"wall steps a second, {_ENVS} environments": _beside_wrappers(objects, 3 if quick else 9),
-        **_peers(rounds),
     }
-
-
-# -- recording --------------------------------------------------------------------------------------------------
 
 
 def _record_random(name: str, steps: int) -> Recording:
@@ -157,9 +150,6 @@ def _ramp(start: Array, end: Array) -> Array:
     return rows
 
 
-# -- taking turns -----------------------------------------------------------------------------------------------
-
-
 def _compare(recording: Recording, rounds: int) -> dict[str, float]:
     times = np.array([_round(recording) for _ in range(rounds)])
     env, raw = np.median(times, axis=0)
@@ -221,9 +211,6 @@ def _run_raw(models: list[mujoco.MjModel], datas: list[mujoco.MjData], controls:
                 step(model, data)
 
 
-# -- beside others ----------------------------------------------------------------------------------------------
-
-
 def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:
     """Steps a second by the clock of the native environment on all cores and of Gymnasium's two, taking turns."""
     kinds = {"native": None, "SyncVectorEnv": "sync", "AsyncVectorEnv": "async"}
@@ -244,41 +231,3 @@ def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:
     for each in envs.values():
         each.close()
     return {name: _TURN * _ENVS / float(np.median(times)) for name, times in seconds.items()}
-
-
-def _peers(rounds: int) -> dict[str, Any]:
-    """The same ratio of gymnasium-robotics' environments, where that is installed."""
-    if importlib.util.find_spec("gymnasium_robotics") is None:
-        return {}
-    import gymnasium_robotics
-
-    gym.register_envs(gymnasium_robotics)
-    ratios = {}
-    for name in _PEERS:
-        try:
-            ratios[f"peer, {name}"] = {"ratio": _peer(name, rounds)}
-        except Exception as error:  # their code on our MuJoCo: one that fails is left out and named
-            print(f"{name} does not run here: {type(error).__name__}", file=sys.stderr)
-    return ratios
-
-
-def _peer(name: str, rounds: int) -> float:
-    env = gym.make(name, disable_env_checker=True)
-    inner: Any = env.unwrapped
-    rng, ratios = np.random.default_rng(0), []
-    substeps = getattr(inner, "n_substeps", None) or inner.frame_skip
-    data = mujoco.MjData(inner.model)
-    state = np.zeros(mujoco.mj_stateSize(inner.model, _STATE))
-    for _ in range(rounds):
-        env.reset(seed=0)
-        times = [0.0, 0.0]
-        for _ in range(40):
-            action = 0.3 * env.action_space.sample()
-            mujoco.mj_getState(inner.model, inner.data, state, _STATE)
-            times[0] += _cpu_seconds(env.step, action)
-            mujoco.mj_setState(inner.model, data, state, _STATE)
-            data.ctrl[:] = inner.data.ctrl
-            times[1] += _cpu_seconds(mujoco.mj_step, inner.model, data, substeps)
-        ratios.append(times[1] / times[0])
-        env.action_space.seed(int(rng.integers(2**31)))
-    return float(np.median(ratios))

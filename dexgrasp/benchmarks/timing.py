@@ -1,7 +1,7 @@
-"""How long calls take."""
+"""How long calls take, and how figures spread."""
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -16,3 +16,16 @@ def seconds_of(call: Callable[[], object], repeats: int) -> Array:
         call()
         times[k] = time.perf_counter() - start
     return times
+
+
+def spread_of(values: Sequence[float] | Array) -> dict[str, float | list[float]]:
+    """Return the median with its 95 % bootstrap interval, the 90th percentile and the most; {} without values."""
+    if not len(values):
+        return {}
+    drawn = np.random.default_rng(0).choice(np.asarray(values, dtype=float), (2000, len(values)))
+    return {
+        "median": float(np.median(values)),
+        "ci95": np.quantile(np.median(drawn, axis=1), [0.025, 0.975]).tolist(),
+        "p90": float(np.quantile(values, 0.9)),
+        "max": float(np.max(values)),
+    }

@@ -16,6 +16,11 @@ Row = Mapping[str, Any]
 Pairs = Sequence[tuple[Row, Row]]
 """Trials of two agents on the same scenes."""
 
+_SCENE = ("protocol", "object", "trial", "scene_seed")
+"""What makes two trials the same scene."""
+_PLAYED = ("success", "steps", "total_reward", "height", "slip", "tilt")
+"""What two trials of an agent on the same object and seed have in common if their protocols changed nothing for it."""
+
 
 def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
     """Compare two agents of evaluations on the scenes that both have tried.
@@ -30,13 +35,13 @@ def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
         InputError: if a folder holds no evaluation, or none a trial of one of the agents.
     """
     rows = [row for folder in folders for row in judged(read_rows(folder))]
-    names = list(dict.fromkeys(row["agent"] for row in rows))
+    run, names = " ".join(map(str, folders)), list(dict.fromkeys(row["agent"] for row in rows))
     for name in (a, b):
         if name not in names:
-            raise unknown_name(f"agent of {' '.join(map(str, folders))}", name, names)
+            raise unknown_name(f"agent of {run}", name, names)
     if a == b:
         raise InputError(f"{a} against itself: name two of {', '.join(names)}")
-    return {"schema": 1, "run": " ".join(map(str, folders)), "a": a, "b": b, **compare_rows(rows, a, b)}
+    return {"schema": 1, "run": run, "a": a, "b": b, **compare_rows(rows, a, b)}
 
 
 def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
@@ -45,18 +50,15 @@ def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
     every = [(first[scene], second[scene]) for scene in first if scene in second]
     pairs = list({(_trial(x), _trial(y)): (x, y) for x, y in reversed(every)}.values())[::-1]
     by_object, by_protocol = _grouped(pairs, "object"), _grouped(every, "protocol")
-    sets = {
-        name: [pair for member in members for pair in by_object[member]]
-        for name, members in present_sets(list(by_object)).items()
-    }
-    several = {"by_protocol": _each(by_protocol)} if len(by_protocol) > 1 else {}
+    sets = present_sets(list(by_object))
+    by_set = {name: [pair for own in members for pair in by_object[own]] for name, members in sets.items()}
     return {
         **_statistics(pairs),
         "repeated": len(every) - len(pairs),
-        "by_set": _each(sets),
+        "by_set": _each(by_set),
         "by_object": _each(by_object),
-        **several,
-        "discordant": [_discordant(p, a, b) for p in pairs if p[0]["success"] != p[1]["success"]],
+        **({"by_protocol": _each(by_protocol)} if len(by_protocol) > 1 else {}),
+        "discordant": [_discordant(x, y) for x, y in pairs if x["success"] != y["success"]],
     }
 
 
@@ -72,23 +74,19 @@ def _each(groups: Mapping[Any, Pairs]) -> dict[Any, dict[str, Any]]:
 
 
 def _scene(row: Row) -> tuple[object, ...]:
-    """What makes two trials the same scene."""
-    return row.get("protocol"), row["object"], row["trial"], row.get("scene_seed")
+    return tuple(map(row.get, _SCENE))
 
 
 def _trial(row: Row) -> tuple[object, ...]:
     """What makes two trials of an agent the same: the scene and, under any protocol, every number that came of it."""
-    played = [row.get(key) for key in ("success", "steps", "total_reward", "height", "slip", "tilt")]
-    return row["object"], row["trial"], row.get("scene_seed"), *(_scene(row) if None in played else played)
+    played = tuple(map(row.get, _PLAYED))
+    return _scene(row) if None in played else (*_scene(row)[1:], *played)
 
 
 def _statistics(pairs: Pairs) -> dict[str, Any]:
     """Return counts, rates, difference with intervals, the exact test and the sequential test's capital."""
     firsts, seconds = [x for x, _ in pairs], [y for _, y in pairs]
-    won: list[dict[object, bool]] = [
-        {i: bool(row["success"]) for i, row in enumerate(rows)} for rows in (firsts, seconds)
-    ]
-    counts = mcnemar(won[0], won[1])
+    counts = mcnemar((x["success"], y["success"]) for x, y in pairs)
     both, only_a, only_b, neither = (int(counts[key]) for key in ("both", "only_a", "only_b", "neither"))
     n = max(len(pairs), 1)
     return {
@@ -103,44 +101,44 @@ def _statistics(pairs: Pairs) -> dict[str, Any]:
     }
 
 
-def _discordant(pair: tuple[Row, Row], a: str, b: str) -> dict[str, Any]:
+def _discordant(x: Row, y: Row) -> dict[str, Any]:
     """One scene that one alone solved, and why the other did not."""
-    solved, failed = (a, pair[1]) if pair[0]["success"] else (b, pair[0])
-    keys = ("protocol", "object", "trial", "scene_seed")
-    return {
-        **{k: failed[k] for k in keys if k in failed},
-        "solved_by": solved,
-        "reason_of_the_other": failed["reason"],
-    }
+    solved, failed = (x, y) if x["success"] else (y, x)
+    scene = {key: failed[key] for key in _SCENE if key in failed}
+    return scene | {"solved_by": solved["agent"], "reason_of_the_other": failed["reason"]}
 
 
 def render_comparison(content: Mapping[str, Any]) -> str:
     """Return the comparison as tables for a terminal."""
     a, b = content["a"], content["b"]
-    rows = [["all", *_cells(content)]]
-    for group in ("by_protocol", "by_set", "by_object"):
-        rows += [
-            [name, *_cells(cell)]
-            for name, cell in content.get(group, {}).items()
-            if group != "by_object" or cell["only_a"] + cell["only_b"]
+    groups = [("all", content)]
+    for key in ("by_protocol", "by_set", "by_object"):
+        own = content.get(key, {}).items()
+        groups += [
+            (name, cell) for name, cell in own if key != "by_object" or cell["only_a"] + cell["only_b"]
         ]
+    rows = [
+        [
+            name, str(cell["scenes"]), f"{cell['rate_a']:.1%}", f"{cell['rate_b']:.1%}", *difference_words(cell),
+            str(cell["only_a"]), str(cell["only_b"]), f"{cell['p_value']:.3g}",
+        ]
+        for name, cell in groups
+    ]  # fmt: skip
     header = ("", "scenes", a, b, "difference", "95 %", f"{a} alone", f"{b} alone", "p")
     parts = [text_table(header, rows), _sentence(content)]
     if content["discordant"]:
         keys = ("object", "trial", "scene_seed", "solved_by", "reason_of_the_other")
-        lines = [
-            [str(d.get(key) if d.get(key) is not None else "") for key in keys] for d in content["discordant"]
+        scenes = [
+            ["" if own.get(key) is None else str(own[key]) for key in keys] for own in content["discordant"]
         ]
-        parts.append(left_table(("object", "trial", "scene seed", "solved by", "why not the other"), lines))
+        parts.append(left_table(("object", "trial", "scene seed", "solved by", "why not the other"), scenes))
     return "\n\n".join(parts)
 
 
-def _cells(cell: Mapping[str, Any]) -> list[str]:
+def difference_words(cell: Mapping[str, Any]) -> tuple[str, str]:
+    """Return a difference and its interval, points of a hundred, as people read them."""
     low, high = cell["ci95"]
-    return [
-        str(cell["scenes"]), f"{cell['rate_a']:.1%}", f"{cell['rate_b']:.1%}", f"{100 * cell['difference']:+.1f}",
-        f"[{100 * low:+.0f}, {100 * high:+.0f}]", str(cell["only_a"]), str(cell["only_b"]), f"{cell['p_value']:.3g}",
-    ]  # fmt: skip
+    return f"{100 * cell['difference']:+.1f}", f"[{100 * low:+.0f}, {100 * high:+.0f}]"
 
 
 def _sentence(content: Mapping[str, Any]) -> str:
@@ -148,15 +146,13 @@ def _sentence(content: Mapping[str, Any]) -> str:
     if not content["scenes"]:
         return f"{a} and {b} have no scene in common."
     better, worse = (a, b) if content["difference"] > 0 else (b, a)
-    verdict = "these scenes show no difference"
-    if content["p_value"] <= 0.05:
-        verdict = f"{better} solves more of these scenes than {worse}"
-    repeated = content["repeated"]
-    again = (
-        f" {repeated} trials repeat others: their protocols change nothing for these two." if repeated else ""
-    )
-    return (
+    verdict = f"{better} solves more of these scenes than {worse}"
+    if content["p_value"] > 0.05:
+        verdict = "these scenes show no difference"
+    text = (
         f"Exact McNemar test, two-sided: p = {content['p_value']:.3g}: {verdict}. For new objects like these the "
         f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew). Evidence that may be looked "
-        f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %).{again}"
+        f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %)."
     )
+    repeated = f" {content['repeated']} trials repeat others: their protocols change nothing for these two."
+    return text + (repeated if content["repeated"] else "")

@@ -1,5 +1,6 @@
 """How many trials it takes to see a difference, before they are run."""
 
+from bisect import bisect_left
 from collections.abc import Callable, Mapping
 from typing import Any
 
@@ -9,7 +10,8 @@ from scipy.stats import binom
 
 from dexgrasp_env.errors import InputError
 
-_MOST = 200_000
+_SCENES = tuple(2**k for k in range(3, 18))
+"""What the search for enough scenes tries first."""
 
 
 def unpaired_trials(rate: float, difference: float, *, power: float = 0.8, level: float = 0.05) -> int:
@@ -108,15 +110,10 @@ def _check(rate: float, difference: float) -> None:
 
 def _least(enough: Callable[[int], bool]) -> int:
     """Return the least n from which on it is enough; power of an exact test wobbles by steps of a few scenes."""
-    high = 8
-    while not enough(high):
-        high *= 2
-        if high > _MOST:
-            raise InputError(f"more than {_MOST} scenes would be needed: ask for a larger difference")
-    low = high // 2
-    while high - low > 1:
-        middle = (low + high) // 2
-        low, high = (low, middle) if enough(middle) else (middle, high)
-    while not all(enough(high + step) for step in range(6)):
-        high += 1
-    return high
+    high = next((n for n in _SCENES if enough(n)), None)
+    if high is None:
+        raise InputError(f"more than {_SCENES[-1]} scenes would be needed: ask for a larger difference")
+    least = bisect_left(range(high), True, lo=high // 2, key=enough)
+    while not all(enough(least + step) for step in range(6)):
+        least += 1
+    return least

@@ -6,8 +6,10 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+import yaml
 
 from dexgrasp.agent import Agent
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
 
@@ -21,15 +23,15 @@ class Protocol:
 
     Attributes:
         name: what summaries call it.
-        env_id: the registered environment; its time limit and success criterion apply.
-        scene: settings of `gym.make` that make the scenes.
         description: one line for people.
+        scene: settings of `gym.make` that make the scenes.
+        env_id: the registered environment; its time limit and success criterion apply.
     """
 
     name: str
-    env_id: str
+    description: str
     scene: Mapping[str, Any] = field(default_factory=dict)
-    description: str = ""
+    env_id: str = "DexGrasp/Lift-v2"
 
     @property
     def places(self) -> bool:
@@ -39,53 +41,17 @@ class Protocol:
 
 DEFAULT_PROTOCOL = "lift"
 
-_LIFT = "DexGrasp/Lift-v2"
-_LIMIT = 300  # control steps of an episode; a disturbance adds its own
-_PUSHED, _SHAKEN = 80, 40  # control steps that pushes and shaking take
-
-
-def _disturbed(kind: str, steps: int, size: float = 1.0) -> dict[str, Any]:
-    """Settings of a scene in which the held object is disturbed, at a friction of 0.5."""
-    return {"friction": 0.5, "disturbance": {"kind": kind, "size": size}, "max_episode_steps": _LIMIT + steps}
-
+_CONTENT: dict[str, Any] = yaml.safe_load(asset_path("protocols.yaml").read_text())
 
 PROTOCOLS: dict[str, Protocol] = {
-    protocol.name: protocol
-    for protocol in (
-        Protocol("lift", _LIFT, {}, "the environment as registered: 15 s, lift 10 cm, hold 3 s, friction 0.7"),
-        Protocol("upright", _LIFT, {"presentation": "upright"}, "standing as built where that is stable, else at rest"),
-        Protocol("slippery@0.5", _LIFT, {"friction": 0.5}, "friction 0.5"),
-        Protocol("slippery@0.35", _LIFT, {"friction": 0.35}, "friction 0.35"),
-        Protocol("heavy", _LIFT, {"mass": 1.5}, "1.5 times the mass"),
-        Protocol(
-            "pushed@0.5", _LIFT, _disturbed("pushed", _PUSHED, 0.5),
-            "friction 0.5; once held, pushed 0.5 s along +-x, +-y, +-z by half the object's weight, then held 3 s",
-        ),
-        Protocol(
-            "pushed@1", _LIFT, _disturbed("pushed", _PUSHED, 1.0),
-            "the same by its whole weight; a failure where pushed@0.5 was one",
-        ),
-        Protocol(
-            "shaken", _LIFT, _disturbed("shaken", _SHAKEN),
-            "friction 0.5; once held, shaken for 2 s by joints 1 and 4 of the arm, then held 3 s",
-        ),
-        Protocol("one_view", _LIFT, {"views": 1}, "one camera, drawn by the scene's seed"),
-        Protocol(
-            "miscalibrated", _LIFT, {"calibration": {"position": 0.010, "rotation": float(np.radians(2.0))}},
-            "all cameras off by the same 10 mm in a random direction, and 2 deg about a random axis at the table",
-        ),
-        Protocol("place", "DexGrasp/Place-v2", {}, "brought to a goal: held in the air, or put down and let go; 1 s"),
-    )
-}  # fmt: skip
+    name: Protocol(name, **words) for name, words in _CONTENT["protocols"].items()
+}
 """Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""
 
-GROUPS: dict[str, tuple[str, ...]] = {
-    "slippery": ("slippery@0.5", "slippery@0.35"),
-    "pushed": ("pushed@0.5", "pushed@1"),
-}
+GROUPS: dict[str, tuple[str, ...]] = {name: tuple(own) for name, own in _CONTENT["groups"].items()}
 """Protocols of two parts; the rate is the mean of the parts' rates."""
 
-ROBUST = ("lift", "upright", "slippery", "heavy", "pushed", "shaken", "one_view", "miscalibrated")
+ROBUST: tuple[str, ...] = tuple(_CONTENT["robust"])
 """What `robust` is the mean of."""
 
 

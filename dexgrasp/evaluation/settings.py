@@ -1,12 +1,12 @@
 """What an evaluation is of: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
 
 import hashlib
-import importlib.util
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
+import dexgrasp_env
 from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL, get_protocol, parts
 from dexgrasp.registry import agent_files, agent_source
 from dexgrasp.runs.versions import package_versions
@@ -156,20 +156,14 @@ def code_hash(agents: Sequence[str] = ()) -> str:
 
     Assets are weights, the robot's description and shells, and rest poses; not what only people read.
     """
-    roots = [_package_folder(name) for name in ("dexgrasp", "dexgrasp.agents", "dexgrasp_env")]
+    library = Path(__file__).parents[1]
+    roots = (library, library / "agents", Path(dexgrasp_env.__file__).parent)
     files = sorted({path.resolve() for root in roots for path in root.rglob("*.py")})
     digest = hashlib.sha256()
     assets = sorted(path for path in asset_path().rglob("*") if path.is_file() and path.suffix != ".md")
     for path in [*files, *assets, *filter(None, map(agent_source, agents))]:
         digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()[:16]
-
-
-def _package_folder(name: str) -> Path:
-    spec = importlib.util.find_spec(name)
-    if spec is None or spec.origin is None:
-        raise InputError(f"package {name} is not installed")
-    return Path(spec.origin).parent
 
 
 def _file_hash(path: Path) -> str:

@@ -4,7 +4,8 @@ Trials on the same object are not independent: what is claimed for new objects r
 interval comes from drawing objects, not trials.
 """
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.special import comb
@@ -41,25 +42,19 @@ def quantiles(values: Sequence[float], **named: float) -> dict[str, float]:
     return {name: float(np.quantile(np.asarray(values, dtype=float), level)) for name, level in named.items()}
 
 
-def mcnemar(a: Mapping[object, bool], b: Mapping[object, bool]) -> dict[str, float | int]:
-    """Compare two agents on the scenes that both have tried.
-
-    Args:
-        a: scene -> success of the first.
-        b: scene -> success of the second.
+def mcnemar(outcomes: Iterable[tuple[bool, bool]]) -> dict[str, float | int]:
+    """Compare two agents on the same scenes, of which `outcomes` are the successes of the first and of the second.
 
     Returns:
         Counts both, only_a, only_b, neither, and p_value of the exact two-sided McNemar test: how likely so uneven a
         split of the scenes that only one of them solved is if both are equally good.
     """
-    scenes = [key for key in a if key in b]
-    only_a = sum(a[key] and not b[key] for key in scenes)
-    only_b = sum(b[key] and not a[key] for key in scenes)
-    both = sum(a[key] and b[key] for key in scenes)
-    discordant = only_a + only_b
+    found = Counter((bool(a), bool(b)) for a, b in outcomes)
+    only_a, only_b = found[True, False], found[False, True]
+    p_value = float(binomtest(only_a, only_a + only_b, 0.5).pvalue) if only_a + only_b else 1.0
     return {
-        "both": both, "only_a": only_a, "only_b": only_b, "neither": len(scenes) - both - discordant,
-        "p_value": float(binomtest(only_a, discordant, 0.5).pvalue) if discordant else 1.0,
+        "both": found[True, True], "only_a": only_a, "only_b": only_b, "neither": found[False, False],
+        "p_value": p_value,
     }  # fmt: skip
 
 

@@ -45,6 +45,10 @@ def summarise(
     rows = judged([row for row in rows if stopped_after is None or row["trial"] < stopped_after])
     ordered = sorted(rows, key=lambda row: (row["object"], row["trial"]))
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
+    won = {
+        agent: {(row.get("protocol"), row["object"], row["trial"]): row["success"] for row in own}
+        for agent, own in by_agent.items()
+    }
     asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
     sequential = {"sequential": {"level": stop_level, "stopped_after": stopped_after}}
     return {
@@ -56,29 +60,24 @@ def summarise(
         **(sequential if stop_level is not None else {}),
         "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
         "paired": [
-            {"a": a, "b": b, **mcnemar(_scenes(by_agent[a]), _scenes(by_agent[b]))}
+            {"a": a, "b": b, **mcnemar((won[a][scene], won[b][scene]) for scene in won[a] if scene in won[b])}
             for a, b in combinations(settings.agents, 2)
         ],
     }
 
 
-def _scenes(rows: Sequence[Row]) -> dict[object, bool]:
-    """Return scene -> success."""
-    return {(row.get("protocol"), row["object"], row["trial"]): row["success"] for row in rows}
-
-
 def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
     """Return one agent's part of the summary."""
     by_object = grouped(rows, "object")
-    sets = {
-        name: [row for row in rows if row["object"] in members]
-        for name, members in present_sets(list(by_object)).items()
-    }
+    members = present_sets(list(by_object))
+    sets = {name: [row for row in rows if row["object"] in own] for name, own in members.items()}
     by_protocol = {name: own for name, own in grouped(rows, "protocol").items() if name}  # 0.1.0 named none
     counts = object_counts(rows)
+    within = {str(tries): success_within(counts, tries) for tries in _TRIES}
+    constraints = {name: own for name, of in sets.items() if (own := _constraints(of))}
     return {
         **count(rows),
-        "within_tries": {str(k): p for k in _TRIES if (p := success_within(counts, k)) is not None},
+        "within_tries": {tries: chance for tries, chance in within.items() if chance is not None},
         "by_set": {name: count(own) for name, own in sets.items()},
         "by_object": {name: bare_count(own) for name, own in by_object.items()},
         "by_protocol": protocol_counts(by_protocol),
@@ -87,7 +86,7 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
         "mean_return": _mean(rows, "total_reward"),
         "mean_length": _mean(rows, "steps"),
         "stable": sum(row["stable"] and row["success"] for row in rows),
-        "constraints": _by_set_constraints(rows, sets),
+        "constraints": _constraints(rows) | ({"by_set": constraints} if constraints else {}),
         "stages": {name: found for name, own in {"overall": rows, **sets}.items() if (found := _stages(own))},
     }
 
@@ -145,33 +144,27 @@ def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
     return {name: members for name, members in sets.items() if members}
 
 
-def _by_set_constraints(rows: Sequence[Row], sets: Mapping[str, Sequence[Row]]) -> dict[str, Any]:
-    """Return what the grasps' certificates say, over all and by set (Tables 4 and 5); {} without certificates."""
-    overall = _constraints(rows)
-    by_set = {name: found for name, own in sets.items() if (found := _constraints(own))}
-    return {**overall, "by_set": by_set} if overall else {}
-
-
 def _constraints(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return what the grasps' certificates say (Tables 4 and 5); {} without certificates."""
     certificates = [own for row in rows if (own := row["details"].get("certificate"))]
     if not certificates:
         return {}
-    content: dict[str, Any] = {
+    columns = {
+        "distance_cm": [d for own in certificates for d in own.get("distances_cm") or [] if d is not None]
+    }
+    columns |= {key: _known(certificates, key) for key in (*_RATIOS, *_MARGINS)}
+    spreads = {key: quantiles(own, **_QUARTILES, min=0.0, max=1.0) for key, own in columns.items() if own}
+    if spread := spreads.get("distance_cm"):
+        low, high = DISTANCE_BOUNDS_CM
+        violation = max(0.0, low - spread["min"], spread["max"] - high)
+        spreads["distance_cm"] = {key: spread[key] for key in ("median", "min", "max")} | {
+            "max_violation": violation
+        }
+    return {
         "grasps": len(certificates),
         "hold": sum(bool(own.get("holds")) for own in certificates),
+        **spreads,
     }
-    distances = [d for own in certificates for d in own.get("distances_cm") or [] if d is not None]
-    if distances:
-        low, high = DISTANCE_BOUNDS_CM
-        spread = quantiles(distances, median=0.5, min=0.0, max=1.0)
-        content["distance_cm"] = spread | {
-            "max_violation": max(0.0, low - spread["min"], spread["max"] - high)
-        }
-    for key in (*_RATIOS, *_MARGINS):
-        values = _known(certificates, key)
-        if values:
-            content[key] = quantiles(values, **_QUARTILES, min=0.0, max=1.0)
-    return content
 
 
 def _stages(rows: Sequence[Row]) -> dict[str, Any]:
@@ -180,5 +173,6 @@ def _stages(rows: Sequence[Row]) -> dict[str, Any]:
     for key in ("stage_seconds", "stage_repeats"):
         reports = [row["details"].get(key) or {} for row in rows]
         names = dict.fromkeys(name for report in reports for name in report)
-        found[key] = {name: quantiles(_known(reports, name), **_QUARTILES) for name in names}
-    return {key: stages for key, stages in found.items() if stages}
+        if names:
+            found[key] = {name: quantiles(_known(reports, name), **_QUARTILES) for name in names}
+    return found

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, fibonacci_directions
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.parts import ContactPart, hull_part
@@ -128,15 +128,15 @@ def tetrahedron(edge: float) -> Shape:
     return polyhedron([*base, (0.0, 0.0, edge * float(np.sqrt(2 / 3)))])
 
 
-def spiked_ball(diameter: float, spike: float, radius: float, count: int) -> Shape:
-    """A ball with `count` round-ended rigid spikes, `spike` long and of `radius`; contact is exact."""
+def spiked_ball(diameter: float, spike: float, radius: float) -> Shape:
+    """A ball with 32 round-ended rigid spikes, `spike` long and of `radius`; contact is exact."""
     import trimesh
 
     ball = diameter / 2
     centre = np.array([0.0, 0.0, ball + spike])
     half = (ball / 2 + spike - radius) / 2
     parts, solids = [ContactPart("sphere", np.array([ball, 0, 0]), centre)], []
-    for direction in _spike_directions(count):
+    for direction in _spike_directions():
         quat = _z_to(direction)
         parts.append(
             ContactPart("capsule", np.array([radius, half, 0]), centre + direction * (ball / 2 + half), quat)
@@ -183,14 +183,12 @@ def _block(side: float, low: float, high: float) -> trimesh.Trimesh:
     return trimesh.creation.box((side, side, high - low)).apply_translation([0, 0, (low + high) / 2])
 
 
-def _spike_directions(count: int) -> Array:
-    """Corners (12) or corners and face centres (32) of an icosahedron; else an even spread."""
+def _spike_directions() -> Array:
+    """Corners and face centres (32, 3) of an icosahedron, unit vectors."""
     import trimesh
 
-    if count not in (12, 32):
-        return fibonacci_directions(count)
     ico = trimesh.creation.icosahedron()
-    points = ico.vertices if count == 12 else np.concatenate([ico.vertices, ico.triangles_center])
+    points = np.concatenate([ico.vertices, ico.triangles_center])
     return points / np.linalg.norm(points, axis=-1, keepdims=True)
 
 

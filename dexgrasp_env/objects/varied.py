@@ -96,7 +96,7 @@ _KINDS: tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], di
     }),
     (1.0, shapes.tetrahedron, lambda rng: {"edge": rng.uniform(0.08, 0.12)}),
     (1.0, shapes.spiked_ball, lambda rng: {
-        "diameter": rng.uniform(0.055, 0.085), "spike": rng.uniform(0.004, 0.009), "radius": 0.004, "count": 32,
+        "diameter": rng.uniform(0.055, 0.085), "spike": rng.uniform(0.004, 0.009), "radius": 0.004,
     }),
     (1.0, shapes.brick_tower, lambda rng: {
         "side": rng.uniform(0.03, 0.045), "bricks": (bricks := int(rng.integers(3, 8))),

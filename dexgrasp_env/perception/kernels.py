@@ -42,9 +42,10 @@ def cell_grid(points: Array, size: float) -> tuple[Index, Array, Index, Index]:
 
 @njit(cache=True)
 def neighbours(
-    q: Array, points: Array, radius: float, shape: Index, low: Array, order: Index, start: Index, out: Index
+    q: Array, points: Array, radius: float, grid: tuple[Index, Array, Index, Index], out: Index
 ) -> int:
     """Write into `out` the points within `radius` (at most the cell size) of q; return their number."""
+    shape, low, order, start = grid
     found = 0
     c = np.empty(3, np.int64)
     for a in range(3):
@@ -69,18 +70,18 @@ def neighbours(
 @njit(cache=True)
 def count_neighbours(points: Array, radius: float) -> Index:
     """Return how many other points lie within `radius` of each."""
-    shape, low, order, start = cell_grid(points, radius)
+    grid = cell_grid(points, radius)
     out = np.empty(len(points), np.int64)
     counts = np.empty(len(points), np.int64)
     for i in range(len(points)):
-        counts[i] = neighbours(points[i], points, radius, shape, low, order, start, out) - 1
+        counts[i] = neighbours(points[i], points, radius, grid, out) - 1
     return counts
 
 
 @njit(cache=True)
 def cluster(points: Array, radius: float) -> Index:
     """Return a label for each point; points within `radius` of each other share it."""
-    shape, low, order, start = cell_grid(points, radius)
+    grid = cell_grid(points, radius)
     n = len(points)
     labels = np.full(n, -1, np.int64)
     stack = np.empty(n, np.int64)
@@ -94,7 +95,7 @@ def cluster(points: Array, radius: float) -> Index:
         top = 1
         while top > 0:
             top -= 1
-            found = neighbours(points[stack[top]], points, radius, shape, low, order, start, out)
+            found = neighbours(points[stack[top]], points, radius, grid, out)
             for s in range(found):
                 if labels[out[s]] < 0:
                     labels[out[s]] = label
@@ -143,17 +144,17 @@ def local_planes(
     Returns:
         Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
     """
-    shape, low, order, start = cell_grid(points, radius)
-    wide_shape, wide_low, wide_order, wide_start = cell_grid(points, 2.0 * radius)
+    grid = cell_grid(points, radius)
+    wide = cell_grid(points, 2.0 * radius)
     n = len(queries)
     centres, normals, residuals = queries.copy(), np.zeros((n, 3)), np.zeros(n)
     out = np.empty(len(points), np.int64)
     for k in range(n):
         r = radius
-        found = neighbours(queries[k], points, r, shape, low, order, start, out)
+        found = neighbours(queries[k], points, r, grid, out)
         if found < least:
             r = 2.0 * radius
-            found = neighbours(queries[k], points, r, wide_shape, wide_low, wide_order, wide_start, out)
+            found = neighbours(queries[k], points, r, wide, out)
         if found < 3:
             continue
         total = 0.0

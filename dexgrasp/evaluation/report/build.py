@@ -66,19 +66,15 @@ def contents(folders: Sequence[Path]) -> dict[str, Any]:
     agents = {name: summarise_agent(own) for name, own in rows.items()}
     met = list(dict.fromkeys(row.get("protocol") for own in rows.values() for row in own))
     # Of several protocols the plain lift is the one that the paper's figures are of; others would be averaged into it.
-    plain, where = agents, ""
-    if len(met) > 1 and DEFAULT_PROTOCOL in met:
-        lifts = {
-            name: [r for r in own if r.get("protocol") == DEFAULT_PROTOCOL] for name, own in rows.items()
-        }
-        plain = {name: summarise_agent(own) for name, own in lifts.items() if own}
-        where = f" (protocol {DEFAULT_PROTOCOL})"
+    only = DEFAULT_PROTOCOL if len(met) > 1 and DEFAULT_PROTOCOL in met else None
+    lifts = {name: [row for row in own if only in (None, row.get("protocol"))] for name, own in rows.items()}
+    plain = {name: summarise_agent(own) for name, own in lifts.items() if own}
     counted = list(dict.fromkeys(p for agent in agents.values() for p in agent["by_protocol"]))
     predicted = {name: found for name, own in rows.items() if (found := predictions(own))}
     return {
         "title": "Evaluation of grasping agents",
         "runs": [describe_run(folder) for folder in folders],
-        "where": where,
+        "where": f" (protocol {only})" if only else "",
         "by_set": tables.set_table(plain),
         "tries": tables.tries_table(plain),
         "by_protocol": tables.protocol_table(agents, counted),
@@ -91,10 +87,12 @@ def contents(folders: Sequence[Path]) -> dict[str, Any]:
         "predictions": tables.prediction_table(predicted),
         "constraints": [table for name, agent in agents.items() for table in constraint_tables(name, agent)],
         "figures": {
-            "set": [figures.success_by_set(plain)],
-            "protocol": [figures.success_by_protocol(agents, counted)] if len(counted) > 1 else [],
+            "set": [figures.success("by_set", "set of objects", plain, ["all", *tables.present(plain)])],
+            "protocol": [figures.success("by_protocol", "protocol", agents, counted)]
+            if len(counted) > 1
+            else [],
             "hardness": figures.success_by_hardness(agents),
-            "object": [figures.success_by_object(plain)],
+            "object": [figures.success("by_object", "object", plain, tables.ordered_objects(plain))],
             "prediction": figures.reliability(predicted),
             "times": figures.planning_times(agents),
         },

@@ -1,6 +1,7 @@
 """Clips of failures in the page: what `evaluate --video failures` recorded."""
 
 from collections.abc import Mapping, Sequence
+from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -22,16 +23,17 @@ class Clips(NamedTuple):
 
 def clips(folders: Sequence[Path]) -> Clips:
     """Return the clips of failures that are there, the first of each agent, object and protocol first."""
-    failed = [(folder, row) for folder in folders for row in read_rows(folder) if not row["success"]]
-    paths = [(video_path(folder, row), row) for folder, row in failed]
-    there = sorted((pair for pair in paths if pair[0].is_file()), key=lambda pair: _rank(pair[1]))
-    shown = []
-    size = 0
-    for path, row in there[:_MOST]:
-        size += path.stat().st_size
-        if size > _LARGEST:
-            break
-        shown.append((path, _caption(row)))
+    failed = [
+        (row, video_path(folder, row))
+        for folder in folders
+        for row in read_rows(folder)
+        if not row["success"]
+    ]
+    there = sorted(((row, path) for row, path in failed if path.is_file()), key=lambda pair: _rank(pair[0]))
+    sizes = accumulate(path.stat().st_size for _, path in there[:_MOST])
+    shown = [
+        (path, _caption(row)) for (row, path), size in zip(there, sizes, strict=False) if size <= _LARGEST
+    ]
     more = f" {len(there) - len(shown)} more are in videos/." if len(there) > len(shown) else ""
     return Clips(f"{len(shown)} of {len(failed)} failures.{more}", shown)
 

@@ -1,6 +1,6 @@
 """Tables 4-6: constraints that grasps satisfy, and what planning takes, the paper's figures beside ours."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from dexgrasp.evaluation.report import paper
@@ -40,11 +40,11 @@ def _distances(groups: Mapping[str, Any]) -> Table:
 def _ratios(groups: Mapping[str, Any]) -> Table:
     rows = []
     for group, content in groups.items():
-        cells = []
-        for kind in ("force", "torque"):
-            printed = paper.RATIOS.get(group, {}).get(kind)
-            cells += [_quartiles(content.get(f"{kind}_ratio_percent")), _spread(printed)]
-        rows.append([group, *cells])
+        printed = paper.RATIOS.get(group, {})
+        pairs = [(content.get(f"{kind}_ratio_percent"), printed.get(kind)) for kind in ("force", "torque")]
+        rows.append(
+            [group, *(cell for ours, theirs in pairs for cell in (_quartiles(ours), _spread(theirs)))]
+        )
     return Table(("set", "force ratio", "paper", "torque ratio", "paper"), rows)
 
 
@@ -53,30 +53,21 @@ def _times(
     stages: Mapping[str, Any],
     printed: Mapping[str, Mapping[str, Sequence[float]]],
 ) -> Table:
-    rows = [
-        [
-            "total, overall",
-            _quartiles(total, seconds=True),
-            "",
-            _spread(printed.get("overall", {}).get("total")),
-        ]
-    ]
+    whole = printed.get("overall", {}).get("total")
+    rows = [["total, overall", _quartiles(total, seconds_words), "", _spread(whole, seconds_words)]]
     for group in paper.SECONDS:
         own = stages.get(group, {})
         for stage, seconds in own.get("stage_seconds", {}).items():
-            repeats = own.get("stage_repeats", {}).get(stage)
-            cells = [_quartiles(seconds, seconds=True), _quartiles(repeats)]
-            rows.append([f"{stage}, {group}", *cells, _spread(printed.get(group, {}).get(stage))])
+            repeats, theirs = own.get("stage_repeats", {}).get(stage), printed.get(group, {}).get(stage)
+            cells = [_quartiles(seconds, seconds_words), _quartiles(repeats), _spread(theirs, seconds_words)]
+            rows.append([f"{stage}, {group}", *cells])
     return Table(("stage, set", "seconds", "repeats", "paper, seconds"), rows)
 
 
-def _quartiles(values: Mapping[str, float] | None, *, seconds: bool = False) -> str:
-    return _spread((values["median"], values["p25"], values["p75"]), seconds=seconds) if values else "-"
+def _quartiles(values: Mapping[str, float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
+    return _spread([values[key] for key in ("median", "p25", "p75")], words) if values else "-"
 
 
-def _spread(values: Sequence[float] | None, *, seconds: bool = False) -> str:
+def _spread(values: Sequence[float] | None, words: Callable[[float], str] = "{:.2f}".format) -> str:
     """Return median and quartiles as people read them; "" for None."""
-    if not values:
-        return ""
-    middle, low, high = (seconds_words(value) if seconds else f"{value:.2f}" for value in values)
-    return f"{middle} ({low}, {high})"
+    return "{} ({}, {})".format(*map(words, values)) if values else ""

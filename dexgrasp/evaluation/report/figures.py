@@ -1,57 +1,54 @@
 """The plots that a report shows, by the part of it that shows them."""
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from dexgrasp.evaluation.prediction import PREDICTORS, Prediction
 from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.report.constraint_tables import PLANNER
-from dexgrasp.evaluation.report.plots import Counts, Figure, plot_curves, plot_rates, plot_stages
-from dexgrasp.evaluation.report.tables import SETS, Agents, ordered_objects
+from dexgrasp.evaluation.report.plots import SUCCESS, Figure, Points
+from dexgrasp.evaluation.report.tables import Agents
+from dexgrasp.evaluation.statistics import wilson_interval
 
-CURVES: dict[str, tuple[str, tuple[tuple[float, str], ...]]] = {
-    "friction": ("friction coefficient", ((0.35, "slippery@0.35"), (0.5, "slippery@0.5"), (0.7, "lift"))),
-    "mass": ("mass, of the object's own", ((1.0, "lift"), (1.5, "heavy"))),
-    "push": ("push at friction 0.5, of the weight", ((0.0, "slippery@0.5"), (0.5, "pushed@0.5"), (1.0, "pushed@1"))),
-}  # fmt: skip
-"""What is varied -> what the axis says, and (value, protocol) of each point."""
+CURVES: dict[str, tuple[str, dict[float, str]]] = {
+    "friction": ("friction coefficient", {0.35: "slippery@0.35", 0.5: "slippery@0.5", 0.7: "lift"}),
+    "mass": ("mass, of the object's own", {1.0: "lift", 1.5: "heavy"}),
+    "push": (
+        "push at friction 0.5, of the weight",
+        {0.0: "slippery@0.5", 0.5: "pushed@0.5", 1.0: "pushed@1"},
+    ),
+}
+"""What is varied -> what the axis says, and the protocol of each of its values."""
 
-
-def success_by_set(agents: Agents) -> Figure:
-    """Return success over all objects and by set, the paper's beside ours."""
-    sets = [name for name in SETS if any(name in a["by_set"] for a in agents.values())]
-    ours = {name: _counts({**agent["by_set"], "all": agent}) for name, agent in agents.items()}
-    printed = {name: paper.set_successes(name) for name in agents}
-    return Figure(
-        "success_by_set", "Success by set of objects", partial(plot_rates, ["all", *sets], ours, printed)
-    )
-
-
-def success_by_object(agents: Agents) -> Figure:
-    """Return success by object, the paper's beside ours."""
-    ours = {name: _counts(agent["by_object"]) for name, agent in agents.items()}
-    draw = partial(plot_rates, ordered_objects(agents), ours, paper.SUCCESSES)
-    return Figure("success_by_object", "Success by object", draw)
+_STAGES = {
+    "cvae": "proposals (CVAE)",
+    "ik": "postures (IK)",
+    "bilevel": "bilevel, certificate",
+    "total": "total",
+}
+"""Stages as Table 6 has them -> what they are here."""
+_LEAST_SECONDS = 1e-4  # what a logarithmic axis shows of nothing
 
 
-def success_by_protocol(agents: Agents, protocols: Sequence[str]) -> Figure:
-    """Return success by protocol."""
-    ours = {name: _counts(agent["by_protocol"]) for name, agent in agents.items()}
-    return Figure("success_by_protocol", "Success by protocol", partial(plot_rates, protocols, ours, {}))
+def success(key: str, words: str, agents: Agents, rows: Sequence[str]) -> Figure:
+    """Return success rates by what `key` of the summary counts, a row for each name, the paper's beside ours."""
+    ours = {name: _rates({**agent[key], "all": agent}, rows) for name, agent in agents.items()}
+    printed = {name: _rates(paper.successes(name), rows) for name in agents}
+    shown = {row: row.replace("_", " ") for row in rows}
+    return Figure(f"success_{key}", f"Success by {words}", SUCCESS, ours, printed, shown)
 
 
 def success_by_hardness(agents: Agents) -> list[Figure]:
     """Return a figure for each quantity that at least two protocols of the evaluation vary."""
     figures = []
-    for name, (label, points) in CURVES.items():
-        if sum(any(part in a["by_protocol"] for a in agents.values()) for _, part in points) > 1:
-            series = {}
+    for name, (label, parts) in CURVES.items():
+        counted = {part for agent in agents.values() for part in agent["by_protocol"]} & set(parts.values())
+        if len(counted) > 1:
+            rates = {}
             for agent, content in agents.items():
-                counts = _counts(content["by_protocol"])
-                series[agent] = [(value, counts[part]) for value, part in points if part in counts]
-            draw = partial(plot_curves, series, label, 3.4)
-            figures.append(Figure(f"success_by_{name}", f"Success against {label}", draw))
+                found = _rates(content["by_protocol"], parts.values())
+                rates[agent] = {value: found[part] for value, part in parts.items() if part in found}
+            figures.append(Figure(f"success_by_{name}", f"Success against {label}", label, rates))
     return figures
 
 
@@ -59,30 +56,41 @@ def reliability(found: Mapping[str, Mapping[str, Prediction]]) -> list[Figure]:
     """Return success against what certificates claim: agent -> predictor -> what it says of trials."""
     figures = []
     for name in ("load", "closure_margin"):
-        series = {
-            agent: [(b.median, (b.successes, b.trials)) for b in own[name].bins]
+        words = PREDICTORS[name]
+        bins = {
+            agent: {b.median: b._asdict() for b in own[name].bins}
             for agent, own in found.items()
             if name in own
         }
-        if series:
-            draw = partial(plot_curves, series, f"{PREDICTORS[name]} (median of each part)", 3.2)
-            caption = f"Success against {PREDICTORS[name]}, in equal parts"
-            figures.append(Figure(f"reliability_{name}", caption, draw))
+        if bins:
+            rates = {agent: _rates(own, own) for agent, own in bins.items()}
+            caption = f"Success against {words}, in equal parts"
+            figures.append(Figure(f"reliability_{name}", caption, f"{words} (median of each part)", rates))
     return figures
 
 
 def planning_times(agents: Agents) -> list[Figure]:
-    """Return planning times by stage, where an agent reports any."""
-    staged = {}
+    """Return planning times by stage on a logarithmic axis, where an agent reports any."""
+    shown = {}
     for name, agent in agents.items():
-        if agent["planning_seconds"]:
-            stages = agent["stages"].get("overall", {}).get("stage_seconds", {})
-            spreads = {**stages, "total": agent["planning_seconds"]}
-            staged[name] = {stage: (s["median"], s["p25"], s["p75"]) for stage, s in spreads.items()}
-    printed = paper.SECONDS["overall"] if PLANNER in staged else {}
+        if total := agent["planning_seconds"]:
+            stages = agent["stages"].get("overall", {}).get("stage_seconds", {}) | {"total": total}
+            shown[name] = {
+                stage: [max(times[key], _LEAST_SECONDS) for key in ("median", "p25", "p75")]
+                for stage, times in stages.items()
+                if stage in _STAGES
+            }
+    rows = {stage: words for stage, words in _STAGES.items() if any(stage in own for own in shown.values())}
     caption = "Planning time by stage; the paper's is of its planner"
-    return [Figure("planning_times", caption, partial(plot_stages, staged, printed))] if staged else []
+    label, printed = "seconds: median, 25th and 75th percentile", {PLANNER: paper.SECONDS["overall"]}
+    return [Figure("planning_times", caption, label, shown, printed, rows, log=True)] if shown else []
 
 
-def _counts(cells: Mapping[str, Mapping[str, Any]]) -> dict[str, Counts]:
-    return {name: (cell["successes"], cell["trials"]) for name, cell in cells.items()}
+def _rates(cells: Mapping[Any, Mapping[str, Any]], keys: Iterable[Any]) -> Points:
+    """Return success rates with the ends of Wilson's interval, percent, of those cells that were tried."""
+    counts = {key: (cells[key]["successes"], cells[key]["trials"]) for key in keys if key in cells}
+    return {
+        key: [100.0 * value for value in (k / n, *wilson_interval(k, n))]
+        for key, (k, n) in counts.items()
+        if n
+    }

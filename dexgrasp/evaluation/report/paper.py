@@ -8,16 +8,10 @@ import yaml
 
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
-_PRINTED: dict[str, Any] = yaml.safe_load((Path(__file__).parent / "paper.yaml").read_text())
+_PRINTED: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("paper.yaml").read_text())
 
 TABLES: Mapping[str, str] = _PRINTED["tables"]
 """Set -> the table that reports its successes."""
-
-SUCCESSES: Mapping[str, Mapping[str, tuple[int, int]]] = {
-    agent: {name: (successes, own["trials"]) for name, successes in own["objects"].items()}
-    for agent, own in _PRINTED["successes"].items()
-}
-"""Agent -> object -> (successes, trials): Tables 1-3."""
 
 DISTANCES_CM: Mapping[str, list[float]] = _PRINTED["distances_cm"]
 """Set -> median, least, greatest, greatest violation: Table 4."""
@@ -29,12 +23,12 @@ SECONDS: Mapping[str, Mapping[str, list[float]]] = _PRINTED["seconds"]
 """Set -> stage -> median, 25th and 75th percentile of seconds: Table 6."""
 
 
-def set_successes(agent: str) -> dict[str, tuple[int, int]]:
-    """Return set -> (successes, trials) as the paper prints it, without the sets of which it tried not all objects."""
-    own = SUCCESSES.get(agent, {})
-    found = {}
+def successes(agent: str) -> dict[str, dict[str, int]]:
+    """Return object, or set of which all were tried, -> `successes` and `trials` as the paper prints them."""
+    own = _PRINTED["successes"].get(agent, {"objects": {}})
+    found = {name: {"successes": count, "trials": own["trials"]} for name, count in own["objects"].items()}
     for name in TABLES:
-        counts = [own[target] for target in OBJECT_SETS[name] if target in own]
-        if len(counts) == len(OBJECT_SETS[name]):
-            found[name] = (sum(k for k, _ in counts), sum(n for _, n in counts))
+        cells = [found[target] for target in OBJECT_SETS[name] if target in found]
+        if len(cells) == len(OBJECT_SETS[name]):
+            found[name] = {key: sum(cell[key] for cell in cells) for key in cells[0]}
     return found
