@@ -57,8 +57,7 @@ def accuracy_of(kind, sensor, seed=0):
     seen = perception.observe(data, rng).scene
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = data.body("object").xmat.reshape(3, 3), data.body("object").xpos
-    backend = perception.backend
-    images = backend.render(data), backend.segment(data)
+    images = perception.rays.render(data), perception.rays.segment(data)
     return measure_accuracy(seen, true_mesh(kind), T, *images, perception.cameras, object_geoms(model)), seen
 
 

@@ -80,8 +80,8 @@ def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) ->
     from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
     from dexgrasp_env.poses import pose_matrix
     from dexgrasp_env.robot.cell import default_cell
-    from dexgrasp_env.sensing.groups import VISUAL_GROUPS
     from dexgrasp_env.sensing.perception import Perception
+    from dexgrasp_env.sensing.raycast import SEEN
 
     rng = np.random.default_rng((seed, pose))
     model, data, shape = _scene(name, rng, pose)
@@ -89,9 +89,9 @@ def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) ->
     perception.reset(rng)
     scene = perception.observe(data, rng).scene
     geoms = object_geoms(model)
-    visible = geoms[np.isin(model.geom_group[geoms], VISUAL_GROUPS)]
+    visible = geoms[SEEN[model.geom_group[geoms]] > 0]
     T = pose_matrix(data.body("object").xpos, data.body("object").xquat)
-    depths, ids = perception.backend.render(data), perception.backend.segment(data)
+    depths, ids = perception.rays.render(data), perception.rays.segment(data)
     return asdict(measure_accuracy(scene, shape.mesh, T, depths, ids, perception.cameras, visible))
 
 
@@ -167,9 +167,9 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
     found = largest_cluster(dense, s.link)
     chosen = found.select(downsample(found.points, s.count, rng))
     points, _ = smooth(found, chosen, plane.rms, s.smoothing_radius)
-    true = perception.backend.render(data)
+    true = perception.rays.render(data)
     return {
-        "render": lambda: perception.backend.render(data),
+        "render": lambda: perception.rays.render(data),
         "sensor": lambda: perception.sensor.measure(true, perception.cameras, rng),
         "remove_flying": lambda: remove_flying(depths),
         "gather": lambda: gather(depths, cameras),
@@ -191,9 +191,8 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
 def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:
     import mujoco
 
-    from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
+    from dexgrasp_env.sensing.raycast import SEEN
 
-    mask = group_mask(VISUAL_GROUPS)
     casts = [
         (c.position, (c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel())
         for c in perception.cameras
@@ -203,7 +202,7 @@ def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Ca
 
     def cast() -> None:
         for position, rays in casts:
-            mujoco.mj_multiRay(model, data, position, rays, mask, True, -1, geom, distance, None, n, 10.0)
+            mujoco.mj_multiRay(model, data, position, rays, SEEN, True, -1, geom, distance, None, n, 10.0)
 
     return cast
 

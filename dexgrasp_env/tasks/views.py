@@ -15,7 +15,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.rendering import check_size
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.sensing.backends import DepthBackend, make_backend
+from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -54,7 +54,7 @@ class Views:
         self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
         self._perceptions = WeakKeyDictionary()
         self._colour_key: tuple[Simulation, float] | None = None
-        self._colour_backend: DepthBackend | None = None
+        self._colour_cameras: ColourCameras | None = None
         self._renderer: mujoco.Renderer | None = None
         self._viewer: Any = None
         self._shown: tuple[Simulation, float] | None = None
@@ -126,7 +126,7 @@ class Views:
         }
         if self._settings.obs_mode.endswith("rgbd"):
             names = self._settings.cell.camera_names
-            views["rgb"] = self._colour(simulation).render_rgb(simulation.data)[
+            views["rgb"] = self._colour(simulation).render(simulation.data)[
                 [names.index(camera.name) for camera in perception.cameras]
             ]
         return views, info
@@ -140,14 +140,14 @@ class Views:
             self._perceptions[simulation] = known
         return known[2]
 
-    def _colour(self, simulation: Simulation) -> DepthBackend:
-        """The GL backend of this simulation; one context at a time, which holds the meshes in their size."""
-        if self._colour_backend is None or self._colour_key != _shape_key(simulation):
-            if self._colour_backend is not None:
-                self._colour_backend.close()
-            self._colour_backend = make_backend("gl", simulation.model, self._cameras)
+    def _colour(self, simulation: Simulation) -> ColourCameras:
+        """The colour cameras of this simulation; one context at a time, which holds the meshes in their size."""
+        if self._colour_cameras is None or self._colour_key != _shape_key(simulation):
+            if self._colour_cameras is not None:
+                self._colour_cameras.close()
+            self._colour_cameras = ColourCameras(simulation.model, self._cameras)
             self._colour_key = _shape_key(simulation)
-        return self._colour_backend
+        return self._colour_cameras
 
     def render(self, mode: str | None, simulation: Simulation) -> Any:
         """Render the scene in a mode of `LiftEnv.metadata`."""
@@ -183,9 +183,9 @@ class Views:
             self._renderer.close()
         if self._viewer is not None:
             self._viewer.close()
-        if self._colour_backend is not None:
-            self._colour_backend.close()
-        self._renderer = self._viewer = self._shown = self._colour_backend = self._colour_key = None
+        if self._colour_cameras is not None:
+            self._colour_cameras.close()
+        self._renderer = self._viewer = self._shown = self._colour_cameras = self._colour_key = None
 
 
 def _shape_key(simulation: Simulation) -> tuple[Simulation, float]:
