@@ -166,7 +166,7 @@ def test_a_few_points_are_too_few_and_nan_does_no_harm():
     assert segment(depths, perception.cameras, rng, strict).reason == "too_few_points"
     holes = depths.copy()
     holes[rng.random(holes.shape) < 0.3] = np.nan
-    seen = segment(holes, perception.cameras, rng, robot=perception.robot, data=data)
+    seen = segment(holes, perception.cameras, rng, own=perception.robot.at(data))
     assert seen.reason is None
     assert len(seen.target) > 300
 

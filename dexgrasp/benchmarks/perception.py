@@ -149,20 +149,19 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
     from dexgrasp_env.perception.level import level_views, view_corrections
     from dexgrasp_env.perception.normals import smooth
     from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
-    from dexgrasp_env.perception.robot import remove_robot
 
     s, cameras = perception.settings, perception.believed
     depths = perception.measure(data, rng)
     everything = gather(remove_flying(depths), cameras)
     sparse = everything.select(slice(None, None, s.stride))
-    plane = fit_plane(sparse.points, rng, tolerance=0.010)
+    plane = fit_plane(sparse.points, rng)
     assert plane is not None
     turns = view_corrections(sparse, plane, len(cameras))
     cropped = crop(everything, s.crop_low, s.crop_high)
     level = level_views(cropped, turns)
     clearance = table_clearance(plane, level.depth, noise_depth(sparse, plane), s.clearance_sigmas)
     above = remove_plane(level, plane, clearance)
-    free = remove_robot(above, perception.robot, data, s.robot_margin)
+    free = above.select(~perception.robot.at(data)(above.points))
     dense = remove_outliers(free, s.outlier_radius, s.outlier_neighbours)
     found = largest_cluster(dense, s.link)
     chosen = found.select(downsample(found.points, s.count, rng))
@@ -173,12 +172,12 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
         "sensor": lambda: perception.sensor.measure(true, perception.cameras, rng),
         "remove_flying": lambda: remove_flying(depths),
         "gather": lambda: gather(depths, cameras),
-        "fit_plane": lambda: fit_plane(sparse.points, rng, tolerance=0.010),
+        "fit_plane": lambda: fit_plane(sparse.points, rng),
         "view_corrections": lambda: view_corrections(sparse, plane, len(cameras)),
         "crop": lambda: crop(everything, s.crop_low, s.crop_high),
         "level_views": lambda: level_views(cropped, turns),
         "remove_plane": lambda: remove_plane(level, plane, clearance),
-        "remove_robot": lambda: remove_robot(above, perception.robot, data, s.robot_margin),
+        "remove_robot": lambda: above.select(~perception.robot.at(data)(above.points)),
         "remove_outliers": lambda: remove_outliers(free, s.outlier_radius, s.outlier_neighbours),
         "largest_cluster": lambda: largest_cluster(dense, s.link),
         "downsample": lambda: downsample(found.points, s.count, rng),

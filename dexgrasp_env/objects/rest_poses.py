@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 
@@ -55,7 +55,7 @@ def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     if poses:
         return poses
     name = f"rest_poses/{model.contact_hash}-{_SCHEMA}.npy"
-    return _poses(cached_arrays(name, _LAYOUT, lambda: _arrays(find_rest_poses(model))))
+    return _poses(cached_arrays(name, lambda: _arrays(find_rest_poses(model))))
 
 
 def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, ...]:
@@ -140,11 +140,8 @@ def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> No
     write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
 
 
-_LAYOUT = {"quat_wxyz": (None, 4), "height": (None,), "probability": (None,)}
-
-
 def _arrays(poses: Sequence[RestPose]) -> Arrays:
-    return {name: np.array([getattr(pose, name) for pose in poses]) for name in _LAYOUT}
+    return {field.name: np.array([getattr(pose, field.name) for pose in poses]) for field in fields(RestPose)}
 
 
 def _poses(arrays: Arrays) -> tuple[RestPose, ...]:

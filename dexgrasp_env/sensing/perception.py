@@ -70,5 +70,5 @@ class Perception:
     def observe(self, data: "mujoco.MjData", rng: Generator) -> Observation:
         """Measure and segment. `data` needs current kinematics."""
         depths = self.measure(data, rng)
-        scene = segment(depths, self.believed, rng, self.settings, self.robot, data)
+        scene = segment(depths, self.believed, rng, self.settings, self.robot.at(data))
         return Observation(depths, self.believed, scene)
