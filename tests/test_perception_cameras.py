@@ -110,13 +110,13 @@ def test_gl_and_rays_agree_pixel_by_pixel():
         pytest.skip(str(error))
     rays = RayCameras(model, cameras)
     try:
-        assert gl.render(data).shape == (4, 120, 160, 3)
+        assert gl.render_rgb(data).shape == (4, 120, 160, 3)
         gl.renderer.enable_depth_rendering()
-        a, b = rays.render(data), gl.render(data)
+        a, b = rays.render(data), gl.render_rgb(data)
         b[b >= 0.999 * model.vis.map.zfar * model.stat.extent] = np.inf
         gl.renderer.disable_depth_rendering()
         gl.renderer.enable_segmentation_rendering()
-        pairs = gl.render(data)
+        pairs = gl.render_rgb(data)
     finally:
         gl.close()
     shown = np.where(pairs[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, pairs[..., 0], -1)

@@ -215,7 +215,7 @@ def test_distance_to_a_mesh_and_coverage():
 
 def test_picture_is_written_even_of_nothing(tmp_path):
     box = trimesh.creation.box([0.05] * 3)
-    full = cloud_picture(tmp_path / "a.png", box.sample(50), box, box, np.eye(4))
+    full = cloud_picture(tmp_path / "a.png", box.sample(50), box, box)
     empty = cloud_picture(tmp_path / "b.png", np.zeros((0, 3)), None)
     assert full.stat().st_size > 10_000
     assert empty.stat().st_size > 1_000

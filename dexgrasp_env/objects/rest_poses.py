@@ -17,6 +17,7 @@ from dexgrasp_env.files import Arrays, cached_arrays, write_atomically
 from dexgrasp_env.objects.dropping import drop, stays
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import support_height
+from dexgrasp_env.poses import quat_to_matrix
 
 DROPS = 240
 MERGE_ANGLE = np.deg2rad(16.0)
@@ -43,8 +44,7 @@ class RestPose:
     @property
     def up(self) -> Array:
         """(3,) the world's vertical in the object frame."""
-        w, x, y, z = self.quat_wxyz
-        return np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+        return quat_to_matrix(np.array(self.quat_wxyz))[2]
 
 
 @lru_cache(maxsize=64)

@@ -22,7 +22,7 @@ class ColourCameras:
         self.renderer = make_renderer(model, i.height, i.width)
         self._option = show_options()
 
-    def render(self, data: "mujoco.MjData") -> NDArray[Any]:
+    def render_rgb(self, data: "mujoco.MjData") -> NDArray[Any]:
         """Return colour images, (cameras, H, W, 3); `data` needs current kinematics."""
         images, extent, planes = [], self._model.stat.extent, self._model.vis.map
         self.renderer.update_scene(data, scene_option=self._option)

@@ -1,7 +1,7 @@
 """What cameras add to observations, and pictures for people."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -53,11 +53,7 @@ class Views:
         self._sensor = sensor_model(sensor)
         self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
         self._perceptions = WeakKeyDictionary()
-        self._colour_key: tuple[Simulation, float] | None = None
-        self._colour_cameras: ColourCameras | None = None
-        self._renderer: mujoco.Renderer | None = None
-        self._viewer: Any = None
-        self._shown: tuple[Simulation, float] | None = None
+        self._contexts: dict[str, tuple[tuple[Simulation, float], Any]] = {}
         self._cameras = settings.cell.make_cameras()
         intrinsics = self._cameras[0].intrinsics
         number = settings.views if isinstance(settings.views, int) else len(settings.views)
@@ -126,7 +122,7 @@ class Views:
         }
         if self._settings.obs_mode.endswith("rgbd"):
             names = self._settings.cell.camera_names
-            views["rgb"] = self._colour(simulation).render(simulation.data)[
+            views["rgb"] = self._colour(simulation).render_rgb(simulation.data)[
                 [names.index(camera.name) for camera in perception.cameras]
             ]
         return views, info
@@ -140,57 +136,44 @@ class Views:
             self._perceptions[simulation] = known
         return known[2]
 
+    def _context(self, kind: str, simulation: Simulation, make: Callable[[], Any]) -> Any:
+        """Return what draws, one of a kind; meshes are uploaded when it is made, in the size of the episode."""
+        key = simulation, simulation.variation.size
+        if kind not in self._contexts or self._contexts[kind][0] != key:
+            if kind in self._contexts:
+                self._contexts.pop(kind)[1].close()
+            self._contexts[kind] = key, make()
+        return self._contexts[kind][1]
+
     def _colour(self, simulation: Simulation) -> ColourCameras:
-        """The colour cameras of this simulation; one context at a time, which holds the meshes in their size."""
-        if self._colour_cameras is None or self._colour_key != _shape_key(simulation):
-            if self._colour_cameras is not None:
-                self._colour_cameras.close()
-            self._colour_cameras = ColourCameras(simulation.model, self._cameras)
-            self._colour_key = _shape_key(simulation)
-        return self._colour_cameras
+        cameras: ColourCameras = self._context(
+            "rgb", simulation, lambda: ColourCameras(simulation.model, self._cameras)
+        )
+        return cameras
 
     def render(self, mode: str | None, simulation: Simulation) -> Any:
         """Render the scene in a mode of `LiftEnv.metadata`."""
         if mode is None:
             raise InputError("render() needs a render_mode: pass render_mode='rgb_array' to gym.make")
+        model, data = simulation.model, simulation.data
         if mode == "human":
-            return self._show(simulation)
+            return self._context(mode, simulation, lambda: _open_viewer(model, data)).sync()
         from dexgrasp_env.rendering import make_renderer, render, show_camera
 
-        if self._renderer is None or self._shown != _shape_key(simulation):
-            self.close()
-            self._renderer = make_renderer(simulation.model, *self._render_size, quick=True)
-            self._shown = _shape_key(simulation)
+        renderer = self._context(
+            "picture", simulation, lambda: make_renderer(model, *self._render_size, quick=True)
+        )
         if mode == "depth_array":
-            self._renderer.enable_depth_rendering()
-        camera = show_camera(self._settings.render_camera, simulation.data, simulation.cell.robot)
-        picture = render(self._renderer, simulation.data, camera)
-        self._renderer.disable_depth_rendering()
+            renderer.enable_depth_rendering()
+        camera = show_camera(self._settings.render_camera, data, simulation.cell.robot)
+        picture = render(renderer, data, camera)
+        renderer.disable_depth_rendering()
         return picture
 
-    def _show(self, simulation: Simulation) -> None:
-        if self._viewer is None or self._shown != _shape_key(simulation):
-            self.close()
-            self._viewer, self._shown = (
-                _open_viewer(simulation.model, simulation.data),
-                _shape_key(simulation),
-            )
-        self._viewer.sync()
-
     def close(self) -> None:
-        """Free the renderer and close the window."""
-        if self._renderer is not None:
-            self._renderer.close()
-        if self._viewer is not None:
-            self._viewer.close()
-        if self._colour_cameras is not None:
-            self._colour_cameras.close()
-        self._renderer = self._viewer = self._shown = self._colour_cameras = self._colour_key = None
-
-
-def _shape_key(simulation: Simulation) -> tuple[Simulation, float]:
-    """What a GL context depends on: meshes are uploaded when it is made, in the size of the episode."""
-    return simulation, simulation.variation.size
+        """Free what draws and close the window."""
+        while self._contexts:
+            self._contexts.popitem()[1][1].close()
 
 
 def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
