@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import check, number, several
 
 _OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing,
 _ANY = ("enable", "enabled", "on", "true", "1")  # and for whatever there is
-_SIZES = (16, 4096)  # pixels
+_SIDE = number(ge=16, le=4096, whole=True)  # pixels
 _REMEDY = (
     "no off-screen GL library works here: install libosmesa6, or libegl1 with libgl1 (Debian names); "
     "everything but pictures and videos runs without"
@@ -100,12 +101,8 @@ def check_size(size: Sequence[int]) -> tuple[int, int]:
     Raises:
         InputError: unless they are two whole numbers that a GL can do.
     """
-    valid = isinstance(size, Sequence) and len(size) == 2 and all(isinstance(side, int) for side in size)
-    if not valid or not all(_SIZES[0] <= side <= _SIZES[1] for side in size):
-        raise InputError(
-            f"render_size = {size!r}: valid are rows and columns, each from {_SIZES[0]} to {_SIZES[1]}"
-        )
-    return size[0], size[1]
+    rows, columns = check("render_size, rows and columns,", size, several(_SIDE, 2))
+    return rows, columns
 
 
 _open: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()

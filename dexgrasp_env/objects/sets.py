@@ -19,7 +19,7 @@ import numpy as np
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, read_json_object
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
-from dexgrasp_env.valid import Mass, Rule, number, read
+from dexgrasp_env.valid import Mass, Rule, number, read, several
 
 SCHEMA = 1
 MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
@@ -27,7 +27,7 @@ _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 
 
 def _quaternion(value: Any) -> tuple[float, float, float, float]:
-    w, x, y, z = map(number().admit, value)
+    w, x, y, z = several(number(), 4).admit(value)
     norm = float(np.linalg.norm([w, x, y, z]))
     if abs(norm - 1.0) > 1e-3:
         raise ValueError
