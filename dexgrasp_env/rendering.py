@@ -5,7 +5,6 @@ import ctypes
 import importlib
 import os
 import weakref
-from collections.abc import Sequence
 from functools import cache
 
 import mujoco
@@ -14,11 +13,14 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.valid import check, number, several
+from dexgrasp_env.valid import number, several
 
 _OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing,
 _ANY = ("enable", "enabled", "on", "true", "1")  # and for whatever there is
-_SIDE = number(ge=16, le=4096, whole=True)  # pixels
+RENDER_SIZE = several(number(ge=16, le=4096, whole=True), 2)._replace(
+    words="rows and columns, each from 16 to 4096"
+)
+"""The rule of rows and columns of pictures, pixels."""
 _REMEDY = (
     "no off-screen GL library works here: install libosmesa6, or libegl1 with libgl1 (Debian names); "
     "everything but pictures and videos runs without"
@@ -93,16 +95,6 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int, *, quick: bool
         return renderer
     except Exception as error:
         raise InputError(f"{_REMEDY} (MUJOCO_GL={backend}: {error})") from error
-
-
-def check_size(size: Sequence[int]) -> tuple[int, int]:
-    """Return rows and columns of pictures.
-
-    Raises:
-        InputError: unless they are two whole numbers that a GL can do.
-    """
-    rows, columns = check("render_size, rows and columns,", size, several(_SIDE, 2))
-    return rows, columns
 
 
 _open: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()

@@ -111,7 +111,8 @@ Word = Annotated[str, WORD]
 NAMES = Rule("a list of names, each once", _distinct)
 NATURAL = number(ge=0, whole=True)
 Natural = Annotated[int, NATURAL]
-Count = Annotated[int, number(ge=1, whole=True)]
+COUNT = number(ge=1, whole=True)
+Count = Annotated[int, COUNT]
 Positive = Annotated[float, number(gt=0)]
 Share = Annotated[float, number(gt=0, lt=1)]
 Friction = Annotated[float, number(gt=0, le=2)]

@@ -127,7 +127,7 @@ def test_timing(scene):
 
 @pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "tetrahedron"])
 def test_an_object_at_rest_stays(name):
-    from dexgrasp_env.objects import load_object as load
+    from dexgrasp_env.objects.load import load_object as load
 
     model = load(name)
     scene = build_scene(model, CELL)

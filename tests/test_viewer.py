@@ -5,7 +5,7 @@ import pytest
 from robots import CELL, HOME
 
 from dexgrasp.viewer.film import Film, carried, palm_poses
-from dexgrasp_env.objects import load_object
+from dexgrasp_env.objects.load import load_object
 
 
 @pytest.fixture(scope="module")

@@ -87,7 +87,7 @@ def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) ->
     model, data, shape = _scene(name, rng, pose)
     perception = Perception(model, default_cell().make_cameras(), sensor=sensor)
     perception.reset(rng)
-    scene = perception.observe(data, rng).scene
+    scene = perception.observe(data, rng)
     geoms = object_geoms(model)
     visible = geoms[SEEN[model.geom_group[geoms]] > 0]
     T = pose_matrix(data.body("object").xpos, data.body("object").xquat)

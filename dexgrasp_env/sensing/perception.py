@@ -1,6 +1,5 @@
 """Cameras, sensor and pipeline tied to one scene."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,21 +15,6 @@ from dexgrasp_env.sensing.sensor import SensorModel
 
 if TYPE_CHECKING:
     import mujoco
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """What the cell sees.
-
-    Attributes:
-        depths: (cameras, H, W) m as measured, inf where nothing.
-        cameras: where the calibration believes the cameras to be.
-        scene: what that shows.
-    """
-
-    depths: NDArray[np.float32]
-    cameras: tuple[Camera, ...]
-    scene: Scene
 
 
 class Perception:
@@ -67,8 +51,6 @@ class Perception:
         """Return the measured depth images, (cameras, H, W) m. `data` needs current kinematics."""
         return self.sensor.measure(self.rays.render(data), self.cameras, rng)
 
-    def observe(self, data: "mujoco.MjData", rng: Generator) -> Observation:
+    def observe(self, data: "mujoco.MjData", rng: Generator) -> Scene:
         """Measure and segment. `data` needs current kinematics."""
-        depths = self.measure(data, rng)
-        scene = segment(depths, self.believed, rng, self.settings, self.robot.at(data))
-        return Observation(depths, self.believed, scene)
+        return segment(self.measure(data, rng), self.believed, rng, self.settings, self.robot.at(data))

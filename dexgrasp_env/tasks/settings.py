@@ -6,10 +6,11 @@ from typing import Annotated, Any
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.rendering import SHOW_CAMERAS
+from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, default_cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.calibration import Calibration
+from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, SHORTEST_SKIP
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
@@ -22,6 +23,7 @@ from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, on
 DEFAULT_VIEWS = 4
 OBSERVE = ("step", "reset", "clear")
 RENDER_MODES = ("human", "rgb_array", "depth_array")
+_Sensor = Annotated[SensorModel, Rule("realistic, none, or settings of SensorModel", SensorModel.of)]
 
 
 @dataclass(frozen=True)
@@ -41,10 +43,12 @@ class LiftSettings:
     randomisation: Randomisation = Randomisation()
     views: tuple[str, ...] | int = DEFAULT_VIEWS
     calibration: Calibration = Calibration()
+    sensor: _Sensor = field(default_factory=SensorModel.realistic)
     observe: Annotated[str, one_of(OBSERVE)] = "step"
     mesh_scale: Positive = 1.0
     mesh_mass: Mass | None = None
     render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
+    render_size: Annotated[tuple[int, int], RENDER_SIZE] = (480, 640)
     render_camera: str = "front"
     version: Annotated[int, number(ge=1, le=2, whole=True)] = 2
     reward_weights: dict[str, float] | None = None

@@ -1,7 +1,7 @@
 """What cameras add to observations, and pictures for people."""
 
 import copy
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -12,15 +12,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.rendering import check_size
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.perception import Perception
-from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.valid import read
 
 _AT_HOME = 0.02  # rad of every joint of the arm
 
@@ -45,12 +42,8 @@ class View:
 class Views:
     """Camera observations of the environment; builds nothing until a mode asks for it."""
 
-    def __init__(
-        self, settings: LiftSettings, sensor: Mapping[str, Any] | str, render_size: tuple[int, int]
-    ) -> None:
+    def __init__(self, settings: LiftSettings) -> None:
         self._settings = settings
-        self._render_size = check_size(render_size)
-        self._sensor = sensor_model(sensor)
         self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
         self._perceptions = WeakKeyDictionary()
         self._contexts: dict[str, tuple[tuple[Simulation, float], Any]] = {}
@@ -113,7 +106,7 @@ class Views:
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": ""}
         if self._settings.obs_mode.endswith("pointcloud"):
-            scene = perception.observe(simulation.data, rng).scene
+            scene = perception.observe(simulation.data, rng)
             info["perception_failure"] = scene.reason or ""
             return scene.as_observation(perception.settings.count), info
         depth = perception.measure(simulation.data, rng)
@@ -132,7 +125,7 @@ class Views:
         known, size = self._perceptions.get(simulation), simulation.variation.size
         if known is None or known[:2] != (size, names):
             cameras = tuple(camera for camera in self._cameras if camera.name in names)
-            known = (size, names, Perception(simulation.model, cameras, sensor=self._sensor))
+            known = (size, names, Perception(simulation.model, cameras, sensor=self._settings.sensor))
             self._perceptions[simulation] = known
         return known[2]
 
@@ -161,7 +154,7 @@ class Views:
         from dexgrasp_env.rendering import make_renderer, render, show_camera
 
         renderer = self._context(
-            "picture", simulation, lambda: make_renderer(model, *self._render_size, quick=True)
+            "picture", simulation, lambda: make_renderer(model, *self._settings.render_size, quick=True)
         )
         if mode == "depth_array":
             renderer.enable_depth_rendering()
@@ -185,19 +178,6 @@ def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
     }
 
 
-def sensor_model(value: Mapping[str, Any] | str) -> SensorModel:
-    """Return the sensor model of a name or of a mapping of `SensorModel`'s settings.
-
-    Raises:
-        InputError: for an unknown name or setting, or a value out of range.
-    """
-    if isinstance(value, str):
-        if value not in ("realistic", "none"):
-            raise unknown_name("sensor", value, ["realistic", "none", "a mapping of SensorModel's settings"])
-        return SensorModel.realistic() if value == "realistic" else SensorModel.none()
-    return read(SensorModel, value, "sensor")
-
-
 def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     import os
 
@@ -206,15 +186,3 @@ def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     import mujoco.viewer
 
     return mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
-
-
-def make_settings(
-    sensor: Mapping[str, Any] | str, render_size: tuple[int, int], **given: Any
-) -> tuple[LiftSettings, Views]:
-    """Check the arguments of the environment.
-
-    Raises:
-        InputError: one line that says which is wrong and what is valid.
-    """
-    settings = LiftSettings.of(**given)
-    return settings, Views(settings, sensor, render_size)
