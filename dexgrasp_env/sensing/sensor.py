@@ -105,10 +105,6 @@ class SensorModel:
             return cls.none() if one_of(("realistic", "none")).admit(value) == "none" else cls.realistic()
         return read(cls, value, "sensor")
 
-    def depth_rms(self, depth: float) -> float:
-        """RMS depth noise at a distance, both in metres, without quantisation."""
-        return depth**2 * self.subpixel_rms / (self.focal_px * self.baseline)
-
     def measure(self, depths: Depth, cameras: tuple[Camera, ...], rng: np.random.Generator) -> Depth:
         """Return what the sensor reports for true depths.
 
