@@ -1,4 +1,7 @@
-"""The array type of this project (metres, radians, whatever shape the docstring says), and even directions."""
+"""The array type of this project: metres, radians, whatever shape the docstring says; and a few arrays."""
+
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,3 +16,14 @@ def fibonacci_directions(count: int) -> Array:
     turn = np.pi * (1.0 + np.sqrt(5.0)) * index
     across = np.sqrt(1.0 - z**2)
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+
+
+def joined(clouds: Sequence[Array]) -> dict[str, NDArray[Any]]:
+    """Return the `points` (n, 3) of several clouds as one array, and the `counts` that each has."""
+    counts = np.array([len(cloud) for cloud in clouds], dtype=np.int64)
+    return {"points": np.concatenate([np.zeros((0, 3)), *clouds]), "counts": counts}
+
+
+def divided(points: Array, counts: NDArray[np.int64]) -> list[Array]:
+    """Return the clouds that `joined` was given."""
+    return np.split(points, np.cumsum(counts)[:-1])

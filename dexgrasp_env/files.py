@@ -6,11 +6,7 @@ import json
 import math
 import os
 import secrets
-import struct
 import sys
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, is_dataclass
 from functools import cache
@@ -23,26 +19,9 @@ import platformdirs
 from dexgrasp_env.errors import InputError
 
 Arrays = dict[str, np.ndarray]
-Layout = Mapping[str, tuple[int | None, ...]]
 _DIGEST = 32  # bytes of a SHA-256
 _HEADER = 1 << 16  # bytes that an npy file of version 1.0 can have in front of its data, and some
 _DIGITS = 40  # of a whole number in JSON: no seed, count or hash of ours has as many
-
-
-_DAMAGE = (
-    ValueError,
-    LookupError,
-    TypeError,
-    EOFError,
-    MemoryError,
-    RuntimeError,
-    SyntaxError,
-    struct.error,
-    tokenize.TokenError,
-    zipfile.BadZipFile,
-    zlib.error,
-)
-"""What numpy and zipfile raise on an archive that is not whole, but for OSError."""
 
 
 def read_npz(source: Path | IO[bytes]) -> Arrays:
@@ -57,7 +36,7 @@ def read_npz(source: Path | IO[bytes]) -> Arrays:
             arrays = {name: file[name] for name in file.files}
     except OSError:
         raise
-    except _DAMAGE as error:
+    except Exception as error:  # numpy and zipfile raise whatever they trip over
         raise ValueError(f"no archive of plain arrays ({type(error).__name__})") from None
     for name, array in arrays.items():
         if not isinstance(array, np.ndarray):  # numpy hands the bytes of other members over
@@ -72,20 +51,20 @@ def cache_dir() -> Path:
     )
 
 
-def cached_arrays(name: str, layout: Layout, make: Callable[[], Arrays]) -> Arrays:
-    """Return the arrays of a cache file, made now where it is missing, damaged or of another layout.
+def cached_arrays(name: str, make: Callable[[], Arrays]) -> Arrays:
+    """Return the arrays of a cache file, made now where it is missing or damaged.
 
     Several processes may make the same file at once: each replaces it as a whole. A cache that cannot be
     written is done without, with a note on standard error.
 
     Args:
-        name: of the npy file in the cache, named after a hash of all that the arrays depend on.
-        layout: name of each array and its shape, None for any number; numbers must be finite.
+        name: of the npy file in the cache, named after a hash of all that the arrays depend on, the version of what
+            makes them among it.
         make: called for the arrays that are not there.
     """
     path = cache_dir() / name
     arrays = _read_cached(path)
-    if arrays is None or not fits(arrays, layout):
+    if arrays is None:
         arrays = make()
         _write_cached(path, arrays)
     return arrays
@@ -122,16 +101,6 @@ def _write_cached(path: Path, arrays: Arrays) -> None:
         write_atomically(path, payload + hashlib.sha256(payload).digest())
     except OSError as error:
         _note_unwritable(str(cache_dir()), error.strerror or str(error))
-
-
-def fits(arrays: Arrays, layout: Layout) -> bool:
-    """Whether arrays have the names and shapes of a layout, and finite numbers."""
-    return arrays.keys() == layout.keys() and all(
-        array.ndim == len(layout[name])
-        and all(want in (None, side) for side, want in zip(array.shape, layout[name], strict=True))
-        and (array.dtype.kind not in "fc" or bool(np.isfinite(array).all()))
-        for name, array in arrays.items()
-    )
 
 
 @cache

@@ -5,7 +5,6 @@ import ctypes
 import importlib
 import os
 import weakref
-from collections.abc import Sequence
 from functools import cache
 
 import mujoco
@@ -14,10 +13,14 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import number, several
 
 _OFF = ("disable", "disabled", "off", "false", "0")  # MUJOCO_GL's words for no drawing,
 _ANY = ("enable", "enabled", "on", "true", "1")  # and for whatever there is
-_SIZES = (16, 4096)  # pixels
+RENDER_SIZE = several(number(ge=16, le=4096, whole=True), 2)._replace(
+    words="rows and columns, each from 16 to 4096"
+)
+"""The rule of rows and columns of pictures, pixels."""
 _REMEDY = (
     "no off-screen GL library works here: install libosmesa6, or libegl1 with libgl1 (Debian names); "
     "everything but pictures and videos runs without"
@@ -92,20 +95,6 @@ def make_renderer(model: mujoco.MjModel, height: int, width: int, *, quick: bool
         return renderer
     except Exception as error:
         raise InputError(f"{_REMEDY} (MUJOCO_GL={backend}: {error})") from error
-
-
-def check_size(size: Sequence[int]) -> tuple[int, int]:
-    """Return rows and columns of pictures.
-
-    Raises:
-        InputError: unless they are two whole numbers that a GL can do.
-    """
-    valid = isinstance(size, Sequence) and len(size) == 2 and all(isinstance(side, int) for side in size)
-    if not valid or not all(_SIZES[0] <= side <= _SIZES[1] for side in size):
-        raise InputError(
-            f"render_size = {size!r}: valid are rows and columns, each from {_SIZES[0]} to {_SIZES[1]}"
-        )
-    return size[0], size[1]
 
 
 _open: weakref.WeakSet[mujoco.Renderer] = weakref.WeakSet()

@@ -82,6 +82,21 @@ def pair(each: Rule) -> Rule:
     return Rule(f"a pair low <= high, each {each.words}", admit)
 
 
+def several(each: Rule, count: int | None = None) -> Rule:
+    """Return the rule of lists of what a rule admits, `count` long where it is given; kept as tuples."""
+
+    def admit(value: Any) -> tuple[Any, ...]:
+        known = isinstance(value, list | tuple) and count in (None, len(value))
+        return tuple(map(each.admit, value)) if known else _refuse()
+
+    return Rule(f"a list of {count or 'any length'}, each {each.words}", admit)
+
+
+def _distinct(value: Any) -> tuple[str, ...]:
+    names = several(WORD).admit(value)
+    return names if 0 < len(names) == len(set(names)) else _refuse()
+
+
 def instance(kind: type, words: str) -> Rule:
     """Return the rule of the instances of a type."""
     return Rule(words, lambda value: value if isinstance(value, kind) else _refuse())
@@ -91,9 +106,13 @@ def _refuse() -> Any:
     raise ValueError
 
 
+WORD = Rule("a word", lambda value: value if isinstance(value, str) and value else _refuse())
+Word = Annotated[str, WORD]
+NAMES = Rule("a list of names, each once", _distinct)
 NATURAL = number(ge=0, whole=True)
 Natural = Annotated[int, NATURAL]
-Count = Annotated[int, number(ge=1, whole=True)]
+COUNT = number(ge=1, whole=True)
+Count = Annotated[int, COUNT]
 Positive = Annotated[float, number(gt=0)]
 Share = Annotated[float, number(gt=0, lt=1)]
 Friction = Annotated[float, number(gt=0, le=2)]

@@ -7,7 +7,8 @@ import sys
 import time
 from pathlib import Path
 
-from dexgrasp_env.objects import CATALOGUE, load_object
+from dexgrasp_env.objects.catalogue import CATALOGUE
+from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.rest_poses import find_rest_poses, write_poses
 
 FOLDER = Path(__file__).resolve().parents[1] / "assets" / "rest_poses"

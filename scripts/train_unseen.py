@@ -33,8 +33,7 @@ from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import default_cell
-from dexgrasp_env.sensing.backends import make_backend
-from dexgrasp_env.sensing.groups import VISUAL_GROUPS
+from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
 
 _BATCH, _RATE, _DECAY, _NOISE = 256, 1.5e-3, 1e-2, 0.03  # noise in standard deviations of the features
@@ -89,10 +88,8 @@ def views_of(mesh: trimesh.Trimesh, rng: Generator) -> Iterator[tuple[Scene, Arr
         mujoco.mju_mat2Quat(data.qpos[3:7], R.ravel())
         mujoco.mj_kinematics(model, data)
         cameras = _cameras(rng)
-        backend = make_backend("auto", model, cameras, VISUAL_GROUPS)
         believed = sensor.calibrate(cameras, rng)
-        depths = sensor.measure(backend.render(data), cameras, rng)
-        backend.close()
+        depths = sensor.measure(RayCameras(model, cameras).render(data), cameras, rng)
         for k in range(len(cameras)):
             yield segment(depths[k : k + 1], believed[k : k + 1], rng), hull + shift
 

@@ -19,7 +19,7 @@ from dexgrasp.export.time_law import Limits, largest_shares, timed
 from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
 from dexgrasp.grasp.file import record_of
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.objects import load_object
+from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 
 LIMITS = Limits(np.full(4, 2.0), np.full(4, 10.0), np.full(4, 5000.0))

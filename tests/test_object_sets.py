@@ -20,7 +20,7 @@ from dexgrasp.evaluation.report.origin import commands
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.spec import object_labels
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.objects import load_object, object_name, resolve_targets
+from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 
 BRICK = {
     "name": "brick",

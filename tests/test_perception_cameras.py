@@ -1,4 +1,4 @@
-"""Cameras, depth backends and the sensor model."""
+"""Cameras, rays and the sensor model."""
 
 import mujoco
 import numpy as np
@@ -8,9 +8,9 @@ from robots import CELL
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import deproject
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
-from dexgrasp_env.sensing.backends import make_backend
 from dexgrasp_env.sensing.cameras import add_cameras
-from dexgrasp_env.sensing.raycast import RayBackend
+from dexgrasp_env.sensing.gl import ColourCameras
+from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel, incidence
 
 GEOM = mujoco.mjtGeom
@@ -35,12 +35,22 @@ def small_scene(floor: bool = True) -> tuple[mujoco.MjModel, mujoco.MjData]:
     return model, data
 
 
+def project(camera, points):
+    """Pixel coordinates (..., 2) and depths (...) of world points (..., 3)."""
+    local, lens = (points - camera.position) @ camera.rotation, camera.intrinsics
+    u, v = (
+        lens.fx * local[..., 0] / local[..., 2] + lens.cx,
+        lens.fy * local[..., 1] / local[..., 2] + lens.cy,
+    )
+    return np.stack([u, v], axis=-1), local[..., 2]
+
+
 def test_pixel_of_a_point_deprojects_to_the_point():
     camera = CELL.make_cameras()[0]
     depth = np.full((120, 160), np.nan)
     depth[37, 91] = 0.8
     point = deproject(depth, camera)[37, 91]
-    uv, z = camera.project(point)
+    uv, z = project(camera, point)
     assert uv == pytest.approx([91, 37])
     assert z == pytest.approx(0.8)
     assert np.isnan(deproject(depth, camera)[0, 0]).all()
@@ -49,7 +59,7 @@ def test_pixel_of_a_point_deprojects_to_the_point():
 def test_default_cameras_see_the_whole_region_of_objects():
     corners = np.array([[x, y, z] for x in (0.40, 0.65) for y in (-0.25, 0.25) for z in (0.0, 0.2)])
     for camera in CELL.make_cameras():
-        uv, depth = camera.project(corners)
+        uv, depth = project(camera, corners)
         assert (uv > -0.5).all(), camera.name
         assert (uv < [159.5, 119.5]).all(), camera.name
         assert depth.min() > 0.2
@@ -75,18 +85,16 @@ def test_bad_cameras_are_refused_in_one_line():
         Camera.look_at("a", (0, 0, 1), (0, 0, 1))
     with pytest.raises(InputError, match="orthonormal"):
         Camera("a", 2.0 * np.eye(4))
-    with pytest.raises(InputError, match="auto, ray, gl"):
-        make_backend("cuda", model, CELL.make_cameras())
     with pytest.raises(InputError, match="image sizes"):
-        make_backend("ray", model, (CELL.make_cameras()[0], Camera("b", np.eye(4), small)))
+        RayCameras(model, (CELL.make_cameras()[0], Camera("b", np.eye(4), small)))
     with pytest.raises(InputError, match="one or more"):
-        make_backend("ray", model, ())
+        RayCameras(model, ())
 
 
 def test_rays_miss_nothing_that_single_rays_hit():
     model, data = small_scene()
     cameras = CELL.make_cameras(CameraIntrinsics.from_fovy(38.0, 80, 60))
-    depths = RayBackend(model, cameras).render(data)
+    depths = RayCameras(model, cameras).render(data)
     group, geom = np.array([1, 1, 1, 0, 0, 0], np.uint8), np.zeros(1, np.int32)
     for depth, camera in zip(depths, cameras, strict=True):
         rays = camera.intrinsics.directions().reshape(-1, 3) @ camera.rotation.T
@@ -94,14 +102,12 @@ def test_rays_miss_nothing_that_single_rays_hit():
         assert np.allclose(depth.ravel(), single, atol=1e-6)
 
 
-def test_nothing_is_infinitely_far_and_rays_have_no_colour():
+def test_nothing_is_infinitely_far():
     model, data = small_scene(floor=False)
     up = Camera.look_at("up", (0.5, 0, 0.5), (0.5, 0, 2.0))
-    backend = make_backend("auto", model, (up,))
-    assert np.isinf(backend.render(data)).all()
-    assert (backend.segment(data) == -1).all()
-    with pytest.raises(InputError, match="OpenGL"):
-        backend.render_rgb(data)
+    rays = RayCameras(model, (up,))
+    assert np.isinf(rays.render(data)).all()
+    assert (rays.segment(data) == -1).all()
 
 
 def test_gl_and_rays_agree_pixel_by_pixel():
@@ -109,16 +115,22 @@ def test_gl_and_rays_agree_pixel_by_pixel():
     shifted = CameraIntrinsics(fx=180.0, fy=165.0, cx=70.0, cy=66.0)
     cameras = tuple(Camera(c.name, c.T_world_camera, shifted) for c in CELL.make_cameras())
     try:
-        gl = make_backend("gl", model, cameras)
+        gl = ColourCameras(model, cameras)
     except InputError as error:
         pytest.skip(str(error))
-    ray = make_backend("ray", model, cameras)
+    rays = RayCameras(model, cameras)
     try:
-        a, b = ray.render(data), gl.render(data)
         assert gl.render_rgb(data).shape == (4, 120, 160, 3)
-        assert (ray.segment(data) != gl.segment(data)).mean() < 2e-3
+        gl.renderer.enable_depth_rendering()
+        a, b = rays.render(data), gl.render_rgb(data)
+        b[b >= 0.999 * model.vis.map.zfar * model.stat.extent] = np.inf
+        gl.renderer.disable_depth_rendering()
+        gl.renderer.enable_segmentation_rendering()
+        pairs = gl.render_rgb(data)
     finally:
         gl.close()
+    shown = np.where(pairs[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, pairs[..., 0], -1)
+    assert (rays.segment(data) != shown).mean() < 2e-3
     assert (np.isfinite(a) != np.isfinite(b)).mean() < 2e-3
     both = np.isfinite(a) & np.isfinite(b)
     error = np.abs(a[both] - b[both])
@@ -146,7 +158,7 @@ def test_noise_grows_with_the_square_of_distance(distance, correlated):
     depth = np.full((4, 120, 160), distance, np.float32)
     measured = sensor.measure(depth, CELL.make_cameras(), np.random.default_rng(1))
     expected = distance**2 * 0.08 / (424 * 0.05)
-    assert sensor.depth_rms(distance) == pytest.approx(expected)
+    assert distance**2 * sensor.subpixel_rms / (sensor.focal_px * sensor.baseline) == pytest.approx(expected)
     assert (measured - depth).std() == pytest.approx(expected, rel=0.05)
 
 

@@ -22,7 +22,7 @@ from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, remove_plane
-from dexgrasp_env.perception.robot import RobotShape, remove_robot, robot_geoms
+from dexgrasp_env.perception.robot import RobotShape, robot_geoms
 
 GEOM = mujoco.mjtGeom
 
@@ -138,15 +138,14 @@ def test_robot_points_go_and_others_stay(kind):
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     assert len(robot_geoms(model)) == 1
-    shape = RobotShape(model)
+    own = RobotShape(model).at(data, 0.01)
     R, centre = data.body("link").xmat.reshape(3, 3), data.body("link").xpos
     reach = {"sphere": 0.03, "capsule": 0.07, "cylinder": 0.04, "ellipsoid": 0.05, "box": 0.05, "mesh": 0.05}[
         kind
     ]
     local = np.array([[0, 0, 0], [0.029, 0, 0], [0, 0, reach + 0.005], [0, 0, reach + 0.02], [0.09, 0, 0]])
-    left = remove_robot(as_cloud(local @ R.T + centre), shape, data, 0.01)
-    assert left.pixel.tolist() == [3, 4]
-    assert len(remove_robot(as_cloud(np.empty((0, 3))), shape, data)) == 0
+    assert own(local @ R.T + centre).tolist() == [True, True, True, False, False]
+    assert len(own(np.empty((0, 3)))) == 0
 
 
 def test_outliers_and_small_clusters_go():
@@ -216,7 +215,7 @@ def test_distance_to_a_mesh_and_coverage():
 
 def test_picture_is_written_even_of_nothing(tmp_path):
     box = trimesh.creation.box([0.05] * 3)
-    full = cloud_picture(tmp_path / "a.png", box.sample(50), box, box, np.eye(4))
+    full = cloud_picture(tmp_path / "a.png", box.sample(50), box, box)
     empty = cloud_picture(tmp_path / "b.png", np.zeros((0, 3)), None)
     assert full.stat().st_size > 10_000
     assert empty.stat().st_size > 1_000

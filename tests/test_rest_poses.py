@@ -4,9 +4,10 @@ import mujoco
 import numpy as np
 import pytest
 
-from dexgrasp_env.objects import CATALOGUE, load_object
 from dexgrasp_env.objects.bottles import revolve
+from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.dropping import drop_model
+from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.objects.rest_poses import MOST_POSES, clusters, find_rest_poses, rest_poses, symmetry_axis

@@ -7,9 +7,9 @@ from robots import CELL, HOME, JOINTS, LOWER, TIPS, TORQUE, UPPER
 
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.rest_poses import rest_poses
-from dexgrasp_env.scene.arena import set_physics
+from dexgrasp_env.scene.arena import read_arena
 from dexgrasp_env.scene.build import build_scene
-from dexgrasp_env.scene.constants import CONTROL_PERIOD, TIMESTEP
+from dexgrasp_env.scene.constants import CONTROL_PERIOD, TABLE_CENTRE_X, TABLE_HEIGHT, TABLE_SIZE, TIMESTEP
 
 GRAVITY = 9.81
 
@@ -29,7 +29,7 @@ def plate_on_tips(scene, friction):
     """A plate on three fixed spheres of a fingertip's size, with the physics and the pair settings of the scene."""
     pair = tip_pair(scene)
     spec = mujoco.MjSpec()
-    set_physics(spec)
+    spec.option = read_arena().option
     plate = spec.worldbody.add_body(name="plate", pos=[0, 0, 0.014 + 0.01])
     plate.add_freejoint()
     plate.add_geom(name="plate", type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.2, 0.2, 0.01], mass=0.5)
@@ -112,6 +112,13 @@ def test_torque_limits_hold(scene):
     assert np.any(largest > 0.99 * TORQUE)
 
 
+def test_the_arena_is_what_the_constants_say(scene):
+    np.testing.assert_allclose(2.0 * scene.geom("table").size, TABLE_SIZE)
+    assert scene.body("table").pos.tolist() == [TABLE_CENTRE_X, 0.0, 0.0]
+    assert scene.geom("table").pos[2] == -0.5 * TABLE_SIZE[2]
+    assert scene.geom("floor").pos[2] == -TABLE_HEIGHT
+
+
 def test_timing(scene):
     assert scene.opt.timestep == TIMESTEP
     assert pytest.approx(0.05) == CONTROL_PERIOD
@@ -120,7 +127,7 @@ def test_timing(scene):
 
 @pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "tetrahedron"])
 def test_an_object_at_rest_stays(name):
-    from dexgrasp_env.objects import load_object as load
+    from dexgrasp_env.objects.load import load_object as load
 
     model = load(name)
     scene = build_scene(model, CELL)

@@ -9,8 +9,9 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.objects import decompose, load_object, object_name, resolve_targets
+from dexgrasp_env.objects import decompose
 from dexgrasp_env.objects.decompose import convex_parts
+from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 from dexgrasp_env.objects.repair import repair
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.objects.shapes import union

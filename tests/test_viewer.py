@@ -12,7 +12,7 @@ from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.viewer.film import Film, carried, palm_poses
-from dexgrasp_env.objects import load_object
+from dexgrasp_env.objects.load import load_object
 
 
 @pytest.fixture(scope="module")

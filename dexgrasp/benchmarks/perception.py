@@ -24,12 +24,11 @@ from dexgrasp_env.perception.cloud import (
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
-from dexgrasp_env.perception.robot import remove_robot
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.scene.build import build_scene
-from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
 from dexgrasp_env.sensing.perception import Perception
+from dexgrasp_env.sensing.raycast import SEEN
 from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.placement import Placement
 
@@ -93,11 +92,11 @@ def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) ->
     model, data, shape = _scene(name, rng, pose)
     perception = Perception(model, default_cell().make_cameras(), sensor=sensor)
     perception.reset(rng)
-    scene = perception.observe(data, rng).scene
+    scene = perception.observe(data, rng)
     geoms = object_geoms(model)
-    visible = geoms[np.isin(model.geom_group[geoms], VISUAL_GROUPS)]
+    visible = geoms[SEEN[model.geom_group[geoms]] > 0]
     T = pose_matrix(data.body("object").xpos, data.body("object").xquat)
-    depths, ids = perception.backend.render(data), perception.backend.segment(data)
+    depths, ids = perception.rays.render(data), perception.rays.segment(data)
     return asdict(measure_accuracy(scene, shape.mesh, T, depths, ids, perception.cameras, visible))
 
 
@@ -139,30 +138,30 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
     depths = perception.measure(data, rng)
     everything = gather(remove_flying(depths), cameras)
     sparse = everything.select(slice(None, None, s.stride))
-    plane = fit_plane(sparse.points, rng, tolerance=0.010)
+    plane = fit_plane(sparse.points, rng)
     assert plane is not None
     turns = view_corrections(sparse, plane, len(cameras))
     cropped = crop(everything, s.crop_low, s.crop_high)
     level = level_views(cropped, turns)
     clearance = table_clearance(plane, level.depth, noise_depth(sparse, plane), s.clearance_sigmas)
     above = remove_plane(level, plane, clearance)
-    free = remove_robot(above, perception.robot, data, s.robot_margin)
+    free = above.select(~perception.robot.at(data)(above.points))
     dense = remove_outliers(free, s.outlier_radius, s.outlier_neighbours)
     found = largest_cluster(dense, s.link)
     chosen = found.select(downsample(found.points, s.count, rng))
     points, _ = smooth(found, chosen, plane.rms, s.smoothing_radius)
-    true = perception.backend.render(data)
+    true = perception.rays.render(data)
     return {
-        "render": lambda: perception.backend.render(data),
+        "render": lambda: perception.rays.render(data),
         "sensor": lambda: perception.sensor.measure(true, perception.cameras, rng),
         "remove_flying": lambda: remove_flying(depths),
         "gather": lambda: gather(depths, cameras),
-        "fit_plane": lambda: fit_plane(sparse.points, rng, tolerance=0.010),
+        "fit_plane": lambda: fit_plane(sparse.points, rng),
         "view_corrections": lambda: view_corrections(sparse, plane, len(cameras)),
         "crop": lambda: crop(everything, s.crop_low, s.crop_high),
         "level_views": lambda: level_views(cropped, turns),
         "remove_plane": lambda: remove_plane(level, plane, clearance),
-        "remove_robot": lambda: remove_robot(above, perception.robot, data, s.robot_margin),
+        "remove_robot": lambda: above.select(~perception.robot.at(data)(above.points)),
         "remove_outliers": lambda: remove_outliers(free, s.outlier_radius, s.outlier_neighbours),
         "largest_cluster": lambda: largest_cluster(dense, s.link),
         "downsample": lambda: downsample(found.points, s.count, rng),
@@ -173,7 +172,6 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
 
 
 def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:
-    mask = group_mask(VISUAL_GROUPS)
     casts = [
         (c.position, (c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel())
         for c in perception.cameras
@@ -183,7 +181,7 @@ def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Ca
 
     def cast() -> None:
         for position, rays in casts:
-            mujoco.mj_multiRay(model, data, position, rays, mask, True, -1, geom, distance, None, n, 10.0)
+            mujoco.mj_multiRay(model, data, position, rays, SEEN, True, -1, geom, distance, None, n, 10.0)
 
     return cast
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.runs.versions import package_version
+from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.findings import Finding
 
 _NEEDED = ("dexgrasp", "numpy", "scipy", "mujoco", "gymnasium", "numba", "trimesh", "manifold3d")
@@ -96,7 +97,7 @@ def _python(code: str, timeout: float, **where: Any) -> "subprocess.CompletedPro
 
 def check_machine() -> list[Finding]:
     """Look at processors, thread settings and the cache."""
-    usable = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    usable = usable_cores()
     limits = [
         f"{key}={os.environ[key]}" for key in ("OMP_NUM_THREADS", "NUMBA_NUM_THREADS") if os.environ.get(key)
     ]

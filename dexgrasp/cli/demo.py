@@ -149,7 +149,8 @@ def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
     true: Any = seen.env.unwrapped
     planned = None if found.target is None else found.target.surface
     title = f"{seen.subject.identity.name}: {len(points)} points from four cameras"
-    cloud_picture(path, points, planned, true.simulation.object.mesh, seen.subject.pose.T_world_object, title)
+    mesh = true.simulation.object.mesh.copy().apply_transform(seen.subject.pose.T_world_object)
+    cloud_picture(path, points, planned, mesh, title)
 
 
 def _outcome_text(name: str, outcome: dict[str, Any], folder: Path) -> str:

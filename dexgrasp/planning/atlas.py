@@ -49,8 +49,7 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
     tree = robot_tree(cell)
     key = content_hash(_VERSION, _SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
-    layout = {"joints": (None, len(tree.torque))} | dict.fromkeys(("tips", "axes", "pads"), (None, 3, 3))
-    found = cached_arrays(f"hand_atlas_{key}.npy", layout, lambda: _made(cell.robot, tree, seed))
+    found = cached_arrays(f"hand_atlas_{key}.npy", lambda: _made(cell.robot, tree, seed))
     # A tree that is not balanced takes half the time, its queries no longer.
     search = KDTree(triangle_sides(found["tips"]), leafsize=16, balanced_tree=False, compact_nodes=False)
     return HandAtlas(**found, search=search)

@@ -139,7 +139,7 @@ def scene_of(
     data.qpos[:] = cell.robot.home if start is None else start
     mujoco.mj_kinematics(model, data)
     rng = np.random.default_rng(seed)
-    return find_object(cloud, rng, cell, near=where, robot=RobotShape(model), data=data)
+    return find_object(cloud, rng, cell, near=where, own=RobotShape(model).at(data))
 
 
 def default_planner(

@@ -37,12 +37,12 @@ def held(pieces: Iterable[Piece]) -> float:
     return sum(piece.hull_volume for piece in pieces)
 
 
-def best_cut(piece: P, planes: Iterable[Plane], alike: float = _ALIKE) -> tuple[Plane, Sequence[P]]:
+def best_cut(piece: P, planes: Iterable[Plane]) -> tuple[Plane, Sequence[P]]:
     """Return the plane whose pieces hold least, the first of those alike, and these; the piece itself if none cuts."""
     cuts = [(plane, piece.cut(*plane)) for plane in planes]
     return min(
         (cut for cut in cuts if len(cut[1]) > 1),
-        key=lambda cut: rounded(held(cut[1]) / piece.hull_volume, alike),
+        key=lambda cut: rounded(held(cut[1]) / piece.hull_volume),
         default=((np.zeros(3), 0.0), [piece]),
     )
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import trimesh
 
-from dexgrasp_env.arrays import Array
-from dexgrasp_env.files import Arrays, cached_arrays, content_hash
+from dexgrasp_env.arrays import Array, divided, joined
+from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.objects.cutting import Plane, best_cut, cut_up, held, rounded
 from dexgrasp_env.objects.model import reduced_hull
 from dexgrasp_env.objects.parts import MAX_VERTICES, ContactPart
@@ -41,7 +41,6 @@ _VERSION = 6
 _NORMALS = np.array([n for n in product((1, 0, -1), repeat=3) if n > (0, 0, 0)], dtype=float)
 _NORMALS /= np.linalg.norm(_NORMALS, axis=1, keepdims=True)
 """(13, 3) directions that cuts are tried across: to a cube's faces, edges and corners."""
-_LAYOUT = {"points": (None, 3), "counts": (None,)}
 
 
 def convex_parts(mesh: trimesh.Trimesh) -> tuple[tuple[ContactPart, ...], tuple[str, ...]]:
@@ -56,10 +55,10 @@ def convex_parts(mesh: trimesh.Trimesh) -> tuple[tuple[ContactPart, ...], tuple[
         return whole, ()
     faces = np.asarray(mesh.faces, dtype=np.int64)
     key = content_hash(np.asarray(mesh.vertices, dtype=float), faces, _VERSION)
-    found = cached_arrays(f"parts/{key}.npy", _LAYOUT, lambda: _packed(decompose(mesh)))
+    found = cached_arrays(f"parts/{key}.npy", lambda: joined(decompose(mesh)))
     if not len(found["counts"]):
         return whole, ("could not be split into convex parts: in contact its convex hull stands in",)
-    pieces = np.split(found["points"], np.cumsum(found["counts"])[:-1])
+    pieces = divided(**found)
     return tuple(map(_part, pieces)), (f"split into {len(pieces)} convex parts",)
 
 
@@ -217,8 +216,3 @@ def _points(solid: manifold3d.Manifold) -> Array:
 
 def _part(points: Array) -> ContactPart:
     return ContactPart("mesh", vertices=np.asarray(reduced_hull(points, MAX_VERTICES).vertices))
-
-
-def _packed(parts: Sequence[Array]) -> Arrays:
-    points = np.concatenate(parts) if parts else np.zeros((0, 3))
-    return {"points": points, "counts": np.array([len(part) for part in parts], dtype=np.int64)}

@@ -38,7 +38,7 @@ def drop(model: ObjectModel, ups: Array) -> tuple[Array, Array]:
         speed that was left, metres a second at the object's rim.
     """
     mj_model = drop_model(model)
-    ends = [_drop_one(mj_model, model, up, _DROP_HEIGHT, _LONGEST) for up in ups]
+    ends = [_drop_one(mj_model, model, up, _DROP_HEIGHT) for up in ups]
     settled = [end for end in ends if end is not None]
     if not settled:
         return np.zeros((0, 3)), np.zeros(0)
@@ -47,7 +47,7 @@ def drop(model: ObjectModel, ups: Array) -> tuple[Array, Array]:
 
 def stays(model: ObjectModel, up: Array, angle: float) -> bool:
     """Whether the object, put down with the vertical `up` (3,), rests within `angle` radians of it."""
-    end = _drop_one(drop_model(model), model, up, 2e-4, _LONGEST)
+    end = _drop_one(drop_model(model), model, up, 2e-4)
     return end is not None and float((end[0] * up).sum()) >= np.cos(angle)
 
 
@@ -70,7 +70,7 @@ def drop_model(model: ObjectModel) -> mujoco.MjModel:
 
 
 def _drop_one(
-    mj_model: mujoco.MjModel, model: ObjectModel, up: Array, gap: float, longest: float
+    mj_model: mujoco.MjModel, model: ObjectModel, up: Array, gap: float
 ) -> tuple[Array, float] | None:
     """Return the vertical in the object frame at rest and the speed left, or None if it never rests."""
     import mujoco
@@ -80,7 +80,7 @@ def _drop_one(
     data.qpos[3:7] = _orientation(up)
     radius = 0.5 * float(model.extents.max())
     still = 0
-    for _ in range(int(longest / (_TIMESTEP * _CHECK_EVERY))):
+    for _ in range(int(_LONGEST / (_TIMESTEP * _CHECK_EVERY))):
         mujoco.mj_step(mj_model, data, _CHECK_EVERY)
         speed = float(np.linalg.norm(data.qvel[:3]) + radius * np.linalg.norm(data.qvel[3:]))
         still = still + 1 if speed < _STILL and data.ncon > 0 else 0

@@ -16,12 +16,17 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, printable_stem
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.objects.sets import SetMember, is_set, set_member, set_targets
+from dexgrasp_env.objects.sets import (
+    MESH_SUFFIXES,
+    SetMember,
+    is_set,
+    mesh_file,
+    set_member,
+    set_targets,
+)
 from dexgrasp_env.objects.stored import stored_object
 from dexgrasp_env.objects.varied import varied_object, varied_targets
 from dexgrasp_env.valid import MASS, Rule, check, number
-
-MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 
 
 def load_object(
@@ -46,15 +51,14 @@ def load_object(
         return model if mass is None else model.with_mass(mass)
     if is_set(target):
         return _member_object(set_member(target))
+    path = Path(os.path.realpath(_bare_mesh(target)))
+    return _mesh_object(path, path.stat().st_mtime_ns, scale, mass)
+
+
+def _bare_mesh(target: str) -> Path:
     if not is_mesh_path(target):
         raise unknown_object(target)
-    if not is_file(target):
-        raise InputError(
-            f"mesh file {target!r} does not exist: give the path of an obj, stl, ply or glb file"
-        )
-    path = Path(os.path.realpath(os.path.expanduser(target)))
-    stamp = path.stat().st_mtime_ns
-    return _mesh_object(path, stamp, scale, mass)
+    return mesh_file(target)
 
 
 def _member_object(member: SetMember) -> ObjectModel:
@@ -85,12 +89,8 @@ def resolve_targets(targets: Sequence[str]) -> list[str]:
     if not names:
         raise InputError(f"no objects given: name some, or a set: {', '.join(OBJECT_SETS)}")
     for name in names:
-        if has_own_size(name):
-            continue
-        if not is_mesh_path(name):
-            raise unknown_object(name)
-        if not is_file(name):
-            raise InputError(f"mesh file {name!r} does not exist")
+        if not has_own_size(name):
+            _bare_mesh(name)
     return list(dict.fromkeys(names))
 
 
@@ -137,12 +137,7 @@ def object_name(target: str) -> str:
 
 def is_mesh_path(target: str) -> bool:
     """Whether a target is meant as a file rather than as a name."""
-    return Path(target).suffix != "" or os.sep in target or is_file(target)
-
-
-def is_file(target: str) -> bool:
-    """Whether a path, `~` expanded, names a file; of names no file can have, False."""
-    return os.path.isfile(os.path.expanduser(target))
+    return Path(target).suffix != "" or os.sep in target or os.path.isfile(os.path.expanduser(target))
 
 
 def unknown_object(name: str) -> InputError:

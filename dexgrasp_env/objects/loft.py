@@ -63,10 +63,11 @@ class Section:
         return sign_x * (self.a - r) + r * np.cos(angle), sign_y * (self.b - r) + r * np.sin(angle)
 
 
-def loft_mesh(sections: Sequence[Section], sides: int = _SIDES) -> trimesh.Trimesh:
+def loft_mesh(sections: Sequence[Section]) -> trimesh.Trimesh:
     """Return the watertight skin over `sections`, given from the lowest to the highest."""
     import trimesh
 
+    sides = _SIDES
     rings = np.concatenate([section.ring(sides) for section in sections])
     vertices = np.concatenate([rings, [[0, 0, sections[0].z], [0, 0, sections[-1].z]]])
     faces = []
@@ -85,15 +86,15 @@ def loft_mesh(sections: Sequence[Section], sides: int = _SIDES) -> trimesh.Trime
     return mesh
 
 
-def loft_parts(sections: Sequence[Section], tolerance: float = _TOLERANCE) -> tuple[ContactPart, ...]:
-    """Split a loft at its concave places into convex parts that stand out by at most `tolerance` metres.
+def loft_parts(sections: Sequence[Section]) -> tuple[ContactPart, ...]:
+    """Split a loft at its concave places into convex parts that stand out by at most half a millimetre.
 
     Long circular stretches become cylinders, the rest convex meshes of at most `MAX_VERTICES` vertices.
     """
     parts = []
     start = 0
     while start < len(sections) - 1:
-        end = _run_end(sections, start, tolerance)
+        end = _run_end(sections, start)
         if sections[end].z - sections[start].z > 1e-6:
             parts.append(_run_part(sections[start : end + 1]))
         start = end
@@ -105,7 +106,7 @@ def _is_pillar(low: Section, high: Section) -> bool:
     return low.is_circle and high.is_circle and low.a == high.a and high.z - low.z >= low.a
 
 
-def _run_end(sections: Sequence[Section], start: int, tolerance: float) -> int:
+def _run_end(sections: Sequence[Section], start: int) -> int:
     """Index of the last section of the longest convex run from `start`."""
     end = start + 1
     if _is_pillar(sections[start], sections[end]) or sections[start].z == sections[end].z:
@@ -113,7 +114,7 @@ def _run_end(sections: Sequence[Section], start: int, tolerance: float) -> int:
     while end + 1 < len(sections):
         if _is_pillar(sections[end], sections[end + 1]):
             break
-        if _bulge(sections[start : end + 2]) > tolerance:
+        if _bulge(sections[start : end + 2]) > _TOLERANCE:
             break
         end += 1
     return end

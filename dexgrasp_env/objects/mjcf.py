@@ -18,32 +18,32 @@ def add_to_spec(
     body: mujoco.MjsBody,
     model: ObjectModel,
     *,
-    prefix: str = "object",
     visual: bool = True,
     **contact: Any,
 ) -> list[str]:
     """Give `body` the shape and the mass of `model`; its frame becomes the object frame.
 
-    Adds the geom `<prefix>_visual` (group 2, collides with nothing), the geoms `<prefix>_0`, `<prefix>_1`,
-    ... (group 3) and the inertia. Joints and friction are the caller's.
+    Adds the geom `object_visual` (group 2, collides with nothing), the geoms `object_0`, `object_1`, ... (group 3)
+    and the inertia. Joints and friction are the caller's.
 
     Args:
         spec: the specification that `body` belongs to; it receives the meshes.
         body: an empty body.
         model: the object.
-        prefix: of the names of geoms and meshes.
         visual: whether to add the visual geom.
         **contact: attributes set on every contact geom, e.g. `condim=3`, `solref=[0.02, 1]`.
 
     Returns:
         The names of the contact geoms.
     """
-    _set_inertia(body, model)
+    body.explicitinertial = True
+    body.mass, body.ipos = model.mass, [0.0, 0.0, 0.0]
+    body.fullinertia = model.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     if visual:
-        _add_visual(spec, body, model, prefix)
+        _add_visual(spec, body, model)
     names = []
     for index, part in enumerate(model.parts):
-        names.append(f"{prefix}_{index}")
+        names.append(f"object_{index}")
         geom = _add_part(spec, body, part, names[-1])
         geom.group = 3
         geom.rgba = model.rgba
@@ -52,25 +52,10 @@ def add_to_spec(
     return names
 
 
-def _set_inertia(body: mujoco.MjsBody, model: ObjectModel) -> None:
-    inertia = model.inertia
-    body.explicitinertial = True
-    body.mass = model.mass
-    body.ipos = [0.0, 0.0, 0.0]
-    body.fullinertia = [
-        inertia[0, 0],
-        inertia[1, 1],
-        inertia[2, 2],
-        inertia[0, 1],
-        inertia[0, 2],
-        inertia[1, 2],
-    ]
-
-
-def _add_visual(spec: mujoco.MjSpec, body: mujoco.MjsBody, model: ObjectModel, prefix: str) -> None:
+def _add_visual(spec: mujoco.MjSpec, body: mujoco.MjsBody, model: ObjectModel) -> None:
     import mujoco
 
-    name = f"{prefix}_visual"
+    name = "object_visual"
     mesh = spec.add_mesh(name=name)
     mesh.uservert = np.asarray(model.solid.vertices, dtype=np.float32).ravel()
     mesh.userface = np.asarray(model.solid.faces, dtype=np.int32).ravel()

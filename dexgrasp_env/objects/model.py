@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -119,9 +119,7 @@ def centred_model(
     mesh: trimesh.Trimesh,
     parts: Sequence[ContactPart],
     mass: float,
-    *,
-    rgba: tuple[float, float, float, float] = (0.75, 0.55, 0.3, 1.0),
-    notes: tuple[str, ...] = (),
+    **more: Any,
 ) -> ObjectModel:
     """Return a model of mesh and parts in any frame, re-centred at the centre of mass, evenly filled.
 
@@ -130,8 +128,7 @@ def centred_model(
         mesh: watertight surface, metres.
         parts: convex parts in the frame of the mesh.
         mass: kilograms.
-        rgba: colour.
-        notes: what was done to it.
+        more: other attributes of `ObjectModel`.
 
     Raises:
         InputError: for a mesh that is not watertight.
@@ -144,8 +141,7 @@ def centred_model(
     inertia = np.array(centred.moment_inertia) * (mass / centred.volume)
     inertia = 0.5 * (inertia + inertia.T)
     moved = tuple(part.translated(-centre) for part in parts)
-    solid = Solid.of(centred)
-    return ObjectModel(name, solid, moved, mass, inertia, rgba=rgba, notes=notes)
+    return ObjectModel(name, Solid.of(centred), moved, mass, inertia, **more)
 
 
 def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:

@@ -79,15 +79,15 @@ class ContactPart:
             return np.sqrt(((d * self.size) ** 2).sum(-1))
         return (d @ self.vertices.T).max(-1)
 
-    def surface(self) -> trimesh.Trimesh:
-        """Return a triangle mesh of the part in the object frame; round kinds from inside."""
+    def surface(self, detail: int = 3) -> trimesh.Trimesh:
+        """Return a triangle mesh of the part in the object frame; round kinds from inside, finer with `detail`."""
         import trimesh
 
-        local = trimesh.Trimesh(_points(self), process=False).convex_hull
+        local = trimesh.Trimesh(_points(self, detail), process=False).convex_hull
         return trimesh.Trimesh(rotate(self.quat_wxyz, local.vertices) + self.position, local.faces)
 
 
-def _points(part: ContactPart) -> Array:
+def _points(part: ContactPart, detail: int) -> Array:
     """Points in the part's frame whose hull is the part, or nearly so for round kinds."""
     import trimesh
 
@@ -97,8 +97,8 @@ def _points(part: ContactPart) -> Array:
     if part.kind == "box":
         return trimesh.creation.box(2 * part.size).vertices
     if part.kind == "cylinder":
-        return trimesh.creation.cylinder(a, 2 * b, sections=64).vertices
-    ball = trimesh.creation.icosphere(3).vertices
+        return trimesh.creation.cylinder(a, 2 * b, sections=8 * 2**detail).vertices
+    ball = trimesh.creation.icosphere(detail).vertices
     if part.kind == "ellipsoid":
         return ball * part.size
     lift = np.array([0.0, 0.0, b if part.kind == "capsule" else 0.0])

@@ -57,11 +57,11 @@ def _together(shells: list[trimesh.Trimesh]) -> trimesh.Trimesh:
 
 def _united(shells: list[trimesh.Trimesh]) -> tuple[trimesh.Trimesh | None, list[str]]:
     """Close every shell gently and unite them; None where one stays open."""
-    closed = [closed_gently(shell) for shell in shells]
-    if not all(closed):
+    closed = [found for shell in shells if (found := closed_gently(shell))]
+    if len(closed) < len(shells):
         return None, []
-    notes = [*dict.fromkeys(note for _, done in filter(None, closed) for note in done)]
-    solids = [solid for solid, _ in filter(None, closed)]
+    solids = [solid for solid, _ in closed]
+    notes = [*dict.fromkeys(note for _, done in closed for note in done)]
     if len(solids) == 1:
         return solids[0], notes
     return union(solids), [*notes, f"{len(solids)} bodies are taken as one rigid object; cavities are filled"]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from functools import lru_cache
 from pathlib import Path
 
@@ -17,6 +17,7 @@ from dexgrasp_env.files import Arrays, cached_arrays, write_atomically
 from dexgrasp_env.objects.dropping import drop, stays
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import support_height
+from dexgrasp_env.poses import quat_to_matrix
 
 DROPS = 240
 MERGE_ANGLE = np.deg2rad(16.0)
@@ -43,8 +44,7 @@ class RestPose:
     @property
     def up(self) -> Array:
         """(3,) the world's vertical in the object frame."""
-        w, x, y, z = self.quat_wxyz
-        return np.array([2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)])
+        return quat_to_matrix(np.array(self.quat_wxyz))[2]
 
 
 @lru_cache(maxsize=64)
@@ -55,7 +55,7 @@ def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     if poses:
         return poses
     name = f"rest_poses/{model.contact_hash}-{_SCHEMA}.npy"
-    return _poses(cached_arrays(name, _LAYOUT, lambda: _arrays(find_rest_poses(model))))
+    return _poses(cached_arrays(name, lambda: _arrays(find_rest_poses(model))))
 
 
 def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, ...]:
@@ -140,11 +140,8 @@ def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> No
     write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
 
 
-_LAYOUT = {"quat_wxyz": (None, 4), "height": (None,), "probability": (None,)}
-
-
 def _arrays(poses: Sequence[RestPose]) -> Arrays:
-    return {name: np.array([getattr(pose, name) for pose in poses]) for name in _LAYOUT}
+    return {field.name: np.array([getattr(pose, field.name) for pose in poses]) for field in fields(RestPose)}
 
 
 def _poses(arrays: Arrays) -> tuple[RestPose, ...]:

@@ -19,14 +19,15 @@ import numpy as np
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, read_json_object
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
-from dexgrasp_env.valid import Mass, Rule, number, read
+from dexgrasp_env.valid import Mass, Rule, number, read, several
 
 SCHEMA = 1
+MESH_SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 _NAME = re.compile(r"[A-Za-z0-9_.-]{1,100}")
 
 
 def _quaternion(value: Any) -> tuple[float, float, float, float]:
-    w, x, y, z = map(number().admit, value)
+    w, x, y, z = several(number(), 4).admit(value)
     norm = float(np.linalg.norm([w, x, y, z]))
     if abs(norm - 1.0) > 1e-3:
         raise ValueError
@@ -121,7 +122,18 @@ def _member(entry: Any, folder: Path, before: Mapping[str, SetMember]) -> SetMem
     member = read(SetMember, given)
     if member.name in before or member.name in CATALOGUE or member.name in OBJECT_SETS:
         raise InputError(f"name {member.name!r} is taken by another object or set: choose another")
-    path = folder / member.mesh
-    if not os.path.isfile(path):
-        raise InputError(f"mesh file {str(path)!r} does not exist")
-    return replace(member, mesh=path)
+    return replace(member, mesh=mesh_file(folder / member.mesh))
+
+
+def mesh_file(path: str | os.PathLike[str]) -> Path:
+    """Return the path of a mesh file with its `~` expanded.
+
+    Raises:
+        InputError: if there is no such file.
+    """
+    found = expand(path)
+    if not os.path.isfile(found):  # unlike Path.is_file it takes names of any length
+        raise InputError(
+            f"mesh file {str(path)!r} does not exist: give the path of an obj, stl, ply or glb file"
+        )
+    return found

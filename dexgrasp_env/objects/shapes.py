@@ -29,9 +29,9 @@ class Shape:
     parts: tuple[ContactPart, ...]
 
 
-def refined(mesh: trimesh.Trimesh, faces: int = _FACES) -> trimesh.Trimesh:
-    """Return the same surface cut into about `faces` triangles of about even size or more."""
-    length = float(np.sqrt(mesh.area / faces * 4 / np.sqrt(3)))
+def refined(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Return the same surface cut into about 1800 triangles of about even size or more."""
+    length = float(np.sqrt(mesh.area / _FACES * 4 / np.sqrt(3)))
     return from_manifold(to_manifold(mesh).refine_to_length(length))
 
 

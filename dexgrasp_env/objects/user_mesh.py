@@ -8,8 +8,6 @@ from __future__ import annotations
 
 import io
 import os
-import struct
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +15,13 @@ import numpy as np
 import trimesh
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cached_arrays, content_hash, expand, printable_stem
+from dexgrasp_env.files import Arrays, cached_arrays, content_hash, printable_stem
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.repair import repair
+from dexgrasp_env.objects.sets import MESH_SUFFIXES, mesh_file
 
-SUFFIXES = (".obj", ".stl", ".ply", ".glb")
 DENSITY = 400.0
 """kg/m^3 where no mass is given: everyday things, hollow or half full."""
 MASS_RANGE = (0.02, 1.0)
@@ -42,7 +40,7 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     Raises:
         InputError: one line, if the file cannot be used.
     """
-    path = expand(path)
+    path = mesh_file(path)
     raw = read_mesh(path)
     with np.errstate(over="ignore"):
         raw.apply_scale(scale)
@@ -53,8 +51,8 @@ def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float |
     if mass is None:
         mass, note = _assumed_mass(mesh.volume)
         notes = (*notes, note)
-    model = centred_model(printable_stem(path), mesh, parts, mass, notes=notes)
-    return replace(model, file_centre=np.array(mesh.center_mass))
+    centre = np.array(mesh.center_mass)
+    return centred_model(printable_stem(path), mesh, parts, mass, notes=notes, file_centre=centre)
 
 
 def _assumed_mass(volume: float) -> tuple[float, str]:
@@ -87,15 +85,11 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     """Return the triangles of a file in its own unit, checked to be finite and to span a volume.
 
     Raises:
-        InputError: if it is missing, of another kind, damaged, empty, flat or not finite.
+        InputError: if it is of another kind, damaged, empty, flat or not finite.
     """
-    if not os.path.isfile(path):  # unlike Path.is_file it takes names of any length
+    if path.suffix.lower() not in MESH_SUFFIXES:
         raise InputError(
-            f"mesh file {str(path)!r} does not exist: give the path of an obj, stl, ply or glb file"
-        )
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(
-            f"mesh file {path.name!r} has the wrong kind {path.suffix!r}: valid are {', '.join(SUFFIXES)}"
+            f"mesh file {path.name!r} has the wrong kind {path.suffix!r}: valid are {', '.join(MESH_SUFFIXES)}"
         )
     if path.stat().st_size == 0:
         raise InputError(f"mesh file {path.name!r} is empty: export it again")
@@ -116,25 +110,14 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
     return mesh
 
 
-_DAMAGE = (
-    ValueError, LookupError, TypeError, AttributeError, ArithmeticError, AssertionError, EOFError, MemoryError,
-    NotImplementedError, NameError, RecursionError, struct.error,
-)  # fmt: skip
-"""What the mesh library's parsers raise on files that are not what they say they are."""
-
-
 def _parsed(path: Path) -> trimesh.Trimesh:
     """Read a file with the mesh library, whose many errors become one."""
     kind = path.suffix.lower()[1:]
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"mesh file {path.name!r} cannot be opened: {error.strerror}") from None
-    try:
-        loaded = trimesh.load(io.BytesIO(content), file_type=kind, process=False, **options)
+        loaded = trimesh.load(io.BytesIO(path.read_bytes()), file_type=kind, process=False, **options)
         geometry = loaded.to_geometry() if isinstance(loaded, trimesh.Scene) else loaded
-    except _DAMAGE as error:
+    except Exception as error:  # parsers of damaged files raise whatever they trip over
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:80]
         raise InputError(
             f"mesh file {path.name!r} cannot be read as {kind} ({reason}): export it again"
@@ -176,8 +159,7 @@ def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[s
         arrays = {"vertices": np.asarray(mesh.vertices), "faces": np.asarray(mesh.faces)}
         return arrays | {"notes": np.array(notes, dtype=str)}
 
-    layout = {"vertices": (None, 3), "faces": (None, 3), "notes": (None,)}
-    found = cached_arrays(f"meshes/{key}.npy", layout, make)
+    found = cached_arrays(f"meshes/{key}.npy", make)
     mesh = trimesh.Trimesh(found["vertices"], found["faces"], process=False)
     return mesh, tuple(found["notes"].tolist())
 

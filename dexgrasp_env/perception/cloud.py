@@ -10,6 +10,9 @@ from numpy.typing import ArrayLike, NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.camera import Camera
 
+_SUPPORT, _SUPPORTS = 0.015, 3  # m of depth within which a neighbour supports a pixel, and how many it needs
+_POOL = 3  # candidates to a chosen point, at most: bounds the cost of downsampling
+
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
@@ -90,13 +93,13 @@ def crop(cloud: Cloud, low: ArrayLike, high: ArrayLike) -> Cloud:
     return cloud.select(np.flatnonzero(keep))
 
 
-def remove_flying(depths: NDArray[Any], tolerance: float = 0.015, neighbours: int = 3) -> NDArray[np.float32]:
+def remove_flying(depths: NDArray[Any]) -> NDArray[np.float32]:
     """Return depth images without pixels that hang in the air between two surfaces.
+
+    A pixel needs three of the eight around it within 15 mm of its depth.
 
     Args:
         depths: (cameras, H, W) m.
-        tolerance: a neighbour within this depth supports a pixel, metres.
-        neighbours: how many of the eight around it a pixel needs.
 
     Returns:
         (cameras, H, W) m, inf where removed or invalid.
@@ -109,8 +112,8 @@ def remove_flying(depths: NDArray[Any], tolerance: float = 0.015, neighbours: in
         for dv in range(3):
             for du in range(3):
                 if (dv, du) != (1, 1):
-                    support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < tolerance
-    return np.where(support >= neighbours, z, np.float32(np.inf))
+                    support += np.abs(padded[:, dv : dv + h, du : du + w] - z) < _SUPPORT
+    return np.where(support >= _SUPPORTS, z, np.float32(np.inf))
 
 
 def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Cloud:
@@ -124,23 +127,26 @@ def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Clou
 
 def largest_cluster(cloud: Cloud, link: float = 0.015) -> Cloud:
     """Return the largest set of points linked by steps of at most `link` metres."""
+    labels = clusters(cloud, link)
+    return cloud.select(labels == np.bincount(labels).argmax()) if len(cloud) else cloud
+
+
+def clusters(cloud: Cloud, link: float) -> NDArray[np.int64]:
+    """Return a number for each point (M,), from 0 on; points linked by steps of at most `link` metres share it."""
     if not len(cloud):
-        return cloud
+        return np.zeros(0, np.int64)
     from dexgrasp_env.perception.kernels import cluster
 
-    labels = cluster(np.ascontiguousarray(cloud.points), link)
-    return cloud.select(labels == np.bincount(labels).argmax())
+    return cluster(np.ascontiguousarray(cloud.points), link)
 
 
-def downsample(points: Array, count: int, rng: Generator, pool: int = 3) -> NDArray[np.int64]:
-    """Return the indices of an even subset: farthest point sampling in a random pool of `pool * count`
-    points.
+def downsample(points: Array, count: int, rng: Generator) -> NDArray[np.int64]:
+    """Return the indices of an even subset: farthest point sampling in a random pool of `3 * count` points.
 
     Args:
         points: (M, 3) m.
         count: how many are wanted.
         rng: draws the pool and the first point.
-        pool: how many candidates to a chosen point, at most; bounds the cost.
 
     Returns:
         (min(M, count),) indices without repetition; all of them, in order, when there are no more than
@@ -149,8 +155,8 @@ def downsample(points: Array, count: int, rng: Generator, pool: int = 3) -> NDAr
     if len(points) <= count:
         return np.arange(len(points))
     candidates = np.arange(len(points))
-    if len(points) > pool * count:
-        candidates = np.sort(rng.choice(len(points), pool * count, replace=False))
+    if len(points) > _POOL * count:
+        candidates = np.sort(rng.choice(len(points), _POOL * count, replace=False))
     from dexgrasp_env.perception.kernels import farthest_points
 
     first = int(rng.integers(len(candidates)))

@@ -1,5 +1,7 @@
 """Neighbour loops in numba; import inside functions only, so that perception imports without it."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
@@ -9,13 +11,29 @@ from dexgrasp_env.arrays import Array
 Index = NDArray[np.int64]
 
 
-@njit(cache=True)
-def cell_grid(points: Array, size: float) -> tuple[Index, Array, Index, Index]:
-    """Sort points into cubic cells of `size` metres.
+class Grid(NamedTuple):
+    """Points (M, 3) sorted into cubic cells.
 
-    Returns:
-        Grid shape (3,); its low corner (3,); the points' order by cell; where each cell starts in that order.
+    Attributes:
+        points: (M, 3) m.
+        size: of the cells, m.
+        shape: (3,) numbers of cells.
+        low: (3,) m, its low corner.
+        order: (M,) of the points by cell.
+        start: where each cell starts in that order.
     """
+
+    points: Array
+    size: float
+    shape: Index
+    low: Array
+    order: Index
+    start: Index
+
+
+@njit(cache=True)
+def cell_grid(points: Array, size: float) -> Grid:
+    """Sort points into cubic cells of `size` metres."""
     n = len(points)
     low = np.empty(3)
     shape = np.empty(3, np.int64)
@@ -37,15 +55,13 @@ def cell_grid(points: Array, size: float) -> tuple[Index, Array, Index, Index]:
     for i in range(n):
         order[fill[cells[i]]] = i
         fill[cells[i]] += 1
-    return shape, low, order, start
+    return Grid(points, size, shape, low, order, start)
 
 
 @njit(cache=True)
-def neighbours(
-    q: Array, points: Array, radius: float, grid: tuple[Index, Array, Index, Index], out: Index
-) -> int:
-    """Write into `out` the points within `radius` (at most the cell size) of q; return their number."""
-    shape, low, order, start = grid
+def neighbours(q: Array, grid: Grid, out: Index) -> int:
+    """Write into `out` the points within the size of a cell of q; return their number."""
+    points, radius, shape, low, order, start = grid
     found = 0
     c = np.empty(3, np.int64)
     for a in range(3):
@@ -70,19 +86,17 @@ def neighbours(
 @njit(cache=True)
 def count_neighbours(points: Array, radius: float) -> Index:
     """Return how many other points lie within `radius` of each."""
-    grid = cell_grid(points, radius)
-    out = np.empty(len(points), np.int64)
+    grid, out = cell_grid(points, radius), np.empty(len(points), np.int64)
     counts = np.empty(len(points), np.int64)
     for i in range(len(points)):
-        counts[i] = neighbours(points[i], points, radius, grid, out) - 1
+        counts[i] = neighbours(points[i], grid, out) - 1
     return counts
 
 
 @njit(cache=True)
 def cluster(points: Array, radius: float) -> Index:
     """Return a label for each point; points within `radius` of each other share it."""
-    grid = cell_grid(points, radius)
-    n = len(points)
+    n, grid = len(points), cell_grid(points, radius)
     labels = np.full(n, -1, np.int64)
     stack = np.empty(n, np.int64)
     out = np.empty(n, np.int64)
@@ -95,7 +109,7 @@ def cluster(points: Array, radius: float) -> Index:
         top = 1
         while top > 0:
             top -= 1
-            found = neighbours(points[stack[top]], points, radius, grid, out)
+            found = neighbours(points[stack[top]], grid, out)
             for s in range(found):
                 if labels[out[s]] < 0:
                     labels[out[s]] = label
@@ -144,17 +158,16 @@ def local_planes(
     Returns:
         Centroids (Q, 3), unit normals (Q, 3; zero where no fit), RMS residuals (Q,).
     """
-    grid = cell_grid(points, radius)
-    wide = cell_grid(points, 2.0 * radius)
+    near, wide = cell_grid(points, radius), cell_grid(points, 2.0 * radius)
     n = len(queries)
     centres, normals, residuals = queries.copy(), np.zeros((n, 3)), np.zeros(n)
     out = np.empty(len(points), np.int64)
     for k in range(n):
         r = radius
-        found = neighbours(queries[k], points, r, grid, out)
+        found = neighbours(queries[k], near, out)
         if found < least:
             r = 2.0 * radius
-            found = neighbours(queries[k], points, r, wide, out)
+            found = neighbours(queries[k], wide, out)
         if found < 3:
             continue
         total = 0.0

@@ -11,26 +11,25 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
 from dexgrasp_env.perception.plane import Plane, refine_plane
 
+_TOLERANCE = 0.012  # m: points this close to the common plane count as table
+_LEAST = 100  # points: a view with fewer of them stays as it is
 
-def view_corrections(
-    cloud: Cloud, plane: Plane, views: int, tolerance: float = 0.012, min_inliers: int = 100
-) -> NDArray[np.float64]:
+
+def view_corrections(cloud: Cloud, plane: Plane, views: int) -> NDArray[np.float64]:
     """Return the transform that lays each view's own table into the common plane, (views, 4, 4).
 
     Args:
         cloud: points of all views, table included.
         plane: the common table.
         views: number of cameras.
-        tolerance: points this close to the common plane count as table, metres.
-        min_inliers: a view with fewer of them stays as it is.
     """
     corrections = np.tile(np.eye(4), (views, 1, 1))
-    table = np.abs(plane.heights(cloud.points)) < tolerance
+    table = np.abs(plane.heights(cloud.points)) < _TOLERANCE
     for k in range(views):
         own = cloud.points[table & (cloud.camera == k)]
-        if len(own) < min_inliers:
+        if len(own) < _LEAST:
             continue
-        fit = refine_plane(own, plane.normal, plane.offset, tolerance, min_inliers)
+        fit = refine_plane(own, plane.normal, plane.offset, _TOLERANCE, _LEAST)
         if fit is not None:
             corrections[k] = _onto(fit, plane, own.mean(0))
     return corrections

@@ -19,7 +19,6 @@ def cloud_picture(
     points: NDArray[Any],
     hull: "trimesh.Trimesh | None",
     true_mesh: "trimesh.Trimesh | None" = None,
-    T_world_object: Array | None = None,
     title: str = "",
 ) -> Path:
     """Draw three views of what was seen over what is there, and write them as PNG.
@@ -28,8 +27,7 @@ def cloud_picture(
         path: file to write.
         points: (M, 3) m, world frame; see `ObjectCloud`.
         hull: the cloud's hull in the same frame, or None.
-        true_mesh: the true surface in the object frame, or None to leave it out.
-        T_world_object: (4, 4) its pose.
+        true_mesh: the true surface in the same frame, or None to leave it out.
         title: above the picture.
 
     Returns:
@@ -40,14 +38,9 @@ def cloud_picture(
 
     figure = Figure(figsize=(13.5, 5.0))
     FigureCanvasAgg(figure)
-    true = (
-        None
-        if true_mesh is None
-        else _placed(true_mesh, np.eye(4) if T_world_object is None else T_world_object)
-    )
     for k, (name, elevation, azimuth) in enumerate(_VIEWS):
         axes = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
-        _draw(axes, np.asarray(points, float), hull, true)
+        _draw(axes, np.asarray(points, float), hull, true_mesh)
         axes.view_init(elevation, azimuth)
         axes.set_title(name, fontsize=10)
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False)
@@ -59,22 +52,16 @@ def cloud_picture(
     return path
 
 
-def _placed(mesh: "trimesh.Trimesh", T: Array) -> tuple[Array, NDArray[Any]]:
-    return np.asarray(mesh.vertices) @ T[:3, :3].T + T[:3, 3], np.asarray(mesh.faces)
-
-
 def _draw(
-    axes: Any, points: Array, hull: "trimesh.Trimesh | None", true: tuple[Array, NDArray[Any]] | None
+    axes: Any, points: Array, hull: "trimesh.Trimesh | None", true_mesh: "trimesh.Trimesh | None"
 ) -> None:
     from mpl_toolkits.mplot3d.art3d import Line3DCollection, Poly3DCollection
 
     drawn = [points] if len(points) else []
-    if true is not None:
-        vertices, faces = true
-        axes.add_collection3d(
-            Poly3DCollection(vertices[faces], facecolor="0.45", alpha=0.35, label="true mesh")
-        )
-        drawn.append(vertices)
+    if true_mesh is not None:
+        triangles = np.asarray(true_mesh.triangles)
+        axes.add_collection3d(Poly3DCollection(triangles, facecolor="0.45", alpha=0.35, label="true mesh"))
+        drawn.append(np.asarray(true_mesh.vertices))
     if hull is not None:
         edges = np.asarray(hull.vertices)[np.asarray(hull.edges_unique)]
         axes.add_collection3d(

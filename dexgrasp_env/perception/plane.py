@@ -7,8 +7,10 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
 
+TOLERANCE = 0.010  # m within which points are the table's
 _TILT = np.radians(8.0)  # steeper hypotheses are dropped
-_HYPOTHESES, _SAMPLES = 64, 1500  # triples tried, and points on which they are scored
+_HYPOTHESES, _SAMPLES = 64, 1500  # triples tried, points on which they are scored
+_LEAST_CLEARANCE = 0.002  # m
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,28 +48,20 @@ class Plane:
 
 
 def fit_plane(
-    points: Array,
-    rng: np.random.Generator,
-    *,
-    height: float = 0.0,
-    height_tolerance: float = 0.05,
-    tolerance: float = 0.006,
-    min_inliers: int = 200,
+    points: Array, rng: np.random.Generator, *, off: float = 0.05, min_inliers: int = 200
 ) -> Plane | None:
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
     Args:
-        points: (M, 3) m, world frame.
+        points: (M, 3) m, world frame, where the table is expected at z = 0.
         rng: draws the subsample and the triples.
-        height: where the table is expected, metres.
-        height_tolerance: farther points have no say, metres.
-        tolerance: an inlier lies within this, metres.
+        off: points farther above or below have no say, metres.
         min_inliers: fewer inliers are no table.
 
     Returns:
         The plane, or None if there is none.
     """
-    near = points[np.abs(points[:, 2] - height) < height_tolerance]
+    near = points[np.abs(points[:, 2]) < off]
     if len(near) < max(min_inliers, 3):
         return None
     pool = near[rng.integers(len(near), size=_SAMPLES)]
@@ -79,13 +73,13 @@ def fit_plane(
         return None
     normals = normals[fit] / (length * np.sign(normals[:, 2]))[fit, None]
     offsets = (normals * triples[fit, 0]).sum(-1)
-    score = (np.abs(pool @ normals.T - offsets) < tolerance).sum(0)
+    score = (np.abs(pool @ normals.T - offsets) < TOLERANCE).sum(0)
     best = int(score.argmax())
-    return refine_plane(near, normals[best], float(offsets[best]), tolerance, min_inliers)
+    return refine_plane(near, normals[best], float(offsets[best]), TOLERANCE, min_inliers)
 
 
 def refine_plane(
-    points: Array, normal: Array, offset: float, tolerance: float = 0.006, min_inliers: int = 200
+    points: Array, normal: Array, offset: float, tolerance: float = TOLERANCE, min_inliers: int = 200
 ) -> Plane | None:
     """Return the least-squares plane of the points within `tolerance` m of a first guess, None if too few."""
     rms, count = np.inf, 0
@@ -113,18 +107,16 @@ def remove_plane(cloud: Cloud, plane: Plane, clearance: float | Array) -> Cloud:
     return cloud.select(plane.heights(cloud.points) > clearance)
 
 
-def noise_depth(cloud: Cloud, plane: Plane, tolerance: float = 0.010) -> float:
+def noise_depth(cloud: Cloud, plane: Plane) -> float:
     """Return the depth, metres, at which the noise is the plane's RMS.
 
     Noise grows with depth^2, so the RMS over the table is that at the root mean fourth power of its depths.
     """
-    table = cloud.depth[np.abs(plane.heights(cloud.points)) < tolerance]
+    table = cloud.depth[np.abs(plane.heights(cloud.points)) < TOLERANCE]
     return float((table**4).mean() ** 0.25) if len(table) else 1.0
 
 
-def table_clearance(
-    plane: Plane, depth: Array, reference: float, sigmas: float = 3.5, least: float = 0.002
-) -> Array:
+def table_clearance(plane: Plane, depth: Array, reference: float, sigmas: float) -> Array:
     """Return the heights (M,) m below which points may be table noise.
 
     Args:
@@ -132,6 +124,5 @@ def table_clearance(
         depth: (M,) m, of the points.
         reference: depth at which the noise is that RMS, see `noise_depth`.
         sigmas: how much of the noise's tail is table.
-        least: never lower than this, metres.
     """
-    return np.maximum(least, sigmas * plane.rms * (depth / reference) ** 2)
+    return np.maximum(_LEAST_CLEARANCE, sigmas * plane.rms * (depth / reference) ** 2)

@@ -6,21 +6,18 @@ of the robot's base; what goes out is in the world's.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from dataclasses import replace
 
 import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud, crop, remove_outliers
+from dexgrasp_env.perception.cloud import Cloud, clusters, crop
 from dexgrasp_env.perception.plane import Plane, fit_plane
-from dexgrasp_env.perception.robot import RobotShape
+from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.segment import SegmentationSettings, finish
+from dexgrasp_env.perception.segment import SegmentationSettings, finish, isolate
 from dexgrasp_env.robot.cell import Cell
-
-if TYPE_CHECKING:
-    import mujoco
 
 EMPTY = "empty_cloud"
 UNIT = "unit_is_not_metres"
@@ -45,6 +42,7 @@ WORDS = {
 }
 """Reason -> what it means and what to do."""
 
+_S = SegmentationSettings()
 _VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
 _ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
@@ -55,15 +53,17 @@ _RIVAL = 0.35  # of the largest cluster's points: a smaller one is a remnant, no
 _NEAR = 0.08  # m from the named point to the object
 
 
+class _NoObjectError(Exception):
+    """There is no object: a key of `WORDS`, and figures."""
+
+
 def find_object(
     cloud: Cloud,
     rng: Generator,
     cell: Cell,
     *,
     near: Sequence[float] | Array | None = None,
-    settings: SegmentationSettings | None = None,
-    robot: RobotShape | None = None,
-    data: "mujoco.MjData | None" = None,
+    own: Own | None = None,
 ) -> Scene:
     """Return the scene of a cloud, with the one object that stands on its table.
 
@@ -72,123 +72,88 @@ def find_object(
         rng: draws the plane hypotheses and the subset.
         cell: where the table and the robot's base are.
         near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
-        settings: of the pipeline.
-        robot: its shape, to remove its points; None removes none.
-        data: current kinematics of the robot; needed with `robot`.
+        own: tells the robot's points, see `RobotShape.at`; None removes none.
 
     Returns:
         The scene in the world, or why there is no object: a key of `WORDS`.
     """
-    s = settings or SegmentationSettings()
-    if len(cloud) < s.min_points:
-        return _none(EMPTY, f"{len(cloud)} points")
+    try:
+        cloud = _in_metres(cloud)
+        cloud = cloud.moved(cloud.points + cell.base)
+        plane = _find_table(cloud, rng, cell)
+        above = isolate(cloud, plane, max(0.004, _S.clearance_sigmas * plane.rms), _S, own)
+        place = None if near is None else np.asarray(near, dtype=float) + cell.base
+        chosen = _choose(above, place, cell.base)
+    except _NoObjectError as refused:
+        reason, detail = refused.args
+        words = WORDS[reason]
+        return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words)
+    return finish(_seen_from_outside(chosen), plane, _S, rng)
+
+
+def _in_metres(cloud: Cloud) -> Cloud:
+    """Return what is around the base, thinned to one point a voxel, the first of each."""
+    if len(cloud) < _S.min_points:
+        raise _NoObjectError(EMPTY, f"{len(cloud)} points")
     if float(np.median(np.abs(cloud.points).max(axis=1))) > _LARGEST:
-        return _none(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
-    cloud = _thinned(crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3))
-    if len(cloud) < s.min_points:
-        return _none(EMPTY, f"{len(cloud)} points within {_ROOM:g} m of the base")
-    base = cell.base
-    cloud = cloud.moved(cloud.points + base)
-    plane, reason, detail = _find_table(cloud, rng, s, cell)
-    if plane is None:
-        return _none(reason, detail)
-    above = cloud.select(plane.heights(cloud.points) > max(0.004, s.clearance_sigmas * plane.rms))
-    if robot is not None and data is not None:
-        above = above.select(~robot.contains(above.points, data, s.robot_margin))
-    above = remove_outliers(above, s.outlier_radius, s.outlier_neighbours)
-    chosen, reason, detail = _choose(
-        above, None if near is None else np.asarray(near, dtype=float) + base, s, base
-    )
-    if chosen is None:
-        return _none(reason, detail)
-    return finish(_seen_from_outside(chosen), plane, s, rng)
-
-
-def _thinned(cloud: Cloud) -> Cloud:
-    """One point a voxel, the first of each."""
+        raise _NoObjectError(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
+    cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
     cells = np.floor(cloud.points / _VOXEL).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
+    if len(first) < _S.min_points:
+        raise _NoObjectError(EMPTY, f"{len(first)} points within {_ROOM:g} m of the base")
     return cloud.select(np.sort(first))
 
 
-def _find_table(
-    cloud: Cloud, rng: Generator, s: SegmentationSettings, cell: Cell
-) -> tuple[Plane | None, str, str]:
-    """Return the table, or the reason why there is none and its figures."""
-    local = crop(cloud, (*s.crop_low[:2], -np.inf), (*s.crop_high[:2], np.inf))
-    pool = local if len(local) > s.min_points else cloud
-    plane = fit_plane(pool.points, rng, height=s.table_height, tolerance=0.010, min_inliers=100)
-    if plane is None or _below(pool, plane, s) > _BELOW:
+def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
+    local = crop(cloud, (*_S.crop_low[:2], -np.inf), (*_S.crop_high[:2], np.inf))
+    pool = local if len(local) > _S.min_points else cloud
+    plane = fit_plane(pool.points, rng, min_inliers=100)
+    if plane is None or _below(pool, plane) > _BELOW:
         # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
-        plane = fit_plane(
-            pool.points,
-            rng,
-            height=s.table_height,
-            height_tolerance=_HEIGHTS,
-            tolerance=0.010,
-            min_inliers=100,
-        )
+        plane = fit_plane(pool.points, rng, off=_HEIGHTS, min_inliers=100)
     if plane is None:
-        return None, NO_TABLE, ""
-    below = _below(pool, plane, s)
+        raise _NoObjectError(NO_TABLE, "")
+    below = _below(pool, plane)
     if below > _BELOW:
-        return None, UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table"
-    if abs(plane.offset - s.table_height) > _TABLE_OFF:
-        return None, TABLE_HEIGHT, _heights(plane, cell)
-    return plane, "", ""
+        raise _NoObjectError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
+    if abs(plane.offset) > _TABLE_OFF:
+        found = f"found at z = {plane.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
+        raise _NoObjectError(TABLE_HEIGHT, found)
+    return plane
 
 
-def _below(cloud: Cloud, plane: Plane, s: SegmentationSettings) -> float:
+def _below(cloud: Cloud, plane: Plane) -> float:
     """Share of what is off a plane that lies under it; 0 where next to nothing is off it."""
     heights = plane.heights(cloud.points)
     off = heights[np.abs(heights) > 0.015]
-    return float((off < 0).mean()) if len(off) >= s.min_points else 0.0
+    return float((off < 0).mean()) if len(off) >= _S.min_points else 0.0
 
 
-def _heights(found: Plane, cell: Cell) -> str:
-    return f"found at z = {found.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
-
-
-def _choose(
-    cloud: Cloud, near: Array | None, s: SegmentationSettings, base: Array
-) -> tuple[Cloud | None, str, str]:
-    """Return the cluster that is meant, or the reason and its figures."""
-    clusters = [c for c in _clusters(cloud, s.link) if len(c) >= s.min_points]
-    if not clusters:
-        return None, NO_OBJECT, f"{len(cloud)} points above the table"
+def _choose(cloud: Cloud, near: Array | None, base: Array) -> Cloud:
+    """Return the cluster that is meant."""
+    labels = clusters(cloud, _S.link)
+    found = [cloud.select(labels == k) for k in np.flatnonzero(np.bincount(labels) >= _S.min_points)]
+    if not found:
+        raise _NoObjectError(NO_OBJECT, f"{len(cloud)} points above the table")
     if near is not None:
-        gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in clusters]
+        gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in found]
         best = int(np.argmin(gaps))
         if gaps[best] > _NEAR:
-            return None, NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away"
-        return _reachable(clusters[best], s, base)
-    inside = [c for c in clusters if _in_reach(_middle(c), s)]
+            raise _NoObjectError(NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away")
+        found = [found[best]]
+    inside = [c for c in found if _in_reach(_middle(c))]
     if not inside:
-        return None, OUT_OF_REACH, _places(clusters, base)
+        raise _NoObjectError(OUT_OF_REACH, _places(found, base))
     inside.sort(key=len, reverse=True)
     rivals = [c for c in inside if len(c) >= _RIVAL * len(inside[0])]
     if len(rivals) > 1:
-        return None, SEVERAL, _places(rivals, base)
-    return inside[0], "", ""
+        raise _NoObjectError(SEVERAL, _places(rivals, base))
+    return inside[0]
 
 
-def _clusters(cloud: Cloud, link: float) -> list[Cloud]:
-    if not len(cloud):
-        return []
-    from dexgrasp_env.perception.kernels import cluster
-
-    labels = cluster(np.ascontiguousarray(cloud.points), link)
-    return [cloud.select(labels == k) for k in range(int(labels.max()) + 1)]
-
-
-def _reachable(cloud: Cloud, s: SegmentationSettings, base: Array) -> tuple[Cloud | None, str, str]:
-    if not _in_reach(_middle(cloud), s):
-        return None, OUT_OF_REACH, _places([cloud], base)
-    return cloud, "", ""
-
-
-def _in_reach(point: Array, s: SegmentationSettings) -> bool:
-    low, high = np.array(s.crop_low[:2]), np.array(s.crop_high[:2])
+def _in_reach(point: Array) -> bool:
+    low, high = np.array(_S.crop_low[:2]), np.array(_S.crop_high[:2])
     return bool((point[:2] >= low).all() and (point[:2] <= high).all())
 
 
@@ -196,17 +161,12 @@ def _middle(cloud: Cloud) -> Array:
     return 0.5 * (cloud.points.min(0) + cloud.points.max(0))
 
 
-def _places(clouds: list[Cloud], base: Array) -> str:
-    return "at " + ", ".join("({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - base)) for c in clouds[:4])
+def _places(found: list[Cloud], base: Array) -> str:
+    return "at " + ", ".join("({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - base)) for c in found[:4])
 
 
 def _seen_from_outside(cloud: Cloud) -> Cloud:
     """Views from the object's middle outwards: a merged cloud does not say who saw a point."""
     out = cloud.points - _middle(cloud)
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    return Cloud(cloud.points, out, cloud.depth, cloud.camera, cloud.pixel)
-
-
-def _none(reason: str, detail: str = "") -> Scene:
-    words = WORDS[reason]
-    return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words)
+    return replace(cloud, views=out)

@@ -1,16 +1,19 @@
 """The robot's own points, removed by what its joints say (proprioception is no cheating)."""
 
-from collections.abc import Iterable
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud
 
 if TYPE_CHECKING:
     import mujoco
+
+
+Own = Callable[[Array], NDArray[np.bool_]]
+"""Tells which of points (M, 3) m, world frame, are the robot's own."""
 
 
 class RobotShape:
@@ -20,24 +23,19 @@ class RobotShape:
     are their convex hulls.
     """
 
-    def __init__(self, model: "mujoco.MjModel", geoms: Iterable[int] | None = None) -> None:
-        """Read the geoms.
-
-        Args:
-            model: the robot, or a scene with it.
-            geoms: ids of its collision geoms; None takes `robot_geoms(model)`.
-        """
-        self.geoms = np.array(sorted(robot_geoms(model) if geoms is None else geoms), dtype=int)
+    def __init__(self, model: "mujoco.MjModel") -> None:
+        """Read the geoms of the robot, or of a scene with it."""
+        self.geoms = robot_geoms(model)
         self._types = model.geom_type[self.geoms].copy()
         self._sizes = model.geom_size[self.geoms].copy()
         self._radii = model.geom_rbound[self.geoms].copy()
         self._facets = [_mesh_facets(model, g) for g in self.geoms]
 
-    def contains(self, points: Array, data: "mujoco.MjData", margin: float) -> NDArray[np.bool_]:
-        """Return which points (M, 3) lie within `margin` metres of the robot as `data` has it.
+    def at(self, data: "mujoco.MjData", margin: float = 0.012) -> Own:
+        """Return what tells the points within `margin` metres of the robot where `data` has it (current kinematics)."""
+        return lambda points: self._contains(points, data, margin)
 
-        `data` needs current kinematics.
-        """
+    def _contains(self, points: Array, data: "mujoco.MjData", margin: float) -> NDArray[np.bool_]:
         inside = np.zeros(len(points), bool)
         if not len(points):
             return inside
@@ -73,20 +71,13 @@ class RobotShape:
         return (p @ facets[:, :3].T + facets[:, 3]).max(-1)
 
 
-def robot_geoms(model: "mujoco.MjModel", object_body: str = "object", table: str = "table") -> list[int]:
+def robot_geoms(model: "mujoco.MjModel") -> NDArray[np.int64]:
     """Return the collision geoms of all bodies but the world, the object and the table."""
     import mujoco
 
-    ignored = {0} | {
-        mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in (object_body, table)
-    }
+    others = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("object", "table")]
     colliding = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    return [int(g) for g in np.flatnonzero(colliding) if int(model.geom_bodyid[g]) not in ignored]
-
-
-def remove_robot(cloud: Cloud, robot: RobotShape, data: "mujoco.MjData", margin: float = 0.012) -> Cloud:
-    """Return the points farther than `margin` metres from the robot's collision geoms."""
-    return cloud.select(~robot.contains(cloud.points, data, margin))
+    return np.flatnonzero(colliding & ~np.isin(model.geom_bodyid, [0, *others]))
 
 
 def _mesh_facets(model: "mujoco.MjModel", geom: int) -> Array:

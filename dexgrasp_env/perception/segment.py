@@ -1,12 +1,13 @@
 """Depth images to the scene with one object, or the reason why there is none."""
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import (
     Cloud,
@@ -27,12 +28,9 @@ from dexgrasp_env.perception.plane import (
     remove_plane,
     table_clearance,
 )
-from dexgrasp_env.perception.robot import RobotShape, remove_robot
+from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.camera import Camera
-
-if TYPE_CHECKING:
-    import mujoco
 
 OUT_OF_VIEW = "object_out_of_view"
 TOO_FEW = "too_few_points"
@@ -48,9 +46,7 @@ class SegmentationSettings:
         count: points returned.
         min_points: fewer raw points are no object.
         crop_low, crop_high: the box in which objects are looked for.
-        table_height: where the table is expected, within 5 cm.
         clearance_sigmas: points lower than this many times the table's noise, at their depth, are table.
-        robot_margin: points this close to the robot are its own.
         outlier_radius, outlier_neighbours: a point needs so many others so near.
         link: the object's points are linked by steps of at most this.
         smoothing_radius: of the local planes that average noise out.
@@ -61,9 +57,7 @@ class SegmentationSettings:
     min_points: int = 40
     crop_low: tuple[float, float, float] = (0.28, -0.40, -0.03)
     crop_high: tuple[float, float, float] = (0.78, 0.40, 0.30)
-    table_height: float = 0.0
     clearance_sigmas: float = 4.5
-    robot_margin: float = 0.012
     outlier_radius: float = 0.012
     outlier_neighbours: int = 4
     link: float = 0.015
@@ -82,8 +76,7 @@ def segment(
     cameras: tuple[Camera, ...],
     rng: Generator,
     settings: SegmentationSettings | None = None,
-    robot: RobotShape | None = None,
-    data: "mujoco.MjData | None" = None,
+    own: Own | None = None,
 ) -> Scene:
     """Return the scene that depth images show.
 
@@ -92,8 +85,7 @@ def segment(
         cameras: one to many, as believed.
         rng: draws the plane hypotheses and the subset; the same state gives the same cloud.
         settings: of the steps.
-        robot: the robot's shape; None removes no robot.
-        data: current kinematics of the robot; needed with `robot`.
+        own: tells the robot's points, see `RobotShape.at`; None where no robot is in the images.
 
     Returns:
         A scene. Whatever the images hold, no exception: `reason` says why there is no object in it.
@@ -102,43 +94,33 @@ def segment(
     depths = np.asarray(depths)
     if depths.shape[0] != len(cameras):
         raise InputError(f"{depths.shape[0]} depth images for {len(cameras)} cameras: valid is one each")
-    found = _object(gather(remove_flying(depths), cameras), len(cameras), rng, s, robot, data)
+    found = _object(gather(remove_flying(depths), cameras), len(cameras), rng, s, own)
     return replace(found, cameras=np.stack([camera.T_world_camera for camera in cameras]))
 
 
-def _object(
-    everything: Cloud,
-    views: int,
-    rng: Generator,
-    s: SegmentationSettings,
-    robot: RobotShape | None,
-    data: "mujoco.MjData | None",
-) -> Scene:
+def _object(everything: Cloud, views: int, rng: Generator, s: SegmentationSettings, own: Own | None) -> Scene:
     if not len(everything):
         return Scene(reason=OUT_OF_VIEW)
     sparse = everything.select(slice(None, None, s.stride))
-    plane = fit_plane(sparse.points, rng, height=s.table_height, tolerance=0.010)
+    plane = fit_plane(sparse.points, rng)
     if plane is None:
         return Scene(reason=NO_PLANE)
     corrections = view_corrections(sparse, plane, views)
     table = level_views(sparse, corrections)
-    plane = refine_plane(table.points, plane.normal, plane.offset, 0.010) or plane
+    plane = refine_plane(table.points, plane.normal, plane.offset) or plane
     found = level_views(crop(everything, s.crop_low, s.crop_high), corrections)
-    return finish(_isolate(found, plane, noise_depth(table, plane), s, robot, data), plane, s, rng)
+    clearance = table_clearance(plane, found.depth, noise_depth(table, plane), s.clearance_sigmas)
+    return finish(largest_cluster(isolate(found, plane, clearance, s, own), s.link), plane, s, rng)
 
 
-def _isolate(
-    cloud: Cloud,
-    plane: Plane,
-    reference: float,
-    s: SegmentationSettings,
-    robot: RobotShape | None,
-    data: "mujoco.MjData | None",
+def isolate(
+    cloud: Cloud, plane: Plane, clearance: float | Array, s: SegmentationSettings, own: Own | None
 ) -> Cloud:
-    cloud = remove_plane(cloud, plane, table_clearance(plane, cloud.depth, reference, s.clearance_sigmas))
-    if robot is not None and data is not None:
-        cloud = remove_robot(cloud, robot, data, s.robot_margin)
-    return largest_cluster(remove_outliers(cloud, s.outlier_radius, s.outlier_neighbours), s.link)
+    """Return the points of a cloud that are neither the table's, `clearance` m high, nor the robot's, nor alone."""
+    cloud = remove_plane(cloud, plane, clearance)
+    if own is not None:
+        cloud = cloud.select(~own(cloud.points))
+    return remove_outliers(cloud, s.outlier_radius, s.outlier_neighbours)
 
 
 def finish(cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator) -> Scene:

@@ -114,11 +114,3 @@ class Camera:
     def moved(self, T_camera_believed: Array) -> "Camera":
         """Return the camera with its pose multiplied on the right by a (4, 4) transform."""
         return replace(self, T_world_camera=self.T_world_camera @ T_camera_believed)
-
-    def project(self, points: Array) -> tuple[Array, Array]:
-        """Return pixel coordinates (..., 2) and depths (...) of world points (..., 3)."""
-        local = (np.asarray(points) - self.position) @ self.rotation
-        depth = local[..., 2]
-        i = self.intrinsics
-        uv = np.stack([i.fx * local[..., 0] / depth + i.cx, i.fy * local[..., 1] / depth + i.cy], axis=-1)
-        return uv, depth

@@ -7,7 +7,9 @@ straight above or below the base, with the same axes: `Cell.base` is all that li
 import os
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import chain
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -15,20 +17,25 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.files import content_hash, expand
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
-from dexgrasp_env.robot.robot import Names, Numbers, Robot
+from dexgrasp_env.robot.robot import Names, Numbers, Robot, Vector
+from dexgrasp_env.valid import Rule, Word, number, several
 
 SIMULATED = "simulated"
 """Name of the default cell, which no other may bear."""
+
+
+def _rows(value: Any) -> Numbers:
+    return tuple(chain.from_iterable(several(several(number(), 4), 4).admit(value)))
 
 
 @dataclass(frozen=True)
 class CellCamera:
     """A camera's place: where it stands and looks at (3,) m, or its pose, 16 numbers row by row."""
 
-    name: str
-    position: Numbers = ()
-    look_at: Numbers = ()
-    T_base_camera: Numbers = ()
+    name: Word
+    position: Vector = ()
+    look_at: Vector = ()
+    T_base_camera: Annotated[Numbers, Rule("4 rows of 4 numbers", _rows)] = ()
 
 
 @dataclass(frozen=True)

@@ -1,30 +1,47 @@
 """Reader of cell files: everything is checked, and what is wrong is said in one line."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import astuple, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.robot.camera import CameraIntrinsics
 from dexgrasp_env.robot.cell import SIMULATED, Cell, CellCamera, default_cell
-from dexgrasp_env.robot.reading import (
-    GAINS,
-    LIMITS,
-    check_narrower,
-    mapping,
-    number,
-    numbers,
-    read_joints,
-    read_mount,
-    word,
-)  # fmt: skip
-from dexgrasp_env.robot.robot import Joints, Numbers, Robot
-from dexgrasp_env.robot.robot_file import find_beside, read_content, read_robot
+from dexgrasp_env.robot.limits import narrowed
+from dexgrasp_env.robot.robot import Hand, Mount, Robot
+from dexgrasp_env.robot.robot_file import find_beside, read_content, read_robot, said_of
+from dexgrasp_env.valid import Rule, Word, number, read
 
-_KEYS = ("schema", "name", "robot", "table_height", "mounts", "arm", "hand", "image", "cameras")
-_IMAGE = ("width", "height", "fx", "fy", "cx", "cy")
-_TABLE = (-0.15, 0.15)  # m above the base
+
+def _cameras(value: Any) -> tuple[CellCamera, ...]:
+    cameras = tuple(read(CellCamera, entry, f"camera {k + 1}") for k, entry in enumerate(value))
+    if not 1 <= len(cameras) <= 8:
+        raise ValueError
+    for camera in cameras:
+        if not camera.T_base_camera and not (camera.position and camera.look_at):
+            raise InputError(
+                f"position or look_at of {camera.name} is missing: valid are both, or T_base_camera"
+            )
+    if len({camera.name for camera in cameras}) < len(cameras):
+        raise InputError("two cameras have the same name: valid are names of their own")
+    return cameras
+
+
+@dataclass(frozen=True)
+class _CellFile:
+    """A cell as its file states it; see `assets/robot/cell.yaml`."""
+
+    schema: int
+    name: Word
+    robot: Word
+    table_height: Annotated[float, number(ge=-0.15, le=0.15)]  # m above the robot's base
+    image: CameraIntrinsics
+    cameras: Annotated[tuple[CellCamera, ...], Rule("a list of 1 to 8 cameras", _cameras)]
+    mounts: dict[str, dict[str, Any]] = field(default_factory=dict)
+    arm: dict[str, Any] = field(default_factory=dict)
+    hand: dict[str, Any] = field(default_factory=dict)
 
 
 def read_cell_or_robot(path: Path) -> Cell | Robot:
@@ -46,82 +63,32 @@ def read_cell(path: Path) -> Cell:
     """
     content = read_content(path, "cell file")
     default = read_content(asset_path("robot", "cell.yaml"), "cell file")
-    try:
-        image = default["image"] | mapping("image", content.get("image", {}), _IMAGE)
-        cell = _cell(path.parent, default | content | {"image": image})
+    with said_of(path):
+        cell = _cell(path.parent, read(_CellFile, default | content))
         is_default = path.resolve() == asset_path("robot", "cell.yaml").resolve()
         if cell.name == SIMULATED and not is_default and cell != default_cell():
             raise InputError(f"a cell needs a `name` of its own: {SIMULATED!r} is the default one's")
-        cell.make_cameras()  # checks poses and intrinsics
-    except InputError as error:
-        raise InputError(f"cell file {path}: {error}") from None
+        cell.make_cameras()  # checks poses
     return cell
 
 
-def _cell(folder: Path, content: Mapping[str, Any]) -> Cell:
-    for key in content:
-        if key not in _KEYS:
-            raise InputError(f"unknown key {key!r}: valid are {', '.join(_KEYS)}")
-    return Cell(
-        name=word("name", content["name"]),
-        robot=_narrowed(read_robot(find_beside(folder, content["robot"])), content),
-        image=tuple(number(f"image {key}", content["image"][key]) for key in _IMAGE),
-        cameras=_cameras(content["cameras"]),
-        table_height=_table_height(content["table_height"]),
-    )
-
-
-def _narrowed(robot: Robot, content: Mapping[str, Any]) -> Robot:
-    """The robot with the mounts and the narrower limits of a cell."""
-    hand, arm = robot.hand, robot.arm
-    known = {mount.name: mount for mount in hand.mounts}
-    given = mapping("mounts", content.get("mounts", {}), known)
-    for name, value in given.items():
-        mount = {"position": list(known[name].position), "quat_wxyz": list(known[name].quat_wxyz)}
-        known[name] = read_mount(name, mount | mapping(f"mount {name}", value))
-    arm = replace(arm, joints=_limits("arm", content, arm.joints, arm.home))
+def _cell(folder: Path, file: _CellFile) -> Cell:
+    robot = read_robot(find_beside(folder, file.robot))
+    arm = replace(robot.arm, joints=narrowed("arm", file.arm, robot.arm.joints, robot.arm.home))
     hand = replace(
-        hand, mounts=tuple(known.values()), joints=_limits("hand", content, hand.joints, hand.open)
-    )
-    return replace(robot, arm=arm, hand=hand, mount=hand.mount(robot.mount.name))
+        robot.hand, mounts=_mounts(robot.hand, file.mounts),
+        joints=narrowed("hand", file.hand, robot.hand.joints, robot.hand.open),
+    )  # fmt: skip
+    robot = replace(robot, arm=arm, hand=hand, mount=hand.mount(robot.mount.name))
+    image = tuple(map(float, astuple(file.image)))
+    return Cell(file.name, robot, image, file.cameras, file.table_height)
 
 
-def _limits(part: str, content: Mapping[str, Any], maker: Joints, home: Numbers) -> Joints:
-    given = mapping(part, content.get(part, {}), [*LIMITS, *(name for name in GAINS if getattr(maker, name))])
-    if not given:
-        return maker
-    own = {name: list(value) for name, value in asdict(maker).items() if name != "names" and value}
-    joints = read_joints(part, own | given, maker.names)
-    check_narrower(part, joints, maker, home)
-    return joints
-
-
-def _table_height(value: Any) -> float:
-    height = number("table_height", value)
-    if not _TABLE[0] <= height <= _TABLE[1]:
-        raise InputError(
-            f"table_height is {height}: valid is {_TABLE[0]} to {_TABLE[1]} m above the robot's base"
-        )
-    return height
-
-
-def _cameras(value: Any) -> tuple[CellCamera, ...]:
-    if not isinstance(value, list) or not 1 <= len(value) <= 8:
-        raise InputError("cameras must be a list of 1 to 8 cameras")
-    cameras = tuple(_camera(k + 1, entry) for k, entry in enumerate(value))
-    if len({camera.name for camera in cameras}) < len(cameras):
-        raise InputError("two cameras have the same name: valid are names of their own")
-    return cameras
-
-
-def _camera(index: int, value: Any) -> CellCamera:
-    entry = mapping(f"camera {index}", value, ("name", "position", "look_at", "T_base_camera"))
-    name = word(f"name of camera {index}", entry.get("name"))
-    if "T_base_camera" in entry:
-        rows = entry["T_base_camera"]
-        if not isinstance(rows, list) or len(rows) != 4:
-            raise InputError(f"T_base_camera of {name} must be 4 rows of 4 numbers")
-        pose = [numbers(f"T_base_camera of {name}", row, 4) for row in rows]
-        return CellCamera(name, T_base_camera=tuple(x for row in pose for x in row))
-    ends = [numbers(f"{key} of {name}", entry.get(key), 3) for key in ("position", "look_at")]
-    return CellCamera(name, *ends)
+def _mounts(hand: Hand, given: Mapping[str, Mapping[str, Any]]) -> tuple[Mount, ...]:
+    """Return the mounts of a hand, with what a cell states of them."""
+    known = {mount.name: mount for mount in hand.mounts}
+    for name, change in given.items():
+        if name not in known:
+            raise unknown_name("setting of mounts", name, known)
+        known[name] = read(Mount, {**vars(known[name]), **change}, f"mount {name}")
+    return tuple(known.values())

@@ -8,7 +8,7 @@ import mujoco
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Adapter, Robot
 
-_PREFIX = "hand/"
+_PREFIX = "attached/"
 
 
 def robot_spec(cell: Cell) -> mujoco.MjSpec:
@@ -38,8 +38,7 @@ def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, robot: Robot) -> None:
     if robot.arm.adapter:
         _add_adapter(arm, link, robot.arm.adapter)
     frame = link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz)
-    arm.attach(hand, frame=frame, prefix=_PREFIX)
-    _strip_prefix(arm)
+    attach(arm, hand, frame)
     arm.add_exclude(bodyname1=link.name, bodyname2=robot.hand.palm)
 
 
@@ -55,15 +54,21 @@ def _set_limits(spec: mujoco.MjSpec, robot: Robot) -> None:
                 servo.biasprm[2] = -part.damping[k]
 
 
-def _strip_prefix(spec: mujoco.MjSpec) -> None:
-    """Give the attached parts their own names back, and mend the references to them.
+def attach(spec: mujoco.MjSpec, other: mujoco.MjSpec, frame: mujoco.MjsFrame) -> None:
+    """Attach all of another specification to a frame; its parts keep their names.
 
     NB: attaching with an empty prefix gives the same names, but MuJoCo then warns at every compilation,
     writes a log file where the user stands and saves an XML that it cannot read.
     """
-    named = (spec.bodies, spec.joints, spec.geoms, spec.sites, spec.materials, spec.meshes, spec.actuators)
+    spec.attach(other, frame=frame, prefix=_PREFIX)
+    named = (
+        spec.bodies, spec.joints, spec.geoms, spec.sites, spec.lights, spec.textures, spec.materials, spec.meshes,
+        spec.actuators,
+    )  # fmt: skip
     for element in itertools.chain(*named):
         element.name = element.name.removeprefix(_PREFIX)
+    for material in spec.materials:
+        material.textures = [name.removeprefix(_PREFIX) for name in material.textures]
     for geom in spec.geoms:
         geom.material = geom.material.removeprefix(_PREFIX)
         geom.meshname = geom.meshname.removeprefix(_PREFIX)

@@ -7,15 +7,20 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
+from typing import Annotated, Any
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
+from dexgrasp_env.valid import NAMES, NATURAL, WORD, Positive, Rule, Word, number, read, several
 
-Numbers = tuple[float, ...]
-Names = tuple[str, ...]
+Numbers = Annotated[tuple[float, ...], several(number())]
+Positives = Annotated[tuple[float, ...], several(number(gt=0))]
+Vector = Annotated[tuple[float, ...], several(number(), 3)]
+Names = Annotated[tuple[str, ...], NAMES]
+_FARTHEST = 0.5  # m from the arm's last link to the palm frame
 
 
 @dataclass(frozen=True)
@@ -25,12 +30,12 @@ class Joints:
     names: Names
     lower: Numbers
     upper: Numbers
-    velocity: Numbers
-    acceleration: Numbers
-    jerk: Numbers
-    torque: Numbers
-    stiffness: Numbers
-    damping: Numbers = ()  # of the servos; without it they are critically damped
+    velocity: Positives
+    acceleration: Positives
+    jerk: Positives
+    torque: Positives
+    stiffness: Positives
+    damping: Positives = ()  # of the servos; without it they are critically damped
 
 
 @dataclass(frozen=True)
@@ -40,8 +45,8 @@ class Adapter:
     start: float
     end: float
     radius: float
-    look: str
-    material: str
+    look: Word
+    material: Word
 
 
 @dataclass(frozen=True)
@@ -60,14 +65,14 @@ class Arm:
         adapter: the plate under the hand, if any.
     """
 
-    name: str
+    name: Word
     mjcf: Path = field(repr=False)
     joints: Joints
     bodies: Names
     home: Numbers
-    shoulder: Numbers
-    reach: float
-    shaken: tuple[int, int]
+    shoulder: Vector
+    reach: Positive
+    shaken: Annotated[tuple[int, int], several(NATURAL, 2)]
     adapter: Adapter | None = None
 
 
@@ -84,21 +89,49 @@ class Finger:
         aside: rad, its posture where it takes no part in a grasp.
     """
 
-    name: str
+    name: Word
     joints: Names
     bodies: Names
-    tip: str
-    pad: Numbers
+    tip: Word
+    pad: Vector
     aside: Numbers = ()
+
+
+def _near(value: Any) -> Numbers:
+    position: Numbers = several(number(), 3).admit(value)
+    if np.linalg.norm(position) > _FARTHEST:
+        raise ValueError
+    return position
+
+
+def _unit(value: Any) -> Numbers:
+    quat: Numbers = several(number(), 4).admit(value)
+    if abs(np.linalg.norm(quat) - 1.0) > 1e-6:
+        raise ValueError
+    return quat
 
 
 @dataclass(frozen=True)
 class Mount:
     """The palm frame in the frame of the arm's last link: position (3,) m and quaternion wxyz (4,)."""
 
-    name: str
-    position: Numbers
-    quat_wxyz: Numbers
+    name: Word
+    position: Annotated[Numbers, Rule(f"three numbers, within {_FARTHEST} m of the last link", _near)]
+    quat_wxyz: Annotated[Numbers, Rule("a unit quaternion w, x, y, z", _unit)]
+
+
+def _fingers(value: Any) -> tuple[Finger, ...]:
+    fingers = tuple(read(Finger, finger, "finger") for finger in value)
+    if len(fingers) < 2:
+        raise ValueError
+    return fingers
+
+
+def _mounts(value: Any) -> tuple[Mount, ...]:
+    return tuple(read(Mount, {"name": name, **mount}, f"mount {name}") for name, mount in value.items())
+
+
+FINGERS = Rule("a list of two fingers or more", _fingers)
 
 
 @dataclass(frozen=True)
@@ -118,16 +151,16 @@ class Hand:
         self_pairs: bodies that the hand's own motion can bring together.
     """
 
-    name: str
+    name: Word
     mjcf: Path = field(repr=False)
-    palm: str
+    palm: Word
     joints: Joints
-    fingers: tuple[Finger, ...]
+    fingers: Annotated[tuple[Finger, ...], FINGERS]
     grasp: Names
     open: Numbers
-    mounts: tuple[Mount, ...]
+    mounts: Annotated[tuple[Mount, ...], Rule("a mapping of mounts", _mounts)]
     beside_palm: str = ""
-    self_pairs: tuple[tuple[str, str], ...] = ()
+    self_pairs: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = ()
 
     @property
     def bodies(self) -> Names:

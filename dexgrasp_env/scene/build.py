@@ -1,5 +1,7 @@
 """Robot, object, table and cameras put together into one model."""
 
+from typing import Any
+
 import mujoco
 
 from dexgrasp_env.objects.mjcf import add_to_spec
@@ -8,7 +10,7 @@ from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import robot_spec
 from dexgrasp_env.robot.robot import Names
-from dexgrasp_env.scene.arena import add_arena, set_physics
+from dexgrasp_env.scene.arena import add_arena
 from dexgrasp_env.scene.constants import (
     FRICTION,
     ROLLING_FRICTION,
@@ -38,7 +40,6 @@ def scene_spec(
     """
     spec = robot_spec(cell)
     spec.modelname = f"dexgrasp {model.name}"
-    set_physics(spec)
     add_arena(spec, float(cell.base[2]))
     body = spec.worldbody.add_body(name="object", pos=[0.5, 0.0, 0.3])
     body.add_freejoint(name="object")
@@ -52,15 +53,9 @@ def scene_spec(
     return spec
 
 
-def build_scene(
-    model: ObjectModel,
-    cell: Cell,
-    *,
-    friction: float = FRICTION,
-    cameras: tuple[Camera, ...] = (),
-) -> mujoco.MjModel:
+def build_scene(model: ObjectModel, cell: Cell, **more: Any) -> mujoco.MjModel:
     """Compile `scene_spec`."""
-    return scene_spec(model, cell, friction=friction, cameras=cameras).compile()
+    return scene_spec(model, cell, **more).compile()
 
 
 def _add_pairs(spec: mujoco.MjSpec, parts: list[str], tips: Names, friction: float) -> None:

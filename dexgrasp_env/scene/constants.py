@@ -1,16 +1,9 @@
-"""Physics constants of the scene, frozen as v0.
-
-Elliptic cones, a high friction-to-normal impedance ratio and a stiff friction reference at the fingertips: slip begins
-at mu N in every direction and a held object creeps by less than a millimetre in ten seconds. Pyramidal cones are up to
-29 % too weak; MuJoCo's defaults drop a 514 g box. Nothing here makes contacts stronger than Coulomb friction.
-"""
+"""Physics constants of the scene, frozen as v0; the solver's and the table's look stand in assets/scene/arena.xml."""
 
 TIMESTEP = 0.002  # s, one physics step
 CONTROL_STEPS = 25  # physics steps in a control step: 20 Hz
 CONTROL_PERIOD = TIMESTEP * CONTROL_STEPS  # s
 
-IMPRATIO = 100.0
-TOLERANCE = 1e-8
 FRICTION = 0.7  # default sliding friction coefficient of every contact
 TORSIONAL_FRICTION = 0.005  # m; unused by condim 3, kept for users who raise condim
 ROLLING_FRICTION = 0.0002  # m; object on table only: rolling resistance of a can on a hard table

@@ -1,4 +1,4 @@
-"""Depth and colour through OpenGL, where there is one."""
+"""Colour through OpenGL, where there is one."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -6,73 +6,34 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
 
 if TYPE_CHECKING:
     import mujoco
 
 
-class GLBackend:
+class ColourCameras:
     """`mujoco.Renderer` with the poses and intrinsics of `Camera`, not of the model's own cameras."""
 
-    def __init__(
-        self, model: "mujoco.MjModel", cameras: tuple[Camera, ...], groups: tuple[int, ...] = VISUAL_GROUPS
-    ) -> None:
-        from dexgrasp_env.rendering import make_renderer
+    def __init__(self, model: "mujoco.MjModel", cameras: tuple[Camera, ...]) -> None:
+        from dexgrasp_env.rendering import make_renderer, show_options
 
-        self.cameras = tuple(cameras)
-        self._model = model
+        self._cameras, self._model = cameras, model
         i = cameras[0].intrinsics
-        self._renderer = make_renderer(model, i.height, i.width)
-        self._option = _scene_option(groups)
+        self.renderer = make_renderer(model, i.height, i.width)
+        self._option = show_options()
 
-    def render(self, data: "mujoco.MjData") -> NDArray[np.float32]:
-        """Return depth, (cameras, H, W) metres, inf where nothing."""
-        self._renderer.enable_depth_rendering()
-        depth = np.stack(self._images(data))
-        self._renderer.disable_depth_rendering()
-        depth[depth >= 0.999 * self._clip()[1]] = np.inf
-        return depth
-
-    def segment(self, data: "mujoco.MjData") -> NDArray[np.int32]:
-        """Return geom ids, (cameras, H, W), -1 where nothing."""
-        import mujoco
-
-        self._renderer.enable_segmentation_rendering()
-        pairs = np.stack(self._images(data))
-        self._renderer.disable_segmentation_rendering()
-        return np.where(pairs[..., 1] == mujoco.mjtObj.mjOBJ_GEOM, pairs[..., 0], -1).astype(np.int32)
-
-    def render_rgb(self, data: "mujoco.MjData") -> NDArray[np.uint8]:
-        """Return colour images, (cameras, H, W, 3)."""
-        return np.stack(self._images(data))
+    def render_rgb(self, data: "mujoco.MjData") -> NDArray[Any]:
+        """Return colour images, (cameras, H, W, 3); `data` needs current kinematics."""
+        images, extent, planes = [], self._model.stat.extent, self._model.vis.map
+        self.renderer.update_scene(data, scene_option=self._option)
+        for camera in self._cameras:
+            _aim(self.renderer.scene, camera, planes.znear * extent, planes.zfar * extent)
+            images.append(self.renderer.render().copy())
+        return np.stack(images)
 
     def close(self) -> None:
         """Free the GL context."""
-        self._renderer.close()
-
-    def _clip(self) -> tuple[float, float]:
-        extent, planes = self._model.stat.extent, self._model.vis.map
-        return planes.znear * extent, planes.zfar * extent
-
-    def _images(self, data: "mujoco.MjData") -> list[NDArray[Any]]:
-        images = []
-        self._renderer.update_scene(data, scene_option=self._option)
-        for camera in self.cameras:
-            _aim(self._renderer.scene, camera, *self._clip())
-            images.append(self._renderer.render().copy())
-        return images
-
-
-def _scene_option(groups: tuple[int, ...]) -> "mujoco.MjvOption":
-    """Return what a depth camera sees: geoms of the groups, none of MuJoCo's decorations."""
-    import mujoco
-
-    option = mujoco.MjvOption()
-    option.geomgroup[:] = group_mask(groups)
-    for kind in (option.sitegroup, option.jointgroup, option.tendongroup, option.actuatorgroup):
-        kind[:] = 0
-    return option
+        self.renderer.close()
 
 
 def _aim(scene: "mujoco.MjvScene", camera: Camera, near: float, far: float) -> None:

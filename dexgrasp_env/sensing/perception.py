@@ -1,6 +1,5 @@
 """Cameras, sensor and pipeline tied to one scene."""
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,27 +10,11 @@ from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.sensing.backends import make_backend
-from dexgrasp_env.sensing.groups import VISUAL_GROUPS
+from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
 
 if TYPE_CHECKING:
     import mujoco
-
-
-@dataclass(frozen=True, eq=False)
-class Observation:
-    """What the cell sees.
-
-    Attributes:
-        depths: (cameras, H, W) m as measured, inf where nothing.
-        cameras: where the calibration believes the cameras to be.
-        scene: what that shows.
-    """
-
-    depths: NDArray[np.float32]
-    cameras: tuple[Camera, ...]
-    scene: Scene
 
 
 class Perception:
@@ -44,23 +27,19 @@ class Perception:
         *,
         sensor: SensorModel | None = None,
         settings: SegmentationSettings | None = None,
-        backend: str = "auto",
-        groups: tuple[int, ...] = VISUAL_GROUPS,
     ) -> None:
-        """Prepare the backend.
+        """Prepare the cameras.
 
         Args:
             model: robot, table and object.
             cameras: where they truly are.
             sensor: `SensorModel.realistic()`.
             settings: of the pipeline.
-            backend: see `make_backend`.
-            groups: the geom groups that cameras see.
         """
         self.cameras = tuple(cameras)
         self.sensor = SensorModel.realistic() if sensor is None else sensor
         self.settings = settings or SegmentationSettings()
-        self.backend = make_backend(backend, model, self.cameras, groups)
+        self.rays = RayCameras(model, self.cameras)
         self.robot = RobotShape(model)
         self.believed = self.cameras
 
@@ -70,18 +49,8 @@ class Perception:
 
     def measure(self, data: "mujoco.MjData", rng: Generator) -> NDArray[np.float32]:
         """Return the measured depth images, (cameras, H, W) m. `data` needs current kinematics."""
-        return self.sensor.measure(self.backend.render(data), self.cameras, rng)
+        return self.sensor.measure(self.rays.render(data), self.cameras, rng)
 
-    def observe(self, data: "mujoco.MjData", rng: Generator) -> Observation:
+    def observe(self, data: "mujoco.MjData", rng: Generator) -> Scene:
         """Measure and segment. `data` needs current kinematics."""
-        depths = self.measure(data, rng)
-        scene = segment(depths, self.believed, rng, self.settings, self.robot, data)
-        return Observation(depths, self.believed, scene)
-
-    def render_rgb(self, data: "mujoco.MjData") -> NDArray[np.uint8]:
-        """Return colour images, (cameras, H, W, 3); only with the backend "gl"."""
-        return self.backend.render_rgb(data)
-
-    def close(self) -> None:
-        """Free the backend."""
-        self.backend.close()
+        return segment(self.measure(data, rng), self.believed, rng, self.settings, self.robot.at(data))

@@ -8,23 +8,31 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.sensing.groups import VISUAL_GROUPS, group_mask
 
 if TYPE_CHECKING:
     import mujoco
 
 MAX_DEPTH = 10.0  # m, geoms further away are not looked at
+SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)
+"""Flags of MuJoCo's six geom groups: whether cameras see them; collision geoms are in group 3."""
 
 
-class RayBackend:
-    """One ray a pixel through `mj_multiRay` (`mujoco.batch` rays cost 1.5 times as much)."""
+class RayCameras:
+    """One ray a pixel through `mj_multiRay` (`mujoco.batch` rays cost 1.5 times as much).
 
-    def __init__(
-        self, model: "mujoco.MjModel", cameras: tuple[Camera, ...], groups: tuple[int, ...] = VISUAL_GROUPS
-    ) -> None:
+    Later changes to the sizes of the model's geoms are not seen.
+
+    Raises:
+        InputError: for no camera at all or image sizes that differ, because images are stacked.
+    """
+
+    def __init__(self, model: "mujoco.MjModel", cameras: tuple[Camera, ...]) -> None:
+        if not cameras:
+            raise InputError("no cameras given: valid are one or more")
+        if len({(c.intrinsics.width, c.intrinsics.height) for c in cameras}) > 1:
+            raise InputError("cameras have different image sizes: valid is one size for all")
         self.cameras = tuple(cameras)
         self._model = ray_model(model)
-        self._groups = group_mask(groups)
         i = cameras[0].intrinsics
         self._shape = (i.height, i.width)
         # With rays scaled to z = 1 in the optical frame the ray parameter is the depth.
@@ -33,25 +41,16 @@ class RayBackend:
         self._geom = np.empty((len(self.cameras), i.height * i.width), np.int32)
 
     def render(self, data: "mujoco.MjData") -> NDArray[np.float32]:
-        """Return depth, (cameras, H, W) metres, inf where nothing."""
+        """Return depth, (cameras, H, W) metres, inf where nothing; `data` needs current kinematics."""
         self._cast(data)
         depth = self._distance.astype(np.float32)
         depth[depth < 0] = np.inf
         return depth.reshape(-1, *self._shape)
 
     def segment(self, data: "mujoco.MjData") -> NDArray[np.int32]:
-        """Return geom ids, (cameras, H, W), -1 where nothing."""
+        """Return the geom each pixel shows, (cameras, H, W), -1 where nothing. For evaluation only."""
         self._cast(data)
         return self._geom.reshape(-1, *self._shape).copy()
-
-    def render_rgb(self, data: "mujoco.MjData") -> NDArray[np.uint8]:
-        """Rays carry no light."""
-        raise InputError(
-            "colour images need OpenGL: use the depth backend 'gl', or obs_mode 'depth' or 'pointcloud'"
-        )
-
-    def close(self) -> None:
-        """Nothing is held."""
 
     def _cast(self, data: "mujoco.MjData") -> None:
         import mujoco
@@ -59,7 +58,7 @@ class RayBackend:
         n = self._distance.shape[1]
         for k, camera in enumerate(self.cameras):
             mujoco.mj_multiRay(
-                self._model, data, camera.position, self._rays[k], self._groups, True, -1,
+                self._model, data, camera.position, self._rays[k], SEEN, True, -1,
                 self._geom[k], self._distance[k], None, n, MAX_DEPTH,
             )  # fmt: skip
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
+from dexgrasp_env.valid import one_of, read
 
 Depth = NDArray[np.float32]
 
@@ -93,9 +94,16 @@ class SensorModel:
             calibration_rotation=np.radians(0.15),
         )
 
-    def depth_rms(self, depth: float) -> float:
-        """RMS depth noise at a distance, both in metres, without quantisation."""
-        return depth**2 * self.subpixel_rms / (self.focal_px * self.baseline)
+    @classmethod
+    def of(cls, value: Any) -> "SensorModel":
+        """Return the model of a name, `realistic` or `none`, or of a mapping of its settings.
+
+        Raises:
+            InputError: for an unknown name or setting, or a value out of range.
+        """
+        if isinstance(value, str):
+            return cls.none() if one_of(("realistic", "none")).admit(value) == "none" else cls.realistic()
+        return read(cls, value, "sensor")
 
     def measure(self, depths: Depth, cameras: tuple[Camera, ...], rng: np.random.Generator) -> Depth:
         """Return what the sensor reports for true depths.

@@ -1,6 +1,5 @@
 """The only place that knows `mujoco.batch`: physics of many environments, of several objects, on all cores."""
 
-import os
 from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -11,14 +10,10 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.tasks.simulation import Simulation
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
-
-
-def _cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 @dataclass
@@ -51,7 +46,7 @@ class BatchPhysics:
         """
         first = next(iter(simulations.values())).base
         self._simulations, self._number = simulations, number
-        self._threads = threads or _cores()
+        self._threads = threads or usable_cores()
         self._groups: dict[str, _Group] = {}
         self._targets = np.full(number, "", dtype=object)
         self._pool = (

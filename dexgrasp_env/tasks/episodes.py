@@ -262,7 +262,8 @@ class Episodes:
         records, commands, told, rewards = self._part(part)[:4]
         rows = np.empty((len(records), self._width), np.float32)
         noise = self._joint_noise(records, rngs)
-        kernel.conclude(records, commands, moment, warnings, noise, self._rules, (told, rewards, rows), judge)
+        state, out = (*moment, commands), (told, rewards, rows)
+        kernel.conclude(records, state, warnings, noise, self._rules, out, judge)
         return cut(rows[0] if alone else rows, self._layout)
 
     def _part(self, part: slice) -> tuple[NDArray[Any], ...]:

@@ -42,6 +42,9 @@ _UNTOUCHED, _TOUCHED, _LIFTED, _DROPPED, _HELD = range(len(STAGES))
 _NO_FAILURE, _LOST, _DIVERGED = range(len(FAILURES))
 _NO_PHASE, _BEFORE, _RUNNING, _OVER = range(len(PHASES))
 
+State = tuple[Array, Array, Array, Array]
+"""Positions (N, n + 7) of joints and object (quaternion wxyz), velocities (N, n + 6), `sensordata`, and set-points
+(N, 3, n) rad, `records.COMMANDS`."""
 _TERMS = len(TOLD)
 _X0, _Y0, _Z0 = WORKSPACE_LOW
 _X1, _Y1, _Z1 = WORKSPACE_HIGH
@@ -53,14 +56,14 @@ _X1, _Y1, _Z1 = WORKSPACE_HIGH
 @njit(cache=True)
 def _judge(
     episodes: Records,
-    moment: tuple[Array, Array, Array],
+    state: State,
     warnings: Columns,
     rules: Rules,
     told: Array,
     rewards: Array,
 ) -> None:
     """Advance what the episodes have achieved by the control step just taken; see `conclude`."""
-    qpos, qvel, sensors = moment
+    qpos, qvel, sensors, _ = state
     at, n = rules.at, qpos.shape[1] - 7
     for i in range(len(episodes)):
         e, s, pose = episodes[i], sensors[i], qpos[i, n:]
@@ -234,16 +237,9 @@ def _conclude(e: Record, rules: Rules) -> None:
 
 
 @njit(cache=True)
-def _observe(
-    episodes: Records,
-    commands: Array,
-    moment: tuple[Array, Array, Array],
-    noise: Array,
-    rules: Rules,
-    out: Array,
-) -> None:
+def _observe(episodes: Records, state: State, noise: Array, rules: Rules, out: Array) -> None:
     """Write what the robot knows of itself, and where `out` has room for it the privileged state; see `conclude`."""
-    qpos, qvel, sensors = moment
+    qpos, qvel, sensors, commands = state
     at, n, tips = rules.at, commands.shape[2], 3 * rules.fingers
     palm = 3 * n + tips
     for i in range(len(episodes)):
@@ -286,15 +282,14 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Ar
 
 @njit(cache=True)
 def conclude(
-    episodes: Records, commands: Array, moment: tuple[Array, Array, Array], warnings: Columns, noise: Array,
-    rules: Rules, out: tuple[Array, Array, Array], judge: bool,
+    episodes: Records, state: State, warnings: Columns, noise: Array, rules: Rules,
+    out: tuple[Array, Array, Array], judge: bool,
 ) -> None:  # fmt: skip
     """Advance what the episodes have achieved by the control step just taken, reward and observe it.
 
     Args:
         episodes: (N,); their progress is advanced.
-        commands: (N, 3, n) rad, `records.COMMANDS`.
-        moment: positions (N, n + 7) of joints and object (quaternion wxyz), velocities (N, n + 6), `sensordata`.
+        state: see `State`.
         warnings: (N,) bits of MuJoCo's that came up in the control step.
         noise: (N, n) rad, of the joint position sensors.
         rules: of the environment.
@@ -304,5 +299,5 @@ def conclude(
     """
     told, rewards, seen = out
     if judge:
-        _judge(episodes, moment, warnings, rules, told, rewards)
-    _observe(episodes, commands, moment, noise, rules, seen)
+        _judge(episodes, state, warnings, rules, told, rewards)
+    _observe(episodes, state, noise, rules, seen)

@@ -18,8 +18,9 @@ from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Starts
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.tasks.views import make_settings
+from dexgrasp_env.tasks.views import Views
 
 _ONLY = slice(None)
 _FAILURE = TOLD.index("failure")
@@ -209,7 +210,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     ) -> None:
         given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         EzPickle.__init__(self, **given)
-        self.settings, self._views = make_settings(**given)
+        self.settings = LiftSettings.of(**given)
+        self._views = Views(self.settings)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
         self._episodes = self.episodes_type(self.settings, self._views, 1)

@@ -19,6 +19,10 @@ from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_
 from dexgrasp_env.valid import NATURAL, Rule, number, pair
 
 PRESENTATIONS = ("rest", "upright")
+_FRONT, _BACK = (
+    TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1)
+)  # m, where an object may be put
+_SIDE = 0.5 * TABLE_SIZE[1] + 0.05  # m
 _CLEARANCE = 0.0005  # m above the table; the settle closes it
 _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
 
@@ -122,12 +126,11 @@ def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
     x, y, z = pose[:3]
     quat = pose[3:] / np.linalg.norm(pose[3:])
     lowest = z + rotate(quat, hull)[:, 2].min()
-    if (
-        abs(x - TABLE_CENTRE_X) > 0.5 * TABLE_SIZE[0]
-        or abs(y) > 0.5 * TABLE_SIZE[1] + 0.05
-        or z > WORKSPACE_HIGH[2]
-    ):
-        raise InputError(f"object_pose at ({x:g}, {y:g}, {z:g}) m is not over the table: {_over_table()}")
+    if not (_FRONT <= x <= _BACK and abs(y) <= _SIDE and z <= WORKSPACE_HIGH[2]):
+        raise InputError(
+            f"object_pose at ({x:g}, {y:g}, {z:g}) m is not over the table: valid are x from {_FRONT:g} to "
+            f"{_BACK:g}, |y| up to {_SIDE:g}, z up to {WORKSPACE_HIGH[2]:g}"
+        )
     if lowest < -_INTO_TABLE:
         raise InputError(
             f"object_pose reaches {-1000 * lowest:.1f} mm into the table: its z must be {z - lowest:.4f} m or more"
@@ -138,11 +141,3 @@ def check_pose(value: Any, hull: Array, cell: Cell) -> Array:
             f"object_pose is out of reach: valid is within {reach} m of the arm's shoulder at {shoulder.tolist()}"
         )
     return np.concatenate([pose[:3], quat])
-
-
-def _over_table() -> str:
-    half = 0.5 * TABLE_SIZE[0]
-    return (
-        f"valid are x from {TABLE_CENTRE_X - half:g} to {TABLE_CENTRE_X + half:g}, |y| up to "
-        f"{0.5 * TABLE_SIZE[1] + 0.05:g}, z up to {WORKSPACE_HIGH[2]:g}"
-    )

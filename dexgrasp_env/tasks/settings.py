@@ -1,15 +1,16 @@
 """Settings of the environment, checked once at construction."""
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import Annotated, Any
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
-from dexgrasp_env.rendering import SHOW_CAMERAS
-from dexgrasp_env.robot.cell import Cell, default_cell, make_cell
-from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
+from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
+from dexgrasp_env.robot.cell import Cell, make_cell
+from dexgrasp_env.scene.constants import FRICTION, TIMESTEP
 from dexgrasp_env.sensing.calibration import Calibration
+from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, SHORTEST_SKIP
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
@@ -22,34 +23,37 @@ from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, on
 DEFAULT_VIEWS = 4
 OBSERVE = ("step", "reset", "clear")
 RENDER_MODES = ("human", "rgb_array", "depth_array")
+_Sensor = Annotated[SensorModel, Rule("realistic, none, or settings of SensorModel", SensorModel.of)]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class LiftSettings:
-    """Everything that `gym.make` accepts, in checked form; see `LiftEnv` for the meanings."""
+    """Everything that `gym.make` accepts, in checked form; see `LiftEnv` for meanings and defaults."""
 
     objects: Objects
-    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
-    control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
-    reward_mode: Annotated[str, one_of(REWARD_MODES)] = "dense"
-    cell: Cell = field(default_factory=default_cell)
-    friction: Friction | None = None
-    mass: Annotated[float, number(gt=0, le=100)] = 1.0
-    presentation: Annotated[str, one_of(PRESENTATIONS)] = "rest"
+    obs_mode: Annotated[str, one_of(OBS_SUMS)]
+    control_mode: Annotated[str, one_of(CONTROL_MODES)]
+    reward_mode: Annotated[str, one_of(REWARD_MODES)]
+    cell: Cell
+    friction: Friction | None
+    mass: Annotated[float, number(gt=0, le=100)]
+    presentation: Annotated[str, one_of(PRESENTATIONS)]
     disturbance: Annotated[Disturbance, Rule("a name or a mapping", Disturbance.of)] = Disturbance()
     object_pose: Placement = Placement()
     randomisation: Randomisation = Randomisation()
-    views: tuple[str, ...] | int = DEFAULT_VIEWS
+    views: tuple[str, ...] | int
     calibration: Calibration = Calibration()
-    observe: Annotated[str, one_of(OBSERVE)] = "step"
-    mesh_scale: Positive = 1.0
-    mesh_mass: Mass | None = None
-    render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
-    render_camera: str = "front"
-    version: Annotated[int, number(ge=1, le=2, whole=True)] = 2
-    reward_weights: dict[str, float] | None = None
-    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
-    action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
+    sensor: _Sensor
+    observe: Annotated[str, one_of(OBSERVE)]
+    mesh_scale: Positive
+    mesh_mass: Mass | None
+    render_mode: Annotated[str | None, one_of(RENDER_MODES)]
+    render_size: Annotated[tuple[int, int], RENDER_SIZE]
+    render_camera: str
+    version: Annotated[int, number(ge=1, le=2, whole=True)]
+    reward_weights: dict[str, float] | None
+    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)]
+    action_scale: Annotated[float, number(gt=0, le=1)]
 
     @classmethod
     def of(cls, **given: Any) -> "LiftSettings":

@@ -12,7 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
@@ -21,10 +21,13 @@ from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
+from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
-from dexgrasp_env.tasks.views import make_settings
+from dexgrasp_env.tasks.views import Views
+from dexgrasp_env.valid import COUNT, Rule, check
 
 _Observations = dict[str, NDArray[Any]]
+_AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
 _STAGES, _FAILURES, _PHASES = (np.array(names, dtype=object) for names in (STAGES, FAILURES, PHASES))
 
 
@@ -59,19 +62,21 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     ) -> None:
         EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, **kwargs)
         given = self._env_type.arguments(**kwargs)
-        self.num_envs = _check_count("num_envs", num_envs)
+        self.num_envs = check("num_envs", num_envs, COUNT)
         if str(given["obs_mode"]).endswith("rgbd") or given["render_mode"] == "human":
             raise InputError(
                 "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
             )
-        limit = None if max_episode_steps is None else _check_count("max_episode_steps", max_episode_steps)
-        self._mode, self._limit = _autoreset(autoreset_mode), limit
+        limit = max_episode_steps
+        self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
+        self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
         self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
-        self.settings, self._views = make_settings(**given)
+        self.settings = LiftSettings.of(**given)
+        self._views = Views(self.settings)
         self.settings.disturbance.warn_of_limit(max_episode_steps, self.settings.frame_skip)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
-        threads = None if threads is None else _check_count("threads", threads)
+        threads = None if threads is None else check("threads", threads, COUNT)
         self._physics = BatchPhysics(self._episodes.simulations, num_envs, threads)
         self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
         self.single_observation_space = self._episodes.observation_space()
@@ -366,16 +371,3 @@ def _check_mask(mask: Any, number: int) -> NDArray[np.bool_]:
     ):
         raise InputError(f"reset_mask must be an array of {number} booleans, one of them True at least")
     return mask
-
-
-def _check_count(name: str, value: Any) -> int:
-    if not (isinstance(value, int) and value >= 1):
-        raise InputError(f"{name} = {value!r}: valid is a whole number from 1 on")
-    return value
-
-
-def _autoreset(mode: str | AutoresetMode) -> AutoresetMode:
-    try:
-        return AutoresetMode(mode)
-    except ValueError:
-        raise unknown_name("autoreset_mode", mode, [m.value for m in AutoresetMode]) from None

@@ -1,7 +1,7 @@
 """What cameras add to observations, and pictures for people."""
 
 import copy
-from collections.abc import Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 from weakref import WeakKeyDictionary
@@ -12,15 +12,12 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.rendering import check_size
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.sensing.backends import DepthBackend, make_backend
+from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.perception import Perception
-from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.valid import read
 
 _AT_HOME = 0.02  # rad of every joint of the arm
 
@@ -45,19 +42,11 @@ class View:
 class Views:
     """Camera observations of the environment; builds nothing until a mode asks for it."""
 
-    def __init__(
-        self, settings: LiftSettings, sensor: Mapping[str, Any] | str, render_size: tuple[int, int]
-    ) -> None:
+    def __init__(self, settings: LiftSettings) -> None:
         self._settings = settings
-        self._render_size = check_size(render_size)
-        self._sensor = sensor_model(sensor)
         self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
         self._perceptions = WeakKeyDictionary()
-        self._colour_key: tuple[Simulation, float] | None = None
-        self._colour_backend: DepthBackend | None = None
-        self._renderer: mujoco.Renderer | None = None
-        self._viewer: Any = None
-        self._shown: tuple[Simulation, float] | None = None
+        self._contexts: dict[str, tuple[tuple[Simulation, float], Any]] = {}
         self._cameras = settings.cell.make_cameras()
         intrinsics = self._cameras[0].intrinsics
         number = settings.views if isinstance(settings.views, int) else len(settings.views)
@@ -117,7 +106,7 @@ class Views:
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": ""}
         if self._settings.obs_mode.endswith("pointcloud"):
-            scene = perception.observe(simulation.data, rng).scene
+            scene = perception.observe(simulation.data, rng)
             info["perception_failure"] = scene.reason or ""
             return scene.as_observation(perception.settings.count), info
         depth = perception.measure(simulation.data, rng)
@@ -136,61 +125,48 @@ class Views:
         known, size = self._perceptions.get(simulation), simulation.variation.size
         if known is None or known[:2] != (size, names):
             cameras = tuple(camera for camera in self._cameras if camera.name in names)
-            known = (size, names, Perception(simulation.model, cameras, sensor=self._sensor))
+            known = (size, names, Perception(simulation.model, cameras, sensor=self._settings.sensor))
             self._perceptions[simulation] = known
         return known[2]
 
-    def _colour(self, simulation: Simulation) -> DepthBackend:
-        """The GL backend of this simulation; one context at a time, which holds the meshes in their size."""
-        if self._colour_backend is None or self._colour_key != _shape_key(simulation):
-            if self._colour_backend is not None:
-                self._colour_backend.close()
-            self._colour_backend = make_backend("gl", simulation.model, self._cameras)
-            self._colour_key = _shape_key(simulation)
-        return self._colour_backend
+    def _context(self, kind: str, simulation: Simulation, make: Callable[[], Any]) -> Any:
+        """Return what draws, one of a kind; meshes are uploaded when it is made, in the size of the episode."""
+        key = simulation, simulation.variation.size
+        if kind not in self._contexts or self._contexts[kind][0] != key:
+            if kind in self._contexts:
+                self._contexts.pop(kind)[1].close()
+            self._contexts[kind] = key, make()
+        return self._contexts[kind][1]
+
+    def _colour(self, simulation: Simulation) -> ColourCameras:
+        cameras: ColourCameras = self._context(
+            "rgb", simulation, lambda: ColourCameras(simulation.model, self._cameras)
+        )
+        return cameras
 
     def render(self, mode: str | None, simulation: Simulation) -> Any:
         """Render the scene in a mode of `LiftEnv.metadata`."""
         if mode is None:
             raise InputError("render() needs a render_mode: pass render_mode='rgb_array' to gym.make")
+        model, data = simulation.model, simulation.data
         if mode == "human":
-            return self._show(simulation)
+            return self._context(mode, simulation, lambda: _open_viewer(model, data)).sync()
         from dexgrasp_env.rendering import make_renderer, render, show_camera
 
-        if self._renderer is None or self._shown != _shape_key(simulation):
-            self.close()
-            self._renderer = make_renderer(simulation.model, *self._render_size, quick=True)
-            self._shown = _shape_key(simulation)
+        renderer = self._context(
+            "picture", simulation, lambda: make_renderer(model, *self._settings.render_size, quick=True)
+        )
         if mode == "depth_array":
-            self._renderer.enable_depth_rendering()
-        camera = show_camera(self._settings.render_camera, simulation.data, simulation.cell.robot)
-        picture = render(self._renderer, simulation.data, camera)
-        self._renderer.disable_depth_rendering()
+            renderer.enable_depth_rendering()
+        camera = show_camera(self._settings.render_camera, data, simulation.cell.robot)
+        picture = render(renderer, data, camera)
+        renderer.disable_depth_rendering()
         return picture
 
-    def _show(self, simulation: Simulation) -> None:
-        if self._viewer is None or self._shown != _shape_key(simulation):
-            self.close()
-            self._viewer, self._shown = (
-                _open_viewer(simulation.model, simulation.data),
-                _shape_key(simulation),
-            )
-        self._viewer.sync()
-
     def close(self) -> None:
-        """Free the renderer and close the window."""
-        if self._renderer is not None:
-            self._renderer.close()
-        if self._viewer is not None:
-            self._viewer.close()
-        if self._colour_backend is not None:
-            self._colour_backend.close()
-        self._renderer = self._viewer = self._shown = self._colour_backend = self._colour_key = None
-
-
-def _shape_key(simulation: Simulation) -> tuple[Simulation, float]:
-    """What a GL context depends on: meshes are uploaded when it is made, in the size of the episode."""
-    return simulation, simulation.variation.size
+        """Free what draws and close the window."""
+        while self._contexts:
+            self._contexts.popitem()[1][1].close()
 
 
 def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
@@ -202,19 +178,6 @@ def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
     }
 
 
-def sensor_model(value: Mapping[str, Any] | str) -> SensorModel:
-    """Return the sensor model of a name or of a mapping of `SensorModel`'s settings.
-
-    Raises:
-        InputError: for an unknown name or setting, or a value out of range.
-    """
-    if isinstance(value, str):
-        if value not in ("realistic", "none"):
-            raise unknown_name("sensor", value, ["realistic", "none", "a mapping of SensorModel's settings"])
-        return SensorModel.realistic() if value == "realistic" else SensorModel.none()
-    return read(SensorModel, value, "sensor")
-
-
 def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     import os
 
@@ -223,15 +186,3 @@ def _open_viewer(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     import mujoco.viewer
 
     return mujoco.viewer.launch_passive(model, data, show_left_ui=False, show_right_ui=False)
-
-
-def make_settings(
-    sensor: Mapping[str, Any] | str, render_size: tuple[int, int], **given: Any
-) -> tuple[LiftSettings, Views]:
-    """Check the arguments of the environment.
-
-    Raises:
-        InputError: one line that says which is wrong and what is valid.
-    """
-    settings = LiftSettings.of(**given)
-    return settings, Views(settings, sensor, render_size)

@@ -10,8 +10,9 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
 from dexgrasp_env.objects.catalogue import CATALOGUE
-from dexgrasp_env.objects.load import MESH_SUFFIXES, load_object
+from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.sets import MESH_SUFFIXES
 
 _INSIDE = ("mesh/simplified.obj", "mesh/coacd.obj", "coacd/decomposed.obj")
 """Where the object folders of DexGraspBench (MeshProcess) and DexGraspNet keep the surface."""
