@@ -8,12 +8,12 @@ dataclass itself, such as the settings that a function of the library takes, bri
 a tuple names.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
 
-from dexgrasp.cli.output import print_json
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import CellFile, Friction, Mass, Mount, Positive
@@ -46,7 +46,7 @@ class Answer:
     def show(self, as_json: bool) -> int:
         """Print it and return the exit code."""
         if as_json:
-            print_json(jsonable({"schema": 1} | dict(self.content)))
+            print(json.dumps(jsonable({"schema": 1, **self.content}), indent=2, allow_nan=False))
         elif self.text:
             print(self.text)
         return self.code
