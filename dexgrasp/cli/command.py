@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
-from dexgrasp_env.valid import CellFile, Friction, Mass, Mount, Positive
+from dexgrasp_env.valid import CellFile, Friction, Mass, Mount, Natural, Positive
 
 if TYPE_CHECKING:
     from dexgrasp_env.robot.cell import Cell
@@ -114,12 +114,14 @@ class Scene(InCell):
     """The scene.
 
     Attributes:
+        seed: of scene and planner.
         mount: how the hand sits on the arm's flange; see dexgrasp list envs.
         friction: sliding friction coefficient (default 0.7).
         mesh_scale: factor from a mesh file's unit to metres: 0.001 for millimetres.
         mesh_mass: mass of a mesh, kg (default: by its volume).
     """
 
+    seed: Annotated[Natural, "S"] = 0
     mount: Mount = None
     friction: Annotated[Friction | None, "MU"] = None
     mesh_scale: Annotated[Positive, "F"] = 1.0

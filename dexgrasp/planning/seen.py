@@ -5,14 +5,16 @@ import time
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.planning.many import check_count, plan_many
+from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import PlanResult, Progress
+from dexgrasp.planning.settings import GRASPS
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import check
 
 _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
 
@@ -36,7 +38,7 @@ def plan_scene(
         InputError: for a count out of range.
     """
     if count is not None:
-        check_count(count)
+        check("count", count, GRASPS)
     began = time.perf_counter()
     try:
         target = target_of(scene, mass)
