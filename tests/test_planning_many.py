@@ -14,8 +14,9 @@ from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.record import Origin
 from dexgrasp.grasp.variety import component_shares, hand_points
 from dexgrasp.planning.from_cloud import plan_cloud
-from dexgrasp.planning.many import MOST, plan_many
+from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.settings import MOST
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.errors import InputError
