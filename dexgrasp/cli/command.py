@@ -8,15 +8,15 @@ dataclass itself, such as the settings that a function of the library takes, bri
 a tuple names.
 """
 
+import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
 
-from dexgrasp.cli.output import print_json
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
-from dexgrasp_env.valid import CellFile, Friction, Mass, Mount, Positive
+from dexgrasp_env.valid import CellFile, Friction, Mass, Mount, Natural, Positive
 
 if TYPE_CHECKING:
     from dexgrasp_env.robot.cell import Cell
@@ -46,7 +46,7 @@ class Answer:
     def show(self, as_json: bool) -> int:
         """Print it and return the exit code."""
         if as_json:
-            print_json(jsonable({"schema": 1} | dict(self.content)))
+            print(json.dumps(jsonable({"schema": 1, **self.content}), indent=2, allow_nan=False))
         elif self.text:
             print(self.text)
         return self.code
@@ -114,12 +114,14 @@ class Scene(InCell):
     """The scene.
 
     Attributes:
+        seed: of scene and planner.
         mount: how the hand sits on the arm's flange; see dexgrasp list envs.
         friction: sliding friction coefficient (default 0.7).
         mesh_scale: factor from a mesh file's unit to metres: 0.001 for millimetres.
         mesh_mass: mass of a mesh, kg (default: by its volume).
     """
 
+    seed: Annotated[Natural, "S"] = 0
     mount: Mount = None
     friction: Annotated[Friction | None, "MU"] = None
     mesh_scale: Annotated[Positive, "F"] = 1.0

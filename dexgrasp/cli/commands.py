@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
-from dexgrasp.cli.output import json_output
+from dexgrasp.cli.output import note, quiet
 from dexgrasp.cli.parsing import add_options, build, texts
 from dexgrasp.runs import interrupt
+from dexgrasp_env import __version__
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import missing_extra
 
@@ -76,17 +77,17 @@ def run_command(arguments: Sequence[str]) -> int:
     named = arguments[0] if arguments and arguments[0] in COMMANDS else ""
     try:
         args = _parsed(named, arguments)
-        with json_output(getattr(args, "json", False)):
-            return _run(args)
+        as_json = getattr(args, "json", False)
+        with quiet(as_json):
+            answer = build(args.kind, args).run()
+        return answer if isinstance(answer, int) else answer.show(as_json)
     except SystemExit as end:  # argparse: --help is 0, a mistake is 2
         return int(end.code or 0)
-    except KeyboardInterrupt as request:
-        return _interrupted(named, str(request))
     except BrokenPipeError:  # the reader, such as `head`, has enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
-    except Exception as error:
-        return _failed(named, error)
+    except (Exception, KeyboardInterrupt) as error:
+        return _stopped(named, error)
 
 
 def _put_gl_aside() -> None:
@@ -104,7 +105,8 @@ def make_parser(*named: str) -> Parser:
         prog="dexgrasp", epilog=_EPILOG,
         description="Dexterous grasping on a table: plan, execute, evaluate, learn.",
     )  # fmt: skip
-    parser.add_argument("--version", action="store_true", help="print the version and exit")
+    version = f"dexgrasp {__version__}"
+    parser.add_argument("--version", action="version", version=version, help="print the version and exit")
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", dest="command", parser_class=Parser)
     for name, line in COMMANDS.items():
         if name in named:
@@ -112,7 +114,6 @@ def make_parser(*named: str) -> Parser:
             _add_command(commands, name, line, module.COMMAND, module)
         else:
             commands.add_parser(name, help=line)
-    parser.set_defaults(parser=parser)
     return parser
 
 
@@ -131,32 +132,25 @@ def _add_command(place: Any, name: str, line: str, command: Any, module: Any) ->
 
 def _parsed(named: str, arguments: Sequence[str]) -> argparse.Namespace:
     """As argparse does it, but what is unknown is said of the command, whose help has what is known."""
-    args, unknown = make_parser(named).parse_known_args(arguments)
+    parser = make_parser(named)
+    args, unknown = parser.parse_known_args(arguments)
+    if args.command is None:
+        parser.print_help(sys.stderr)
+        parser.exit(BAD_INPUT)
     if unknown:
-        Parser(prog=f"dexgrasp {named}".strip()).error(f"unrecognized arguments: {' '.join(unknown)}")
+        Parser(prog=f"dexgrasp {named}").error(f"unrecognized arguments: {' '.join(unknown)}")
     return args
 
 
-def _run(args: argparse.Namespace) -> int:
-    if args.command is not None:
-        command = build(args.kind, args)
-        answer = command.run()
-        return answer if isinstance(answer, int) else answer.show(command.json)
-    if args.version:
-        from dexgrasp_env import __version__
-
-        print(f"dexgrasp {__version__}")
-        return OK
-    args.parser.print_help(sys.stderr)
-    return BAD_INPUT
-
-
-def _failed(command: str, error: Exception) -> int:
+def _stopped(command: str, error: BaseException) -> int:
     """Say in one line what is the user's to mend, of all else where it happened; return the exit code."""
-    if interrupt.requested():  # libraries make other exceptions of it
-        return _interrupted(command)
+    code = BAD_INPUT
     said: object = None
-    if isinstance(error, InputError):
+    if interrupt.requested() or isinstance(error, KeyboardInterrupt):  # libraries make other exceptions of it
+        interrupt.acknowledge()
+        kept = str(error) if isinstance(error, KeyboardInterrupt) else ""
+        code, said = INTERRUPTED, "; ".join(filter(None, ("interrupted", kept)))
+    elif isinstance(error, InputError):
         said = error
     elif isinstance(error, ModuleNotFoundError):
         said = missing_extra(error)
@@ -164,13 +158,6 @@ def _failed(command: str, error: Exception) -> int:
         said = f"{error.filename}: {error.strerror}" if error.filename else error.strerror
     if said is None:
         traceback.print_exception(error)
-    words = said or "this is a fault of dexgrasp's, please report it"
-    print(f"dexgrasp {command}: {' '.join(str(words).split())}", file=sys.stderr)
-    return INTERNAL_ERROR if said is None else BAD_INPUT
-
-
-def _interrupted(command: str, kept: str = "") -> int:
-    interrupt.acknowledge()
-    words = " ".join(filter(None, ("dexgrasp", command)))
-    print(f"{words}: interrupted" + (f"; {kept}" if kept else ""), file=sys.stderr)
-    return INTERRUPTED
+        code, said = INTERNAL_ERROR, "this is a fault of dexgrasp's, please report it"
+    note(f"{f'dexgrasp {command}'.strip()}: {' '.join(str(said).split())}")
+    return code

@@ -9,12 +9,15 @@ from dexgrasp.cli.command import Answer, Command, Folder, Scene
 from dexgrasp.cli.output import make_folder, note, say_when_compiling
 from dexgrasp.cli.plan import check_target
 from dexgrasp.evaluation.video import Film
-from dexgrasp_env.valid import Natural
 
 if TYPE_CHECKING:
     from dexgrasp.agent import Agent
     from dexgrasp.planning.look import Look
     from dexgrasp.planning.result import PlanResult
+
+_OUTCOME = (
+    "is_success", "is_stable", "failure", "stage", "object_height", "object_slip", "object_tilt", "held_seconds",
+)  # fmt: skip
 
 
 class Demo(Command, Scene):
@@ -32,14 +35,12 @@ class Demo(Command, Scene):
     Attributes:
         object: name or mesh file.
         agent: who plans.
-        seed: of scene and planner.
         out: folder.
         no_video: leave video and demo.png out: drawing takes time.
     """
 
     object: Annotated[str, "TARGET"] = "sugar_box"
     agent: Annotated[str, "AGENT"] = "bilevel"
-    seed: Annotated[Natural, "S"] = 0
     out: Folder = Path("out/demo")
     no_video: bool = False
     film: Film = Film()
@@ -47,7 +48,7 @@ class Demo(Command, Scene):
     def run(self) -> Answer:
         """Run the demo; return outcome and times."""
         from dexgrasp.cli.plan_results import describe, write_results
-        from dexgrasp.planning import look
+        from dexgrasp.planning.look import look_at
         from dexgrasp.registry import agent_for
         from dexgrasp_env.rendering import rendering_fault
 
@@ -57,15 +58,14 @@ class Demo(Command, Scene):
         missing = "left out" if self.no_video else rendering_fault()
         drawn = {} if missing else self.film.env_settings
         began, agent = time.perf_counter(), agent_for(self.agent, self.friction)
-        seen = look.look_at(self.object, agent, self.seed, **self.env_settings, **drawn)
+        seen = look_at(self.object, agent, self.seed, **self.env_settings, **drawn)
         agent.reset(seen.observation, seen.info)
-        found, (identity, pose) = _result(agent), seen.subject
-        result = found.as_json(identity, self.agent, pose)
+        found, name = _result(agent), seen.subject.identity.name
+        result = found.as_json(seen.subject.identity, self.agent, seen.subject.pose)
         _cloud_picture(self.out / "cloud.png", seen, found)
         if found.success:
             write_results(self.out, found, result)
-            if not self.json:
-                print(describe(result))
+            print(describe(result))
         failure = agent.report.failure
         outcome = {"is_success": False, "failure": failure} if failure else _execute(agent, seen, self.out)
         outcome["seconds"] = time.perf_counter() - began
@@ -74,7 +74,9 @@ class Demo(Command, Scene):
             note(f"no video and no demo.png: {missing}")
         good = bool(outcome["is_success"])
         whole = result | {"outcome": outcome, "success": good, "out": self.out}
-        return Answer(whole, _outcome_text(identity.name, outcome, self.out), int(not good))
+        files = ", ".join(sorted(file.name for file in self.out.iterdir()))
+        text = f"{name}: {_sentence(outcome)}; {outcome['seconds']:.1f} s in all\n{self.out}: {files}"
+        return Answer(whole, text, int(not good))
 
 
 def _result(agent: "Agent") -> "PlanResult":
@@ -90,40 +92,25 @@ def _result(agent: "Agent") -> "PlanResult":
 
 def _execute(agent: "Agent", seen: "Look", folder: Path) -> dict[str, Any]:
     """Carry the plan out; record a video and the moments of the episode where rendering works."""
-    from tqdm import tqdm
-
     from dexgrasp.evaluation.video import Video
+    from dexgrasp.runs.progress import progress_bar
 
     env, observation = seen.env, seen.observation
-    video = Video(folder / "demo.mp4") if env.unwrapped.render_mode else None
-    frames, info, steps = [], dict[str, Any](), 0
-    limit = None if env.spec is None else env.spec.max_episode_steps
+    frames, info, steps, over = list[Any](), dict[str, Any](), 0, False
     with (
-        tqdm(total=limit, desc="executing", unit="step", leave=False) as bar,
-        nullcontext() if video is None else video,
+        progress_bar("step", "executing", leave=False) as bar,
+        Video(folder / "demo.mp4") if env.unwrapped.render_mode else nullcontext() as video,
     ):
-        while True:
+        while not over:
             observation, _, terminated, truncated, info = env.step(agent.act(observation))
+            over = terminated or truncated or info["is_success"]
             steps += 1
-            bar.update()
-            picture = None if video is None else video.add(env)
-            if picture is not None:
-                frames.append(picture)
-            if terminated or truncated or info["is_success"]:
-                break
-    if frames:
-        _contact_sheet(folder / "demo.png", frames)
-    keys = (
-        "is_success",
-        "is_stable",
-        "failure",
-        "stage",
-        "object_height",
-        "object_slip",
-        "object_tilt",
-        "held_seconds",
-    )
-    outcome = {key: info[key] for key in keys} | {"failure": info["failure"] or None}
+            bar(steps, env.get_wrapper_attr("spec").max_episode_steps)
+            if video is not None:
+                frames.append(video.add(env))
+    if pictures := [frame for frame in frames if frame is not None]:
+        _contact_sheet(folder / "demo.png", pictures)
+    outcome = {key: info[key] for key in _OUTCOME} | {"failure": info["failure"] or None}
     return outcome | {"simulated_seconds": round(0.05 * steps, 2)}
 
 
@@ -141,30 +128,22 @@ def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
     from dexgrasp_env.perception.picture import cloud_picture
     from dexgrasp_env.perception.scene import Scene
 
-    if "cloud" not in seen.observation:
-        return
-    points = Scene.of_observation(seen.observation).target.points
-    if not len(points):
-        return
-    true: Any = seen.env.unwrapped
-    planned = None if found.target is None else found.target.surface
-    title = f"{seen.subject.identity.name}: {len(points)} points from four cameras"
-    mesh = true.simulation.object.mesh.copy().apply_transform(seen.subject.pose.T_world_object)
-    cloud_picture(path, points, planned, mesh, title)
+    if "cloud" in seen.observation and len(points := Scene.of_observation(seen.observation).target.points):
+        true: Any = seen.env.unwrapped
+        planned = None if found.target is None else found.target.surface
+        title = f"{seen.subject.identity.name}: {len(points)} points from four cameras"
+        mesh = true.simulation.object.mesh.copy().apply_transform(seen.subject.pose.T_world_object)
+        cloud_picture(path, points, planned, mesh, title)
 
 
-def _outcome_text(name: str, outcome: dict[str, Any], folder: Path) -> str:
-    files = ", ".join(sorted(f.name for f in folder.iterdir()))
-    if outcome["is_success"]:
-        stable = "firmly" if outcome["is_stable"] else "but it moved in the hand"
-        head = (
-            f"{name}: lifted {100 * outcome['object_height']:.0f} cm and "
-            f"held for {outcome['held_seconds']:.1f} s, {stable} "
-            f"(slip {1000 * outcome['object_slip']:.1f} mm)"
-        )
-    else:
-        head = f"{name}: NOT lifted: {outcome['failure'] or outcome.get('stage')}"
-    return f"{head}; {outcome['seconds']:.1f} s in all\n{folder}: {files}"
+def _sentence(outcome: dict[str, Any]) -> str:
+    if not outcome["is_success"]:
+        return f"NOT lifted: {outcome['failure'] or outcome.get('stage')}"
+    stable = "firmly" if outcome["is_stable"] else "but it moved in the hand"
+    return (
+        f"lifted {100 * outcome['object_height']:.0f} cm and held for {outcome['held_seconds']:.1f} s, {stable} "
+        f"(slip {1000 * outcome['object_slip']:.1f} mm)"
+    )
 
 
 COMMAND = Demo

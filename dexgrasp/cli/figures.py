@@ -19,6 +19,12 @@ def shown(value: Any) -> str:
     return "-" if value is None else str(value)
 
 
+def columns(figures: Mapping[str, str]) -> list[str]:
+    """Return a line for each figure, all values below each other."""
+    width = max(map(len, figures))
+    return [f"{name:<{width}}  {value}" for name, value in figures.items()]
+
+
 def record_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return records with the same keys as a table."""
     return left_table(tuple(rows[0]), [list(map(shown, row.values())) for row in rows])

@@ -1,57 +1,32 @@
 """What commands write: one JSON object on standard output, everything else on standard error."""
 
-import json
 import os
 import sys
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from dexgrasp_env.errors import InputError
 
-_json_stream: TextIO | None = None
 _said_compiling = False
 
 
 @contextmanager
-def json_output(active: bool) -> Iterator[None]:
-    """Keep standard output for `print_json` alone, when active: prints and native libraries go to standard error."""
-    global _json_stream
+def quiet(active: bool) -> Iterator[None]:
+    """While active, let standard error have what is printed, by native libraries as well."""
     if not active:
         yield
         return
-    before, real = sys.stdout, _duplicate(sys.stdout)
-    _json_stream = real or before
-    descriptor = before.fileno() if real else None
-    if descriptor is not None:
-        before.flush()
-        os.dup2(sys.stderr.fileno(), descriptor)
-    sys.stdout = sys.stderr
+    sys.stdout.flush()
+    kept = os.dup(1)
+    os.dup2(2, 1)
     try:
-        yield
+        with redirect_stdout(sys.stderr):
+            yield
     finally:
-        sys.stdout, _json_stream = before, None
-        if real is not None and descriptor is not None:
-            real.flush()
-            os.dup2(real.fileno(), descriptor)
-            real.close()
-
-
-def _duplicate(stream: TextIO) -> TextIO | None:
-    """A second handle on the real standard output; None where it is replaced, as in tests."""
-    try:
-        sys.stderr.fileno()
-        return os.fdopen(os.dup(stream.fileno()), "w", encoding="utf-8")
-    except (OSError, ValueError, AttributeError):
-        return None
-
-
-def print_json(content: Mapping[str, Any]) -> None:
-    """Print one JSON object on standard output; NaN and infinities are refused, as JSON has none."""
-    stream = _json_stream or sys.stdout
-    stream.write(json.dumps(content, indent=2, allow_nan=False) + "\n")
-    stream.flush()
+        os.dup2(kept, 1)
+        os.close(kept)
 
 
 def note(message: str) -> None:

@@ -2,14 +2,14 @@
 
 import os
 import sys
-from contextlib import nullcontext
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, Options, Scene, check_mesh_options
 from dexgrasp.cli.output import make_folder, note, say_when_compiling
+from dexgrasp.planning.settings import GRASPS
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import Count, Natural, Positive
+from dexgrasp_env.valid import Positive
 
 if TYPE_CHECKING:
     from dexgrasp.planning.look import Look
@@ -50,15 +50,13 @@ class Plan(Command, Scan, Scene):
     Attributes:
         target: object of the catalogue or mesh file (obj, stl, ply, glb).
         agent: which planner.
-        seed: of scene and planner.
         count: K grasps that differ, firmest first; with --out, grasp_000.json and so on (exit code 1 for fewer).
         out: folder for grasp.json and grasp.png.
     """
 
     target: Argument[str | None] = None
     agent: Annotated[str, "AGENT"] = "bilevel"
-    seed: Annotated[Natural, "S"] = 0
-    count: Annotated[Count | None, "K"] = None
+    count: Annotated[int | None, GRASPS, "K"] = None
     out: Folder | None = None
 
     def run(self) -> Answer:
@@ -66,52 +64,47 @@ class Plan(Command, Scan, Scene):
         from dexgrasp.cli.plan_results import describe, write_results
         from dexgrasp.runs.progress import progress_bar
 
-        if self.count is not None:
-            _check_count(self.count)
-        scan = None if self.cloud is None else self._read(self.cloud)
-        if scan is None:
-            self._check_named()
+        scan = self._read()
         if self.out is not None:
             make_folder(self.out)
         say_when_compiling()
         several = self.count is not None
-        with progress_bar("step", "grasps", delay=3, leave=False) if several else nullcontext() as progress:
+        with progress_bar("step", "grasps", shown=several, delay=3, leave=False) as progress:
             found, content = self._plan(progress) if scan is None else self._plan_scan(scan, progress)
         if self.out is not None and (found.success or several):
             note(write_results(self.out, found, content))
         return Answer(content, describe(content, found.sentence), int(not found.success))
 
-    def _check_named(self) -> None:
-        """Let a mistake in the names show before anything heavy is imported, which takes a second."""
-        if self.target is None:
-            raise InputError(
-                "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
-            )
-        if self.mass is not None or self.object_near is not None:
-            raise InputError(
-                "--mass and --object-near are of --cloud: of a TARGET the planner is told nothing "
-                "(--mesh-mass is a mesh's)"
-            )
-        check_target(self.target, self.agent, self)
-
-    def _plan(self, progress: "Progress | None") -> "tuple[PlanResult, dict[str, Any]]":
-        """Plan for the named object; return what came of it, and the same as JSON."""
-        look, found = plan_target(str(self.target), self.agent, self.seed, self, self.count, progress)
-        return found, found.as_json(look.subject.identity, self.agent, look.subject.pose)
-
-    def _read(self, path: Path) -> "Cloud":
-        """Check the options that go with a cloud, and read it."""
-        from dexgrasp_env.perception.scan import read_scan
-
+    def _read(self) -> "Cloud | None":
+        """Read the cloud; let a mistake show before anything heavy is imported, which takes a second."""
+        if self.cloud is None:
+            if self.target is None:
+                raise InputError(
+                    "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
+                )
+            if (self.mass, self.object_near) != (None, None):
+                raise InputError(
+                    "--mass and --object-near are of --cloud: of a TARGET the planner is told nothing "
+                    "(--mesh-mass is a mesh's)"
+                )
+            check_target(self.target, self.agent, self)
+            return None
         if self.target is not None:
             raise InputError("give a TARGET or --cloud, not both")
-        if self.agent != "bilevel" or self.mesh_mass is not None or self.mesh_scale != 1.0:
+        if (self.agent, self.mesh_mass, self.mesh_scale) != ("bilevel", None, 1.0):
             raise InputError(
                 "--agent, --mesh-scale and --mesh-mass do not apply to --cloud (its mass is --mass)"
             )
-        return read_scan(path)
+        from dexgrasp_env.perception.scan import read_scan
 
-    def _plan_scan(self, scan: "Cloud", progress: "Progress | None") -> "tuple[PlanResult, dict[str, Any]]":
+        return read_scan(self.cloud)
+
+    def _plan(self, progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
+        """Plan for the named object; return what came of it, and the same as JSON."""
+        look, found = plan_target(str(self.target), self.agent, self, self.count, progress)
+        return found, found.as_json(look.subject.identity, self.agent, look.subject.pose)
+
+    def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
         from dexgrasp.planning.seen import default_planner, plan_scene, scene_of
         from dexgrasp.planning.settings import PlannerSettings
@@ -143,9 +136,8 @@ def check_target(target: str, agent: str, scene: Scene) -> None:
 
 
 def plan_target(
-    target: str, agent_name: str, seed: int, scene: Scene, count: int | None = None,
-    progress: "Progress | None" = None,
-) -> "tuple[Look, PlanResult]":  # fmt: skip
+    target: str, agent_name: str, scene: Scene, count: int | None = None, progress: "Progress | None" = None
+) -> "tuple[Look, PlanResult]":
     """Let an agent look at an object, and plan.
 
     Raises:
@@ -161,7 +153,7 @@ def plan_target(
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"
         )
-    look = look_at(target, agent, seed, **scene.env_settings)
+    look = look_at(target, agent, scene.seed, **scene.env_settings)
     return look, agent.plan(look.observation, look.info, count, progress)
 
 
@@ -172,12 +164,6 @@ def _import_mujoco() -> None:
         import mujoco  # noqa: F401
 
         del os.environ["MUJOCO_GL"]
-
-
-def _check_count(count: int) -> None:
-    from dexgrasp.planning.many import check_count
-
-    check_count(count)
 
 
 def scan_name(path: Path) -> str:

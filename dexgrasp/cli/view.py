@@ -1,12 +1,16 @@
 """`dexgrasp view`: a grasp in the browser, from approach to hold."""
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Scene
 from dexgrasp.cli.output import make_folder, note
+from dexgrasp.cli.plan import plan_target
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.valid import Count, Natural
+from dexgrasp_env.valid import Count
+
+if TYPE_CHECKING:
+    from dexgrasp.viewer.film import Film
 
 
 class View(Command, Scene):
@@ -23,13 +27,11 @@ class View(Command, Scene):
     Attributes:
         target: an object to plan for, a grasp file, or an evaluation.
         html: write a page instead of serving one.
-        seed: of scene and planner.
         port: of the server.
     """
 
     target: Argument[Annotated[str, "TARGET|GRASP.json|RUN"]]
     html: File | None = None
-    seed: Annotated[Natural, "S"] = 0
     port: Annotated[Count, "P"] = 8080
 
     def run(self) -> Answer | int:
@@ -50,33 +52,22 @@ class View(Command, Scene):
         return Answer({"file": self.html, "films": [film.title for film in films]}, "")
 
 
-def _films(view: View) -> list[Any]:
-    from dexgrasp.grasp.file import read_grasp
+def _films(view: View) -> "list[Film]":
+    from dexgrasp.grasp.file import read_grasp, record_of
     from dexgrasp.viewer.from_record import film_of, films_of_run
-
-    path = Path(view.target)
-    if path.is_dir():
-        return films_of_run(path, view.cell)
-    if path.suffix.lower() == ".json" and path.is_file():
-        return [film_of(read_grasp(path, view.cell))]
-    return _planned(view)
-
-
-def _planned(view: View) -> list[Any]:
-    from dexgrasp.cli.plan import plan_target
-    from dexgrasp.grasp.file import record_of
-    from dexgrasp.viewer.from_record import film_of
     from dexgrasp_env.perception.scene import Scene
 
-    look, found = plan_target(view.target, "bilevel", view.seed, view)
-    name, pose = look.subject
+    path, cell = Path(view.target), view.cell
+    if path.is_dir():
+        return films_of_run(path, cell)
+    if path.suffix.lower() == ".json" and path.is_file():
+        return [film_of(read_grasp(path, cell))]
+    look, found = plan_target(view.target, "bilevel", view)
+    (identity, pose), seen = look.subject, Scene.of_observation(look.observation).target.points
     if not found.success:
-        note(f"{name.name}: no grasp ({found.reason}), so there is nothing to show")
-        return []
-    seen = Scene.of_observation(look.observation).target.points
-    return [
-        film_of(record_of(content, cell=view.cell), seen) for content in found.contents(name, "bilevel", pose)
-    ]
+        note(f"{identity.name}: no grasp ({found.reason}), so there is nothing to show")
+    contents = found.contents(identity, "bilevel", pose)
+    return [film_of(record_of(content, cell=cell), seen) for content in contents]
 
 
 COMMAND = View

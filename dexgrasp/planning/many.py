@@ -19,12 +19,11 @@ from dexgrasp.planning.planner import NO_POSTURE, Planner, Search
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.proposals import ProposalSource, SurfaceProposals
 from dexgrasp.planning.result import PlanResult, Progress
+from dexgrasp.planning.settings import GRASPS
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import check
 
-MOST = 10_000
-"""Grasps of one scene that can be asked for."""
 _POOL = 2.0  # times as many configurations are chosen among as are asked for
 _ROUND = (32, 400)  # triples a round, at least and at most
 _SPARE = 1.3  # triples a configuration that is wanted: not all become feasible
@@ -41,7 +40,7 @@ def plan_many(
     Args:
         planner: whose proposals, thresholds and certificates; surface triples follow where its source has no more.
         target: the object.
-        count: grasps asked for, 1 to `MOST`.
+        count: grasps asked for, 1 to `settings.MOST`.
         seed: of the proposals.
         start: (23,) rad, set-points the robot approaches from; None plans the grasps alone.
         progress: called with steps done and steps in all.
@@ -49,7 +48,7 @@ def plan_many(
     Raises:
         InputError: for a count out of range.
     """
-    check_count(count)
+    check("count", count, GRASPS)
     began = time.process_time()
     result = _Search(planner, target, seed, start, count).run(count, _rising(progress))
     result.cpu_seconds = time.process_time() - began
@@ -67,18 +66,6 @@ def _rising(progress: Progress | None) -> Progress:
             progress(most, of)
 
     return report
-
-
-def check_count(count: int) -> None:
-    """Refuse a number of grasps that is none.
-
-    Raises:
-        InputError: if it is not a whole number from 1 to `MOST`.
-    """
-    if isinstance(count, bool) or not isinstance(count, int) or not 1 <= count <= MOST:
-        raise InputError(
-            f"count is {count!r}: valid are whole numbers from 1 to {MOST} (`dexgrasp dataset generate` makes more)"
-        )
 
 
 class _Pool:

@@ -8,10 +8,10 @@ import mujoco
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.planning.many import check_count, plan_many
+from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.result import PlanResult, Progress
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.settings import GRASPS, PlannerSettings
 from dexgrasp.planning.sources import make_source
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
@@ -24,6 +24,7 @@ from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import check
 
 _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
 
@@ -47,7 +48,7 @@ def plan_scene(
         InputError: for a count out of range.
     """
     if count is not None:
-        check_count(count)
+        check("count", count, GRASPS)
     began = time.perf_counter()
     try:
         target = target_of(scene, mass, planner.settings.most_parts)

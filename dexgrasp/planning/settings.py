@@ -4,6 +4,13 @@ from dataclasses import dataclass, replace
 
 from dexgrasp.grasp.thresholds import FROZEN, planned_friction
 from dexgrasp.shape.parts import MOST_PARTS
+from dexgrasp_env.valid import number
+
+MOST = 10_000
+GRASPS = number(ge=1, le=MOST, whole=True)._replace(
+    words=f"a whole number from 1 to {MOST} (`dexgrasp dataset generate` makes more)"
+)
+"""How many grasps that differ may be asked for."""
 
 
 @dataclass(frozen=True)
