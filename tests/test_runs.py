@@ -44,7 +44,7 @@ def test_a_task_that_stops_early_is_no_end_of_all():
 
 
 def test_an_unknown_backend_is_refused():
-    with pytest.raises(InputError, match="valid are processes, ray"):
+    with pytest.raises(InputError, match="valid is processes, ray"):
         Backend("loky")
 
 

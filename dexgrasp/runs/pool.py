@@ -17,7 +17,7 @@ from dexgrasp.runs.cluster import run_on_cluster
 from dexgrasp.runs.interrupt import not_inherited
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import require_extra
-from dexgrasp_env.valid import Count, one_of
+from dexgrasp_env.valid import Count, check, one_of
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -45,11 +45,12 @@ class Backend:
     address: Annotated[str | None, "A"] = None
 
     def __post_init__(self) -> None:
-        """Check what no field alone can be wrong in.
+        """Check the name, and what no field alone can be wrong in.
 
         Raises:
-            InputError: for an address without Ray, or Ray without its extra.
+            InputError: for an unknown name, an address without Ray, or Ray without its extra.
         """
+        check("backend", self.name, one_of(BACKENDS))
         if self.address is not None and self.name != "ray":
             raise InputError("--address is of a Ray cluster: add --backend ray")
         if self.name == "ray":

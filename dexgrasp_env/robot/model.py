@@ -8,8 +8,6 @@ import mujoco
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Adapter, Robot
 
-_PREFIX = "attached/"
-
 
 def robot_spec(cell: Cell) -> mujoco.MjSpec:
     """Build the arm with its hand where the cell has its base in the world, names as in the robot's files.
@@ -58,25 +56,27 @@ def attach(spec: mujoco.MjSpec, other: mujoco.MjSpec, frame: mujoco.MjsFrame) ->
     """Attach all of another specification to a frame; its parts keep their names.
 
     NB: attaching with an empty prefix gives the same names, but MuJoCo then warns at every compilation,
-    writes a log file where the user stands and saves an XML that it cannot read.
+    writes a log file where the user stands and saves an XML that it cannot read. Default classes keep the prefix,
+    so that of each attachment is another.
     """
-    spec.attach(other, frame=frame, prefix=_PREFIX)
+    prefix = f"attached{len(spec.bodies)}/"
+    spec.attach(other, frame=frame, prefix=prefix)
     named = (
         spec.bodies, spec.joints, spec.geoms, spec.sites, spec.lights, spec.textures, spec.materials, spec.meshes,
         spec.actuators,
     )  # fmt: skip
     for element in itertools.chain(*named):
-        element.name = element.name.removeprefix(_PREFIX)
+        element.name = element.name.removeprefix(prefix)
     for material in spec.materials:
-        material.textures = [name.removeprefix(_PREFIX) for name in material.textures]
+        material.textures = [name.removeprefix(prefix) for name in material.textures]
     for geom in spec.geoms:
-        geom.material = geom.material.removeprefix(_PREFIX)
-        geom.meshname = geom.meshname.removeprefix(_PREFIX)
+        geom.material = geom.material.removeprefix(prefix)
+        geom.meshname = geom.meshname.removeprefix(prefix)
     for actuator in spec.actuators:
-        actuator.target = actuator.target.removeprefix(_PREFIX)
+        actuator.target = actuator.target.removeprefix(prefix)
     for exclude in spec.excludes:
-        exclude.bodyname1 = exclude.bodyname1.removeprefix(_PREFIX)
-        exclude.bodyname2 = exclude.bodyname2.removeprefix(_PREFIX)
+        exclude.bodyname1 = exclude.bodyname1.removeprefix(prefix)
+        exclude.bodyname2 = exclude.bodyname2.removeprefix(prefix)
 
 
 def _add_adapter(arm: mujoco.MjSpec, link: mujoco.MjsBody, adapter: Adapter) -> None:
