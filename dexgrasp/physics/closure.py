@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from dexgrasp.physics.checks import Numbers, check_contacts, check_positive, rms_radius
 from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.programme import Programme, add_presses, begin, empty_programme, set_cones
-from dexgrasp.physics.simplex import solve
+from dexgrasp.physics.simplex import Simplex, solve
 from dexgrasp.physics.wedges import chord_tables, closed_form, flatness
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -59,7 +59,7 @@ class _Cloud(NamedTuple):
 def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool:
     """Whether forces in the cones of a triple, 1 N or more pressing, have a wrench |w|^2 below TOLERANCE.
 
-    The last unknown t is at most -u . w for the direction u of each wrench found so far: no wrench is less than -t.
+    The last unknown t is at most -u . w for directions u, those of axes and of wrenches found: none is less than -t.
     """
     points, normals, friction = np.empty((3, 3)), np.empty((3, 3)), np.full(3, cloud.mu)
     for i, which in enumerate(triple):
@@ -68,7 +68,12 @@ def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool
     begin(p, 0.0, _FACES)
     add_presses(p, normals, 1.0)
     centre = (points[0] + points[1] + points[2]) / 3.0
-    lp, w, G = p.lp, np.empty(6), grasp_map(points, centre, cloud.scale)
+    lp, w, G = p.lp, np.zeros(6), grasp_map(points, centre, cloud.scale)
+    for k in range(6):
+        for sign in (1.0, -1.0):
+            w[k] = sign
+            _bound(lp, G, w)
+        w[k] = 0.0
     for _ in range(_ROUNDS):
         if not solve(lp, _ROUNDING):
             break
@@ -80,13 +85,20 @@ def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool
             value += w[k] * w[k]
         if value < TOLERANCE or lp.z[9] ** 2 >= TOLERANCE:
             return value < TOLERANCE
-        row, size = lp.size[0], value**0.5
-        lp.A[row], lp.b[row], lp.size[0] = 0.0, 0.0, row + 1
-        lp.A[row, 9] = -1.0
-        for i in range(9):
-            for k in range(6):
-                lp.A[row, i] -= G[k, i] * w[k] / size
+        w /= value**0.5
+        _bound(lp, G, w)
     return False
+
+
+@njit(cache=True)
+def _bound(lp: Simplex, G: Array, u: Array) -> None:
+    """Ask that t be at most -u . G f, u (6,) of length 1."""
+    row = lp.size[0]
+    lp.b[row], lp.A[row, 9], lp.size[0] = 0.0, -1.0, row + 1
+    for i in range(9):
+        lp.A[row, i] = 0.0
+        for k in range(6):
+            lp.A[row, i] -= G[k, i] * u[k]
 
 
 @njit(cache=True)
@@ -101,7 +113,7 @@ def _wider(mu: float, flat2: float) -> float:
 def _sweep(cloud: _Cloud) -> Triples:
     """Return the feasible triples (M, 3) in lexicographic order."""
     E, T, D, mu, near = cloud.E, cloud.T, cloud.D, cloud.mu, cloud.near
-    p = empty_programme(3, _UNKNOWNS, 3 * (_FACES + 1) + _ROUNDS)
+    p = empty_programme(3, _UNKNOWNS, 3 * (_FACES + 1) + 12 + _ROUNDS)
     p.span[:] = 0.0
     for i in range(9):
         p.span[i // 3, i % 3, i] = 1.0
