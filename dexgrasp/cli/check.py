@@ -1,6 +1,5 @@
 """`dexgrasp check`: an exported trajectory looked at before a robot moves."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -39,8 +38,8 @@ class Check(Command, InCell):
         from dexgrasp.export.read import read_trajectory
 
         recording = read_trajectory(self.trajectory, self.cell)
-        checks = [asdict(check) for check in check_trajectory(recording, self.cell)]
-        good = all(check["holds"] for check in checks)
+        checks = check_trajectory(recording, self.cell)
+        good = all(check.holds for check in checks)
         held = self._replays(recording) if self.replay else []
         words = coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad")
         lines = [*check_lines(checks), words]

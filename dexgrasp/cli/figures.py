@@ -19,10 +19,10 @@ def shown(value: Any) -> str:
     return "-" if value is None else str(value)
 
 
-def columns(figures: Mapping[str, str]) -> list[str]:
+def columns(figures: Mapping[str, Any]) -> list[str]:
     """Return a line for each figure, all values below each other."""
     width = max(map(len, figures))
-    return [f"{name:<{width}}  {value}" for name, value in figures.items()]
+    return [f"{name:<{width}}  {shown(value)}" for name, value in figures.items()]
 
 
 def record_table(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -33,25 +33,24 @@ def record_table(rows: Sequence[Mapping[str, Any]]) -> str:
 def tables(figures: Mapping[str, Any]) -> str:
     """Return nested figures as tables: the loose ones; mappings, those with the same keys as rows of one; records."""
     loose, groups = dict[str, Any](), dict[tuple[str, ...], list[dict[str, Any]]]()
-    parts = []
+    parts = list[str]()
     for name, value in figures.items():
         if isinstance(value, Mapping):
             case = _flat(value)
             groups.setdefault(tuple(case), []).append({"": name.replace("_", " "), **case})
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             parts.append(f"{name}:\n{record_table(value)}")
-        else:
+        elif value != []:
             loose[name] = value
+    if loose:
+        groups[tuple(loose)] = [{"": "figure", **loose}]
     for keys, cases in groups.items():
-        if len(cases) > 1:
+        if len(cases) == 1:
+            name = cases[0].pop("")
+            cases = [{name: key.replace("_", " "), "value": value} for key, value in cases[0].items()]
+        if keys:
             parts.append(record_table(cases))
-        elif keys:
-            parts.append(_columns(cases[0].pop(""), cases[0]))
-    return "\n\n".join([*parts, *([_columns("figure", loose)] if loose else [])])
-
-
-def _columns(name: str, case: Mapping[str, Any]) -> str:
-    return left_table((name, "value"), [[key.replace("_", " "), shown(value)] for key, value in case.items()])
+    return "\n\n".join(parts)
 
 
 def _flat(case: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:

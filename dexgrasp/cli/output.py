@@ -2,12 +2,15 @@
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, redirect_stdout
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from dexgrasp_env.errors import InputError
+
+if TYPE_CHECKING:
+    from dexgrasp.verify.check import Check
 
 _said_compiling = False
 
@@ -61,12 +64,11 @@ def coloured(text: str, kind: str) -> str:
     return f"\x1b[{_COLOURS[kind]}m{text}\x1b[0m"
 
 
-def check_lines(checks: Sequence[Mapping[str, Any]]) -> list[str]:
+def check_lines(checks: "Sequence[Check]") -> list[str]:
     """Return a line for each check: whether it holds, its name, value and bound."""
-    width = max(len(check["name"]) for check in checks)
+    width = max(len(check.name) for check in checks)
     return [
-        f"{mark(check['holds'])}  {check['name']:<{width}}  {check['value']:12.3e}   {check['bound']}"
-        for check in checks
+        f"{mark(check.holds)}  {check.name:<{width}}  {check.value:12.3e}   {check.bound}" for check in checks
     ]
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, InCell
-from dexgrasp.cli.figures import record_table
+from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import note
 from dexgrasp_env.files import write_json
 from dexgrasp_env.valid import Count, Natural, Positive
@@ -60,56 +60,40 @@ class Score(Command, InCell):
 
 def render_scores(content: dict[str, Any]) -> str:
     """Return the scores as tables for a terminal."""
-    rows = content["rows"]
-    labels, verdicts = (
-        short_names(list(dict.fromkeys(row["grasp"] for row in rows))),
-        dict[str, dict[str, Any]](),
-    )
+    rows, grasps = content["rows"], dict[str, dict[str, Any]]()
+    labels = short_names(list(dict.fromkeys(row["grasp"] for row in rows)))
     for row in rows:
-        verdict = verdicts.setdefault(row["grasp"], {"grasp": labels[row["grasp"]], "object": row["object"]})
+        verdict = grasps.setdefault(row["grasp"], {"grasp": labels[row["grasp"]], "object": row["object"]})
         verdict[row["protocol"]] = "held" if row["success"] else row["score"] or None
-    summary = [
+    protocols = [
         {
             "protocol": name, "held": f"{cell['successes']}/{cell['trials']}", "rate": f"{cell['rate']:.1%}",
-            "95 %": _range(cell["ci95"]), "over objects": _range(cell["ci95_objects"]),
-            "mean score": f"{cell['mean_score']:.2f}",
+            "95 %": cell["ci95"], "over objects": cell["ci95_objects"], "mean score": cell["mean_score"],
         }
         for name, cell in content["protocols"].items()
     ]  # fmt: skip
     failed = [
-        {"grasp": Path(row["grasp"]).name, "protocol": row["protocol"], "why it failed": row["sentence"]}
+        {"grasp": labels[row["grasp"]], "protocol": row["protocol"], "why it failed": row["sentence"]}
         for row in rows
         if not row["success"]
     ]
-    tables = [record_table(each) for each in (list(verdicts.values()), summary, failed) if each]
-    return "\n\n".join([*tables, _metrics_line(content)])
+    figures = {
+        "scores": list(grasps.values()), "protocols": protocols, "failures": failed,
+        **{f"mean {name}": value for name, value in content["metrics_mean"].items()},
+    }  # fmt: skip
+    if content["diversity"]:
+        figures["variance in the first component (lower is more varied)"] = content["diversity"][0]
+    return tables(figures)
 
 
 def short_names(paths: Sequence[str]) -> dict[str, str]:
     """Return path -> its last parts, as many as it takes to tell all of them apart."""
-    parts = {path: Path(path).parts for path in paths}
-    deepest = max((len(own) for own in parts.values()), default=1)
-    for count in range(1, deepest + 1):
-        names = {path: "/".join(own[-count:]) for path, own in parts.items()}
+    names = dict[str, str]()
+    for count in range(1, max((len(Path(path).parts) for path in paths), default=0) + 1):
+        names = {path: "/".join(Path(path).parts[-count:]) for path in paths}
         if len(set(names.values())) == len(names):
-            return names
-    return {path: path for path in paths}
-
-
-def _range(ends: list[float]) -> str:
-    return f"[{100 * ends[0]:.0f}, {100 * ends[1]:.0f}]"
-
-
-def _metrics_line(content: dict[str, Any]) -> str:
-    mean = content["metrics_mean"]
-    text = (
-        f"Mean of {content['grasps']} grasps: penetration {1000 * mean['penetration_m']:.1f} mm, self-penetration "
-        f"{1000 * mean['self_penetration_m']:.1f} mm, contact distance {1000 * mean['contact_distance_m']:.1f} mm, "
-        f"links within 2 mm {mean['contact_number']:.1f}, consistency {1000 * mean['contact_consistency_m']:.1f} mm."
-    )
-    if content["diversity"]:
-        text += f" Variance in the first component: {content['diversity'][0]:.0%} (lower is more varied)."
-    return text
+            break
+    return names
 
 
 COMMAND = Score

@@ -11,20 +11,26 @@ A run that was interrupted goes on when the same command is given again, on a CP
 policy is an agent by its path (JSON and safetensors); with several seeds it has a folder seed-S for each.
 """
 
+from collections.abc import Mapping
+from dataclasses import replace
 from functools import partial
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated, Any
 
 from dexgrasp.cli.command import Answer, Folder
-from dexgrasp.cli.train_policy import Bc, Grip, Ppo, Sac
-from dexgrasp.cli.training import Device, TrainingCommand, run_training
+from dexgrasp.cli.training import Device, PolicyCommand, TrainingCommand
 from dexgrasp.cvae.settings import TrainingSettings
-from dexgrasp_env.extras import require_extra
-from dexgrasp_env.valid import Positive
+from dexgrasp.imitation.settings import BcSettings
+from dexgrasp.reinforcement.grip_settings import GripSettings
+from dexgrasp.reinforcement.settings import RlSettings
+from dexgrasp_env.valid import Count, Positive, one_of
 
-if TYPE_CHECKING:
-    from dexgrasp.runs.training import Progress
-
-_OPTIONS = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
+_CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
+_BC = ("epochs", "threads", "hidden", "chunk", "execute")
+_GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
+_SAC = (
+    "objects", "env_id", "control_mode", "randomise", "resets", "share", "steps", "num_envs", "rate", "threads",
+)  # fmt: skip
+Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 
 
 class Cvae(TrainingCommand):
@@ -45,18 +51,16 @@ class Cvae(TrainingCommand):
     """
 
     data: Folder
-    settings: Annotated[TrainingSettings, _OPTIONS] = TrainingSettings()
-    minutes: Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}] = None
+    settings: Annotated[TrainingSettings, _CVAE] = TrainingSettings()
+    minutes: Minutes = None
     device: Device = "auto"
 
-    def run(self) -> Answer:
+    def learn(self) -> Answer:
         """Train, return the losses."""
-        require_extra("learning", "training")
         from dexgrasp.cvae.cvae_training import WEIGHTS, CvaeTraining
-        from dexgrasp.runs.training import Course
 
-        make = partial(CvaeTraining, self.data, self.out, self.settings, Course(self.device, self.minutes))
-        training = run_training(make, self.out, "epoch", "cvae", _losses)
+        make = partial(CvaeTraining, self.data, settings=self.settings)
+        training = self.train(make, "epoch", minutes=self.minutes)
         state, losses = training.state, training.state.curve[training.best - 1]
         figures = {
             "epochs": state.epochs, "best_epoch": training.best, "seconds": state.seconds, "losses": losses,
@@ -70,10 +74,126 @@ class Cvae(TrainingCommand):
         epoch = f"epoch {training.best} of {state.epochs}, {state.seconds:.0f} s"
         return Answer(figures, "\n".join([*lines, f"{epoch}; weights in {figures['weights']}"]))
 
+    def figures(self, row: Mapping[str, Any]) -> dict[str, Any]:
+        """Return the losses."""
+        return {"train": row["train"]["total"], "test_cm": row["test"]["fingertip_cm"]}
 
-def _losses(state: "Progress") -> dict[str, float]:
-    last = state.curve[-1]
-    return {"train": last["train"]["total"], "test_cm": last["test"]["fingertip_cm"]}
+
+class Bc(PolicyCommand):
+    """Clone a policy from demonstrations.
+
+    examples:
+      dexgrasp demos generate --objects varied-0..99 --episodes 20 --noise 0.03 --out runs/demos --workers 2
+      dexgrasp train bc --data runs/demos --out runs/bc --minutes 10
+      dexgrasp train bc --data runs/demos --view cloud --out runs/bc_cloud --epochs 30 --seed 0 1 2
+      dexgrasp train bc --data runs/demos --out runs/bc --epochs 20 --try-on seen --trials 3 --every 5
+      dexgrasp evaluate --agents runs/bc bilevel --objects all20
+
+    A policy sees the whole state, or joints and one look at a cloud, and predicts the set-points of the next 8 control
+    steps. --out then holds policy.json and policy.safetensors: an agent by its path, wherever agents are named. A run
+    that was interrupted goes on when the same command is given again, on a CPU to the same bits.
+
+    Attributes:
+        data: of `dexgrasp demos generate`.
+        view: what the policy sees (default: what the demonstrations do).
+        minutes: as many epochs as fit, by measured speed.
+        every: epochs between trials.
+    """
+
+    data: tuple[Folder, ...]
+    view: Annotated[str | None, one_of(("state", "cloud"))] = None
+    settings: Annotated[BcSettings, _BC] = BcSettings()
+    minutes: Minutes = None
+    every: Count = 5
+
+    def learn(self) -> Answer:
+        """Train a policy for each seed, return losses and successes."""
+        from dexgrasp.demos.generate import read_about
+        from dexgrasp.imitation.cloning import Cloning
+        from dexgrasp.imitation.features import view_of
+
+        view = self.view or view_of(str(read_about(self.data[0])["settings"].get("obs_mode")))
+        settings = replace(self.settings, view=view)
+        return self.train_each(partial(Cloning, self.data), "epoch", settings, minutes=self.minutes)
+
+
+class Grip(PolicyCommand):
+    """Correct the grip of a cloned policy by reinforcement.
+
+    examples:
+      dexgrasp train grip --objects varied-0..59 --from runs/bc --out runs/grip
+      dexgrasp train grip --objects varied-0..59 --from runs/bc --friction 0.3 0.5 --mass 1 1.5 --out runs/grip
+      dexgrasp evaluate --agents runs/grip runs/bc --objects all20 --protocol robust
+
+    PPO of Stable-Baselines3, one decision an episode: from the first look the network shifts and tilts the palm by up
+    to 3 cm and 0.2 rad and bends fingers and thumb, and a policy of `train bc` from the state acts with that. It begins
+    with no correction. Episodes are slippery and heavy by default, as a grip that holds there bears pushes as well. A
+    run that was interrupted goes on when the same command is given again, on a CPU to the same bits.
+
+    Attributes:
+        clone: a policy of `train bc`.
+        every: rounds between trials.
+    """
+
+    settings: Annotated[GripSettings, _GRIP]
+    clone: Annotated[Folder, "--from"]
+    every: Count = 10
+
+    def learn(self) -> Answer:
+        """Train a policy for each seed, return returns and successes."""
+        from dexgrasp.reinforcement.grip_training import GripTraining
+
+        return self.train_each(partial(GripTraining, clone=self.clone), "round", self.settings)
+
+
+class _Rl(PolicyCommand):
+    """How it begins.
+
+    Attributes:
+        settings: of the training.
+        clone: a policy of `train bc` to begin with.
+    """
+
+    settings: RlSettings
+    clone: Annotated[Folder | None, "--from"] = None
+
+    def learn(self) -> Answer:
+        """Train a policy for each seed, return returns and successes."""
+        from dexgrasp.reinforcement.policy_training import PolicyTraining
+
+        settings = replace(self.settings, algorithm=type(self).__name__.lower())
+        return self.train_each(partial(PolicyTraining, clone=self.clone), "round", settings)
+
+
+class Ppo(_Rl):
+    """Train a policy with PPO.
+
+    examples:
+      dexgrasp train ppo --objects sugar_box --steps 2000000 --out runs/ppo
+      dexgrasp train ppo --objects varied-0..29 --from runs/bc --steps 500000 --out runs/ppo_bc --try-on seen
+      dexgrasp train ppo --objects sugar_box --control-mode ee_delta --resets runs/demos --out runs/ppo_demos
+      dexgrasp train ppo --objects seen --env-id DexGrasp/LiftPushed-v2 --randomise mass=0.8:1.2 --out runs/ppo_pushed
+      dexgrasp evaluate --agents runs/ppo_bc runs/bc --objects all20 --protocol lift pushed slippery
+
+    Stable-Baselines3's algorithm on the native vector environment, dense reward. With --from, a cloned policy acts and
+    a share of the network's action is added to its own: what it can do already is the start. A run that was interrupted
+    goes on when the same command is given again; rounds (one episode of every environment) have seeds of their own, so
+    that on a CPU it goes on to the same bits.
+    """
+
+    settings: Annotated[RlSettings, (*_SAC, "spread")]
+
+
+class Sac(_Rl):
+    """Train a policy with SAC.
+
+    examples:
+      dexgrasp train sac --objects seen --from runs/bc --share 0.1 --out runs/sac_bc --seed 0 1 2
+
+    All else is as of `dexgrasp train ppo`, whose help says more.
+    """
+
+    settings: Annotated[RlSettings, _SAC]
 
 
 COMMAND = {"cvae": Cvae, "bc": Bc, "grip": Grip, "ppo": Ppo, "sac": Sac}

@@ -1,6 +1,5 @@
 """`dexgrasp verify`: every constraint of a grasp checked again, independently of the planner."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -35,25 +34,26 @@ class Verify(Command, InCell):
 
         cell = self.cell
         records = [read_grasp(path, cell) for path in self.grasps]
-        found = [_finding(record.object.name, verify(record)) for record in records]
-        good = all(one["holds"] for one in found)
+        found = [
+            {"file": str(path), "object": record.object.name, **_verdict(verify(record))}
+            for path, record in zip(self.grasps, records, strict=True)
+        ]
+        held = sum(one["holds"] for one in found)
+        code = int(held < len(found))
         if len(found) == 1:
-            lines = [*check_lines(found[0]["checks"]), f"{found[0]['object']}: {_answer(found[0])}"]
-            return Answer(found[0], "\n".join(lines), int(not good))
-        each = [{"file": str(path)} | one for path, one in zip(self.grasps, found, strict=True)]
-        lines = [f"{mark(one['holds'])}  {one['file']}: {_answer(one)}" for one in each]
-        lines.append(f"{sum(one['holds'] for one in found)} of {len(found)} grasps hold every constraint")
-        return Answer({"holds": good, "grasps": each}, "\n".join(lines), int(not good))
+            lines = [*check_lines(found[0]["checks"]), f"{found[0]['object']}: {_sentence(found[0])}"]
+            return Answer(found[0], "\n".join(lines), code)
+        lines = [f"{mark(one['holds'])}  {one['file']}: {_sentence(one)}" for one in found]
+        lines.append(f"{held} of {len(found)} grasps hold every constraint")
+        return Answer({"holds": not code, "grasps": found}, "\n".join(lines), code)
 
 
-def _finding(name: str, checks: "list[Check]") -> dict[str, Any]:
-    """What `--json` prints of a grasp."""
-    holds = all(check.holds for check in checks)
-    return {"object": name, "holds": holds, "checks": [asdict(check) for check in checks]}
+def _verdict(checks: "list[Check]") -> dict[str, Any]:
+    return {"holds": all(check.holds for check in checks), "checks": checks}
 
 
-def _answer(found: dict[str, Any]) -> str:
-    failed = [check["name"] for check in found["checks"] if not check["holds"]]
+def _sentence(found: dict[str, Any]) -> str:
+    failed = [check.name for check in found["checks"] if not check.holds]
     return f"NOT verified: {', '.join(failed)}" if failed else "every constraint holds"
 
 
