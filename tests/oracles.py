@@ -12,6 +12,28 @@ from dexgrasp.physics.simplex import FAR
 from dexgrasp.physics.wrench import pyramid_rows, restore_feasible
 
 
+def sample_box(n, rng, half=(0.03, 0.08, 0.105)):
+    """Points and normals (n, 3), uniform on a box of half-lengths `half` [m]."""
+    size = np.array(half)
+    area = size.prod() / size
+    axis, side = rng.choice(3, n, p=area / area.sum()), rng.choice([-1.0, 1.0], n)
+    points, normals = rng.uniform(-1, 1, (n, 3)) * size, np.zeros((n, 3))
+    points[np.arange(n), axis], normals[np.arange(n), axis] = side * size[axis], side
+    return points, normals
+
+
+def sample_can(n, rng, radius=0.033, half=0.05):
+    """Points and normals (n, 3), uniform on a cylinder [m]."""
+    wall = rng.random(n) < 2 * half / (2 * half + radius)
+    angle, end = rng.uniform(0, 2 * np.pi, n), rng.choice([-1.0, 1.0], n)
+    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], 1)
+    up = np.array([0.0, 0.0, 1.0])
+    on_wall = radius * ring + rng.uniform(-half, half, (n, 1)) * up
+    on_end = radius * np.sqrt(rng.random((n, 1))) * ring + half * end[:, None] * up
+    points = np.where(wall[:, None], on_wall, on_end)
+    return points, np.where(wall[:, None], ring, end[:, None] * up)
+
+
 def project_to_cone(forces, normals, mu):
     """Return the nearest forces (N, 3) in the exact friction cones (Eq. 1)."""
     press = -(forces * normals).sum(-1, keepdims=True)

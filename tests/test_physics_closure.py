@@ -2,9 +2,8 @@ import itertools
 
 import numpy as np
 import pytest
-from oracles import against_proof, closed
+from oracles import against_proof, closed, sample_box, sample_can
 
-from dexgrasp.benchmarks.wrench import sample_box, sample_can
 from dexgrasp.physics.checks import rms_radius
 from dexgrasp.physics.closure import closure_sweep
 from dexgrasp.physics.wrench import solve_wrench_qp

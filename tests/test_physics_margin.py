@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-from oracles import closed, directional_error, random_grasps
+from oracles import closed, directional_error, random_grasps, sample_box
 
-from dexgrasp.benchmarks.wrench import sample_box
 from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins, rough_margins
 from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.verify.cones import conic_margin

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
@@ -32,6 +32,7 @@ from dexgrasp_env.sensing.raycast import SEEN
 from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.placement import Placement
 
+Result = TypeVar("Result")
 OBJECT = "sugar_box"
 BUDGET_MS = 60.0
 """For four 160 x 120 depth images and the cloud, one core, no GL."""
@@ -106,15 +107,14 @@ def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     if not seen:
         return out
     column = {name: np.array([row[name] for row in seen], float) for name in seen[0] if name != "reason"}
-    for name in ("median", "p95", "worst"):
-        out[f"{name}_mm"] = float(1e3 * np.median(column[name]))
-    out["largest_p95_mm"] = float(1e3 * column["p95"].max())
-    out["covered"] = float(np.median(column["covered"]))
-    for name in ("false_points", "stray_points", "table_points"):
-        out[name] = int(column[name].sum())
-    out["hull_volume"] = float(np.median(column["hull_volume"]))
-    out["hull_volume_error"] = float(np.median(np.abs(column["hull_volume"] - 1.0)))
-    return out
+    return out | {
+        **{f"{name}_mm": float(1e3 * np.median(column[name])) for name in ("median", "p95", "worst")},
+        "largest_p95_mm": float(1e3 * column["p95"].max()),
+        "covered": float(np.median(column["covered"])),
+        **{name: int(column[name].sum()) for name in ("false_points", "stray_points", "table_points")},
+        "hull_volume": float(np.median(column["hull_volume"])),
+        "hull_volume_error": float(np.median(np.abs(column["hull_volume"] - 1.0))),
+    }
 
 
 def _scene(
@@ -134,41 +134,32 @@ def _scene(
 
 def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> dict[str, Callable[[], object]]:
     """Return each step as a call on the results of the steps before it."""
-    s, cameras = perception.settings, perception.believed
-    depths = perception.measure(data, rng)
-    everything = gather(remove_flying(depths), cameras)
+    s, cameras, steps = perception.settings, perception.believed, dict[str, Callable[[], Any]]()
+
+    def step(name: str, call: Callable[[], Result]) -> Result:
+        steps[name] = call
+        return call()
+
+    true = step("render", lambda: perception.rays.render(data))
+    depths = step("sensor", lambda: perception.sensor.measure(true, perception.cameras, rng))
+    mended = step("remove_flying", lambda: remove_flying(depths))
+    everything = step("gather", lambda: gather(mended, cameras))
     sparse = everything.select(slice(None, None, s.stride))
-    plane = fit_plane(sparse.points, rng)
+    plane = step("fit_plane", lambda: fit_plane(sparse.points, rng))
     assert plane is not None
-    turns = view_corrections(sparse, plane, len(cameras))
-    cropped = crop(everything, s.crop_low, s.crop_high)
-    level = level_views(cropped, turns)
+    turns = step("view_corrections", lambda: view_corrections(sparse, plane, len(cameras)))
+    cropped = step("crop", lambda: crop(everything, s.crop_low, s.crop_high))
+    level = step("level_views", lambda: level_views(cropped, turns))
     clearance = table_clearance(plane, level.depth, noise_depth(sparse, plane), s.clearance_sigmas)
-    above = remove_plane(level, plane, clearance)
-    free = above.select(~perception.robot.at(data)(above.points))
-    dense = remove_outliers(free, s.outlier_radius, s.outlier_neighbours)
-    found = largest_cluster(dense, s.link)
-    chosen = found.select(downsample(found.points, s.count, rng))
-    points, _ = smooth(found, chosen, plane.rms, s.smoothing_radius)
-    true = perception.rays.render(data)
-    return {
-        "render": lambda: perception.rays.render(data),
-        "sensor": lambda: perception.sensor.measure(true, perception.cameras, rng),
-        "remove_flying": lambda: remove_flying(depths),
-        "gather": lambda: gather(depths, cameras),
-        "fit_plane": lambda: fit_plane(sparse.points, rng),
-        "view_corrections": lambda: view_corrections(sparse, plane, len(cameras)),
-        "crop": lambda: crop(everything, s.crop_low, s.crop_high),
-        "level_views": lambda: level_views(cropped, turns),
-        "remove_plane": lambda: remove_plane(level, plane, clearance),
-        "remove_robot": lambda: above.select(~perception.robot.at(data)(above.points)),
-        "remove_outliers": lambda: remove_outliers(free, s.outlier_radius, s.outlier_neighbours),
-        "largest_cluster": lambda: largest_cluster(dense, s.link),
-        "downsample": lambda: downsample(found.points, s.count, rng),
-        "smooth": lambda: smooth(found, chosen, plane.rms, s.smoothing_radius),
-        "hull (not in the total)": lambda: cloud_hull(points, plane),
-        "total": lambda: perception.observe(data, rng),
-    }
+    above = step("remove_plane", lambda: remove_plane(level, plane, clearance))
+    free = step("remove_robot", lambda: above.select(~perception.robot.at(data)(above.points)))
+    dense = step("remove_outliers", lambda: remove_outliers(free, s.outlier_radius, s.outlier_neighbours))
+    found = step("largest_cluster", lambda: largest_cluster(dense, s.link))
+    chosen = found.select(step("downsample", lambda: downsample(found.points, s.count, rng)))
+    points, _ = step("smooth", lambda: smooth(found, chosen, plane.rms, s.smoothing_radius))
+    step("hull (not in the total)", lambda: cloud_hull(points, plane))
+    step("total", lambda: perception.observe(data, rng))
+    return steps
 
 
 def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:

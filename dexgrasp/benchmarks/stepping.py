@@ -7,8 +7,8 @@ both, and medians over many rounds count.
 
 import itertools
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import gymnasium as gym
@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.benchmarks.timing import seconds_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
@@ -71,7 +72,8 @@ def run(quick: bool = False) -> dict[str, Any]:
             if recording is not None:
                 cases[f"{name}, {motion}"] = _compare(recording, rounds)
     ratios = [case["ratio"] for case in cases.values()]
-    many = _compare(_record_vector(objects, 20 if quick else 40), rounds)
+    envs = gym.make_vec(_ID, num_envs=_ENVS, objects=list(objects), threads=1)
+    many = _compare(_record(envs, _random(20 if quick else 40, _ENVS)), rounds)
     return {
         **cases,
         "all": {"ratio": float(np.median(ratios)), "least_ratio": min(ratios)},
@@ -82,7 +84,12 @@ def run(quick: bool = False) -> dict[str, Any]:
 
 def _record_random(name: str, steps: int) -> Recording:
     env = gym.make(_ID, objects=name, control_mode="joint_delta", disable_env_checker=True)
-    return _record(env, np.random.default_rng(0).uniform(-0.3, 0.3, (steps, 23)))
+    return _record(env, _random(steps))
+
+
+def _random(*shape: int) -> Array:
+    """Return random actions (*shape, 23)."""
+    return np.random.default_rng(0).uniform(-0.3, 0.3, (*shape, 23))
 
 
 def _record_grasp(name: str, steps: int) -> Recording | None:
@@ -108,39 +115,27 @@ def _surface(env: Any) -> Array:
     return rotate(pose[3:], np.asarray(points)) + pose[:3]
 
 
-def _record(env: gym.Env[Any, Any], actions: Array, seed: int = 0) -> Recording:
+def _record(env: Any, actions: Array, seed: int = 0) -> Recording:
+    """Run an environment, single or of many, until one ends; note where each began and what moved it."""
     env.reset(seed=seed)
-    inner: Any = env.unwrapped
-    state, targets = inner.get_state().physics, [inner.targets]
-    contacts = []
-    for count, action in enumerate(actions):
-        terminated = env.step(action.astype(np.float32))[2]
-        targets.append(inner.targets)
-        contacts.append(inner.data.ncon)
-        if terminated:
-            actions = actions[: count + 1]
-            break
-    controls = np.array([[_ramp(a, b)] for a, b in itertools.pairwise(targets)])
-    return Recording(
-        env, seed, actions.astype(np.float32), [inner.model], [state], controls, float(np.mean(contacts))
-    )
-
-
-def _record_vector(objects: tuple[str, ...], steps: int) -> Recording:
-    """Random motion of many environments at once, on one thread."""
-    envs: Any = gym.make_vec(_ID, num_envs=_ENVS, objects=list(objects), threads=1)
-    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (steps, _ENVS, 23)).astype(np.float32)
-    envs.reset(seed=0)
-    states = [envs.get_state(i).physics for i in range(_ENVS)]
-    models = [envs.simulation(i).model for i in range(_ENVS)]
-    targets = [envs.targets]
+    inner, many = env.unwrapped, actions.ndim == 3
+    states = _states(env, _ENVS if many else 1)
+    models = [inner.simulation(i).model for i in range(_ENVS)] if many else [inner.model]
+    targets, contacts, actions = [np.atleast_2d(inner.targets)], [], actions.astype(np.float32)
     for action in actions:
-        envs.step(action)
-        targets.append(envs.targets)
-    controls = np.array(
-        [[_ramp(*pair) for pair in zip(a, b, strict=True)] for a, b in itertools.pairwise(targets)]
-    )
-    return Recording(envs, 0, actions, models, states, controls, float("nan"))
+        terminated = env.step(action)[2]
+        targets.append(np.atleast_2d(inner.targets))
+        contacts.append(float("nan") if many else inner.data.ncon)
+        if not many and terminated:
+            break
+    controls = np.array([list(map(_ramp, a, b)) for a, b in itertools.pairwise(targets)])
+    return Recording(env, seed, actions[: len(contacts)], models, states, controls, float(np.mean(contacts)))
+
+
+def _states(env: Any, count: int) -> list[Array]:
+    """Return the state of each simulation."""
+    states = [env.get_state(i) for i in range(count)] if count > 1 else [env.unwrapped.get_state()]
+    return [state.physics for state in states]
 
 
 def _ramp(start: Array, end: Array) -> Array:
@@ -169,31 +164,23 @@ def _round(recording: Recording) -> tuple[float, float]:
     datas = [mujoco.MjData(model) for model in recording.models]
     for model, data, state in zip(recording.models, datas, recording.states, strict=True):
         mujoco.mj_setState(model, data, state, _STATE)
+    sides = (partial(_run_env, env), actions), (partial(_run_raw, recording.models, datas), controls)
     seconds = [0.0, 0.0]
-    for first in range(0, len(actions), _TURN):
-        part = slice(first, first + _TURN)
-        turns: list[tuple[int, Callable[..., None], tuple[Any, ...]]] = [
-            (0, _run_env, (env, actions[part])),
-            (1, _run_raw, (recording.models, datas, controls[part])),
-        ]
+    for turn, first in enumerate(range(0, len(actions), _TURN)):
         # Who comes first finds the caches cold: that alternates too.
-        for which, run_part, arguments in turns if first // _TURN % 2 else reversed(turns):
-            seconds[which] += _cpu_seconds(run_part, *arguments)
+        for which in (0, 1) if turn % 2 else (1, 0):
+            run_part, rows = sides[which]
+            start = time.process_time()
+            run_part(rows[first : first + _TURN])
+            seconds[which] += time.process_time() - start
     _check_same_end(env, datas)
     return seconds[0], seconds[1]
 
 
 def _check_same_end(env: Any, datas: list[mujoco.MjData]) -> None:
-    states = [env.get_state(i) for i in range(len(datas))] if len(datas) > 1 else [env.unwrapped.get_state()]
-    for state, data in zip(states, datas, strict=True):
-        if not np.array_equal(data.qpos, state.physics[1:31]):  # after the time
+    for state, data in zip(_states(env, len(datas)), datas, strict=True):
+        if not np.array_equal(data.qpos, state[1:31]):  # after the time
             raise RuntimeError("the raw loop and the environment do not end in the same state")
-
-
-def _cpu_seconds(function: Callable[..., Any], *arguments: Any) -> float:
-    start = time.process_time()
-    function(*arguments)
-    return time.process_time() - start
 
 
 def _run_env(env: Any, actions: NDArray[Any]) -> None:
@@ -218,16 +205,13 @@ def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:
         name: gym.make_vec(_ID, num_envs=_ENVS, vectorization_mode=kind, objects=list(objects))
         for name, kind in kinds.items()
     }
-    actions = np.random.default_rng(0).uniform(-0.3, 0.3, (_TURN, _ENVS, 23)).astype(np.float32)
+    actions = _random(_TURN, _ENVS).astype(np.float32)
     for each in envs.values():
         each.reset(seed=0)
         _run_env(each, actions)
-    seconds: dict[str, list[float]] = {name: [] for name in envs}
-    for _ in range(rounds):
-        for name, each in envs.items():
-            start = time.perf_counter()
-            _run_env(each, actions)
-            seconds[name].append(time.perf_counter() - start)
+    rows = [
+        [seconds_of(partial(_run_env, each, actions), 1) for each in envs.values()] for _ in range(rounds)
+    ]
     for each in envs.values():
         each.close()
-    return {name: _TURN * _ENVS / float(np.median(times)) for name, times in seconds.items()}
+    return dict(zip(envs, _TURN * _ENVS / np.median(rows, axis=0)[:, 0], strict=True))

@@ -5,6 +5,7 @@ import time
 from typing import Any
 
 import numpy as np
+import trimesh
 
 from dexgrasp.benchmarks.timing import seconds_of
 from dexgrasp.physics.checks import rms_radius
@@ -15,32 +16,6 @@ from dexgrasp_env.arrays import Array
 
 MU = 0.5
 POINTS = 256
-
-
-def sample_box(
-    n: int, rng: np.random.Generator, half: tuple[float, float, float] = (0.03, 0.08, 0.105)
-) -> tuple[Array, Array]:
-    """Points and normals (n, 3), uniform on a box of half-lengths `half` [m]."""
-    size = np.array(half)
-    area = size.prod() / size
-    axis, side = rng.choice(3, n, p=area / area.sum()), rng.choice([-1.0, 1.0], n)
-    points, normals = rng.uniform(-1, 1, (n, 3)) * size, np.zeros((n, 3))
-    points[np.arange(n), axis], normals[np.arange(n), axis] = side * size[axis], side
-    return points, normals
-
-
-def sample_can(
-    n: int, rng: np.random.Generator, radius: float = 0.033, half: float = 0.05
-) -> tuple[Array, Array]:
-    """Points and normals (n, 3), uniform on a cylinder [m]."""
-    wall = rng.random(n) < 2 * half / (2 * half + radius)
-    angle, end = rng.uniform(0, 2 * np.pi, n), rng.choice([-1.0, 1.0], n)
-    ring = np.stack([np.cos(angle), np.sin(angle), np.zeros(n)], 1)
-    up = np.array([0.0, 0.0, 1.0])
-    on_wall = radius * ring + rng.uniform(-half, half, (n, 1)) * up
-    on_end = radius * np.sqrt(rng.random((n, 1))) * ring + half * end[:, None] * up
-    points = np.where(wall[:, None], on_wall, on_end)
-    return points, np.where(wall[:, None], ring, end[:, None] * up)
 
 
 def speed(points: Array, normals: Array, quick: bool, rng: np.random.Generator) -> dict[str, Any]:
@@ -78,10 +53,15 @@ def run(quick: bool = False, seed: int = 0) -> dict[str, Any]:
     Returns:
         A dictionary for JSON: figures of a box and a can, and what they were run with.
     """
-    rng = np.random.default_rng(seed)
-    return {
+    shapes = {
+        "box": trimesh.creation.box((0.06, 0.16, 0.21)),
+        "can": trimesh.creation.cylinder(radius=0.033, height=0.1),
+    }
+    rng, figures = np.random.default_rng(seed), dict[str, Any]()
+    for name, mesh in shapes.items():
+        points, faces = trimesh.sample.sample_surface(mesh, POINTS, seed=rng)
+        figures[name] = speed(np.asarray(points), mesh.face_normals[faces], quick, rng)
+    return figures | {
         "machine": f"{platform.machine()}, one core, Python {platform.python_version()}",
         "setting": {"mu": MU, "points": POINTS, "seed": seed},
-        "box": speed(*sample_box(POINTS, rng), quick, rng),
-        "can": speed(*sample_can(POINTS, rng), quick, rng),
     }

@@ -119,7 +119,7 @@ def make_parser(*named: str) -> Parser:
 
 def _add_command(place: Any, name: str, line: str, command: Any, module: Any) -> None:
     """Add a command, or several by name as commands of one that the module's docstring describes."""
-    description, below = texts(module if isinstance(command, dict) else command)
+    description, below, _ = texts(module if isinstance(command, dict) else command)
     parser = place.add_parser(name, help=line, description=description, epilog=below)
     if isinstance(command, dict):
         within = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)

@@ -20,11 +20,16 @@ _LETTERS = {int: "N", float: "X"}
 C = TypeVar("C", bound=Command)
 
 
-def texts(owner: Any) -> tuple[str, str]:
-    """Return the description and what is printed below the options, from the docstring of a class or a module."""
-    doc = (inspect.getdoc(owner) or "").partition("\nAttributes:\n")[0]
-    description, _, below = doc.partition("\n\n")
-    return " ".join(description.split()), below.strip()
+def texts(owner: Any) -> tuple[str, str, dict[str, str]]:
+    """Return the first lines of the docstring of a class or module, what follows, and what it says of attributes."""
+    above, _, section = (inspect.getdoc(owner) or "").partition("\nAttributes:\n")
+    description, _, below = above.partition("\n\n")
+    attributes = re.findall(r"^    (\w+): (.*(?:\n     .*)*)", section, re.MULTILINE)
+    return _line(description), below.strip(), {name: _line(text) for name, text in attributes}
+
+
+def _line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def build(kind: type[C], args: argparse.Namespace) -> C:
@@ -54,28 +59,19 @@ def add_options(
         path: names of the fields that lead to it, each with a dot behind.
         chosen: the fields that are options; None for all.
     """
-    seen: set[str] = set()
+    seen = set[str]()
     for owner in kind.__mro__:
+        title, _, lines = texts(owner)
         apart = path or owner not in (kind, Command)
-        place = parser.add_argument_group(texts(owner)[0].rstrip(".")) if apart else parser
-        lines = _attributes(owner)
-        for name in vars(owner).get("__annotations__", ()):
-            if name in seen:
-                continue
+        place = parser.add_argument_group(title.rstrip(".")) if apart else parser
+        for name in [name for name in vars(owner).get("__annotations__", ()) if name not in seen]:
             seen.add(name)
             hint = hints(kind)[name]
             if is_dataclass(hint.kind):
-                named = [mark for mark in hint.marks if isinstance(mark, tuple)]
-                add_options(parser, hint.kind, f"{path}{name}.", named[0] if named else chosen)
+                named = next((mark for mark in hint.marks if isinstance(mark, tuple)), chosen)
+                add_options(parser, hint.kind, f"{path}{name}.", named)
             elif chosen is None or name in chosen:
                 _add(place, path + name, kind.__dataclass_fields__[name], hint, lines.get(name, ""))
-
-
-def _attributes(owner: Any) -> dict[str, str]:
-    """Return the lines under `Attributes:` of a class by name."""
-    section = (inspect.getdoc(owner) or "").partition("\nAttributes:\n")[2]
-    found = re.findall(r"^    (\w+): (.*(?:\n     .*)*)", section, re.MULTILINE)
-    return {name: " ".join(text.split()) for name, text in found}
 
 
 def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> None:
@@ -100,11 +96,8 @@ def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> N
 
 def _help(line: str, default: Any) -> str:
     text, values = line.rstrip("."), default if isinstance(default, tuple) else (default,)
-    if (
-        values
-        and "default" not in text
-        and all(isinstance(value, _SHOWN) and value is not False for value in values)
-    ):
+    said = values and all(isinstance(value, _SHOWN) and value is not False for value in values)
+    if said and "default" not in text:
         text += f" (default {' '.join(f'{v:g}' if isinstance(v, float) else str(v) for v in values)})"
     return text.replace("%", "%%")
 
