@@ -127,7 +127,7 @@ def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["pear", "--count", "0"], "a whole number from 1 to 10000"),
+        (["pear", "--count", "0"], "not a whole number >= 1"),
         (["pear", "--count", "99999"], "a whole number from 1 to 10000"),
         (["pear", "--count", "2", "--agent", "hardcoded"], "makes no certified plans"),
     ],

@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, Options, Scene, check_mesh_options
 from dexgrasp.cli.output import make_folder, note, say_when_compiling
-from dexgrasp.planning.settings import GRASPS
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import Positive
+from dexgrasp_env.valid import Count, Positive, check
 
 if TYPE_CHECKING:
     from dexgrasp.planning.look import Look
@@ -56,7 +55,7 @@ class Plan(Command, Scan, Scene):
 
     target: Argument[str | None] = None
     agent: Annotated[str, "AGENT"] = "bilevel"
-    count: Annotated[int | None, GRASPS, "K"] = None
+    count: Annotated[Count | None, "K"] = None
     out: Folder | None = None
 
     def run(self) -> Answer:
@@ -77,6 +76,10 @@ class Plan(Command, Scan, Scene):
 
     def _read(self) -> "Cloud | None":
         """Read the cloud; let a mistake show before anything heavy is imported, which takes a second."""
+        if self.count is not None:
+            from dexgrasp.planning.settings import GRASPS
+
+            check("count", self.count, GRASPS)
         if self.cloud is None:
             if self.target is None:
                 raise InputError(
