@@ -54,12 +54,9 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
     cpu = time.process_time() - cpu
     report, plan = agent.report, agent.result
     row: dict[str, Any] = {
-        "object": name,
-        "seconds": report.planning_seconds,
-        "cpu": cpu,
-        "failure": report.failure,
-    }
-    row["stages"] = report.details.get("stages", {})
+        "object": name, "seconds": report.planning_seconds, "cpu": cpu, "failure": report.failure,
+        "stages": report.details.get("stages", {}),
+    }  # fmt: skip
     if plan is not None and plan.grasp is not None:
         record = record_of(plan.contents(name)[0])
         row["broken"] = [check.name for check in verify(record) if not check.holds]

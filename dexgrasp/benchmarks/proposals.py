@@ -4,9 +4,9 @@ Every source serves the same planner on the same perceived hulls, without planni
 """
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import combinations
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -15,8 +15,7 @@ from numpy.random import Generator
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.benchmarks.timing import spread_of
 from dexgrasp.evaluation.statistics import wilson_interval
-from dexgrasp.grasp.content import planned_record
-from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.file import record_of
 from dexgrasp.kinematics.forward import body_frames
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.metrics import ferrari_canny
@@ -25,6 +24,7 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import atlas_postures
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals, graspable_points
+from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import solve
 from dexgrasp.shape.completion import NoTarget, target_of
@@ -54,16 +54,13 @@ class UniformProposals(ProposalSource):
 SOURCES = {"cvae": CvaeProposals, "surface": SurfaceProposals, "uniform": UniformProposals}
 
 
-@dataclass(frozen=True)
-class Attempt:
-    """One plan: scene, whether its grasp was verified, and figures."""
+class Attempt(NamedTuple):
+    """One plan: of which scene, how long it took [s], and whether its grasp was verified."""
 
     scene: str
-    verified: bool
-    tried: int
+    plan: PlanResult
     seconds: float
-    proposal_seconds: float
-    grasp: Grasp | None
+    verified: bool
 
 
 def run(quick: bool = False) -> dict[str, Any]:
@@ -130,37 +127,31 @@ def _attempt(planner: Planner, scene: str, target: GraspTarget, seed: int) -> At
     began = time.perf_counter()
     plan = planner.plan(target, seed)
     seconds = time.perf_counter() - began
-    good = plan.grasp is not None and _verified(plan.grasp, target, planner.settings)
-    proposing = plan.log.seconds.get("proposals", 0.0)
-    return Attempt(scene, good, plan.log.tried, seconds, proposing, plan.grasp)
-
-
-def _verified(grasp: Grasp, target: GraspTarget, settings: PlannerSettings) -> bool:
-    record = planned_record("hull", grasp, target, settings)
-    return all(check.holds for check in verify(record, UNEXECUTED))
+    found = [check for content in plan.contents("hull") for check in verify(record_of(content), UNEXECUTED)]
+    return Attempt(scene, plan, seconds, bool(found) and all(check.holds for check in found))
 
 
 def _figures(attempts: list[Attempt]) -> dict[str, Any]:
     good, mu = [a for a in attempts if a.verified], PlannerSettings().friction
-    spread, angle = _diversity(good)
+    grasps = [grasp for a in good for grasp in a.plan.grasps]
+    between = [_between(a, b) for a, b in combinations(good, 2) if a.scene == b.scene]
+    spread, angle = np.mean(between, axis=0).tolist() if between else (None, None)
     return {
         "trials": len(attempts), "verified": len(good) / len(attempts),
         "verified_ci95": list(wilson_interval(len(good), len(attempts))),
-        "tried": spread_of([a.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
-        "margin": spread_of([a.grasp.certificate.closure_margin for a in good if a.grasp]),
-        "epsilon": spread_of([ferrari_canny(a.grasp.contacts, a.grasp.normals, mu) for a in good if a.grasp]),
-        "mean_tried": float(np.mean([a.tried for a in attempts])),
-        "proposal_seconds": float(np.median([a.proposal_seconds for a in attempts])),
+        "tried": spread_of([a.plan.log.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
+        "margin": spread_of([grasp.certificate.closure_margin for grasp in grasps]),
+        "epsilon": spread_of([ferrari_canny(grasp.contacts, grasp.normals, mu) for grasp in grasps]),
+        "mean_tried": float(np.mean([a.plan.log.tried for a in attempts])),
+        "proposal_seconds": float(np.median([a.plan.log.seconds.get("proposals", 0.0) for a in attempts])),
         "spread_cm": spread, "palm_degrees": angle,
     }  # fmt: skip
 
 
-def _diversity(good: list[Attempt]) -> tuple[float | None, float | None]:
-    """Return mean distances, cm and degrees, between verified grasps of the same scene."""
-    tree, spreads, angles = robot_tree(default_cell()), [], []
-    for a, b in combinations(good, 2):
-        if a.scene == b.scene and a.grasp and b.grasp:
-            spreads.append(100.0 * np.linalg.norm(a.grasp.contacts.mean(0) - b.grasp.contacts.mean(0)))
-            R_a, R_b = (body_frames(grasp.q, tree)[0][tree.palm] for grasp in (a.grasp, b.grasp))
-            angles.append(np.degrees(np.arccos(np.clip(0.5 * (np.trace(R_a.T @ R_b) - 1.0), -1.0, 1.0))))
-    return (float(np.mean(spreads)), float(np.mean(angles))) if spreads else (None, None)
+def _between(a: Attempt, b: Attempt) -> tuple[float, float]:
+    """Return how far apart two grasps are: their contacts, cm, and the angle of their palms, degrees."""
+    tree, (first, second) = robot_tree(default_cell()), (a.plan.grasps[0], b.plan.grasps[0])
+    apart = np.linalg.norm(first.contacts.mean(0) - second.contacts.mean(0))
+    R_a, R_b = (body_frames(grasp.q, tree)[0][tree.palm] for grasp in (first, second))
+    turn = np.arccos(np.clip(0.5 * (np.trace(R_a.T @ R_b) - 1.0), -1.0, 1.0))
+    return 100.0 * float(apart), float(np.degrees(turn))

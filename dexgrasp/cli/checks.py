@@ -49,27 +49,22 @@ def _judged(package: str, found: str | None) -> Finding:
 
 def check_rendering() -> list[Finding]:
     """Render a picture with every backend, each in a process of its own: a bad driver may crash it."""
-    works = {backend: _renders(backend) for backend in _BACKENDS}
-    findings = [Finding("info", f"{backend}: works") for backend, why in works.items() if not why]
-    unneeded = "cannot be used here, and need not" if findings else ""
-    findings += [Finding("info", f"{backend}: {unneeded or why}") for backend, why in works.items() if why]
-    if all(works.values()):
+    faults = {backend: _renders(backend) for backend in _BACKENDS}
+    working = [backend for backend, why in faults.items() if not why]
+    unneeded = "cannot be used here, and need not" if working else ""
+    findings = [Finding("info", f"{backend}: works") for backend in working]
+    findings += [Finding("info", f"{backend}: {unneeded or why}") for backend, why in faults.items() if why]
+    if not working:
         remedy = (
             "for pictures and videos install libosmesa6, or libegl1 with libgl1; everything else runs without"
         )
-        findings.append(Finding("warning", "no off-screen rendering", remedy))
-    elif (wish := _wished_backend()) and works.get(wish, "unknown"):
-        working = next(backend for backend, why in works.items() if not why)
-        findings.append(
-            Finding("error", f"MUJOCO_GL={wish} draws nothing", f"unset it, or set it to {working}")
-        )
-    return findings
-
-
-def _wished_backend() -> str:
+        return [*findings, Finding("warning", "no off-screen rendering", remedy)]
     from dexgrasp_env.rendering import wished_gl  # imports mujoco, which may be what is missing
 
-    return wished_gl()
+    if (wish := wished_gl()) and wish not in working:
+        remedy = f"unset it, or set it to {working[0]}"
+        findings.append(Finding("error", f"MUJOCO_GL={wish} draws nothing", remedy))
+    return findings
 
 
 def _renders(backend: str) -> str:

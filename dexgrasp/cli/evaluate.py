@@ -1,7 +1,6 @@
 """`dexgrasp evaluate`: rollouts of several agents under the same protocols."""
 
 import json
-from pathlib import Path
 from typing import Annotated, Literal
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, INTERRUPTED, OK
@@ -68,6 +67,7 @@ class Evaluate(Command, Statistics):
     def run(self) -> Answer | int:
         """Evaluate; 3 if it was interrupted or a worker died, with what was finished kept, 1 if trials were lost."""
         from dexgrasp.evaluation.evaluate import LostTrialsError, evaluate
+        from dexgrasp.evaluation.report.tables import render_summary
         from dexgrasp.registry import check_name
 
         settings = self.settings
@@ -78,24 +78,24 @@ class Evaluate(Command, Statistics):
             check_name(agent)
         folder = self.out or settings.default_folder()
         note(f"results go to {folder}")
+        code, said = OK, ""
         try:
             evaluate(
-                settings,
-                folder,
-                backend=self.backend,
-                videos=self.video,
-                film=self.film,
-                stop_level=self.stop_early,
-            )
+                settings, folder, backend=self.backend, videos=self.video, film=self.film, stop_level=self.stop_early
+            )  # fmt: skip
         except (KeyboardInterrupt, WorkerDiedError) as stop:
             interrupt.acknowledge()
             kept = f"finished trials are kept in {folder}: the same command goes on from there"
-            note(f"dexgrasp evaluate: {str(stop) or 'interrupted'}; {kept}")
-            return _answer(folder, INTERRUPTED)
+            code, said = INTERRUPTED, f"{str(stop) or 'interrupted'}; {kept}"
         except LostTrialsError as lost:
-            note(f"dexgrasp evaluate: {lost}; the others are in {folder}")
-            return _answer(folder, ANSWER_IS_NO)
-        return _answer(folder, OK)
+            code, said = ANSWER_IS_NO, f"{lost}; the others are in {folder}"
+        if said:
+            note(f"dexgrasp evaluate: {said}")
+        path = folder / "summary.json"
+        if not path.is_file():
+            return code
+        summary = json.loads(path.read_text())
+        return Answer(summary, render_summary(summary), code)
 
     def _power(self, difference: float) -> Answer:
         from dexgrasp.evaluation.power import power_figures, power_sentences
@@ -103,16 +103,6 @@ class Evaluate(Command, Statistics):
         settings = self.settings
         figures = power_figures(difference, self.expect, len(settings.agents), len(settings.objects))
         return Answer({"power": figures}, "\n".join(power_sentences(figures)))
-
-
-def _answer(folder: Path, code: int) -> Answer | int:
-    from dexgrasp.evaluation.report.tables import render_summary
-
-    path = folder / "summary.json"
-    if not path.is_file():
-        return code
-    summary = json.loads(path.read_text())
-    return Answer(summary, render_summary(summary), code)
 
 
 COMMAND = Evaluate
