@@ -10,7 +10,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.video import Film
 from dexgrasp.runs import interrupt
 from dexgrasp.runs.pool import Backend, WorkerDiedError
-from dexgrasp_env.valid import NATURAL, Rule, Share
+from dexgrasp_env.valid import NATURAL, Rule, Share, check, one_of
 
 _VIDEOS = Rule(
     "a whole number >= 0, or failures",
@@ -69,9 +69,12 @@ class Evaluate(Command, Statistics):
         from dexgrasp.evaluation.evaluate import LostTrialsError, evaluate
         from dexgrasp.evaluation.report.tables import render_summary
         from dexgrasp.registry import check_name
+        from dexgrasp_env.rendering import SHOW_CAMERAS
+        from dexgrasp_env.robot.cell import make_cell
 
         settings = self.settings
         check_mesh_options(settings.objects, settings.mesh_scale, settings.mesh_mass)
+        check("camera", self.film.camera, one_of((*SHOW_CAMERAS, *make_cell(settings.robot).camera_names)))
         if self.power is not None:
             return self._power(self.power)
         for agent in settings.agents:

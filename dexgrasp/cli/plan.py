@@ -126,11 +126,13 @@ def check_target(target: str, agent: str, scene: Scene) -> None:
     """Let a mistake in the names show before anything heavy is imported.
 
     Raises:
-        InputError: for an unknown object or agent, a set, or options that do not apply to the object.
+        InputError: for an unknown cell, mount, object or agent, a set, or options that do not apply to the object.
     """
     from dexgrasp.registry import check_name
     from dexgrasp_env.objects.load import resolve_targets
+    from dexgrasp_env.robot.cell import make_cell
 
+    make_cell(scene.robot, scene.mount)
     found = resolve_targets([target])
     if len(found) > 1:
         raise InputError(f"{target!r} is a set: name one of its objects ({', '.join(found)})")
