@@ -97,11 +97,12 @@ class Tried(Options):
     @property
     def tester(self) -> "Trials | None":
         """What tries a policy while it learns; None for nothing."""
+        if not self.try_on:
+            return None
         from dexgrasp.imitation.trials import Trials
         from dexgrasp_env.objects.load import resolve_targets
 
-        objects = tuple(resolve_targets(self.try_on))
-        return Trials(objects, self.trials, every=self.every) if objects else None
+        return Trials(tuple(resolve_targets(self.try_on)), self.trials, every=self.every)
 
 
 class PolicyCommand(TrainingCommand, Tried):
