@@ -61,9 +61,8 @@ def placing_agent(name: str) -> Agent:
     agent = make_agent(name)
     if agent.env_settings.get("control_mode") != "joint_position":
         return agent
-    from dexgrasp.agents.placing import PlacingAgent
-
-    return PlacingAgent(agent)
+    placing: Agent = _load("dexgrasp.agents.placing:PlacingAgent")(agent)
+    return placing
 
 
 def agent_for(name: str, friction: float | None) -> Agent:

@@ -23,7 +23,7 @@ REST = [0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 
 def world_of(name, friction=0.7, lift=0.0):
     """A Bullet world with an object upright on the table, or above it."""
-    model = build_scene(load_object(name), friction=friction)
+    model = build_scene(load_object(name), CELL, friction=friction)
     data = mujoco.MjData(model)
     data.qpos[:23], data.qpos[23:] = HOME, REST
     mujoco.mj_kinematics(model, data)

@@ -20,8 +20,7 @@ from dexgrasp.evaluation.store import TrialStore, check_folder
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import SIMULATED, default_cell
-from dexgrasp_env.robot.cell_file import read_cell
+from dexgrasp_env.robot.cell import SIMULATED, default_cell, read_cell
 from dexgrasp_env.robot.model import robot_spec
 
 TABLE = 0.08

@@ -7,35 +7,21 @@ straight above or below the base, with the same axes: `Cell.base` is all that li
 import os
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
-from itertools import chain
 from pathlib import Path
-from typing import Annotated, Any
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, expand
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
-from dexgrasp_env.robot.robot import Names, Numbers, Robot, Vector
-from dexgrasp_env.valid import Rule, Word, number, several
+from dexgrasp_env.robot.cell_file import CellCamera, read_cell_fields
+from dexgrasp_env.robot.robot import Names, Numbers, Robot
+from dexgrasp_env.robot.robot_file import read_content, read_robot, said_of
 
 SIMULATED = "simulated"
 """Name of the default cell, which no other may bear."""
-
-
-def _rows(value: Any) -> Numbers:
-    return tuple(chain.from_iterable(several(several(number(), 4), 4).admit(value)))
-
-
-@dataclass(frozen=True)
-class CellCamera:
-    """A camera's place: where it stands and looks at (3,) m, or its pose, 16 numbers row by row."""
-
-    name: Word
-    position: Vector = ()
-    look_at: Vector = ()
-    T_base_camera: Annotated[Numbers, Rule("4 rows of 4 numbers", _rows)] = ()
 
 
 @dataclass(frozen=True)
@@ -122,9 +108,22 @@ Given = Cell | Robot | str | os.PathLike[str] | None
 @lru_cache(maxsize=1)
 def default_cell() -> Cell:
     """Return the simulated cell, whose limits are the makers'."""
-    from dexgrasp_env.robot.cell_file import read_cell
+    return Cell(**read_cell_fields(asset_path("robot", "cell.yaml")))
 
-    return read_cell(asset_path("robot", "cell.yaml"))
+
+def read_cell(path: Path) -> Cell:
+    """Read a cell file; what it leaves out is as in the simulated cell.
+
+    Raises:
+        InputError: one line: what is wrong, where, and what is valid.
+    """
+    cell = Cell(**read_cell_fields(path))
+    with said_of(path):
+        is_default = path.resolve() == asset_path("robot", "cell.yaml").resolve()
+        if cell.name == SIMULATED and not is_default and cell != default_cell():
+            raise InputError(f"a cell needs a `name` of its own: {SIMULATED!r} is the default one's")
+        cell.make_cameras()  # checks poses
+    return cell
 
 
 def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
@@ -138,10 +137,8 @@ def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
         InputError: for a file that is neither a cell nor a robot, or an unknown mount.
     """
     if isinstance(robot, str | os.PathLike):
-        from dexgrasp_env.robot.cell_file import read_cell_or_robot
-
         path = expand(robot)
-        robot = _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_cell_or_robot(path)
+        robot = _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_cell(path)
     if isinstance(robot, Robot):
         robot = replace(default_cell(), name=robot.name, robot=robot)
     return (robot or default_cell()).mounted(mount)
@@ -149,7 +146,6 @@ def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
 
 @lru_cache(maxsize=16)
 def _read(path: Path, stamp: int) -> Cell | Robot:
-    """Read a file once for each state of it (`stamp`)."""
-    from dexgrasp_env.robot.cell_file import read_cell_or_robot
-
-    return read_cell_or_robot(path)
+    """Read a cell file, or a robot file, which says of itself that it is one, once for each state of it (`stamp`)."""
+    is_robot = read_content(path, "cell file").get("kind") == "robot"
+    return read_robot(path) if is_robot else read_cell(path)

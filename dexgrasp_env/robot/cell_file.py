@@ -2,17 +2,31 @@
 
 from collections.abc import Mapping
 from dataclasses import astuple, dataclass, field, replace
+from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.robot.camera import CameraIntrinsics
-from dexgrasp_env.robot.cell import SIMULATED, Cell, CellCamera, default_cell
 from dexgrasp_env.robot.limits import narrowed
-from dexgrasp_env.robot.robot import Hand, Mount, Robot
+from dexgrasp_env.robot.robot import Hand, Mount, Numbers, Vector
 from dexgrasp_env.robot.robot_file import find_beside, read_content, read_robot, said_of
-from dexgrasp_env.valid import Rule, Word, number, read
+from dexgrasp_env.valid import Rule, Word, number, read, several
+
+
+def _rows(value: Any) -> Numbers:
+    return tuple(chain.from_iterable(several(several(number(), 4), 4).admit(value)))
+
+
+@dataclass(frozen=True)
+class CellCamera:
+    """A camera's place: where it stands and looks at (3,) m, or its pose, 16 numbers row by row."""
+
+    name: Word
+    position: Vector = ()
+    look_at: Vector = ()
+    T_base_camera: Annotated[Numbers, Rule("4 rows of 4 numbers", _rows)] = ()
 
 
 def _cameras(value: Any) -> tuple[CellCamera, ...]:
@@ -44,19 +58,8 @@ class _CellFile:
     hand: dict[str, Any] = field(default_factory=dict)
 
 
-def read_cell_or_robot(path: Path) -> Cell | Robot:
-    """Read a cell file, or a robot file, which says of itself that it is one.
-
-    Raises:
-        InputError: as the reader of either.
-    """
-    if read_content(path, "cell file").get("kind") == "robot":
-        return read_robot(path)
-    return read_cell(path)
-
-
-def read_cell(path: Path) -> Cell:
-    """Read a cell file; what it leaves out is as in the simulated cell.
+def read_cell_fields(path: Path) -> dict[str, Any]:
+    """Read the fields of a `Cell` from its file; what that leaves out is as in the simulated cell.
 
     Raises:
         InputError: one line: what is wrong, where, and what is valid.
@@ -64,24 +67,20 @@ def read_cell(path: Path) -> Cell:
     content = read_content(path, "cell file")
     default = read_content(asset_path("robot", "cell.yaml"), "cell file")
     with said_of(path):
-        cell = _cell(path.parent, read(_CellFile, default | content))
-        is_default = path.resolve() == asset_path("robot", "cell.yaml").resolve()
-        if cell.name == SIMULATED and not is_default and cell != default_cell():
-            raise InputError(f"a cell needs a `name` of its own: {SIMULATED!r} is the default one's")
-        cell.make_cameras()  # checks poses
-    return cell
-
-
-def _cell(folder: Path, file: _CellFile) -> Cell:
-    robot = read_robot(find_beside(folder, file.robot))
-    arm = replace(robot.arm, joints=narrowed("arm", file.arm, robot.arm.joints, robot.arm.home))
-    hand = replace(
-        robot.hand, mounts=_mounts(robot.hand, file.mounts),
-        joints=narrowed("hand", file.hand, robot.hand.joints, robot.hand.open),
-    )  # fmt: skip
-    robot = replace(robot, arm=arm, hand=hand, mount=hand.mount(robot.mount.name))
-    image = tuple(map(float, astuple(file.image)))
-    return Cell(file.name, robot, image, file.cameras, file.table_height)
+        file = read(_CellFile, default | content)
+        robot = read_robot(find_beside(path.parent, file.robot))
+        arm = replace(robot.arm, joints=narrowed("arm", file.arm, robot.arm.joints, robot.arm.home))
+        hand = replace(
+            robot.hand, mounts=_mounts(robot.hand, file.mounts),
+            joints=narrowed("hand", file.hand, robot.hand.joints, robot.hand.open),
+        )  # fmt: skip
+        return {
+            "name": file.name,
+            "robot": replace(robot, arm=arm, hand=hand, mount=hand.mount(robot.mount.name)),
+            "image": tuple(map(float, astuple(file.image))),
+            "cameras": file.cameras,
+            "table_height": file.table_height,
+        }
 
 
 def _mounts(hand: Hand, given: Mapping[str, Mapping[str, Any]]) -> tuple[Mount, ...]:

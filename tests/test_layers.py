@@ -1,0 +1,93 @@
+"""The house: rooms stand one above the other, files form no circle, and what is long stays rare."""
+
+import ast
+from functools import cache
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+FLOORS = (
+    "dexgrasp_env", "runs geometry agent", "physics", "kinematics shape", "grasp", "verify motion", "export viewer",
+    "planning", "registry", "dataset evaluation", "cvae demos scoring", "imitation", "reinforcement", "agents",
+    "benchmarks", "cli",
+)  # fmt: skip
+"""Rooms from the ground up: a room imports from its own and from those below, whatever stands beside it on a floor."""
+
+FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms.split()}
+SKIPPED, PARAMETERS = 240, 9
+"""At most: `fmt: skip` in the code, and functions of eight or more parameters."""
+
+LONGER = {"lift.py": 430}  # the page of the environment is its docstring
+"""Files that may have more than 400 lines."""
+
+LIBRARY = [
+    path for room in ("dexgrasp_env", "dexgrasp", "agents") for path in sorted((ROOT / room).rglob("*.py"))
+]
+CODE = [*LIBRARY, *sorted(ROOT.glob("tests/*.py")), *sorted(ROOT.glob("scripts/*.py"))]
+
+
+def module_of(path):
+    """Return the dotted name of a file; what acts is `dexgrasp.agents`, wherever it lies."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join((("dexgrasp",) if parts[0] == "agents" else ()) + parts).removesuffix(".__init__")
+
+
+@cache
+def imported(path):
+    """Return the files of the library that a file imports, anywhere in it."""
+    files, here = {module_of(p): p for p in LIBRARY}, module_of(path).split(".")
+    names = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            names |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            above = here if path.name == "__init__.py" else here[:-1]
+            base = [*above[: len(above) + 1 - node.level], node.module] if node.level else [node.module]
+            names |= {".".join(filter(None, [*base, alias.name])) for alias in node.names}
+    found = {files.get(name) or files.get(name.rpartition(".")[0]) for name in names}
+    return frozenset(found - {None, path})
+
+
+def room_of(path):
+    package, *rest = module_of(path).split(".")
+    return package if package == "dexgrasp_env" else (rest or [""])[0]
+
+
+def test_no_import_runs_upwards():
+    for path in LIBRARY:
+        for other in imported(path):
+            room, used = room_of(path), room_of(other)
+            assert room == used or not used or FLOOR[used] < FLOOR[room], f"{path} imports {other}"
+
+
+def test_no_files_import_each_other_in_a_circle():
+    try:
+        TopologicalSorter({path: imported(path) for path in LIBRARY}).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(module_of(path) for path in error.args[1]))
+
+
+def test_files_and_lines_stay_short():
+    lines = {path: path.read_text().splitlines() for path in CODE}
+    assert [path for path, own in lines.items() if len(own) > LONGER.get(path.name, 400)] == []
+    assert [
+        f"{path}:{n}" for path, own in lines.items() for n, line in enumerate(own, 1) if len(line) > 120
+    ] == []
+    pages = [*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md"), *ROOT.glob("assets/**/*.md")]
+    prose = [
+        (path, line) for path in pages for line in path.read_text().splitlines() if not line.startswith("|")
+    ]
+    assert [found for found in prose if len(found[1]) > 120] == []
+    assert sum("# fmt: skip" in line for own in lines.values() for line in own) <= SKIPPED
+
+
+def test_functions_of_many_parameters_are_few():
+    found = []
+    for path in LIBRARY:
+        for node in ast.walk(ast.parse(path.read_text())):
+            if isinstance(node, ast.FunctionDef):
+                names = [a.arg for a in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+                found += [f"{path}: {node.name}"] * (len(set(names) - {"self", "cls"}) >= 8)
+    assert len(found) <= PARAMETERS, found
