@@ -17,6 +17,7 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.planning.seen import start_of
+from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
@@ -85,6 +86,7 @@ class HardcodedAgent(Agent):
         self._rest = np.zeros(0, np.float32)
         self._cell = default_cell()
         self._step = 0
+        ensure_compiled()
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud; stand still for the episode where that fails."""

@@ -146,8 +146,12 @@ def write_json(path: Path, content: object) -> None:
     write_atomically(path, (json.dumps(content, indent=1) + "\n").encode())
 
 
-def lock(file: IO[bytes], busy: str) -> None:
+def lock(file: IO[bytes], busy: str | None = None) -> None:
     """Lock an open file for this process until it is closed.
+
+    Args:
+        file: that is locked.
+        busy: the error's message; None waits for its turn.
 
     Raises:
         InputError: `busy`, if another process holds it.
@@ -157,7 +161,7 @@ def lock(file: IO[bytes], busy: str) -> None:
     except ImportError:  # not a Unix: two writers are the user's to avoid
         return
     try:
-        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        fcntl.flock(file, fcntl.LOCK_EX | (fcntl.LOCK_NB if busy else 0))
     except OSError:
         file.close()
         raise InputError(busy) from None

@@ -19,7 +19,6 @@ from typing import Any
 from dexgrasp.evaluation.report.build import read_agents
 from dexgrasp.evaluation.report.origin import commands, describe_run
 from dexgrasp.evaluation.report.tables import rate_words
-from dexgrasp.runs.text import markdown_table
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
@@ -64,7 +63,9 @@ def render(content: Mapping[str, Any], only: Sequence[str] = ()) -> str:
         for row in (only or rows)
         for cells in [[agent[key].get(row) for agent in agents.values()]]
     ]
-    table = markdown_table((kind, "trials", *(f"`{name}`, %" for name in agents)), body)
+    header = [kind, "trials", *(f"`{name}`, %" for name in agents)]
+    ruler = ["---", *["---:"] * (len(header) - 1)]
+    table = "\n".join("| " + " | ".join(cells) + " |" for cells in [header, ruler, *body])
     words = textwrap.fill(f"**{content['title']}** {content['note']}", _WIDTH, break_on_hyphens=False)
     made = "\n".join(_broken(line) for line in _together(content["commands"]))
     return f"{words}\n\n{table}\n\n```bash\n{made}\n```\n"

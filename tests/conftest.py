@@ -1,5 +1,8 @@
 """What all tests share."""
 
+import random
+from itertools import groupby
+
 import pytest
 from hypothesis import settings
 
@@ -61,3 +64,25 @@ def clone(tmp_path):
 def own_cache(tmp_path, monkeypatch):
     """An empty cache."""
     monkeypatch.setenv("DEXGRASP_CACHE", str(tmp_path / "cache"))
+
+
+def pytest_addoption(parser):
+    parser.addoption(
+        "--order", type=int, metavar="SEED", help="run files, and the tests in each, in a random order"
+    )
+
+
+def pytest_collection_modifyitems(config, items):
+    """Shuffle files, and tests within files, which share what is dear to make."""
+    if config.getoption("--order") is not None:
+        rng = random.Random(config.getoption("--order"))
+        files = [list(tests) for _, tests in groupby(items, lambda item: item.path)]
+        rng.shuffle(files)
+        for tests in files:
+            rng.shuffle(tests)
+        items[:] = [test for tests in files for test in tests]
+
+
+def pytest_terminal_summary(terminalreporter, exitstatus, config):
+    if exitstatus and config.getoption("--order") is not None:
+        terminalreporter.write_line(f"in this order: python -m pytest --order {config.getoption('--order')}")

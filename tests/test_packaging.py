@@ -146,4 +146,4 @@ def test_constraints_pin_every_dependency(project):
 
 def test_readme_names_the_tests_that_ci_runs():
     assert "python -m pytest\n" in (ROOT / "README.md").read_text()
-    assert '"$BIN/python" -m pytest\n' in (ROOT / ".ci" / "run").read_text()
+    assert '"$BIN/python" -m pytest -n auto --dist loadfile --order ' in (ROOT / ".ci" / "run").read_text()

@@ -36,6 +36,7 @@ COMMANDS = {
     "export": "a grasp as a trajectory for a robot, or its scene as MJCF",
     "check": "limits, timing and collisions of an exported trajectory",
     "view": "a grasp in the browser, from approach to hold",
+    "warmup": "compile what plans and environments need, once",
     "completion": "a script that completes commands in bash or zsh",
 }
 """Command -> what it does; `COMMAND` of the module of its name is a `Command`, or several by name."""

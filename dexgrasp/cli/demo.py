@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Command, Folder, Scene
-from dexgrasp.cli.output import make_folder, note, say_when_compiling
+from dexgrasp.cli.output import make_folder, note
 from dexgrasp.cli.plan import check_target
 from dexgrasp.evaluation.video import Film
 
@@ -54,7 +54,6 @@ class Demo(Command, Scene):
 
         check_target(self.object, self.agent, self)
         make_folder(self.out)
-        say_when_compiling()
         missing = "left out" if self.no_video else rendering_fault()
         drawn = {} if missing else self.film.env_settings
         began, agent = time.perf_counter(), agent_for(self.agent, self.friction)

@@ -12,8 +12,6 @@ from dexgrasp_env.errors import InputError
 if TYPE_CHECKING:
     from dexgrasp.verify.check import Check
 
-_said_compiling = False
-
 
 @contextmanager
 def quiet(active: bool) -> Iterator[None]:
@@ -75,23 +73,6 @@ def check_lines(checks: "Sequence[Check]") -> list[str]:
 def mark(good: bool) -> str:
     """Return how a line of a list of checks begins."""
     return coloured("ok  ", "good") if good else coloured("FAIL", "bad")
-
-
-def say_when_compiling() -> None:
-    """Say so once when numba compiles something: on the first run on a machine, or after an update."""
-    from numba.core import event
-
-    class Listener(event.Listener):
-        def on_start(self, event: object) -> None:
-            global _said_compiling
-            if not _said_compiling:
-                _said_compiling = True
-                note("compiling the planner: the first run takes a minute or two longer")
-
-        def on_end(self, event: object) -> None:
-            pass
-
-    event.register("numba:compile", Listener())
 
 
 def make_folder(path: Path) -> Path:

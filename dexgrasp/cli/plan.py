@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, Options, Scene, check_mesh_options
-from dexgrasp.cli.output import make_folder, note, say_when_compiling
+from dexgrasp.cli.output import make_folder, note
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Positive, check
 
@@ -66,7 +66,6 @@ class Plan(Command, Scan, Scene):
         scan = self._read()
         if self.out is not None:
             make_folder(self.out)
-        say_when_compiling()
         several = self.count is not None
         with progress_bar("step", "grasps", shown=several, delay=3, leave=False) as progress:
             found, content = self._plan(progress) if scan is None else self._plan_scan(scan, progress)

@@ -12,7 +12,6 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of, turn
@@ -33,6 +32,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import matrix_to_quat
 
 BATCH = 128  # triples drawn at once
@@ -188,7 +188,7 @@ def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSett
     return firm[margins >= planner.closure_margin]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _free_loads(
     points: Array, normals: Array, friction: Array, triples: NDArray[np.int32], centre: Array, gravity: Array,
     most: float,

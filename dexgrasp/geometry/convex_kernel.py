@@ -9,13 +9,14 @@ The functions are compiled and may be called from compiled code. Source: Eq. (3)
 from __future__ import annotations
 
 import math
+from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX, closest_on_triangle
+from dexgrasp_env.compiled import njit
 
 INCIDENT = 1e-9
 """A face within this of a point [m] counts as holding it; far below any feature size, far above rounding."""
@@ -32,7 +33,7 @@ class Obstacle(NamedTuple):
 NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _farthest_plane(
     px: float, py: float, pz: float, planes: NDArray[Any], first: int, end: int
 ) -> tuple[float, int]:
@@ -45,7 +46,7 @@ def _farthest_plane(
     return best, face
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _walk(
     px: float, py: float, pz: float, obstacle: Obstacle, first: int, end: int, start: int
 ) -> tuple[float, float, float, float, int, int]:
@@ -74,7 +75,7 @@ def _walk(
     return best, cx, cy, cz, code, face
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@partial(njit, inline="always")
 def closest_feature(
     p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
 ) -> tuple[float, int, int]:
@@ -113,7 +114,7 @@ def closest_feature(
     return min(distance, beyond), code, face
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def convex_distance(
     p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
 ) -> float:
@@ -125,7 +126,7 @@ def convex_distance(
     return closest_feature(p, obstacle, gradient_out, limit)[0]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def convex_distance_hessian(
     p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], hessian_out: NDArray[Any]
 ) -> float:
@@ -150,7 +151,7 @@ def convex_distance_hessian(
     return distance
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def convex_distances(points: NDArray[Any], obstacle: Obstacle, gradients_out: NDArray[Any]) -> NDArray[Any]:
     """Return the signed distances (N,) [m] of points (N, 3) and write their gradients (N, 3)."""
     distances = np.empty(points.shape[0])
@@ -159,7 +160,7 @@ def convex_distances(points: NDArray[Any], obstacle: Obstacle, gradients_out: ND
     return distances
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def outward_triangles(points: NDArray[Any], corners: NDArray[np.int32], planes: NDArray[Any]) -> NDArray[Any]:
     """Return triangles (F, 3, 3) of points (N, 3) by corners (F, 3), counter-clockwise about the planes' normals."""
     out = np.empty((corners.shape[0], 3, 3))

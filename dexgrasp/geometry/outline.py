@@ -7,10 +7,10 @@ triangles are noise, and the hull of what it chose is better made by Qhull, whic
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 _JOGGLE = 1e-6  # m
 _OUTSIDE = 1e-9  # m
@@ -44,7 +44,7 @@ def outline(points: Array, count: int) -> NDArray[np.int64]:
     return _outline(joggled, np.array([first, second, third]), count)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _outline(points: Array, start: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     """Continue from the two sides of a triangle."""
     chosen, corners, n, size = np.empty(count, np.int64), np.empty((count, 3)), 3, 2 * count + 4
@@ -68,12 +68,12 @@ def _outline(points: Array, start: NDArray[np.int64], count: int) -> NDArray[np.
             return chosen[:n]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _height(plane: Array, p: Array) -> float:
     return plane[0] * p[0] + plane[1] * p[1] + plane[2] * p[2] + plane[3]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _set_face(corners: Array, faces: _Faces, slot: int, a: int, b: int, c: int) -> None:
     faces.corners[slot, 0], faces.corners[slot, 1], faces.corners[slot, 2] = a, b, c
     plane = faces.planes[slot]
@@ -89,7 +89,7 @@ def _set_face(corners: Array, faces: _Faces, slot: int, a: int, b: int, c: int) 
     faces.alive[slot] = True
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _farthest(
     points: Array, faces: _Faces, new: NDArray[np.int64], height: Array, face: NDArray[np.int64]
 ) -> int:
@@ -110,7 +110,7 @@ def _farthest(
     return far
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _add(corners: Array, faces: _Faces, n: int, face: NDArray[np.int64]) -> NDArray[np.int64]:
     """Put a cone to corner `n` in place of the faces that it sees; return the new faces.
 

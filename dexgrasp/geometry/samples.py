@@ -6,9 +6,9 @@ import heapq
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
@@ -100,7 +100,7 @@ def _thin(points: NDArray[Any], normals: NDArray[Any], n: int, reach: float) -> 
     return np.flatnonzero(_eliminate(starts, others[order], np.concatenate([crowding, crowding])[order], n))
 
 
-@njit(cache=True)
+@njit
 def _eliminate(starts: NDArray[Any], others: NDArray[Any], crowding: NDArray[Any], n: int) -> NDArray[Any]:
     """Return which points stay (N,) bool; `starts`, `others`, `crowding` list each point's neighbours."""
     count = starts.shape[0] - 1

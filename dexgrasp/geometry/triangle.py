@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from typing import Any
 
-from numba import njit
 from numpy.typing import NDArray
+
+from dexgrasp_env.compiled import njit
 
 FACE, EDGE, VERTEX = 0, 1, 4
 """Codes of a triangle's features: its inside; the first of its edges 01, 12, 20; the first of its vertices 0, 1, 2."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def closest_on_triangle(
     px: float, py: float, pz: float, triangle: NDArray[Any]
 ) -> tuple[float, float, float, int]:

@@ -7,13 +7,13 @@ than an activation distance only, at most one for a body and obstacle, or a pair
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.kinematics.forward import Frames, add_row, to_world
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 OBJECT, TABLE, SELF = 0, 1, 2
 EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
@@ -45,7 +45,7 @@ def empty_rows(count: int, tree: RobotTree) -> Rows:
     return Rows(np.empty(count), np.empty((count, len(tree.lower))), np.empty((count, 3), dtype=np.int64))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def clearance_rows(
     tree: RobotTree, frames: Frames, obstacle: Obstacle, activation: float, tips_touch: bool, rows: Rows
 ) -> int:
@@ -81,7 +81,7 @@ def clearance_rows(
     return _self_rows(cover, activation, rows, n)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def cover_of(tree: RobotTree, frames: Frames) -> Cover:
     """Return where the spheres around whole bodies are; the others wait to be asked for."""
     nb = tree.parent.shape[0]
@@ -92,7 +92,7 @@ def cover_of(tree: RobotTree, frames: Frames) -> Cover:
     return cover
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _know(cover: Cover, b: int) -> None:
     tree, frames = cover.tree, cover.frames
     if not cover.known[b]:
@@ -101,7 +101,7 @@ def _know(cover: Cover, b: int) -> None:
             to_world(frames.R[b], frames.p[b], tree.sphere_centre[s], cover.centres[s])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def table_clearance(cover: Cover, b: int, activation: float) -> tuple[float, int]:
     """Return the clearance of body `b` from the table and the sphere that has it; `activation` and -1 if beyond."""
     tree, centres, best, which = cover.tree, cover.centres, activation, -1
@@ -115,7 +115,7 @@ def table_clearance(cover: Cover, b: int, activation: float) -> tuple[float, int
     return best, which
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def object_clearance(
     cover: Cover, b: int, obstacle: Obstacle, activation: float, tips_touch: bool, direction: Array
 ) -> tuple[float, int]:
@@ -159,7 +159,7 @@ def object_clearance(
     return best, which
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _lowest(cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
     """Return the sphere of body `b` that reaches farthest against a direction, -1 where none counts."""
     tree, least, which = cover.tree, np.inf, -1
@@ -172,14 +172,14 @@ def _lowest(cover: Cover, b: int, direction: Array, tips_touch: bool) -> int:
     return which
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def bounds_clearance(cover: Cover, a: int, b: int) -> float:
     """Return the clearance between the spheres around two whole bodies, which is no more than that between them."""
     apart = np.sqrt(_squared(cover.bounds[a], cover.bounds[b]))
     return apart - cover.tree.bound_radius[a] - cover.tree.bound_radius[b]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def self_clearance(cover: Cover, a: int, b: int, activation: float) -> tuple[float, int, int]:
     """Return the clearance between two bodies and the spheres that have it; `activation` and -1 if beyond."""
     tree, centres, best, first, second = cover.tree, cover.centres, activation, -1, -1
@@ -197,7 +197,7 @@ def self_clearance(cover: Cover, a: int, b: int, activation: float) -> tuple[flo
     return best, first, second
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _write(
     rows: Rows,
     n: int,
@@ -213,7 +213,7 @@ def _write(
     add_row(rows.gradients[n], label[1], point, direction, 1.0, cover.tree, cover.frames)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def palm_clearance(cover: Cover, activation: float, nearest: Array, direction: Array) -> float:
     """Return the clearance of the link that works beside the palm from it, `activation` if beyond.
 
@@ -253,7 +253,7 @@ def palm_clearance(cover: Cover, activation: float, nearest: Array, direction: A
     return best
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _palm_row(cover: Cover, activation: float, rows: Rows, n: int) -> int:
     tree, direction, nearest = cover.tree, np.zeros(3), np.zeros(3)
     best = palm_clearance(cover, activation, nearest, direction)
@@ -264,7 +264,7 @@ def _palm_row(cover: Cover, activation: float, rows: Rows, n: int) -> int:
     return n + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
     tree, centres, direction = cover.tree, cover.centres, np.empty(3)
     for k in range(tree.pairs.shape[0]):
@@ -285,12 +285,12 @@ def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
     return n
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _along(direction: Array, a: Array, b: Array) -> float:
     """How far b is from a along a direction."""
     return direction[0] * (b[0] - a[0]) + direction[1] * (b[1] - a[1]) + direction[2] * (b[2] - a[2])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _squared(a: Array, b: Array) -> float:
     return (a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2 + (a[2] - b[2]) ** 2

@@ -1,12 +1,12 @@
 """The step that all inverse kinematics here share: damped least squares (Wampler, 1986), compiled."""
 
 import numpy as np
-from numba import njit
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def damped_step(J: Array, e: Array, damping: float, pull: Array, largest: float) -> Array:
     """Return J^+ e + (I - J^+ J) pull with J^+ = J^T (J J^T + damping I)^-1, shortened to `largest` rad a joint.
 

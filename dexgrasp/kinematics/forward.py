@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 
 class Frames(NamedTuple):
@@ -16,20 +16,20 @@ class Frames(NamedTuple):
     p: Array  # (nb, 3) m
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def empty_frames(tree: RobotTree) -> Frames:
     """Return room for the frames of a robot."""
     bodies = tree.parent.shape[0]
     return Frames(np.empty((bodies, 3, 3)), np.empty((bodies, 3)))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def forward(q: Array, tree: RobotTree, frames: Frames) -> None:
     """Write the body frames for joint positions `q` (n,) rad into `frames`."""
     forward_part(q, tree, frames, 0, tree.parent.shape[0])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int) -> None:
     """Write the frames of bodies `first` to `end` only; those before them are there. The hand follows the palm."""
     R, p = frames.R, frames.p
@@ -50,7 +50,7 @@ def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int
             _turn(R[b], tree.axis[b], q[j])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _turn(R: Array, axis: Array, angle: float) -> None:
     """R <- R Rot(axis, angle), in place (Rodrigues)."""
     s, c = np.sin(angle), np.cos(angle)
@@ -66,14 +66,14 @@ def _turn(R: Array, axis: Array, angle: float) -> None:
         R[r, 2] = u * a02 + v * a12 + w * a22
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
     """Write R local + p, (3,)."""
     for r in range(3):
         out[r] = p[r] + R[r, 0] * local[0] + R[r, 1] * local[1] + R[r, 2] * local[2]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[float, float, float]:
     """Return how a point (3,) moves with the joint of body `b`, m/rad: the joint's axis x the way to the point."""
     R, p, axis = frames.R, frames.p, tree.axis
@@ -84,7 +84,7 @@ def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[floa
     return ay * dz - az * dy, az * dx - ax * dz, ax * dy - ay * dx
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def add_row(
     row: Array, body: int, point: Array, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
@@ -101,7 +101,7 @@ def add_row(
         b = tree.parent[b]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def add_turn_row(
     row: Array, body: int, direction: Array, sign: float, tree: RobotTree, frames: Frames
 ) -> None:
@@ -116,7 +116,7 @@ def add_turn_row(
         b = tree.parent[b]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def tip_positions(tree: RobotTree, frames: Frames) -> Array:
     """Return the tip sphere centres (g, 3) m of the grasping fingers."""
     tips = np.empty((tree.tip_body.shape[0], 3))
@@ -126,7 +126,7 @@ def tip_positions(tree: RobotTree, frames: Frames) -> Array:
     return tips
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     """Return the linear Jacobians (g, 3, n) of points (g, 3) m of the tips: finger, coordinate, joint."""
     g = tree.tip_body.shape[0]
@@ -136,7 +136,7 @@ def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     return J
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, frames: Frames) -> None:
     """Add the linear Jacobian of a point (3,) of a body to `J` (3 or more, n), of the joints below body `top`."""
     b = body
@@ -150,7 +150,7 @@ def add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, fr
         b = tree.parent[b]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def hand_jacobian(tree: RobotTree, frames: Frames, points: Array, J: Array) -> None:
     """Write the linear Jacobians (g, 3, n) of points (g, 3) m of the tips by the hand's joints; 0 by the arm's."""
     J[:] = 0.0

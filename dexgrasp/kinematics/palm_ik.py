@@ -1,7 +1,6 @@
 """Inverse kinematics of the arm for a palm pose, compiled (damped least squares within the joint range)."""
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import (
@@ -15,6 +14,7 @@ from dexgrasp.kinematics.forward import (
 )
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 TURN_SCALE = 0.15
 """m a radian: how much a turn of the palm weighs against its shift."""
@@ -26,7 +26,7 @@ _ELBOWS = ((0.0, 0.0), (0.0, 1.3), (0.0, -1.3), (0.5, 0.0), (-0.5, 0.0))
 _POSTURE = 2e-2  # pull towards the middle of the range, in the null space only
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def solve_palm(
     q: Array, R_goal: Array, p_goal: Array, tree: RobotTree, iterations: int, tolerance: float
 ) -> float:
@@ -80,7 +80,7 @@ def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
     return False
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
     """Write the Jacobian (6, a) of the palm frame by the arm's joints: m/rad, turns times `TURN_SCALE`."""
     point, axes = np.empty(3), np.eye(3)
@@ -91,7 +91,7 @@ def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
         add_turn_row(J[3 + r], tree.palm, axes[r], TURN_SCALE, tree, frames)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _rotation_error(goal: Array, now: Array) -> Array:
     """Rotation vector (3,) rad that takes `now` to `goal`, in the world frame."""
     D = goal @ now.T

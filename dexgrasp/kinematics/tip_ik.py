@@ -5,19 +5,19 @@ starting postures.
 """
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import empty_frames, forward_part, hand_jacobian, tip_jacobian, tip_positions
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 _DAMPING = 1e-4
 _LARGEST = 0.3  # rad a joint in a step
 _POSTURE = 0.02  # share of the way back to the start in the null space, per step
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def solve_tips(
     q: Array, targets: Array, tree: RobotTree, iterations: int, tolerance: float, fingers_only: bool = False
 ) -> float:
@@ -57,7 +57,7 @@ def solve_tips(
     return miss
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _freeze_blocked(J: Array, e: Array, q: Array, tree: RobotTree) -> None:
     """Take joints out that stand at a limit and are pushed further."""
     push = J.T @ e

@@ -1,13 +1,13 @@
 """Motions of the palm through differential inverse kinematics."""
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import empty_frames, forward, to_world
 from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 _DAMPING = 1e-4
 _CORRECTIONS = 4  # steps of Newton at every point; two are enough away from singularities
@@ -34,7 +34,7 @@ def shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array | None = N
     )
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple[Array, float]:
     frames, palm = empty_frames(tree), tree.palm
     R, p = frames.R, frames.p

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex import ConvexDistance
@@ -27,6 +26,7 @@ from dexgrasp.kinematics.clearance import (
 from dexgrasp.kinematics.forward import Frames, body_frames, empty_frames, forward
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 
 _MAX_ROWS = 256  # more than there are bodies and pairs of them
@@ -135,7 +135,7 @@ class _Watch(NamedTuple):
     label: NDArray[np.int64]  # (3,) of what was too near: kind, body, other body
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> tuple[int, float]:
     """Return the first state with a contact, -1 if none, and its clearance; the watch's label says between which."""
     frames, before, seen, seen_before = (
@@ -157,7 +157,7 @@ def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> tuple[int, fl
     return -1, 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _object_contact(cover: Cover, watch: _Watch) -> float:
     """Return a clearance from table or object that is less than needed, infinity if there is none."""
     obstacle, needed, margin, label = watch.obstacle, watch.needed, watch.margin, watch.label
@@ -185,7 +185,7 @@ def _object_contact(cover: Cover, watch: _Watch) -> float:
     return np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _self_contact(cover: Cover, watch: _Watch) -> float:
     """Return a clearance between two bodies that is less than needed, infinity if there is none."""
     needed, margin, label = watch.needed, watch.margin, watch.label
@@ -208,7 +208,7 @@ def _self_contact(cover: Cover, watch: _Watch) -> float:
     return np.inf
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
     """Add to `way` (nb,) how far (m) each body's spheres can have moved: the middle's way, and the turn's."""
     centre, radius, R, p, R0, p0 = tree.bound_centre, tree.bound_radius, now.R, now.p, before.R, before.p
@@ -224,7 +224,7 @@ def _add_ways(tree: RobotTree, now: Frames, before: Frames, way: Array) -> None:
         way[b] += np.sqrt(shift) + np.sqrt(turn) * max(radius[b], 0.0) + ROUNDING
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _seen_from(frames: Frames, a: int, seen: Frames) -> None:
     """Write the frames of all bodies in the frame of body `a`."""
     R, p = frames.R, frames.p

@@ -9,16 +9,16 @@ Limits hold at both ends of every stretch between two grid points, where u is co
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 _STEPS = 60
 _ROUNDING = 1e-9
 _LARGE = 1e8
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _narrow(first: Array, second: Array, ahead: float, acceleration: Array, x: float, bounds: Array) -> float:
     """Narrow bounds (2, 2) on u to where |first u + second (x + ahead u)| <= acceleration at x.
 
@@ -48,7 +48,7 @@ class _Curve(NamedTuple):
     acceleration: Array  # (joints,)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _accelerations(i: int, x: float, curve: _Curve, ahead: float, most_next: float, bounds: Array) -> float:
     """Write the bounds of u at grid point i and squared speed x, with their slopes; return the most x may be at all."""
     bounds[0, 0], bounds[0, 1] = -x / ahead, -1.0 / ahead  # the next squared speed is within [0, most_next]
@@ -58,7 +58,7 @@ def _accelerations(i: int, x: float, curve: _Curve, ahead: float, most_next: flo
     return min(here, there)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def fastest_squared_speeds(
     at: Array, first: Array, second: Array, velocity: Array, acceleration: Array
 ) -> Array:
@@ -96,7 +96,7 @@ def fastest_squared_speeds(
     return x
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def places_at(at: Array, squared: Array, period: float) -> Array:
     """Return where on the path one is after every period, (T,); the last is the end. Empty where the way halts."""
     n = at.shape[0]

@@ -18,7 +18,6 @@ directions in which no wrench is small.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.physics.checks import Numbers, check_contacts, check_positive, rms_radius
@@ -27,6 +26,7 @@ from dexgrasp.physics.programme import Programme, add_presses, begin, empty_prog
 from dexgrasp.physics.simplex import Simplex, solve
 from dexgrasp.physics.wedges import chord_tables, closed_form, flatness
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 
 TOLERANCE = 1e-6
@@ -55,7 +55,7 @@ class _Cloud(NamedTuple):
     near: float  # least squared distance of two
 
 
-@njit(cache=True)
+@njit
 def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool:
     """Whether forces in the cones of a triple, 1 N or more pressing, have a wrench |w|^2 below TOLERANCE.
 
@@ -90,7 +90,7 @@ def _balances(p: Programme, cloud: _Cloud, triple: tuple[int, int, int]) -> bool
     return False
 
 
-@njit(cache=True)
+@njit
 def _bound(lp: Simplex, G: Array, u: Array) -> None:
     """Ask that t be at most -u . G f, u (6,) of length 1."""
     row = lp.size[0]
@@ -101,7 +101,7 @@ def _bound(lp: Simplex, G: Array, u: Array) -> None:
             lp.A[row, i] -= G[k, i] * u[k]
 
 
-@njit(cache=True)
+@njit
 def _wider(mu: float, flat2: float) -> float:
     """The friction up to which a triple of this (height / side)^2 may still be feasible within TOLERANCE."""
     if flat2 >= FLAT * FLAT:
@@ -109,7 +109,7 @@ def _wider(mu: float, flat2: float) -> float:
     return mu * BAND + 3.0 * TOLERANCE**0.5 / flat2**0.5
 
 
-@njit(cache=True)
+@njit
 def _sweep(cloud: _Cloud) -> Triples:
     """Return the feasible triples (M, 3) in lexicographic order."""
     E, T, D, mu, near = cloud.E, cloud.T, cloud.D, cloud.mu, cloud.near

@@ -9,10 +9,10 @@ therefore (1, 2, 3) / |.|, away from all of them.
 """
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.physics.checks import Numbers, check_array, check_positive, check_unit
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 
 _S14, _S10, _S140 = 14.0**0.5, 10.0**0.5, 140.0**0.5
@@ -23,7 +23,7 @@ POLE = 1e-12
 """Normals with 1 + C.n below this get the basis (C1, -C2)."""
 
 
-@njit(cache=True)
+@njit
 def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, float, float]:
     """Return the tangents (t1, t2) of the unit normal (x, y, z), as scalars: hot loops allocate nothing."""
     D = 1.0 + C[0] * x + C[1] * y + C[2] * z
@@ -35,7 +35,7 @@ def basis_of(x: float, y: float, z: float) -> tuple[float, float, float, float, 
     return C1[0] - a * hx, C1[1] - a * hy, C1[2] - a * hz, C2[0] - b * hx, C2[1] - b * hy, C2[2] - b * hz
 
 
-@njit(cache=True)
+@njit
 def _bases(normals: Array, t1: Array, t2: Array) -> None:
     for i in range(normals.shape[0]):
         b = basis_of(normals[i, 0], normals[i, 1], normals[i, 2])

@@ -5,16 +5,16 @@ internal forces along the sides of the triangle.
 """
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.physics.contacts import Contacts
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 FLAT = 2e-3
 """Height of a triangle over its longest side, below which contacts count as lying on a line."""
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def grasp_map(points: Array, centre: Array, scale: float) -> Array:
     """Return the matrix (6, 3 N) from forces at points (N, 3) to their wrench about `centre` (3,), torques / scale."""
     G = np.zeros((6, points.size))
@@ -26,7 +26,7 @@ def grasp_map(points: Array, centre: Array, scale: float) -> Array:
     return G
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def internal_forces(points: Array, internal: Array) -> float:
     """Write the unit forces along the sides of a triangle; return its height over its longest side.
 
@@ -54,7 +54,7 @@ def internal_forces(points: Array, internal: Array) -> float:
     return np.sqrt(area) / longest
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def middle_and_inverse(points: Array, middle: Array, inverse: Array) -> None:
     """Write the middle (3,) m of points (N, 3), and the inverse of M = sum |r|^2 I - r r^T, r from there.
 
@@ -80,7 +80,7 @@ def middle_and_inverse(points: Array, middle: Array, inverse: Array) -> None:
     inverse[1, 2] = inverse[2, 1] = (b * c - a * e) / det
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def answers_to_pushes(contacts: Contacts, answers: Array, hold: Array) -> float:
     """Write the least forces that make up the weight, along each axis and against gravity; return the weight, N.
 

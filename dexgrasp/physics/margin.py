@@ -21,12 +21,12 @@ normals are tangent to the sphere (the normal stays a unit vector).
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.physics.checks import Numbers, check_array, check_positive, check_unit
 from dexgrasp.physics.equilibrium import internal_forces, middle_and_inverse
 from dexgrasp.physics.programme import Programme, begin, empty_programme, maximise, set_cones
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 UNDEFINED = -1e3
 """Value of triples on a line, and of those whose internal forces cannot press at all; values end there."""
@@ -49,7 +49,7 @@ class _Room(NamedTuple):
     by_normals: Array  # (3, 3)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _empty_room(mu: float) -> _Room:
     p = empty_programme(3, _UNKNOWNS, 3 * (_FACES + _ROUNDS))
     return _Room(
@@ -57,7 +57,7 @@ def _empty_room(mu: float) -> _Room:
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _optimum(points: Array, normals: Array, room: _Room, tolerance: float, enough: float) -> float:
     """Return the margin, at most `tolerance` too high, or any bound of it from above that is not above `enough`.
 
@@ -75,7 +75,7 @@ def _optimum(points: Array, normals: Array, room: _Room, tolerance: float, enoug
     return max(3.0 * p.lp.z[2], UNDEFINED)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _press_one(normals: Array, room: _Room) -> bool:
     """Write the programme's forces: internal ones that press 1 N in all, t outwards each; False where there are none.
 
@@ -107,7 +107,7 @@ def _press_one(normals: Array, room: _Room) -> bool:
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _margin(points: Array, normals: Array, room: _Room) -> float:
     """Return the value of `cone_margin`; write gradients and the forces at the optimum."""
     p = room.programme
@@ -124,7 +124,7 @@ def _margin(points: Array, normals: Array, room: _Room) -> float:
     return value
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _gradients(points: Array, normals: Array, room: _Room) -> None:
     """Envelope theorem: d value = 3 sum_i (P_i . df_i + dP_i . f_i), P_i = sum_k multiplier_k plane_k + t n_i.
 
@@ -158,7 +158,7 @@ def _gradients(points: Array, normals: Array, room: _Room) -> None:
             room.by_normals[i, k] = 3.0 * (along * p.forces[i, k] - across * pull[i, k])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array, Array]:
     """Return the margin of closure of three contacts to about 1e-9, and its gradients; no checks.
 
@@ -176,7 +176,7 @@ def cone_margin(points: Array, normals: Array, mu: float) -> tuple[float, Array,
     return _margin(points, normals, room), room.by_points, room.by_normals
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def rough_margins(points: Array, normals: Array, mu: float, tolerance: float) -> Array:
     """Return the margins (K,) of grasps, at most `tolerance` too high; without closure, any number not above 0.
 
@@ -210,7 +210,7 @@ def margins(points: Numbers, normals: Numbers, mu: float) -> tuple[Array, Array,
     return values, *out
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _margins(points: Array, normals: Array, mu: float, values: Array, out: Array) -> None:
     """Like `_margin`, for K of them; `out` (3, K, 3, 3) are gradients by points, by normals, and forces."""
     room = _empty_room(mu)

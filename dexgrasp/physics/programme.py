@@ -9,16 +9,17 @@ for each plane that touches the cone, a its inward normal. A programme starts wi
 its forces break are added until they break none. Squeeze, capacity and margin of a grasp are such programmes.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.physics.cones import basis_of
 from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.simplex import Simplex, empty_simplex, restart, solve
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 _ROUNDING = 1e-9  # N that a force may be beyond a plane
 _SCAN = 48  # angles at which the worst plane of a cone is looked for first
@@ -38,7 +39,7 @@ class Programme(NamedTuple):
     lp: Simplex
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def empty_programme(contacts: int, unknowns: tuple[int, ...], rows: int) -> Programme:
     """Return room for a programme of at most so many rows, `fixed` and `answers` 0; `unknowns` as in `Simplex`."""
     n = len(unknowns)
@@ -48,7 +49,7 @@ def empty_programme(contacts: int, unknowns: tuple[int, ...], rows: int) -> Prog
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def set_cones(p: Programme, normals: Array, friction: Array) -> None:
     """Take the cones of contacts: normals (N, 3) out of the object, friction (N,)."""
     for i in range(normals.shape[0]):
@@ -58,7 +59,7 @@ def set_cones(p: Programme, normals: Array, friction: Array) -> None:
             p.cones[i, 1, k], p.cones[i, 2, k] = basis[k], basis[3 + k]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def begin(p: Programme, most: float, faces: int) -> None:
     """Start with `faces` planes of each cone, and t at most `most`; `fixed`, `span` and `answers` are written."""
     restart(p.lp, most)
@@ -68,14 +69,14 @@ def begin(p: Programme, most: float, faces: int) -> None:
             _add_plane(p, i, np.cos(k * step), np.sin(k * step))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _add_plane(p: Programme, i: int, u: float, v: float) -> None:
     """Add the plane that touches cone i where friction points along (u, v), of length 1, in its tangents."""
     x, y, z = _plane(p, i, u, v)
     _add_row(p, i, x, y, z, _asked(p, i, x, y, z), 0.0)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@partial(njit, inline="always")
 def _plane(p: Programme, i: int, u: float, v: float) -> tuple[float, float, float]:
     c = p.cones[i]
     return (
@@ -83,7 +84,7 @@ def _plane(p: Programme, i: int, u: float, v: float) -> tuple[float, float, floa
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@partial(njit, inline="always")
 def _asked(p: Programme, i: int, x: float, y: float, z: float) -> float:
     """How far the worst push of 1 moves the force of contact i against (x, y, z)."""
     total = 0.0
@@ -92,7 +93,7 @@ def _asked(p: Programme, i: int, x: float, y: float, z: float) -> float:
     return np.sqrt(total)
 
 
-@njit(cache=True, error_model="numpy", inline="always")
+@partial(njit, inline="always")
 def _add_row(p: Programme, i: int, x: float, y: float, z: float, asked: float, bound: float) -> None:
     """Ask that (x, y, z) . f_i - asked t >= bound."""
     A, r, n = p.lp.A, p.lp.size[0], len(p.lp.unknowns)
@@ -104,14 +105,14 @@ def _add_row(p: Programme, i: int, x: float, y: float, z: float, asked: float, b
     p.lp.size[0] = r + 1
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def add_presses(p: Programme, normals: Array, press: float) -> None:
     """Ask of each contact to press with `press` N against the object."""
     for i in range(normals.shape[0]):
         _add_row(p, i, -normals[i, 0], -normals[i, 1], -normals[i, 2], 0.0, press)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def add_torques(p: Programme, contacts: Contacts, reserved: float) -> None:
     """Keep joints within their torques, also as they answer what a push has beyond `reserved` (inf: nothing)."""
     for i in range(contacts.jacobians.shape[0]):
@@ -127,7 +128,7 @@ def add_torques(p: Programme, contacts: Contacts, reserved: float) -> None:
                     _add_row(p, i, x, y, z, asked, -1.0 - reserved * asked)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def maximise(p: Programme, rounds: int, tolerance: float, enough: float = -np.inf) -> bool:
     """Write the solution's unknowns and forces; False where there is none.
 
@@ -156,7 +157,7 @@ def maximise(p: Programme, rounds: int, tolerance: float, enough: float = -np.in
     return True
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _cut(p: Programme, i: int, tolerance: float) -> None:
     """Add the plane that a force breaks most, where it does by more than `tolerance`, N of friction."""
     if p.answers[i].any():
@@ -177,7 +178,7 @@ def _cut(p: Programme, i: int, tolerance: float) -> None:
         p.lp.size[0] = r
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def borne(p: Programme) -> float:
     """Return the t that the forces bear: the largest for which all stay in their cones whatever is asked of them."""
     least = np.inf
@@ -186,7 +187,7 @@ def borne(p: Programme) -> float:
     return least
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _borne_by(p: Programme, i: int) -> tuple[float, float, float]:
     """The t that one force bears, and the direction (u, v) of friction at the plane that says so.
 
@@ -204,7 +205,7 @@ def _borne_by(p: Programme, i: int) -> tuple[float, float, float]:
     return least, np.cos(worst), np.sin(worst)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _lowest(p: Programme, i: int, angle: float, value: float, step: float) -> tuple[float, float]:
     """Follow a minimum of the ratio within `step` of an angle; return its value and angle."""
     while step > _SHARP:
@@ -216,7 +217,7 @@ def _lowest(p: Programme, i: int, angle: float, value: float, step: float) -> tu
     return value, angle
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _ratio(p: Programme, i: int, angle: float) -> float:
     """How far a force is from a plane over what a unit of t moves it towards there."""
     x, y, z = _plane(p, i, np.cos(angle), np.sin(angle))

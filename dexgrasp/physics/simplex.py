@@ -8,10 +8,10 @@ from where it is, which is what cutting planes ask for.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 FAR = 1e4
 """Bound of the unknowns but the last."""
@@ -35,7 +35,7 @@ class Simplex(NamedTuple):
     unknowns: tuple[int, ...]  # n zeros: compiled code knows the length of a tuple, and unrolls its loops
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def empty_simplex(unknowns: tuple[int, ...], rows: int) -> Simplex:
     """Return room for a programme of `len(unknowns)` unknowns and at most so many rows."""
     n = len(unknowns)
@@ -45,7 +45,7 @@ def empty_simplex(unknowns: tuple[int, ...], rows: int) -> Simplex:
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def restart(lp: Simplex, most: float) -> None:
     """Forget all rows; the last unknown is at most `most`."""
     n = len(lp.unknowns)
@@ -56,7 +56,7 @@ def restart(lp: Simplex, most: float) -> None:
     lp.right[n - 1], lp.multipliers[n - 1], lp.size[0] = -most, 1.0, 0
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def solve(lp: Simplex, tolerance: float) -> bool:
     """Write unknowns and multipliers; False where nothing satisfies all rows to `tolerance`, or no end is found."""
     n, z, A, b, worst = len(lp.unknowns), lp.z, lp.A, lp.b, 0.0
@@ -83,7 +83,7 @@ def solve(lp: Simplex, tolerance: float) -> bool:
     return worst > -_CLOSE
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _leaving(lp: Simplex, enter: int) -> int:
     """Write the row that enters in the basis; return which place it takes, -1 where no multiplier would fall."""
     n, w, leave, least = len(lp.unknowns), lp.entering, -1, np.inf
@@ -98,7 +98,7 @@ def _leaving(lp: Simplex, enter: int) -> int:
     return leave
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _exchange(lp: Simplex, leave: int, enter: int) -> None:
     n, w, inverse = len(lp.unknowns), lp.entering, lp.inverse
     step = max(lp.multipliers[leave], 0.0) / w[leave]

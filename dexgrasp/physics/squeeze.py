@@ -13,7 +13,6 @@ give way under it long before the cones do.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.physics.checks import check_positive
 from dexgrasp.physics.contacts import Contacts, checked
@@ -29,6 +28,7 @@ from dexgrasp.physics.programme import (
     set_cones,
 )
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 RESERVED = 1.0
 """Weights: what a push has beyond this, the joints keep the torque to answer. What is heavy is squeezed with all."""
@@ -64,13 +64,13 @@ class Aim(NamedTuple):
     rounds: int  # of further planes
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def empty_room(contacts: int, joints: int) -> Programme:
     """Return room for squeezes of contacts that `joints` joints press; estimates are made by the thousand."""
     return empty_programme(contacts, _UNKNOWNS, contacts * (_FACES + 1 + _ROUNDS) + 4 * contacts * joints)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, float]:
     """Return the push D of the firmest squeeze, in weights, and the share of gravity that it balances; no checks.
 
@@ -90,7 +90,7 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
     return 0.0, max(p.lp.z[-1], 0.0) if _solve(p, contacts, aim, 1.0, tolerance) else 0.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _solve(p: Programme, contacts: Contacts, aim: Aim, most: float, tolerance: float) -> bool:
     begin(p, most, aim.faces)
     if aim.press > 0.0:
@@ -99,14 +99,14 @@ def _solve(p: Programme, contacts: Contacts, aim: Aim, most: float, tolerance: f
     return maximise(p, aim.rounds, tolerance)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def squeeze_estimate(contacts: Contacts, most: float, room: Programme) -> float:
     """Return the load of the firmest squeeze, mostly a tenth too high: cones have eight planes, and none is added."""
     push, share = squeeze_kernel(contacts, Aim(0.0, np.inf, most, _COARSE, 0), room)
     return push + share
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _firmest(contacts: Contacts, aim: Aim) -> tuple[Array, float, float]:
     p = empty_room(contacts.points.shape[0], contacts.torque_limits.shape[0])
     push, share = squeeze_kernel(contacts, aim, p)

@@ -5,7 +5,6 @@ the grasp matrix about the centre of mass with torques over the contacts' rms ra
 """
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.physics.checks import check_array, rms_radius
 from dexgrasp.physics.contacts import Contacts, checked
@@ -20,6 +19,7 @@ from dexgrasp.physics.programme import (
     set_cones,
 )
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 BALANCED = 1e-4  # of the weight: what counts as balanced
 _ROUNDING = 1e-6
@@ -78,7 +78,7 @@ def load_of(contacts: Contacts, forces: Array) -> float:
     return 1.0 + max(push, 0.0) * answered if share > 1.0 - BALANCED else share
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _borne(contacts: Contacts, forces: Array, answers: Array) -> float:
     """The push that forces (N, 3) bear if they answer one along each axis with `answers` (N, 3, 3)."""
     p = empty_programme(len(forces), (0,), 0)
@@ -106,7 +106,7 @@ def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = No
     return float(_capacity(checked(contacts, 3), directions() if pushes is None else pushes, stop))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _capacity(contacts: Contacts, pushes: Array, stop: float) -> float:
     n, joints = contacts.points.shape[0], contacts.torque_limits.shape[0]
     p = empty_programme(n, _UNKNOWNS, n * (_FACES + _ROUNDS + 2 * joints))
@@ -136,7 +136,7 @@ def _capacity(contacts: Contacts, pushes: Array, stop: float) -> float:
     return 1.0 + least
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _most(p: Programme, contacts: Contacts) -> float:
     begin(p, _FAR, _FACES)
     add_torques(p, contacts, np.inf)

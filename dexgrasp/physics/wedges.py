@@ -4,13 +4,13 @@ No checks and no allocation: these kernels run millions of times a second.
 """
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.physics.cones import basis_of
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 
-@njit(cache=True)
+@njit
 def _ratio(ga: float, gb: float, s: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
     """Tighten (lo+, hi+, lo-, hi-): bounds of b for a = +1, and of -b for a = -1, by ga a + gb b >= 0."""
     lp, hp, lm, hm = s
@@ -27,7 +27,7 @@ def _ratio(ga: float, gb: float, s: tuple[float, float, float, float]) -> tuple[
     return s
 
 
-@njit(cache=True)
+@njit
 def _wedge(mu: float, T: Array, i: int, j: int, k: int, m: int) -> tuple[float, float, float, float]:
     """The wedge of one contact, of its chords T[i, j] and T[k, m], each (press, u, v) in its frame."""
     ma, mb = mu * T[i, j, 0], mu * T[k, m, 0]
@@ -39,7 +39,7 @@ def _wedge(mu: float, T: Array, i: int, j: int, k: int, m: int) -> tuple[float, 
     return _ratio(ma - av, mb - bv, s)
 
 
-@njit(cache=True)
+@njit
 def _meets(bl: float, bu: float, cl: float, cu: float, L: float, H: float) -> bool:
     """Whether some b > 0 in [bl, bu] has [L b, H b] and [cl, cu] in common."""
     lo, hi = max(bl, 0.0), bu
@@ -62,14 +62,14 @@ def _meets(bl: float, bu: float, cl: float, cu: float, L: float, H: float) -> bo
     return hi > 0.0 and lo <= hi
 
 
-@njit(cache=True)
+@njit
 def _box_meets(bl: float, bu: float, cl: float, cu: float, w: tuple[float, float, float, float]) -> bool:
     if bl > bu or cl > cu:
         return False
     return _meets(bl, bu, cl, cu, w[0], w[1]) or _meets(-bu, -bl, cl, cu, -w[3], -w[2])
 
 
-@njit(cache=True)
+@njit
 def closed_form(mu: float, E: Array, T: Array, i: int, j: int, k: int) -> bool:
     """Whether non-zero forces in the Eq. 2 cones of contacts i, j, k balance exactly.
 
@@ -89,7 +89,7 @@ def closed_form(mu: float, E: Array, T: Array, i: int, j: int, k: int) -> bool:
     return minus and _box_meets(-w1[3], -w1[2], -w2[3], -w2[2], w3)
 
 
-@njit(cache=True)
+@njit
 def flatness(d12: float, d13: float, d23: float) -> float:
     """(height / longest side)^2 of a triangle of squared sides (Heron); 0 for coincident points."""
     longest = max(d12, max(d13, d23))
@@ -99,7 +99,7 @@ def flatness(d12: float, d13: float, d23: float) -> float:
     return max(0.0, 0.25 * area) / (longest * longest)
 
 
-@njit(cache=True)
+@njit
 def chord_tables(points: Array, normals: Array, E: Array, T: Array, D: Array) -> None:
     """Write E[i, j], the chord p_j - p_i as (press, u, v) of contact i; T[i, j] = E[j, i]; D, squared distances."""
     n = points.shape[0]

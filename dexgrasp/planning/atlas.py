@@ -8,18 +8,18 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
 from scipy.spatial import KDTree
 
-from dexgrasp.kinematics.forward import empty_frames, forward, tip_positions
+from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, tip_positions
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.files import cached_arrays, content_hash
+from dexgrasp_env.compiled import njit
+from dexgrasp_env.files import Arrays, cache_dir, cached_arrays, content_hash
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 
 _VERSION = 5
-_SAMPLES = 400_000
+SAMPLES = 400_000
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept
 
@@ -48,32 +48,14 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     """Return the atlas of a robot's hand, sampled with `seed` and kept in the cache; mount and table do not matter."""
     cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
     tree = robot_tree(cell)
-    key = content_hash(_VERSION, _SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
-    found = cached_arrays(f"hand_atlas_{key}.npy", lambda: _made(cell.robot, tree, seed))
-    # A tree that is not balanced takes half the time, its queries no longer.
-    search = KDTree(triangle_sides(found["tips"]), leafsize=16, balanced_tree=False, compact_nodes=False)
-    return HandAtlas(**found, search=search)
-
-
-def _made(robot: Robot, tree: RobotTree, seed: int) -> dict[str, Array]:
-    """Draw postures in which the thumb faces the two fingers and no tips meet."""
-    rng = np.random.default_rng(seed)
-    lower, upper = tree.lower[tree.arm :], tree.upper[tree.arm :]
-    middle, half = 0.5 * (lower + upper), 0.5 * _RANGE * (upper - lower)
-    q = np.tile(tree.home, (_SAMPLES, 1))
-    q[:, tree.arm :] = middle + half * rng.uniform(-1.0, 1.0, (_SAMPLES, len(lower)))
-    for finger in robot.hand.fingers:
-        if finger.name not in robot.hand.grasp and finger.aside:
-            q[:, robot.columns[finger.name]] = finger.aside
+    drawn = np.random.default_rng(seed).uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
+    key = content_hash(_VERSION, SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper)
+    file = cached_arrays(f"postures_{key}.npy", lambda: _kept(drawn, cell.robot, tree))
+    q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], cell.robot, tree)
     tips, axes, pads = _tip_frames(q, tree)
-    sides = triangle_sides(tips)
-    inside = ((sides > [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030]) & (sides < _SIDE[1])).all(1)
-    between = 0.5 * (tips[:, 1] + tips[:, 2]) - tips[:, 0]
-    between /= np.linalg.norm(between, axis=1, keepdims=True)
-    opposed = (pads[:, 0] * between).sum(1) > 0.1
-    opposed &= ((pads[:, 1] * between).sum(1) < 0.2) & ((pads[:, 2] * between).sum(1) < 0.2)
-    kept = inside & opposed & (tips[:, :, 0] > 0.02).all(1)  # in front of the palm
-    return {"joints": q[kept, tree.arm :], "tips": tips[kept], "axes": axes[kept], "pads": pads[kept]}
+    # A tree that is not balanced takes half the time, its queries no longer.
+    search = KDTree(triangle_sides(tips), leafsize=16, balanced_tree=False, compact_nodes=False)
+    return HandAtlas(q[:, tree.arm :].copy(), tips, axes, pads, search)
 
 
 def triangle_sides(corners: Array) -> Array:
@@ -82,12 +64,39 @@ def triangle_sides(corners: Array) -> Array:
     return sides
 
 
-@njit(cache=True)
+def _postures(drawn: Array, robot: Robot, tree: RobotTree) -> Array:
+    """Return postures (N, n) rad of draws (N, h) from -1 to 1; the arm is at home, idle fingers are out of the way."""
+    lower, upper = tree.lower[tree.arm :], tree.upper[tree.arm :]
+    q = np.tile(tree.home, (len(drawn), 1))
+    q[:, tree.arm :] = 0.5 * (lower + upper) + 0.5 * _RANGE * (upper - lower) * drawn
+    for finger in robot.hand.fingers:
+        if finger.name not in robot.hand.grasp and finger.aside:
+            q[:, robot.columns[finger.name]] = finger.aside
+    return q
+
+
+def _kept(drawn: Array, robot: Robot, tree: RobotTree) -> Arrays:
+    """Return, as bits, in which postures the thumb faces the two fingers and no tips meet: all that is worth a file."""
+    for old in cache_dir().glob("hand_atlas_*.npy"):  # of 0.2.0: 54 MB each
+        old.unlink(missing_ok=True)
+    tips, _, pads = _tip_frames(_postures(drawn, robot, tree), tree)
+    sides = triangle_sides(tips)
+    inside = ((sides > [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030]) & (sides < _SIDE[1])).all(1)
+    between = 0.5 * (tips[:, 1] + tips[:, 2]) - tips[:, 0]
+    between /= np.linalg.norm(between, axis=1, keepdims=True)
+    opposed = (pads[:, 0] * between).sum(1) > 0.1
+    opposed &= ((pads[:, 1] * between).sum(1) < 0.2) & ((pads[:, 2] * between).sum(1) < 0.2)
+    in_front = (tips[:, :, 0] > 0.02).all(1)
+    return {"kept": np.packbits(inside & opposed & in_front)}
+
+
+@njit
 def _all_tips(q: Array, tree: RobotTree, tips: Array, axes: Array, pads: Array) -> None:
     frames = empty_frames(tree)
     R, p = frames.R, frames.p
+    forward(q[0], tree, frames)
     for k in range(q.shape[0]):
-        forward(q[k], tree, frames)
+        forward_part(q[k], tree, frames, tree.palm + 1, R.shape[0])  # the arm stands still
         palm = R[tree.palm] @ tree.palm_rotation
         origin = p[tree.palm] + R[tree.palm] @ tree.palm_offset
         world = tip_positions(tree, frames)

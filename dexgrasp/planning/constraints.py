@@ -9,7 +9,6 @@ of its own.
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance_hessian
@@ -25,6 +24,7 @@ from dexgrasp.kinematics.forward import (
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.margin import cone_margin
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 MAX_ROWS = 96
 FIXED_ROWS = 13  # 3 distances low, 3 high, closure, 3 axes, 3 pads
@@ -71,7 +71,7 @@ class _Touch(NamedTuple):
     jacobians: Array  # (3, 3, n) of the tip centres, m/rad
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with_margin: bool) -> Evaluation:
     """Evaluate all constraints and gradients at `q` (n,) rad.
 
@@ -108,7 +108,7 @@ def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with
     )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _slide(touch: _Touch) -> Array:
     """Return sum J_i^T (I - n n^T) J_i."""
     n = touch.jacobians.shape[2]
@@ -120,7 +120,7 @@ def _slide(touch: _Touch) -> Array:
     return metric
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _touch(tree: RobotTree, frames: Frames, obstacle: Obstacle) -> _Touch:
     tips = tip_positions(tree, frames)
     contacts, normals, distances = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
@@ -131,7 +131,7 @@ def _touch(tree: RobotTree, frames: Frames, obstacle: Obstacle) -> _Touch:
     return _Touch(contacts, normals, distances, hessians, tip_jacobian(tree, frames, tips))
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _closure_row(touch: _Touch, bounds: Bounds, rows: Rows) -> float:
     """Row of the lower problem, by the envelope theorem; return the closure margin."""
     margin, by_point, by_normal = cone_margin(touch.contacts, touch.normals, bounds.friction)
@@ -145,7 +145,7 @@ def _closure_row(touch: _Touch, bounds: Bounds, rows: Rows) -> float:
     return margin
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _direction_rows(
     i: int, tree: RobotTree, frames: Frames, touch: _Touch, bounds: Bounds, rows: Rows
 ) -> None:

@@ -3,7 +3,6 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
@@ -11,6 +10,7 @@ from dexgrasp.kinematics.forward import to_world
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 ASSIGNMENTS = np.array([[0, 1, 2], [0, 2, 1], [1, 0, 2], [1, 2, 0], [2, 0, 1], [2, 1, 0]])
 """Orders in which thumb, index and middle can take three contacts; the first leaves them as they are."""
@@ -57,7 +57,7 @@ class Placements(NamedTuple):
         )  # fmt: skip
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _frame(triangle: Array, out: Array) -> None:
     """Write axes (3, 3) as columns of a triangle's own frame: along its first side, in it, and out of it."""
     across = np.empty(3)
@@ -69,19 +69,19 @@ def _frame(triangle: Array, out: Array) -> None:
     _cross(out[:, 2], out[:, 0], out[:, 1])
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _unit(columns: Array, k: int) -> None:
     size = np.sqrt(columns[0, k] ** 2 + columns[1, k] ** 2 + columns[2, k] ** 2) + 1e-12
     for r in range(3):
         columns[r, k] /= size
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _cross(a: Array, b: Array, out: Array) -> None:
     out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Array, p: Array) -> None:
     """Write the rotation (3, 3) and shift (3,) that put a triangle of tips on its goal, middle on middle."""
     for r in range(3):
@@ -95,7 +95,7 @@ def _align(goal: Array, goal_frame: Array, tips: Array, tip_frame: Array, R: Arr
             p[r] -= R[r, c] * (tips[0, c] + tips[1, c] + tips[2, c]) / 3.0
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _facing(inward: Array, posture: Tips, R: Array) -> float:
     """How squarely the tips face where they press; -1 where one would touch with its back."""
     facing = 2.0
@@ -111,7 +111,7 @@ def _facing(inward: Array, posture: Tips, R: Array) -> float:
     return facing
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle, room: Array) -> float:
     """Score an aligned posture, -1 if useless; what costs most is asked last.
 
@@ -129,7 +129,7 @@ def _score(inward: Array, posture: Tips, R: Array, p: Array, obstacle: Obstacle,
     return min(facing, 0.8) + 0.5 * down + 2.0 * min(palm[2], 0.15)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _useful(goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle, palm: Array) -> Placements:
     """Put on each of K assigned triples those of its neighbours in the atlas, `near` (K, n), that will do."""
     K, most = near.shape

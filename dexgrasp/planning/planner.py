@@ -17,6 +17,7 @@ from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfacePropos
 from dexgrasp.planning.result import Planned, PlanResult, SearchLog
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sqp import Solution, solve
+from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell, default_cell
@@ -189,6 +190,8 @@ _WARM: set[tuple[str, type]] = set()  # cells and kinds of source that this proc
 def warm_up(cell: Cell, source: ProposalSource | None = None) -> None:
     """Load compiled code and atlas by planning for a small box, once a process: planning times are then times.
 
+    On a machine where nothing is compiled yet, that is done first, by several processes.
+
     Args:
         cell: of the robot.
         source: of the proposals, for what it needs to be loaded; all triples of the surface by default.
@@ -197,5 +200,10 @@ def warm_up(cell: Cell, source: ProposalSource | None = None) -> None:
     if key in _WARM:
         return
     _WARM.add(key)
-    corners = np.array(list(product((0.475, 0.525), (-0.035, 0.035), (0.0, 0.06))))
-    Planner(source=source, cell=cell).plan(GraspTarget.of_corners([corners]), 0, cell.robot.home.copy())
+    ensure_compiled()
+    Planner(source=source, cell=cell).plan(small_box(), 0, cell.robot.home.copy())
+
+
+def small_box() -> GraspTarget:
+    """Return a box of 5 x 7 x 6 cm in front of the robot."""
+    return GraspTarget.of_corners([np.array(list(product((0.475, 0.525), (-0.035, 0.035), (0.0, 0.06))))])

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from dexgrasp.kinematics.forward import (
     empty_frames,
@@ -30,6 +29,7 @@ from dexgrasp.planning.placement import ASSIGNMENTS, Placements, place_on_atlas
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
 _POSE = 0.2  # load that a unit of a placement's score is worth
@@ -103,7 +103,7 @@ class _Burden(NamedTuple):
     limit: Array  # (h,) Nm
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burden) -> Array:
     """Loads (M,) of placements. The arm does not matter to them."""
     height, friction, limit = burden.height, burden.friction, burden.limit

@@ -3,13 +3,13 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.physics.margin import rough_margins
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 _ENOUGH = 0.7  # closure margin from where more is no merit
 _ROUGH = 1e-3  # of the closure margins that are ranked by
@@ -72,7 +72,7 @@ def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
     return _best_apart(contacts, np.argsort(-score, kind="stable")[: int(np.isfinite(score).sum())], count)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def _best_apart(contacts: Array, order: NDArray[np.int64], count: int) -> NDArray[np.int64]:
     chosen, n = np.empty(count, np.int64), 0
     for k in order:

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp.imitation.clone import FARTHEST, Clone, CloneRun
@@ -23,6 +22,7 @@ from dexgrasp.reinforcement.actor import Scaling
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step
@@ -113,7 +113,7 @@ def look(scaling: Scaling, first: Observation) -> NDArray[np.float32]:
     return np.clip((looks - mean) / scale, -FARTHEST, FARTHEST).astype(np.float32)
 
 
-@njit(cache=True, error_model="numpy")
+@njit
 def arm_step(q: Array, move: Array, tree: RobotTree) -> Array:
     """Return the change (a,) rad of the arm at `q` (n,) that shifts and turns the palm by `move` in its own axes.
 

@@ -53,10 +53,6 @@ class _Reader(pickle.Unpickler):
                 return found
         raise pickle.UnpicklingError(f"it asks for {module}.{name}, which might run code of its author")
 
-    def persistent_load(self, pid: Any) -> Any:
-        """Refuse what lies outside the file."""
-        raise pickle.UnpicklingError("it refers to objects outside the file")
-
 
 def _latin1(text: str, encoding: str) -> bytes:
     """Stand in for `_codecs.encode`, by which old pickles hold bytes."""

@@ -3,14 +3,16 @@
 import multiprocessing
 import os
 import pickle
+import sys
 import threading
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, MutableMapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache
 from multiprocessing import connection
+from types import ModuleType
 from typing import Annotated, Any, TypeVar
 
 from dexgrasp.runs.cluster import run_on_cluster
@@ -82,30 +84,43 @@ def run_pool(work: Callable[[T], R], tasks: Sequence[T], backend: Backend) -> It
         yield from _in_processes(pickle.dumps(work), tasks, workers)
 
 
-def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator[Any]:
+@contextmanager
+def processes(workers: int, *, alone: bool = False) -> Iterator[ProcessPoolExecutor]:
+    """Have new processes at work, which end with the block or with this process.
+
+    Args:
+        workers: how many.
+        alone: they do not import the main module: a script that does not ask for its name would run in each of them.
+
+    Raises:
+        WorkerDiedError: if one went away.
+    """
     context = multiprocessing.get_context("spawn")
-    with _environment(_thread_limits(workers)):
-        pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
-        try:
-            yield from _as_finished(pool, packed, tasks, ahead=2 * workers)
-        except BrokenProcessPool:
-            raise WorkerDiedError(
-                "a worker process died (killed, out of memory, or a crash in native code)"
-            ) from None
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
-            for child in multiprocessing.active_children():
-                child.terminate()
+    others = set(multiprocessing.active_children())
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
+    main = {"__main__": ModuleType("__main__")} if alone else {}
+    try:
+        with _replaced(os.environ, _thread_limits(workers)), _replaced(sys.modules, main), not_inherited():
+            pool.submit(os.getpid)  # starts all of them
+        yield pool
+    except BrokenProcessPool:
+        raise WorkerDiedError(
+            "a worker process died (killed, out of memory, or a crash in native code)"
+        ) from None
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(multiprocessing.active_children()) - others:
+            child.terminate()
 
 
-def _as_finished(pool: ProcessPoolExecutor, packed: bytes, tasks: Sequence[Any], ahead: int) -> Iterator[Any]:
+def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator[Any]:
     waiting: set[Future[Any]] = set()
-    for number, task in enumerate(tasks, start=1):
-        with not_inherited():  # submitting starts the processes
+    with processes(workers) as pool:
+        for number, task in enumerate(tasks, start=1):
             waiting.add(pool.submit(_do, packed, task))
-        while waiting and (len(waiting) >= ahead or number == len(tasks)):
-            done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-            yield from (future.result() for future in done)
+            while waiting and (len(waiting) >= 2 * workers or number == len(tasks)):
+                done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
+                yield from (future.result() for future in done)
 
 
 def _do(packed: bytes, task: Any) -> Any:
@@ -138,15 +153,13 @@ def _thread_limits(workers: int) -> dict[str, str]:
 
 
 @contextmanager
-def _environment(variables: dict[str, str]) -> Iterator[None]:
-    """Set environment variables for the processes that start meanwhile."""
-    before = {name: os.environ.get(name) for name in variables}
-    os.environ.update(variables)
+def _replaced(mapping: MutableMapping[str, T], entries: dict[str, T]) -> Iterator[None]:
+    """Set entries for the processes that start meanwhile."""
+    before = {name: mapping[name] for name in entries if name in mapping}
+    mapping.update(entries)
     try:
         yield
     finally:
-        for name, value in before.items():
-            if value is None:
-                os.environ.pop(name, None)
-            else:
-                os.environ[name] = value
+        for name in entries:
+            del mapping[name]
+        mapping.update(before)

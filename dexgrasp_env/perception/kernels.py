@@ -3,10 +3,10 @@
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 
 Index = NDArray[np.int64]
 
@@ -31,7 +31,7 @@ class Grid(NamedTuple):
     start: Index
 
 
-@njit(cache=True)
+@njit
 def cell_grid(points: Array, size: float) -> Grid:
     """Sort points into cubic cells of `size` metres."""
     n = len(points)
@@ -58,7 +58,7 @@ def cell_grid(points: Array, size: float) -> Grid:
     return Grid(points, size, shape, low, order, start)
 
 
-@njit(cache=True)
+@njit
 def neighbours(q: Array, grid: Grid, out: Index) -> int:
     """Write into `out` the points within the size of a cell of q; return their number."""
     points, radius, shape, low, order, start = grid
@@ -83,7 +83,7 @@ def neighbours(q: Array, grid: Grid, out: Index) -> int:
     return found
 
 
-@njit(cache=True)
+@njit
 def count_neighbours(points: Array, radius: float) -> Index:
     """Return how many other points lie within `radius` of each."""
     grid, out = cell_grid(points, radius), np.empty(len(points), np.int64)
@@ -93,7 +93,7 @@ def count_neighbours(points: Array, radius: float) -> Index:
     return counts
 
 
-@njit(cache=True)
+@njit
 def cluster(points: Array, radius: float) -> Index:
     """Return a label for each point; points within `radius` of each other share it."""
     n, grid = len(points), cell_grid(points, radius)
@@ -119,7 +119,7 @@ def cluster(points: Array, radius: float) -> Index:
     return labels
 
 
-@njit(cache=True)
+@njit
 def farthest_points(points: Array, count: int, first: int) -> Index:
     """Return `count` indices, each the farthest from all before it (Gonzalez 1985)."""
     chosen = np.empty(count, np.int64)
@@ -142,7 +142,7 @@ def farthest_points(points: Array, count: int, first: int) -> Index:
     return chosen
 
 
-@njit(cache=True)
+@njit
 def local_planes(
     queries: Array, points: Array, weights: Array, radius: float, least: int
 ) -> tuple[Array, Array, Array]:

@@ -6,9 +6,8 @@ and many give the same bits. This module imports numba: it is imported when an e
 
 import math
 
-from numba import njit
-
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import product_components, rotated_components, rotation_components
 from dexgrasp_env.tasks.constants import (
     DISTURB_SHIFT,
@@ -34,9 +33,9 @@ from dexgrasp_env.tasks.rules import (
 )
 from dexgrasp_env.tasks.terms import level_terms, progress_terms
 
-_product = njit(cache=True)(product_components)
-_rotated = njit(cache=True)(rotated_components)
-_rotation = njit(cache=True)(rotation_components)
+_product = njit(product_components)
+_rotated = njit(rotated_components)
+_rotation = njit(rotation_components)
 
 _UNTOUCHED, _TOUCHED, _LIFTED, _DROPPED, _HELD = range(len(STAGES))
 _NO_FAILURE, _LOST, _DIVERGED = range(len(FAILURES))
@@ -53,7 +52,7 @@ _X1, _Y1, _Z1 = WORKSPACE_HIGH
 # -- state and sensors to progress, failure and reward ----------------------------------------------------------
 
 
-@njit(cache=True)
+@njit
 def _judge(
     episodes: Records,
     state: State,
@@ -90,7 +89,7 @@ def _judge(
         _tell(e, rules.period, told[i])
 
 
-@njit(cache=True)
+@njit
 def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> float:
     """Write the terms, and return the reward of the control step."""
     if rules.version == 1:
@@ -108,7 +107,7 @@ def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules
     return total if rules.version == 1 else gain
 
 
-@njit(cache=True)
+@njit
 def _tell(e: Record, period: float, t: Array) -> None:
     """Write the columns of `records.TOLD`."""
     t[0] = e.success
@@ -120,7 +119,7 @@ def _tell(e: Record, period: float, t: Array) -> None:
     t[10], t[11] = e.phase, e.warnings
 
 
-@njit(cache=True)
+@njit
 def _fail(e: Record, q: Array, v: Array, bad_numbers: int) -> None:
     finite = True
     for value in q:
@@ -135,7 +134,7 @@ def _fail(e: Record, q: Array, v: Array, bad_numbers: int) -> None:
         e.failure = _NO_FAILURE
 
 
-@njit(cache=True)
+@njit
 def _lowest_point(e: Record, pose: Array, R: tuple[float, ...], hulls: Array) -> float:
     """Height of the object's lowest point above the table, m."""
     lowest = math.inf
@@ -144,7 +143,7 @@ def _lowest_point(e: Record, pose: Array, R: tuple[float, ...], hulls: Array) ->
     return pose[2] + e.size * lowest
 
 
-@njit(cache=True)
+@njit
 def _opposed(s: Array, first: int, rules: Rules) -> bool:
     """Whether the thumb and another finger press with 0.5 N each, at more than 90 deg to each other."""
     thumb = first + 3 * rules.grasp[0]
@@ -160,7 +159,7 @@ def _opposed(s: Array, first: int, rules: Rules) -> bool:
     return False
 
 
-@njit(cache=True)
+@njit
 def _follow_grip(
     e: Record, position: tuple[float, ...], quat: tuple[float, ...], alone_in_hand: bool
 ) -> None:
@@ -181,13 +180,13 @@ def _follow_grip(
     e.tilt = max(e.tilt, 2.0 * math.atan2(math.sqrt(x * x + y * y + z * z), abs(w)))
 
 
-@njit(cache=True)
+@njit
 def _distance(a: tuple[float, ...], b: Array) -> float:
     x, y, z = a[0] - b[0], a[1] - b[1], a[2] - b[2]
     return math.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True)
+@njit
 def _hold_on(e: Record, hold: int) -> None:
     """Count a control step of the hold, and the grasps among the last `hold` of them."""
     slot = e.held % hold
@@ -196,14 +195,14 @@ def _hold_on(e: Record, hold: int) -> None:
     e.held += 1
 
 
-@njit(cache=True)
+@njit
 def _hold_anew(e: Record) -> None:
     if e.held > 0:
         e.window[:] = 0
     e.held = e.grasps = 0
 
 
-@njit(cache=True)
+@njit
 def _disturb(e: Record, position: tuple[float, ...], rules: Rules) -> None:
     """Begin the disturbance once the object has been held for 1 s; the hold counts anew when it is over."""
     if e.phase == _RUNNING or e.phase == _OVER:
@@ -219,7 +218,7 @@ def _disturb(e: Record, position: tuple[float, ...], rules: Rules) -> None:
             e.origin[k] = position[k]
 
 
-@njit(cache=True)
+@njit
 def _conclude(e: Record, rules: Rules) -> None:
     """Whether it is a success, and how far it has come."""
     undisturbed = e.phase == _NO_PHASE or (e.phase == _OVER and e.shift <= DISTURB_SHIFT)
@@ -236,7 +235,7 @@ def _conclude(e: Record, rules: Rules) -> None:
 # -- state and sensors to observation ---------------------------------------------------------------------------
 
 
-@njit(cache=True)
+@njit
 def _observe(episodes: Records, state: State, noise: Array, rules: Rules, out: Array) -> None:
     """Write what the robot knows of itself, and where `out` has room for it the privileged state; see `conclude`."""
     qpos, qvel, sensors, commands = state
@@ -259,7 +258,7 @@ def _observe(episodes: Records, state: State, noise: Array, rules: Rules, out: A
                 o[j] = o[j] if math.isfinite(o[j]) else 0.0
 
 
-@njit(cache=True)
+@njit
 def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Array) -> None:
     for j in range(7):
         o[j] = q[j]
@@ -280,7 +279,7 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Ar
 # -- both -------------------------------------------------------------------------------------------------------
 
 
-@njit(cache=True)
+@njit
 def conclude(
     episodes: Records, state: State, warnings: Columns, noise: Array, rules: Rules,
     out: tuple[Array, Array, Array], judge: bool,

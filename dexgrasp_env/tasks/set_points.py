@@ -7,10 +7,10 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import product_components, rotated_components
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN, at_pace
@@ -19,8 +19,8 @@ from dexgrasp_env.tasks.disturbance import KINDS, PAUSE_STEPS, PUSH_STEPS
 from dexgrasp_env.tasks.records import COMMANDS, PHASES, Record, Records
 from dexgrasp_env.tasks.settings import LiftSettings
 
-_product = njit(cache=True)(product_components)
-_rotated = njit(cache=True)(rotated_components)
+_product = njit(product_components)
+_rotated = njit(rotated_components)
 
 _POSITION, _DELTA = CONTROL_MODES.index("joint_position"), CONTROL_MODES.index("joint_delta")
 _PUSHED, _SHAKEN = KINDS.index("pushed"), KINDS.index("shaken")
@@ -72,7 +72,7 @@ def control_of(settings: LiftSettings, chain: Array) -> Control:
     )  # fmt: skip
 
 
-@njit(cache=True)
+@njit
 def set_points(
     episodes: Records, commands: Array, actions: Array, control: Control, rows: Array, push: Array
 ) -> bool:
@@ -106,7 +106,7 @@ def set_points(
     return True
 
 
-@njit(cache=True)
+@njit
 def _advance_targets(targets: Array, action: Array, control: Control) -> None:
     mode, joints, scale = control.mode, control.joints, control.scale
     lower, upper, most = joints[_LOWER], joints[_UPPER], joints[_STEP]
@@ -126,7 +126,7 @@ def _advance_targets(targets: Array, action: Array, control: Control) -> None:
             _move(targets, j, desired, joints)
 
 
-@njit(cache=True)
+@njit
 def _move(targets: Array, j: int, desired: float, joints: Array) -> None:
     """Take one set-point towards a desired one, within the joint's velocity limit and range."""
     most = joints[_STEP, j]
@@ -134,7 +134,7 @@ def _move(targets: Array, j: int, desired: float, joints: Array) -> None:
     targets[j] = min(max(targets[j] + step, joints[_LOWER, j]), joints[_UPPER, j])
 
 
-@njit(cache=True)
+@njit
 def _palm_step(action: Array, targets: Array, control: Control) -> Array:
     """Return arm positions (a,) that move the palm by the action: damped least squares, home in the null space."""
     joints, share = control.joints, control.period / CONTROL_PERIOD
@@ -162,7 +162,7 @@ def _palm_step(action: Array, targets: Array, control: Control) -> Array:
     return step
 
 
-@njit(cache=True)
+@njit
 def palm_jacobian(targets: Array, chain: Array) -> Array:
     """Jacobian of the palm (6, a) at arm positions: rows linear m and angular rad in the world frame."""
     n = chain.shape[0] - 1
@@ -188,7 +188,7 @@ def palm_jacobian(targets: Array, chain: Array) -> Array:
     return J
 
 
-@njit(cache=True)
+@njit
 def _solve(J: Array, b: Array) -> Array:
     """Return x (6,) with (J Jt + d^2 I) x = b by Cholesky, which keeps to one order of operations."""
     L = np.zeros((6, 6))
@@ -212,7 +212,7 @@ def _solve(J: Array, b: Array) -> Array:
     return x
 
 
-@njit(cache=True)
+@njit
 def _command(e: Record, targets: Array, control: Control) -> Array:
     """Return what the servos are to be told at the end of the control step, (n,): targets and shaking."""
     command, joints, size = targets.copy(), control.joints, control.size
@@ -226,7 +226,7 @@ def _command(e: Record, targets: Array, control: Control) -> Array:
     return command
 
 
-@njit(cache=True)
+@njit
 def _ramp(before: Array, start: Array, end: Array, latency: int, rows: Array) -> None:
     """Fill rows (frame_skip, n) of commands: evenly from `start` to exactly `end`, late by `latency`."""
     steps = len(rows)
@@ -246,7 +246,7 @@ def _ramp(before: Array, start: Array, end: Array, latency: int, rows: Array) ->
                 rows[k, j] = before[j] + fraction * (start[j] - before[j])
 
 
-@njit(cache=True)
+@njit
 def _push(e: Record, control: Control, push: Array) -> None:
     push[:] = 0.0
     lasts, pause = control.push

@@ -2,9 +2,8 @@
 
 import math
 
-from numba import njit
-
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.tasks.constants import GRASP_FORCE, LIFT_HEIGHT
 from dexgrasp_env.tasks.records import FAILURES, PHASES, Record
 from dexgrasp_env.tasks.rules import PRESSES, TIP_FORCES, TIPS, Rules
@@ -21,7 +20,7 @@ _NO_FAILURE = FAILURES.index("")
 _NO_PHASE, _OVER = PHASES.index("none"), PHASES.index("over")
 
 
-@njit(cache=True)
+@njit
 def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
     """Write the terms of version 1: (4,), of `rewards.WEIGHTS_V1`.
 
@@ -47,7 +46,7 @@ def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: R
     terms[3] = e.grasps / rules.hold
 
 
-@njit(cache=True)
+@njit
 def progress_terms(
     e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array
 ) -> None:
@@ -76,7 +75,7 @@ def progress_terms(
         terms[5] = e.grasps / rules.hold
 
 
-@njit(cache=True)
+@njit
 def _opposed_force(s: Array, rules: Rules) -> float:
     """Force of the thumb or of the other fingers together, the lesser, as far as the two are opposed, N."""
     thumb = rules.at[PRESSES] + 3 * rules.grasp[0]
@@ -92,13 +91,13 @@ def _opposed_force(s: Array, rules: Rules) -> float:
     return min(one, other) * max(-(a * x + b * y + c * z) / (one * other), 0.0)
 
 
-@njit(cache=True)
+@njit
 def _box_distance(e: Record, pose: Array, R: tuple[float, ...], s: Array, tip: int) -> float:
     """Distance of a tip's centre to the object's box, m."""
     return _distance_to_box(e, pose, R, s[tip], s[tip + 1], s[tip + 2])
 
 
-@njit(cache=True)
+@njit
 def _distance_to_box(e: Record, pose: Array, R: tuple[float, ...], px: float, py: float, pz: float) -> float:
     a, b, c = px - pose[0], py - pose[1], pz - pose[2]
     h = e.half_extents
@@ -108,7 +107,7 @@ def _distance_to_box(e: Record, pose: Array, R: tuple[float, ...], px: float, py
     return math.sqrt(x * x + y * y + z * z)
 
 
-@njit(cache=True)
+@njit
 def _nearness(distance: float, near: float, far: float) -> float:
     """1 up to `near`, 0.1 at `far` beyond, with a long tail; m.
 
@@ -118,7 +117,7 @@ def _nearness(distance: float, near: float, far: float) -> float:
     return 1.0 / (x * x + 1.0)
 
 
-@njit(cache=True)
+@njit
 def _pressure(s: Array, first: int) -> float:
     """A contact force over what counts as firm, at most 1."""
     x, y, z = s[first], s[first + 1], s[first + 2]

@@ -1,0 +1,25 @@
+"""`dexgrasp warmup`: everything compiled that plans and environments need, for images and before a demonstration."""
+
+from dexgrasp.cli.command import Answer, Command, InCell
+
+
+class Warmup(Command, InCell):
+    """Compile what plans and environments need, in parallel; the first run does it otherwise.
+
+    examples:
+      dexgrasp warmup                                    all that plans and environments call, on all processors
+      dexgrasp warmup --robot my_cell.yaml               and the postures of the hand of this robot
+
+    Where what is compiled is kept: in __pycache__ beside the code, or in NUMBA_CACHE_DIR; postures in DEXGRASP_CACHE.
+    In an image for another machine the processor has to be of the same kind.
+    """
+
+    def run(self) -> Answer:
+        """Compile what is not there yet."""
+        from dexgrasp.planning.planner import warm_up
+
+        warm_up(self.cell)
+        return Answer({"ready": True}, "everything that plans and environments need is compiled")
+
+
+COMMAND = Warmup

@@ -1,0 +1,31 @@
+"""The rehearsal for `runs.compiling`: what plans and environments call, each compiled function once."""
+
+import gymnasium as gym
+import numpy as np
+
+import dexgrasp_env  # noqa: F401  (registers the environment)
+from dexgrasp.planning import atlas
+from dexgrasp.planning.planner import Planner, small_box
+from dexgrasp.planning.proposals import SurfaceProposals
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sources import make_source
+from dexgrasp.shape.completion import target_of
+from dexgrasp_env.perception.cloud import downsample
+from dexgrasp_env.perception.scene import Scene
+
+_POSTURES = 4_000  # drawn for the atlas: enough for a box, and a hundredth of the time
+_FEW = PlannerSettings(surface_points=40, triples=10)
+
+
+def rehearse() -> None:
+    """Plan for a small box, look at an object, step; what takes longest to compile comes first."""
+    atlas.SAMPLES = _POSTURES
+    planner = Planner(source=make_source("auto"))
+    planner.plan(small_box(), 0, planner.cell.robot.home.copy())
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", obs_mode="pointcloud", views=1, observe="reset")
+    observation, _ = env.reset(seed=0)
+    target_of(Scene.of_observation(observation))
+    downsample(np.zeros((9, 3)), 8, np.random.default_rng(0))
+    env.step(env.action_space.sample())
+    env.close()
+    SurfaceProposals().propose(small_box(), _FEW, np.random.default_rng(0))
