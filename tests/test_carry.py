@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import trimesh
 from robots import CELL, HOME, ROBOT
+from scipy.spatial.transform import Rotation
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
-from dexgrasp.motion.turn import rotation, turn_arm
+from dexgrasp.motion.turn import turn_arm
 from dexgrasp.physics.strength import capacity_of, hold_residual, torque_fraction
 from dexgrasp.planning.carry import ENOUGH, plan_turn
 from dexgrasp.planning.claims import contacts_of
@@ -153,7 +154,7 @@ def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
 
 def test_rotation_is_that_of_its_vector():
     vector = np.array([0.3, -0.4, 0.2])
-    R = rotation(vector)
+    R = Rotation.from_rotvec(vector).as_matrix()
     np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
     np.testing.assert_allclose(R @ vector, vector, atol=1e-12)
     assert np.arccos(0.5 * (np.trace(R) - 1.0)) == pytest.approx(np.linalg.norm(vector))

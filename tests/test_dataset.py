@@ -19,7 +19,7 @@ from dexgrasp.dataset.info import check_sample, summary
 from dexgrasp.dataset.rest_scene import placed, rest_scene, turn
 from dexgrasp.dataset.sampler import bearable
 from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest
+from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest, shape_of
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
 from dexgrasp.planning.postures import loads_on
@@ -49,9 +49,7 @@ def test_every_rest_pose_has_its_grasps_and_they_pass_independent_checks(made):
     assert len(poses) == 6
     assert [len(p) for p in poses] == [6] * 6
     for pose in poses:
-        assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {
-            n: s for n, (s, _, _) in FIELDS.items()
-        }
+        assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {n: shape_of(n, 23) for n in FIELDS}
         distance = np.linalg.norm(pose.grasps["normals"], axis=-1)
         np.testing.assert_allclose(distance, 1.0, atol=1e-5)
         assert (pose.grasps["margin"] >= SETTINGS.planner.closure_margin - 1e-5).all()

@@ -11,10 +11,16 @@ import numpy as np
 import yaml
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.dataset.generate import Job, make
+from dexgrasp.dataset.rest_scene import turn
+from dexgrasp.dataset.settings import DatasetSettings
+from dexgrasp.dataset.shards import read_arrays
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.grasp.file import record_of
+from dexgrasp.kinematics.forward import fingertips
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.look import look_at
 from dexgrasp.registry import make_agent
 from dexgrasp.verify.verify import verify
@@ -100,3 +106,15 @@ def test_a_hand_of_three_fingers_sizes_its_environment(tmp_path):
     first, _ = envs.reset(seed=0)
     single = gym.make("DexGrasp/Lift-v1", objects="pear", robot=cell).reset(seed=1)[0]
     assert all(np.array_equal(first[key][1], value) for key, value in single.items())
+
+
+def test_a_dataset_is_of_the_cell_that_it_is_made_for(tmp_path):
+    cell = without_ring_finger(tmp_path)
+    settings = DatasetSettings.of(["gelatin_box"], grasps_per_pose=1, seed=5, robot=str(cell))
+    make(Job("gelatin_box", 0, 0), settings, tmp_path / "set", "key")
+    shard = read_arrays(next((tmp_path / "set").rglob("*.npz")))
+    assert shard["q"].shape == (1, 19)
+    tips = fingertips(shard["q"][0].astype(float), robot_tree(make_cell(str(cell))))
+    x, y, yaw = shard["placement"][0].astype(float)
+    contacts = shard["contacts"][0] @ turn(yaw).T + [x, y, 0.0]
+    assert np.linalg.norm(tips - contacts, axis=1).max() < 0.015

@@ -16,6 +16,7 @@ from dexgrasp.dataset.shards import (
     file_hash,
     pose_arrays,
     read_manifest,
+    shape_of,
     shard_arrays,
 )
 from dexgrasp.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
@@ -62,7 +63,7 @@ def generate(
     Raises:
         InputError: other settings or another process in `folder`; no cluster.
     """
-    identity = _identity(settings)
+    identity, joints = _identity(settings), len(settings.cell.robot.home)
     key = content_hash(json.dumps(identity, sort_keys=True))
     about = {"schema": SCHEMA, "key": key, **identity}
     with RunFolder(folder, MANIFEST, "dataset").claim(about, complete=False):
@@ -82,8 +83,8 @@ def generate(
             "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
             "units": "m, rad, N, kg; quaternions wxyz", "fingers": ["thumb", "index", "middle"],
             "fields": {
-                name: {"shape": list(shape), "type": kind, "meaning": says}
-                for name, (shape, kind, says) in FIELDS.items()
+                name: {"shape": list(shape_of(name, joints)), "type": kind, "meaning": says}
+                for name, (_, kind, says) in FIELDS.items()
             },
             "files": {job.file: file_hash(folder / job.file) for job in jobs},
         }  # fmt: skip
@@ -96,7 +97,9 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
     if job.chunk < 0:
         arrays = pose_arrays(rest_scene(job.target, job.pose, settings))
     else:
-        arrays = shard_arrays(sample_shard(job.target, job.pose, job.chunk, settings))
+        arrays = shard_arrays(
+            sample_shard(job.target, job.pose, job.chunk, settings), len(settings.cell.robot.home)
+        )
     write_shard(folder / job.file, arrays, key)
 
 

@@ -14,6 +14,7 @@ from dexgrasp.dataset.shards import read_manifest
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.robot.cell import Cell, make_cell
 
 _BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
 _PARTS = ("thresholds", "contacts", "limits", "clearance", "closure")
@@ -75,12 +76,13 @@ def check_sample(folder: Path, count: int, seed: int = 0) -> dict[str, Any]:
     from dexgrasp.verify.verify import verify
 
     poses, settings, failures = read_dataset(folder), planner_settings(folder), Counter[str]()
+    cell = make_cell(read_manifest(folder)["settings"].get("robot"))
     grasps = [(pose, k) for pose in poses for k in range(len(pose))]
     chosen = np.random.default_rng(seed).permutation(len(grasps))[:count]
     passed = 0
     for pose, k in (grasps[i] for i in chosen):
         parts = (*_PARTS, "forces") if pose.grasps["load"][k] >= 0 else _PARTS
-        failed = [check.name for check in verify(_record(pose, k, settings), parts) if not check.holds]
+        failed = [check.name for check in verify(_record(pose, k, settings, cell), parts) if not check.holds]
         passed += not failed
         failures.update(failed)
     return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
@@ -97,7 +99,7 @@ def _tuples(value: Any) -> Any:
     return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
 
 
-def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
+def _record(pose: PoseGrasps, k: int, settings: PlannerSettings, cell: Cell) -> Any:
     import trimesh
 
     from dexgrasp.dataset.rest_scene import turn
@@ -105,7 +107,6 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     from dexgrasp.grasp.content import planned_record
     from dexgrasp.grasp.grasp import Grasp, GraspMotion
     from dexgrasp.physics.contacts import GRAVITY
-    from dexgrasp_env.robot.cell import default_cell
 
     g = {name: values[k].astype(float) for name, values in pose.grasps.items()}
     seen = trimesh.convex.convex_hull(pose.scene["hull"])
@@ -115,9 +116,8 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
     forces = g["forces"] @ R.T
     borne = float(forces[:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
-    claims: dict[str, Any] = dict.fromkeys(
-        (f.name for f in fields(Certificate)), np.nan
-    )  # most are not made here
+    # Most claims are not made here.
+    claims: dict[str, Any] = dict.fromkeys((f.name for f in fields(Certificate)), np.nan)
     claims |= {
         "distances_cm": tuple(100.0 * g["distances"]),
         "closure_margin": float(g["margin"]),
@@ -125,7 +125,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings) -> Any:
     }
     grasp = Grasp(
         g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, Certificate(**claims),
-        GraspMotion(g["q"], g["q"], g["q"]), default_cell(),
+        GraspMotion(g["q"], g["q"], g["q"]), cell,
     )  # fmt: skip
     return planned_record(pose.name, grasp, target, settings)
 

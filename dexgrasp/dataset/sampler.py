@@ -97,8 +97,8 @@ def sample_shard(target: str, pose: int, chunk: int, settings: DatasetSettings) 
 class _Sampler:
     def __init__(self, scene: RestScene, settings: DatasetSettings, rng: np.random.Generator) -> None:
         self._scene, self._settings, self._rng = scene, settings, rng
-        self._planner, self._found = Planner(settings.planner), Found()
-        self._problem = Problem(scene.grasp_target, settings.cell, settings.planner)
+        self._planner, self._found = Planner(settings.planner, cell=settings.cell), Found()
+        self._problem = Problem(scene.grasp_target, self._planner.cell, settings.planner)
         self._use = np.zeros(len(scene.points))
 
     def run(self, own: NDArray[np.int32], quota: int) -> Found:

@@ -19,7 +19,7 @@ MANIFEST = "manifest.json"
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
 FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
-    "q": ((23,), "float32", "rad, joints of arm and hand, at the placement"),
+    "q": ((-1,), "float32", "rad, joints of arm and hand, at the placement"),
     "placement": ((3,), "float32", "x m, y m, yaw rad of the rest frame in the world frame"),
     "triple": ((3,), "int16", "candidate points it started from, thumb, index, middle"),
     "contacts": ((3, 3), "float32", "m, rest frame, thumb, index, middle"),
@@ -34,14 +34,19 @@ FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
     "load": ((), "int8", "firmest of planner.loads that it holds, -1: none"),
     "torque_fraction": ((), "float32", "largest joint torque of the forces over its limit"),
 }
-"""Field -> shape of one grasp, type, meaning."""
+"""Field -> shape of one grasp, type, meaning; -1 stands for the robot's number of joints."""
 
 
-def shard_arrays(found: Found) -> Arrays:
-    """Return the grasps of a shard with their counts."""
+def shape_of(name: str, joints: int) -> tuple[int, ...]:
+    """Return the shape of a field of one grasp of a robot with so many joints."""
+    return tuple(joints if size < 0 else size for size in FIELDS[name][0])
+
+
+def shard_arrays(found: Found, joints: int) -> Arrays:
+    """Return the grasps of a shard, of a robot with so many joints, with their counts."""
     arrays: Arrays = {
-        name: np.asarray(found.fields.get(name, []), dtype=kind).reshape(len(found), *shape)
-        for name, (shape, kind, _) in FIELDS.items()
+        name: np.asarray(found.fields.get(name, []), dtype=kind).reshape(len(found), *shape_of(name, joints))
+        for name, (_, kind, _) in FIELDS.items()
     }
     arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
     arrays["blocked"] = bytes_of(json.dumps(dict(sorted(found.blocked.items()))))

@@ -7,7 +7,7 @@ the object as it then is.
 import numpy as np
 
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.motion.guarded import GuardedGrasp, finger_columns, lag_of, pressing_torques, tip_spans
+from dexgrasp.motion.guarded import GuardedGrasp, finger_of_joints, lag_of, pressing_torques, tip_spans
 from dexgrasp.motion.motion import Motion
 from dexgrasp.motion.turn import Turn
 from dexgrasp_env.arrays import Array
@@ -50,13 +50,10 @@ class GuardedCarry(Motion):
     def _turning(self, q: Array, turn: Turn, step: int) -> Array:
         """Set-points from the start of the turn on: evenly from what the fingers press with to what they should."""
         if step == 0:
-            after = np.concatenate([turn.arm[-1], q[self.tree.arm :]])
-            change = self._wanted(after, 1.0) - self._wanted(q, 0.0)
-            self._before, self._after = self._pressed, self._pressed.copy()
-            lag = lag_of(change, self.tree)
-            for columns in finger_columns(self.tree):
-                self._after[columns] += lag[columns]
-            self._after = np.clip(self._after, self.tree.lower, self.tree.upper)
+            turned = np.concatenate([turn.arm[-1], q[self.tree.arm :]])
+            change = self._wanted(turned, 1.0) - self._wanted(q, 0.0)
+            after = self._pressed + lag_of(change, self.tree)
+            self._before, self._after = self._pressed, np.clip(after, self.tree.lower, self.tree.upper)
         self._turned = min(1.0, (step + 1) / len(turn.arm))
         self._pressed = self._before + self._turned * (self._after - self._before)
         return np.concatenate([turn.arm[min(step, len(turn.arm) - 1)], self._pressed[self.tree.arm :]])
@@ -74,11 +71,9 @@ class GuardedCarry(Motion):
         """Whether a finger no longer lags behind its set-point as it should, or has come closer to the thumb."""
         if (self._held.spans - tip_spans(q, self.tree) > _GIVEN_WAY).any():
             return True
-        wanted = self._wanted(q, self._turned)
-        given = (self._pressed - q)[self.tree.arm :] * self.tree.stiffness
-        asked = wanted[self.tree.arm :]
-        fingers = [slice(c.start - self.tree.arm, c.stop - self.tree.arm) for c in finger_columns(self.tree)]
-        pressing = [(given[c] @ asked[c], asked[c] @ asked[c]) for c in fingers]
-        free = [lent < _FREE_SHARE * wish for lent, wish in pressing]
+        hand = slice(self.tree.arm, None)
+        given, asked = (self._pressed - q)[hand] * self.tree.stiffness, self._wanted(q, self._turned)[hand]
+        of_finger = finger_of_joints(self.tree)[hand] == np.arange(len(self.tree.fingers))[:, None]
+        free = of_finger @ (given * asked) < _FREE_SHARE * (of_finger @ (asked * asked))
         # Turned, an object that has shifted in the hand leans elsewhere: two fingertips may do.
-        return all(free) if self._turned else any(free)
+        return bool(free.all() if self._turned else free.any())

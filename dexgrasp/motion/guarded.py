@@ -8,6 +8,7 @@ has.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
@@ -50,6 +51,7 @@ class GuardedGrasp(Motion):
         way = fingertips(self._closed, self.tree) - fingertips(self._open, self.tree)
         self._travel = np.maximum(np.linalg.norm(way, axis=1), 1e-3)  # m of the tips
         self._progress, self._touched = np.zeros(len(way)), np.zeros(len(way), bool)
+        self._finger = finger_of_joints(self.tree)
         self._step = self._close_count = self._settled = self._squeeze_count = 0
         self.targets, self.spans = self._open.copy(), np.zeros(len(way) - 1)
 
@@ -73,11 +75,10 @@ class GuardedGrasp(Motion):
         moving = ~self._touched & (self._progress < limit)
         self._progress[moving] += _CLOSE_SPEED * CONTROL_PERIOD / self._travel[moving]
         self._progress = np.minimum(self._progress, limit)
-        for finger, columns in enumerate(finger_columns(self.tree)):
-            way = self._closed[columns] - self._open[columns]
-            self.targets[columns] = self._open[columns] + self._progress[finger] * way
+        way = self._closed - self._open
+        targets = self._open + np.append(self._progress, 0.0)[self._finger] * way
         # A joint cannot follow beyond its range, and what lags there has touched nothing.
-        self.targets = np.clip(self.targets, self.tree.lower, self.tree.upper)
+        self.targets = np.clip(targets, self.tree.lower, self.tree.upper)
         if not moving.any() or self._close_count >= _CLOSE_STEPS:
             self._settled += 1
         return self.targets
@@ -86,18 +87,19 @@ class GuardedGrasp(Motion):
         self._squeeze_count += 1
         torques = pressing_torques(q, self.grasp.normals, self.grasp.forces, self.tree)
         lag = lag_of(min(1.0, self._squeeze_count / _RAMP_STEPS) * torques, self.tree)
-        self.targets = self.targets.copy()
-        for columns in finger_columns(self.tree):
-            self.targets[columns] += _GAIN * (q + lag - self.targets)[columns]
-        self.targets = np.clip(self.targets, self.tree.lower, self.tree.upper)
+        targets = self.targets + _GAIN * (self._finger >= 0) * (q + lag - self.targets)
+        self.targets = np.clip(targets, self.tree.lower, self.tree.upper)
         if self.done:
             self.spans = tip_spans(q, self.tree)
         return self.targets
 
 
-def finger_columns(tree: RobotTree) -> list[slice]:
-    """Return where the joints of the grasping fingers are in a vector of joints."""
-    return [slice(first, end) for first, end in tree.fingers.tolist()]
+def finger_of_joints(tree: RobotTree) -> NDArray[np.int64]:
+    """Return which of the grasping fingers each joint (n,) is of, -1 for the others."""
+    found = np.full(len(tree.lower), -1)
+    for finger, (first, end) in enumerate(tree.fingers):
+        found[first:end] = finger
+    return found
 
 
 def lag_of(torques: Array, tree: RobotTree) -> Array:

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
@@ -27,15 +28,6 @@ class Turn(NamedTuple):
     )
 
 
-def rotation(vector: Array) -> Array:
-    """Return the matrix (3, 3) of a rotation vector (3,) rad that is not zero."""
-    angle = float(np.linalg.norm(vector))
-    x, y, z = vector / angle
-    K = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    turned: Array = np.eye(3) + np.sin(angle) * K + (1.0 - np.cos(angle)) * K @ K
-    return turned
-
-
 def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, cell: Cell) -> Array | None:
     """Return set-points (m, a) rad that turn hand and object, None where the arm or the table is in the way.
 
@@ -50,7 +42,8 @@ def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, cell: C
     """
     tree = robot_tree(cell)
     count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
-    turns = np.stack([rotation(share * vector) for share in smooth_step(np.arange(1, count + 1) / count)])
+    shares = smooth_step(np.arange(1, count + 1) / count)
+    turns = Rotation.from_rotvec(shares[:, None] * vector).as_matrix()
     low = (turns @ corners.T)[:, 2].min(axis=1)
     arm = palm_frame(start, tree)[1] - centre
     shifts = turns @ arm - arm

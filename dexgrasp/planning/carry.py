@@ -8,11 +8,12 @@ contacts bear the largest push, if that is worth the way.
 from itertools import product
 
 import numpy as np
+from scipy.spatial.transform import Rotation
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.motion.turn import Turn, rotation, turn_arm
+from dexgrasp.motion.turn import Turn, turn_arm
 from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.strength import capacity_of, directions
 from dexgrasp.planning.claims import contacts_of
@@ -46,7 +47,7 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: Problem) -> Turn | No
     arm, down, most = None, DOWN, capacity_of(contacts) + _GAIN
     for angle, azimuth in product(_ANGLES, _AXES):
         vector = angle * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
-        R = rotation(vector)
+        R = Rotation.from_rotvec(vector).as_matrix()
         worth = capacity_of(_turned(contacts, R), most + _COST * angle, pushes) - _COST * angle
         if worth <= most:
             continue
