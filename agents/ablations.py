@@ -15,8 +15,7 @@ from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.physics.closure import TOLERANCE
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.certifier import OPENINGS, Candidate, grasp_motion, opened
-from dexgrasp.planning.claims import certificate_of
+from dexgrasp.planning.certifier import OPENINGS, Candidate, grasp_motion, opened, pressed
 from dexgrasp.planning.constraints import FIXED_ROWS
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
@@ -134,9 +133,7 @@ class RawPlanner(LatentPlanner):
         problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
         forces = solve_wrench_qp(at.contacts, at.normals, problem.settings.friction, f_min=PRESS).forces
         pregrasp = opened(q, at.normals, problem, OPENINGS[0])
-        motion = grasp_motion(q, at.normals, forces, problem, pregrasp)
-        certificate = certificate_of(q, forces, problem, with_capacity=False)
-        return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
+        return pressed(candidate, forces, grasp_motion(q, at.normals, forces, problem, pregrasp))
 
 
 class CvaeAgent(LatentAgent):

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 import numpy as np
@@ -34,35 +33,16 @@ _OPEN = {
 _CLOSED = _AROUND | {"thumb": (1.38, 0.35, 0.45, 0.2)}
 _FIRM = _AROUND | {"thumb": (1.38, 0.35, 0.85, 0.2)}
 Posture = Mapping[str, tuple[float, ...]]
+_HANDS = _OPEN, _CLOSED, _FIRM
+"""Wide around the object; the thumb half way; the thumb's set-point inside any object, so that its servo saturates."""
 _TILT = 0.2  # rad, thumb up: the thumb is the longer
+# Where the palm goes, m: u along the short axis of the object, from thumb to fingers, v across it.
+_U, _V = 0.010, -0.028  # from the cloud's mean
+_ABOVE = 0.045  # above the cloud's highest point
+_LEAST_Z = 0.137  # above the table, which the fingertips must clear
 _MIN_POINTS = 20
 _HULL_FACES = 80
 _IK_ERROR = 0.003  # m
-
-
-@dataclass(frozen=True)
-class HardcodedSettings:
-    """What was tuned by hand; lengths in metres, in the frame of the grip.
-
-    That frame has u along the short axis of the object, from thumb to fingers, v across it, z up.
-
-    Attributes:
-        u_offset: of the palm from the cloud's mean.
-        v_offset: of the palm from the cloud's mean.
-        z_offset: of the palm above the cloud's highest point.
-        least_z: of the palm above the table, so that the fingertips clear it.
-        hand_open: rad by finger, wide around the object.
-        hand_closed: rad by finger, index and middle where they stay, the thumb half way.
-        hand_firm: rad by finger, thumb set-point inside any object: its servo saturates.
-    """
-
-    u_offset: float = 0.010
-    v_offset: float = -0.028
-    z_offset: float = 0.045
-    least_z: float = 0.137
-    hand_open: Posture = field(default_factory=lambda: _OPEN)
-    hand_closed: Posture = field(default_factory=lambda: _CLOSED)
-    hand_firm: Posture = field(default_factory=lambda: _FIRM)
 
 
 class HardcodedAgent(Agent):
@@ -80,8 +60,7 @@ class HardcodedAgent(Agent):
         "observe": "reset",
     }
 
-    def __init__(self, settings: HardcodedSettings | None = None) -> None:
-        self.settings = settings or HardcodedSettings()
+    def __init__(self) -> None:
         self._script: ActionScript | None = None
         self._rest = np.zeros(0, np.float32)
         self._cell = default_cell()
@@ -120,8 +99,7 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        tree, obstacle, s = robot_tree(self._cell), _obstacle(points), self.settings
-        hands = [self._hand(posture) for posture in (s.hand_open, s.hand_closed, s.hand_firm)]
+        tree, obstacle, hands = robot_tree(self._cell), _obstacle(points), list(map(self._hand, _HANDS))
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
         for arm in self._arms(tree, start, points):
             pregrasp, grasp, squeeze = (np.concatenate([arm, hand]) for hand in hands)
@@ -158,7 +136,7 @@ class HardcodedAgent(Agent):
         for axis in axes:
             R, p = self._palm_goal(points, axis)
             q = start.copy()
-            q[tree.arm :] = self._hand(self.settings.hand_open)
+            q[tree.arm :] = self._hand(_OPEN)
             q[0] = np.arctan2(p[1], p[0])
             if solve_palm(q, R, p, tree, 300, 1e-5) < _IK_ERROR:
                 arms.append(q[: tree.arm].copy())
@@ -166,13 +144,12 @@ class HardcodedAgent(Agent):
 
     def _palm_goal(self, points: Array, axis: Array) -> tuple[Array, Array]:
         """Return rotation (3, 3) and position (3,) m of the palm frame for a grip along `axis` (3,)."""
-        s = self.settings
         down = np.array([0.0, 0.0, -1.0])
         x = np.cos(_TILT) * down - np.sin(_TILT) * axis
         z = np.sin(_TILT) * down + np.cos(_TILT) * axis
         y = np.cross(z, x)
-        position = points.mean(axis=0) + s.u_offset * axis + s.v_offset * y
-        position[2] = max(points[:, 2].max() + s.z_offset, s.least_z)
+        position = points.mean(axis=0) + _U * axis + _V * y
+        position[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
         return np.stack([x, y, z], axis=1), position
 
 

@@ -65,8 +65,14 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
     if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
         log.block("surface_out_of_reach", farthest)
         return None
-    certificate = certificate_of(q, hold.forces, problem, with_capacity=False)
-    return Grasp(q, at.contacts, at.normals, hold.forces, certificate, motion, problem.cell)
+    return pressed(candidate, hold.forces, motion)
+
+
+def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:
+    """Return the grasp of a configuration that presses with forces (3, 3) N, with its certificate."""
+    problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
+    certificate = certificate_of(q, forces, problem, with_capacity=False)
+    return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
 
 
 def completed(grasp: Grasp, problem: Problem) -> Grasp:
