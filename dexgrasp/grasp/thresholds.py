@@ -68,12 +68,11 @@ def planned_friction(mu: float) -> tuple[float, float]:
     return min(FROZEN.friction, FRICTION_SHARE * mu), min(FROZEN.friction_hold, HOLD_SHARE * mu)
 
 
-def thresholds_for(settings: Any) -> Thresholds:
+def thresholds_for(settings: Thresholds) -> Thresholds:
     """Return what a grasp planned under `settings` is to be judged by.
 
     That is the frozen thresholds; but the friction planned with, where it is less, and whatever the settings ask
     less of than the frozen ones, so that `verify` can refuse it by name.
     """
-    stated = {f.name: getattr(settings, f.name) for f in fields(Thresholds) if hasattr(settings, f.name)}
-    kept = {name: stated[name] for name in replace(FROZEN, **stated).looser()}
-    return replace(FROZEN, friction=settings.friction, friction_hold=settings.friction_hold, **kept)
+    own = {"friction", "friction_hold", *settings.looser()}
+    return replace(FROZEN, **{name: getattr(settings, name) for name in own})

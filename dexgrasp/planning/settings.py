@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from dexgrasp.grasp.thresholds import FROZEN, planned_friction
+from dexgrasp.grasp.thresholds import Thresholds, planned_friction
 from dexgrasp.shape.parts import MOST_PARTS
 from dexgrasp_env.valid import number
 
@@ -14,23 +14,13 @@ GRASPS = number(ge=1, le=MOST, whole=True)._replace(
 
 
 @dataclass(frozen=True)
-class PlannerSettings:
-    """Settings of the planner; lengths in m, angles in rad. What a grasp must keep is `grasp.thresholds`' by default.
+class PlannerSettings(Thresholds):
+    """What every grasp keeps, and how it is looked for; lengths in m, angles in rad.
 
     Attributes:
-        friction: coefficient that the planner counts on; the environment's default is 0.7, so there is a reserve.
-        distance: range of the signed distance of the tip's inner sphere, (3) with d_min, d_max of section 1.2: the
-            sphere centre lies `tip_radius` above it.
-        tip_radius: effective radius of the compliant fingertip.
-        closure_margin: least min-weight margin accepted (1 is the most that an even grasp can have).
         closure_aim: margin that the optimiser works towards before it settles for the least.
-        clearance: least clearance of hand to object (tips apart), table and itself.
-        tip_cosine: least cosine between a fingertip's axis and the inward normal: the back of a tip cannot press.
-        pad_cosine: least cosine between the direction of its pad and the inward normal.
-        joint_margin: distance kept from joint limits.
         surface_points: samples of the surface that triples are made of.
         table_clearance: proposed contacts are at least this high above the table.
-        contact_height: contacts of a grasp are.
         triples: triples that are turned into hand postures.
         neighbours: postures of the hand's atlas looked at for each.
         postures: postures that are tried by the optimiser before the planner gives up.
@@ -42,28 +32,16 @@ class PlannerSettings:
         initial_orientations: starting postures a proposal (six in section 3.3).
         iterations: steps of the SQP, for one posture.
         seconds: time after which no further posture is tried; None for results that do not depend on the machine.
-        least_press: least pressing force of each contact, N: what the eye's error in place costs the squeeze.
-        friction_hold: coefficient in whose cones the holding forces stay.
         loads: levels that the dataset sorts grasps by, firmest first: share of the assumed mass, and push in any
             direction that is borne, in weights.
         friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by: less than is counted on.
         place_error: how far the surface may be from where it was seen, m.
         firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
-        torque_share: share of the joint torque limits that the squeeze may use.
     """
 
-    friction: float = FROZEN.friction
-    distance: tuple[float, float] = FROZEN.distance
-    tip_radius: float = FROZEN.tip_radius
-    closure_margin: float = FROZEN.closure_margin
     closure_aim: float = 0.50
-    clearance: float = FROZEN.clearance
-    tip_cosine: float = FROZEN.tip_cosine
-    pad_cosine: float = FROZEN.pad_cosine
-    joint_margin: float = FROZEN.joint_margin
     surface_points: int = 96
     table_clearance: float = 0.015
-    contact_height: float = FROZEN.contact_height
     triples: int = 40
     neighbours: int = 64
     postures: int = 60
@@ -75,13 +53,10 @@ class PlannerSettings:
     initial_orientations: int = 6
     iterations: int = 40
     seconds: float | None = None
-    least_press: float = FROZEN.least_press
-    friction_hold: float = FROZEN.friction_hold
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
     place_error: float = 0.003
     firm_load: float = 1.2
-    torque_share: float = FROZEN.torque_share
 
     @classmethod
     def for_friction(cls, mu: float) -> "PlannerSettings":
