@@ -1,7 +1,7 @@
 """The thresholds that `verify` holds every grasp to. Frozen: tuning the planner does not move its judge."""
 
-from dataclasses import dataclass, fields, replace
-from typing import Annotated, Any
+from dataclasses import dataclass, replace
+from typing import Annotated
 
 from dexgrasp.grasp.values import Number, Positive
 from dexgrasp_env.valid import number, pair
