@@ -144,6 +144,8 @@ def _import(module_name: str) -> Any:
     _look_here()
     try:
         return importlib.import_module(module_name)
+    except InputError:  # a ValueError as well
+        raise
     except ValueError as error:  # an empty or relative name
         raise ImportError(str(error)) from error
 
