@@ -90,7 +90,7 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
     agent.reset(observation, info)
     assert env.action_space.contains(agent.act(observation))
     grip = agent._policy
-    looks = look(grip.scaling, observation)
+    looks = look(grip.clone, observation)
     assert np.abs(grip.correction(looks)).max() > 0.0  # it has learned something
     assert meant.shape == (1, SIZE)
 

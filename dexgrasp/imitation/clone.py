@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.imitation.features import VIEWS, Observation, Scene, features, first_look
-from dexgrasp.imitation.policy import Mlp, Policy, relu
+from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -16,8 +16,6 @@ from dexgrasp_env.tasks.control import max_step, normalise
 
 KIND = "clone"
 CONTROL_MODES = ("joint_delta", "joint_position")
-FARTHEST = 6.0
-"""Standard deviations that features are clipped at."""
 
 
 class Clone(Policy):
@@ -28,11 +26,11 @@ class Clone(Policy):
         self.execute = int(about["execute"])
         if not 1 <= self.execute <= self.chunk:
             raise InputError(f"the policy executes {self.execute} of {self.chunk} steps: valid are 1 to all")
-        self._mean, self._scale, self._unit = (arrays[name] for name in ("mean", "scale", "unit"))
+        self.scaling, self._unit = Scaling(arrays["mean"], arrays["scale"]), arrays["unit"]
         self._trunk = Mlp(arrays, "trunk", relu)
         self._encoder = Mlp(arrays, "encoder", relu) if self.view == "cloud" else None
         self.joints = self._unit.size // self.chunk
-        inputs = len(self._mean) + (self._encoder.outputs if self._encoder else 0)
+        inputs = len(self.scaling.mean) + (self._encoder.outputs if self._encoder else 0)
         known = self.view in VIEWS and self.env.get("control_mode") in CONTROL_MODES
         return (
             known
@@ -62,8 +60,7 @@ class Clone(Policy):
             looks: (n, F) features.
             codes: (n, K) of the clouds.
         """
-        scaled = np.clip((looks - self._mean) / self._scale, -FARTHEST, FARTHEST).astype(np.float32)
-        out = self._trunk(np.concatenate([scaled, codes], axis=-1)) * self._unit
+        out = self._trunk(np.concatenate([self.scaling(looks), codes], axis=-1)) * self._unit
         return out.reshape(len(looks), self.chunk, self.joints).astype(float)
 
 

@@ -6,7 +6,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.imitation.clone import FARTHEST
+from dexgrasp.imitation.policy import FARTHEST
 from dexgrasp.imitation.settings import CloneNetwork
 from dexgrasp_env.extras import from_extra
 

@@ -33,8 +33,8 @@ class Rows:
 
     Attributes:
         looks: (S, F) features.
-        targets: (S + E, 23) rad, set-points; each episode has one more than it has steps.
-        meant: (S + E, 23) rad, what the demonstrator meant them to be, without its noise.
+        targets: (S, 23) rad, set-points before each step.
+        meant: (S, 23) rad, what the demonstrator meant them to be after it, without its noise.
         first: (E,) rows that the episodes begin at.
         steps: (E,) lengths.
         points: (E, N, 3) of the clouds.
@@ -52,9 +52,9 @@ class Rows:
     def chunks(self, episodes: NDArray[np.int64], rows: NDArray[np.int64], length: int) -> Floats:
         """Return the set-points that follow rows (E, R) of episodes (E,), relative to those now, (E, R, length, 23)."""
         # Beyond the end they stand still.
-        ahead = np.minimum(rows[..., None] + np.arange(1, length + 1), self.steps[episodes][:, None, None])
-        start = (self.first + np.arange(len(self.first)))[episodes][:, None]
-        return self.meant[start[..., None] + ahead] - self.targets[start + rows][:, :, None]
+        ahead = np.minimum(rows[..., None] + np.arange(length), self.steps[episodes][:, None, None] - 1)
+        first = self.first[episodes][:, None]
+        return self.meant[first[..., None] + ahead] - self.targets[first + rows][:, :, None]
 
     def batch(self, episodes: NDArray[np.int64], rows: NDArray[np.int64], length: int) -> Batch:
         """Return rows (E, R) of episodes (E,)."""
@@ -116,10 +116,7 @@ def _parts(view: str, episode: Episode, folder: Path, noise: float) -> tuple[Flo
     looks = features(view, scene, now, np.arange(len(episode)))
     points = scene.points if view == "cloud" else np.zeros((0, 3), np.float32)
     assert len(points) in (0, POINTS)
-    targets = np.asarray(seen["joint_targets"], dtype=np.float32)
-    meant = (
-        intended(targets.astype(float), noise, episode.about["agent_seed"], default_cell().robot)
-        if noise
-        else targets
-    )
-    return looks.astype(np.float32), targets, meant.astype(np.float32), points
+    targets = np.asarray(seen["joint_targets"], dtype=float)
+    robot = default_cell().robot
+    meant = intended(targets, noise, episode.about["agent_seed"], robot) if noise else targets
+    return looks.astype(np.float32), targets[:-1].astype(np.float32), meant[1:].astype(np.float32), points

@@ -2,14 +2,18 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.runs.policy_folder import Arrays
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
+
+FARTHEST = 6.0
+"""Standard deviations that features are clipped at."""
 
 
 class Policy(ABC):
@@ -46,6 +50,17 @@ class Policy(ABC):
         Raises:
             InputError: where there is nothing to look at, or the robot is another.
         """
+
+
+class Scaling(NamedTuple):
+    """Mean and spread (F,) of features."""
+
+    mean: Any
+    scale: Any
+
+    def __call__(self, looks: Array) -> NDArray[np.float32]:
+        """Return features (..., F) as networks are given them."""
+        return np.clip((looks - self.mean) / self.scale, -FARTHEST, FARTHEST).astype(np.float32)
 
 
 class Mlp:

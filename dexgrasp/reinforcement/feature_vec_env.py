@@ -8,27 +8,19 @@ from gymnasium import spaces
 from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 
-from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.features import Observation
-from dexgrasp.reinforcement.actor import Eye, Scaling
-from dexgrasp_env.arrays import Array
+from dexgrasp.imitation.policy import Scaling
+from dexgrasp.reinforcement.actor import Acting, Eye
 
 
 class FeatureVecEnv(VecEnvWrapper):
     """Gives what an `Actor`'s network is given, and carries out what an `Actor` would."""
 
-    def __init__(self, envs: VecEnv, scaling: Scaling, clone: Clone | None, share: float) -> None:
-        """Wrap environments of `obs_mode="state"`.
-
-        Args:
-            envs: with dict observations.
-            scaling: mean and spread (F,) of the features.
-            clone: that acts along, or None.
-            share: of the network's action that is carried out.
-        """
-        width = np.size(scaling[0]) + (0 if clone is None else clone.joints)
+    def __init__(self, envs: VecEnv, acting: Acting) -> None:
+        """Wrap environments of `obs_mode="state"`."""
+        width = np.size(acting.scaling.mean) + (acting.clone.joints if acting.clone else 0)
         super().__init__(envs, observation_space=spaces.Box(-np.inf, np.inf, (width,), np.float32))
-        self._acting = scaling, clone, share, envs.get_attr("settings")[0].cell
+        self._acting, self._cell = acting, envs.get_attr("settings")[0].cell
         self._eyes: list[Eye] = []
         self._returns = np.zeros(self.num_envs)
         self.finished: list[tuple[float, bool]] = []
@@ -37,7 +29,7 @@ class FeatureVecEnv(VecEnvWrapper):
         """Start all episodes."""
         observations: Any = self.venv.reset()
         firsts = [one(observations, i) for i in range(self.num_envs)]
-        self._eyes = [Eye(*self._acting, first) for first in firsts]
+        self._eyes = [Eye(self._acting, first, self._cell) for first in firsts]
         self._returns[:] = 0.0
         self.finished.clear()
         return self._looks(firsts)
@@ -56,14 +48,12 @@ class FeatureVecEnv(VecEnvWrapper):
         seen = [one(observations, i) for i in range(self.num_envs)]
         for i in np.flatnonzero(dones).tolist():
             self.finished.append((float(self._returns[i]), bool(infos[i]["is_success"])))
-            last = self._eyes[i].look(infos[i]["terminal_observation"])
-            infos[i]["terminal_observation"] = last.astype(np.float32)
-            self._eyes[i], self._returns[i] = Eye(*self._acting, seen[i]), 0.0
+            infos[i]["terminal_observation"] = self._eyes[i].look(infos[i]["terminal_observation"])
+            self._eyes[i], self._returns[i] = Eye(self._acting, seen[i], self._cell), 0.0
         return self._looks(seen), rewards, dones, infos
 
     def _looks(self, seen: Sequence[Observation]) -> NDArray[np.float32]:
-        looks = [eye.look(observation) for eye, observation in zip(self._eyes, seen, strict=True)]
-        return np.stack(looks).astype(np.float32)
+        return np.stack([eye.look(observation) for eye, observation in zip(self._eyes, seen, strict=True)])
 
 
 def one(observations: Observation, i: int) -> Observation:
@@ -71,9 +61,11 @@ def one(observations: Observation, i: int) -> Observation:
     return {key: values[i] for key, values in observations.items()}
 
 
-def measure(envs: VecEnv, steps: int, rng: np.random.Generator) -> tuple[Array, Array]:
+def measure(envs: VecEnv, steps: int, rng: np.random.Generator) -> Scaling:
     """Return mean and spread (F,) of the features under random actions; spreads are at least 0.1."""
-    seen, size = FeatureVecEnv(envs, (0.0, 1.0), None, 1.0), (envs.num_envs, *(envs.action_space.shape or ()))
-    looks: list[Any] = [seen.reset()] + [seen.step(rng.uniform(-1.0, 1.0, size))[0] for _ in range(steps - 1)]
+    seen = FeatureVecEnv(envs, Acting(Scaling(0.0, 1.0), None, 1.0))
+    looks: list[Any] = [seen.reset()]
+    for _ in range(steps - 1):
+        looks.append(seen.step(rng.uniform(-1.0, 1.0, (envs.num_envs, *(envs.action_space.shape or ()))))[0])
     table = np.concatenate(looks).astype(float)
-    return table.mean(axis=0), np.maximum(table.std(axis=0), 0.1)
+    return Scaling(table.mean(axis=0), np.maximum(table.std(axis=0), 0.1))

@@ -11,14 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.imitation.clone import FARTHEST, Clone, CloneRun
+from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.imitation.features import Observation, features, first_look
 from dexgrasp.imitation.policy import Mlp, Policy
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import empty_frames, forward
 from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
-from dexgrasp.reinforcement.actor import Scaling
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
@@ -61,13 +60,12 @@ class Grip(Policy):
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
         base = below(arrays, "base.")
         self.clone, self._actor = Clone(about["base"], base), Mlp(arrays, "actor", np.tanh)
-        self.scaling = base["mean"].astype(float), base["scale"].astype(float)
-        sized = self._actor.inputs == len(self.scaling[0]) and self._actor.outputs == SIZE
+        sized = self._actor.inputs == len(self.clone.scaling.mean) and self._actor.outputs == SIZE
         return sized and self.clone.view == "state" and self.env == self.clone.env
 
     def begin(self, first: Observation, cell: Cell) -> "GripRun":
         """Decide on the correction and start an episode in a cell."""
-        return GripRun(self.clone, first, self.correction(look(self.scaling, first)), cell)
+        return GripRun(self.clone, first, self.correction(look(self.clone, first)), cell)
 
     def correction(self, looks: NDArray[np.float32]) -> Array:
         """Return the correction (SIZE,) for what `look` returns."""
@@ -106,11 +104,9 @@ class GripRun:
         return np.clip((corrected - now) / most, -1.0, 1.0).astype(np.float32)
 
 
-def look(scaling: Scaling, first: Observation) -> NDArray[np.float32]:
+def look(clone: Clone, first: Observation) -> NDArray[np.float32]:
     """Return what the network is given: the first observation's features (F,), scaled as the clone's."""
-    mean, scale = scaling
-    looks = features("state", first_look("state", first), first, 0)
-    return np.clip((looks - mean) / scale, -FARTHEST, FARTHEST).astype(np.float32)
+    return clone.scaling(features("state", first_look("state", first), first, 0))
 
 
 @njit

@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.features import Observation
-from dexgrasp.reinforcement.actor import Scaling
 from dexgrasp.reinforcement.feature_vec_env import one
 from dexgrasp.reinforcement.grip import SIZE, GripRun, look
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
@@ -23,23 +22,20 @@ class GripVecEnv(SB3VecEnv):
     group's: what scene, friction and mass make of it falls out, what the correction makes of it stays.
     """
 
-    def __init__(
-        self, env_id: str, num_envs: int, clone: Clone, scaling: Scaling, alike: int, **kwargs: Any
-    ) -> None:
+    def __init__(self, env_id: str, num_envs: int, clone: Clone, alike: int, **kwargs: Any) -> None:
         """Make the environments.
 
         Args:
             env_id: of one that has a native vector environment.
             num_envs: how many, a multiple of `alike`.
             clone: that acts.
-            scaling: of the features.
             alike: how many begin alike.
             **kwargs: more arguments of `gym.make_vec`; `max_episode_steps` is the episodes' length.
         """
         super().__init__(env_id, num_envs, autoreset_mode="Disabled", **kwargs)
-        self.observation_space = spaces.Box(-np.inf, np.inf, (len(scaling[0]),), np.float32)
+        self.observation_space = spaces.Box(-np.inf, np.inf, clone.scaling.mean.shape, np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (SIZE,), np.float32)
-        self._clone, self._scaling = clone, scaling
+        self._clone = clone
         self._cell = self.get_attr("settings")[0].cell
         self._length, self._alike = int(kwargs["max_episode_steps"]), alike
         self._rng = np.random.default_rng()
@@ -88,4 +84,4 @@ class GripVecEnv(SB3VecEnv):
         return returns / self._length, held
 
     def _looks(self) -> NDArray[np.float32]:
-        return np.stack([look(self._scaling, one(self._now, i)) for i in range(self.num_envs)])
+        return np.stack([look(self._clone, one(self._now, i)) for i in range(self.num_envs)])

@@ -29,7 +29,7 @@ class GripTraining(Rounds):
         s = self.settings
         assert self.clone, "a grip is a clone's"
         return GripVecEnv(
-            s.env_id, s.num_envs, self.clone, self.scaling, s.alike, objects=list(s.objects),
+            s.env_id, s.num_envs, self.clone, s.alike, objects=list(s.objects),
             max_episode_steps=s.episode_steps, randomisation={"friction": s.friction, "mass": s.mass}, **self.env,
         )  # fmt: skip
 

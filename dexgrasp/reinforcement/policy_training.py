@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.demos.resets import DemoResets
-from dexgrasp.reinforcement.actor import KIND
+from dexgrasp.reinforcement.actor import KIND, Acting
 from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import RlSettings
 from dexgrasp.runs.training import Course, Row
@@ -34,7 +34,6 @@ class PolicyTraining(Rounds):
     ) -> None:
         """As `Rounds`; without a clone it begins from nothing."""
         super().__init__(out, settings, clone, course)
-        self._share = settings.share or (0.2 if clone else 1.0)
         self._resets = DemoResets(settings.resets) if settings.resets else None
 
     def environments(self) -> FeatureVecEnv:
@@ -46,10 +45,13 @@ class PolicyTraining(Rounds):
         )
         if self._resets:
             self._resets.attach(envs.envs)
-        if self.base is None:
+        if self.clone:
+            scaling = self.clone.scaling
+        else:
             envs.seed(s.seed)
-            self.scaling = measure(envs, _MEASURED, np.random.default_rng([s.seed, 0]))
-        return FeatureVecEnv(envs, self.scaling, self.clone, self._share)
+            scaling = measure(envs, _MEASURED, np.random.default_rng([s.seed, 0]))
+        self._acting = Acting(scaling, self.clone, s.share or (0.2 if self.clone else 1.0))
+        return FeatureVecEnv(envs, self._acting)
 
     def learner(self) -> BaseAlgorithm:
         """Make the learner."""
@@ -89,5 +91,5 @@ class PolicyTraining(Rounds):
     def policy(self) -> tuple[Row, dict[str, Any]]:
         """Return what an `Actor` reads."""
         is_sac = self.settings.algorithm == "sac"
-        about = {"share": self._share, "activation": "relu" if is_sac else "tanh", "squashed": is_sac}
-        return about, dict(zip(("mean", "scale"), self.scaling, strict=True))
+        about = {"share": self._acting.share, "activation": "relu" if is_sac else "tanh", "squashed": is_sac}
+        return about, self._acting.scaling._asdict()

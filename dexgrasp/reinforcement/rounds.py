@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.imitation.clone import Clone
-from dexgrasp.reinforcement.actor import Scaling
 from dexgrasp.runs.checkpoint import Parts, damaged
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp.runs.training import CHECKPOINT, Course, Row, Training
@@ -63,7 +62,6 @@ class Rounds(Training):
         super().__init__(out, settings, settings.rounds, course)
         self.base: Any = None if clone is None else read_policy(clone)
         self.clone = None if self.base is None else Clone(*self.base)
-        self.scaling: Scaling = (self.base[1]["mean"], self.base[1]["scale"]) if self.base else (0.0, 1.0)
         self.env = {"obs_mode": "state", "control_mode": getattr(settings, "control_mode", "joint_delta")}
         if self.clone and (self.clone.view != "state" or self.clone.env != self.env):
             raise InputError(
