@@ -57,7 +57,8 @@ def plan_contents():
     for seed, (name, make) in enumerate(MESHES.items()):
         made = make(name)
         meshes = made if isinstance(made, tuple) else (made,)
-        grasp_target = GraspTarget.of(*meshes, mass=0.2)
+        mass = load_object(name).mass if name in CATALOGUE else 0.2
+        grasp_target = GraspTarget.of(*meshes, mass=mass)
         plan = Planner().plan(grasp_target, seed, HOME)
         assert plan.grasp is not None, (name, plan.reason)
         identity, pose = name, None

@@ -13,6 +13,17 @@ FRICTION_SHARE = 5.0 / 7.0
 HOLD_SHARE = 6.0 / 7.0
 """Of the true friction coefficient that the holding forces may use."""
 
+CONTACT_INSIDE = 0.008
+"""m that a contact may lie below the true surface of the object that a file names: its finger meets it early."""
+TIP_SHORT = 0.006
+"""m that a tip at the grasp may be short of that surface: closing, which is guarded, takes it there."""
+HULL_OUTSIDE, OBJECT_OUTSIDE = 0.03, 0.055
+"""m that the planned hull may stand out of the object's, and the object's out of it: of one view much is guessed."""
+OVERLAP = 0.55
+"""Least share of the volume of both hulls that they have in common."""
+TOLD_MASS, TOLD_CENTRE = 0.01, 0.002
+"""Share and m that a mass and a centre that the planner was told may differ from the object's."""
+
 
 @dataclass(frozen=True)
 class Thresholds:

@@ -1,18 +1,30 @@
-"""The object: is it the one stated, does it lie where stated, do assumed mass and centre follow from its shape."""
+"""The object: is it the one stated, does it lie under hull and tips, are mass and centre its own or of its shape."""
+
+from typing import Any
 
 import numpy as np
+from scipy.spatial import Delaunay
 
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.identity import surface_hash
+from dexgrasp.grasp.thresholds import (
+    CONTACT_INSIDE,
+    HULL_OUTSIDE,
+    OBJECT_OUTSIDE,
+    OVERLAP,
+    TIP_SHORT,
+    TOLD_CENTRE,
+    TOLD_MASS,
+)
 from dexgrasp.verify.case import Case
-from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_most, same
+from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, same
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.objects.model import ObjectModel
 
-OUTSIDE = 0.02
-"""m that the planned hull may stand out of the object: completion down to the table costs most of it."""
 SUNK = 0.003  # m that the object's lowest point may be off the table
 MASS = 1e-6  # kg
+_POINTS = 20_000  # that measure a common volume to half a percent
 _DENSITY, _RANGE = 900.0, (0.08, 0.65)  # kg/m3 and kg: what an object that nobody weighed is taken for
 
 
@@ -48,25 +60,56 @@ def _object_checks(case: Case) -> list[Check]:
     return [
         Check("object content_hash", float(not same_surface), "as stated", same_surface),
         Check("object name", float(not same_name), model.name, same_name),
+        *_told_checks(case, model),
         *_pose_checks(case, model),
     ]
 
 
+def _told_checks(case: Case, model: ObjectModel) -> list[Check]:
+    """What the planner was told is the object's; nobody else knows what a bare mesh file weighs."""
+    stated, T, found = case.record.object, case.record.T_world_object, []
+    if has_own_size(str(stated.source)):
+        if stated.known_mass is not None:
+            found.append(same("mass of the object", abs(stated.known_mass / model.mass - 1.0), TOLD_MASS))
+        if stated.known_centre is not None and T is not None:
+            off = np.linalg.norm(stated.known_centre - T[:3, 3])
+            found.append(same("centre of the object", off, TOLD_CENTRE, "m"))
+    return found
+
+
 def _pose_checks(case: Case, model: ObjectModel) -> list[Check]:
-    """The pose is rigid, puts the object on the table, and puts it where the hull is."""
+    """The pose is rigid, puts the object on the table, and puts it where hull and contacts are."""
     T, offset = case.record.T_world_object, case.record.hull_offset
     if T is None or offset is None:
-        return []
+        return [Check("T_world_object given", 1.0, "where a source is", False)]
     rotation = T[:3, :3]
     rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() + np.abs(T[3] - [0, 0, 0, 1]).max()
-    mesh = model.mesh.copy()
+    mesh, hull = model.mesh.copy(), case.scene.hull
     mesh.apply_transform(T)
     true = mesh.convex_hull
-    outside = closest_on_mesh(true, case.record.hull).distances.max()
-    off = case.scene.hull.center_mass - true.center_mass - offset
+    off = hull.center_mass - true.center_mass - offset
+    inside = -closest_on_mesh(mesh, case.record.points).distances.min()
+    short = closest_on_mesh(mesh, case.touch.tips).distances.max() - case.limits.tip_radius
     return [
         at_most("T_world_object rigid", rigid + (np.linalg.det(rotation) < 0.0), ROUNDING),
         at_most("object off the table", abs(mesh.bounds[0, 2]), SUNK, "m"),
-        at_most("hull outside the object's", outside, OUTSIDE, "m"),
+        at_most("contacts inside the object", inside, CONTACT_INSIDE, "m"),
+        at_most("tips short of the object", short, TIP_SHORT, "m"),
+        at_most("hull outside the object's", _outside(true, hull), HULL_OUTSIDE, "m"),
+        at_most("object outside the hull", _outside(hull, true), OBJECT_OUTSIDE, "m"),
+        at_least("volume that hull and object share", _overlap(hull, true), OVERLAP),
         same("hull_offset", np.abs(off).max(), LENGTH, "m"),
     ]
+
+
+def _outside(hull: Any, other: Any) -> float:
+    """Return how far another mesh stands out of a convex one, m."""
+    return float(closest_on_mesh(hull, other.vertices).distances.max())
+
+
+def _overlap(hull: Any, other: Any) -> float:
+    """Return the volume common to two convex meshes as a share of what either fills, by points evenly spread."""
+    low, high = np.minimum(hull.bounds[0], other.bounds[0]), np.maximum(hull.bounds[1], other.bounds[1])
+    points = low + (high - low) * np.random.default_rng(0).random((_POINTS, 3))
+    one, two = (Delaunay(mesh.vertices).find_simplex(points) >= 0 for mesh in (hull, other))
+    return float((one & two).sum() / (one | two).sum())
