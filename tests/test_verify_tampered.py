@@ -5,10 +5,12 @@ import copy
 import numpy as np
 import pytest
 from planned import failing
+from project_scripts import load_script
 from robots import HOME, LOWER, UPPER
 
 from dexgrasp.grasp.file import record_of
 from dexgrasp.verify.verify import verify
+from dexgrasp_env.objects.load import load_object
 
 
 def shift_joints(c):
@@ -186,6 +188,21 @@ def other_object(c):
     c["object"]["source"] = "soda"
 
 
+def nowhere(c):
+    c["T_world_object"] = c["hull_offset"] = None
+
+
+def weigh_less(c):
+    """As if the object were 20 g: all that follows from the mass follows."""
+    share = 0.02 / c["object"]["known_mass"]
+    c["object"]["known_mass"] = c["certificate"]["mass"] = 0.02
+    put(c, "force", share * of(c, "force"))
+
+
+def told_wrongly(c):
+    c["object"]["known_centre"] = c["centre"] = (np.array(c["centre"]) + 0.03).tolist()
+
+
 def wiggle_ring(c):
     c["q"][16] += 0.05
 
@@ -216,6 +233,9 @@ def claims(key, value):
         (lighter, {"mass as stated"}),
         (elsewhere, {"hull outside the object's", "hull_offset as stated"}),
         (other_object, {"object content_hash"}),
+        (nowhere, {"T_world_object given"}),
+        (weigh_less, {"mass of the object as stated"}),
+        (told_wrongly, {"centre of the object as stated"}),
         (wiggle_ring, {"idle fingers still as stated"}),
         (more_friction, {"thresholds looser than ours"}),
         (same_words("frame", "world"), {"frame"}),
@@ -303,3 +323,27 @@ def test_small_shifts_of_every_joint_that_bears_a_grasping_tip_are_seen(contents
         content["q"][joint] += 0.01
         failed = {c.name for c in verify(record_of(content), ["contacts"]) if not c.holds}
         assert "contacts as claimed" in failed, joint
+
+
+@pytest.mark.parametrize(
+    ("true", "other", "expected"),
+    [
+        ("sugar_box", "cracker_box", "contacts inside the object"),
+        ("sugar_box", "mask", "volume that hull and object share"),
+        ("sugar_box", "chips", "volume that hull and object share"),
+        ("tomato_soup_can", "lego", "tips short of the object"),
+        ("pear", "chips", "object outside the hull"),
+        ("pear", "lego", "tips short of the object"),
+    ],
+)
+def test_a_grasp_is_not_taken_for_one_of_another_object_in_its_place(true, other, expected, contents):
+    script, record = load_script("relabel_grasps"), record_of(contents[true])
+    broken = failing(script.relabelled(record, other, "standing"))
+    assert expected in broken, broken
+    assert {"object content_hash", "object name", "hull_offset as stated"} & broken == set()
+
+
+def test_a_grasp_named_again_as_what_it_is_passes(contents):
+    record, model = record_of(contents["pear"]), load_object("pear")
+    again = load_script("relabel_grasps").named(record, model, "pear", record.T_world_object)
+    assert [check.name for check in verify(again) if not check.holds] == []
