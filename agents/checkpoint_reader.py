@@ -20,7 +20,7 @@ from dexgrasp_env.errors import InputError
 _ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
 _LARGEST = 2**31  # bytes unpacked: a zip may promise anything
 _NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
-_REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0}
+_REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0, "train_freq": 1}
 _CLASSES = re.compile(
     r"stable_baselines3\.((common|\w+)\.policies|common\.(buffers|utils|type_aliases|torch_layers|noise))"
     r"|stable_baselines3\.common\.(running_mean_std|vec_env\.vec_normalize)"

@@ -95,15 +95,18 @@ def _all_tips(q: Array, tree: RobotTree, tips: Array, axes: Array, pads: Array) 
     frames = empty_frames(tree)
     R, p = frames.R, frames.p
     forward(q[0], tree, frames)
+    palm = R[tree.palm] @ tree.palm_rotation  # the arm stands still
+    origin = p[tree.palm] + R[tree.palm] @ tree.palm_offset
     for k in range(q.shape[0]):
-        forward_part(q[k], tree, frames, tree.palm + 1, R.shape[0])  # the arm stands still
-        palm = R[tree.palm] @ tree.palm_rotation
-        origin = p[tree.palm] + R[tree.palm] @ tree.palm_offset
-        world = tip_positions(tree, frames)
+        forward_part(q[k], tree, frames, tree.palm + 1, R.shape[0])
+        away = tip_positions(tree, frames) - origin
         for i in range(3):
-            tips[k, i] = palm.T @ (world[i] - origin)
-            axes[k, i] = palm.T @ np.ascontiguousarray(R[tree.tip_body[i], :, 2])
-            pads[k, i] = palm.T @ np.ascontiguousarray(R[tree.tip_body[i], :, 0])
+            tip = R[tree.tip_body[i]]
+            for r in range(3):
+                x, y, z = palm[0, r], palm[1, r], palm[2, r]
+                tips[k, i, r] = x * away[i, 0] + y * away[i, 1] + z * away[i, 2]
+                axes[k, i, r] = x * tip[0, 2] + y * tip[1, 2] + z * tip[2, 2]
+                pads[k, i, r] = x * tip[0, 0] + y * tip[1, 0] + z * tip[2, 0]
 
 
 def _tip_frames(q: Array, tree: RobotTree) -> tuple[Array, Array, Array]:
