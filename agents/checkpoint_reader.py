@@ -16,9 +16,9 @@ from typing import Any
 
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import check_archive, check_bytes, read_file
 
 _ENTRY = re.compile(r"data|[\w.]+\.pth|_stable_baselines3_version|system_info\.txt")
-_LARGEST = 2**31  # bytes unpacked: a zip may promise anything
 _NEEDED = ("policy_class", "observation_space", "action_space", "policy_kwargs")
 _REPLACED = {"learning_rate": 0.0, "clip_range": 0.2, "lr_schedule": 0.0, "train_freq": 1}
 _CLASSES = re.compile(
@@ -42,9 +42,13 @@ def read_settings(path: Path) -> dict[str, Any]:
         InputError: if it is no checkpoint of Stable-Baselines3.
     """
     try:
+        check_archive(path)
         with zipfile.ZipFile(path) as archive:
             _check_layout(archive)
+            check_bytes(archive.getinfo("data").file_size, f"data in {path}", "", "is it a checkpoint?")
             return dict(json.loads(archive.read("data")))
+    except InputError:
+        raise
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None
     except Exception as error:  # a zip can be damaged in many ways
@@ -61,8 +65,6 @@ def _check_layout(archive: zipfile.ZipFile) -> None:
     for name in names:
         if not _ENTRY.fullmatch(name):
             raise ValueError(f"entry {name[:60]!r} is none of theirs")
-    if sum(info.file_size for info in archive.infolist()) > _LARGEST:
-        raise ValueError("it unpacks to more than 2 GiB")
 
 
 def harmless_objects(path: Path, settings: dict[str, Any]) -> dict[str, Any]:
@@ -100,8 +102,9 @@ def counted(path: Path) -> Any:
     """
     for file in statistics_files(path):
         if file.is_file():
+            content = read_file(file)
             try:
-                return unpickle(file.read_bytes(), _NAMES, _CLASSES)
+                return unpickle(content, _NAMES, _CLASSES)
             except Exception as error:  # damaged ones fail in many ways
                 raise InputError(
                     f"{file} holds no VecNormalize: {' '.join(str(error).split())[:120]}"

@@ -1,12 +1,15 @@
 """Files: the user's cache, content hashes, atomic writes, values as JSON holds them."""
 
+import errno
 import hashlib
 import io
 import json
 import math
 import os
 import secrets
+import stat
 import sys
+import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, is_dataclass
 from functools import cache
@@ -19,22 +22,94 @@ import platformdirs
 from dexgrasp_env.errors import InputError
 
 Arrays = dict[str, np.ndarray]
+_MIB = 1 << 20
+LARGEST = 64 * _MIB
+"""Bytes of a file of somebody else's that are read, where `_LARGEST` has nothing else for its kind."""
+_LARGEST = {
+    ".yaml": _MIB, "ascii .ply": 24 * _MIB, ".npy": 128 * _MIB, ".ply": 128 * _MIB, ".pcd": 128 * _MIB,
+    ".png": 128 * _MIB, ".stl": 128 * _MIB, ".glb": 128 * _MIB, ".jsonl": 256 * _MIB, ".npz": 512 * _MIB,
+    ".zip": 512 * _MIB, ".safetensors": 1024 * _MIB,
+}  # fmt: skip
+"""Kind -> bytes of a file, or of what it unpacks to: what its reader makes of them takes 2 GB of memory at most."""
 _DIGEST = 32  # bytes of a SHA-256
 _HEADER = 1 << 16  # bytes that an npy file of version 1.0 can have in front of its data, and some
 _DIGITS = 40  # of a whole number in JSON: no seed, count or hash of ours has as many
 
 
-def read_npz(source: Path | IO[bytes]) -> Arrays:
+def check_file(path: Path, kind: str = "", remedy: str = "is it the right file?") -> int:
+    """Return the size of a file of somebody else's that may be read: devices never end, large ones fill the memory.
+
+    Args:
+        path: of the file.
+        kind: by which it is bounded, as `.yaml`; the path's own by default.
+        remedy: what to do about a larger one, for the message.
+
+    Raises:
+        OSError: if there is none, or it is a folder.
+        InputError: no regular file, or larger.
+    """
+    about = path.stat()
+    if stat.S_ISDIR(about.st_mode):
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    if not stat.S_ISREG(about.st_mode):
+        raise InputError(f"{path} is no regular file: copy what it gives into one")
+    kind = kind or path.suffix.lower()
+    if kind == ".ply" and _is_text(path):
+        kind, remedy = "ascii .ply", "save it as a binary one"
+    check_bytes(about.st_size, str(path), kind, remedy)
+    return about.st_size
+
+
+def check_bytes(count: int, what: str, kind: str, remedy: str) -> None:
+    """Raise `InputError` where something has more bytes than are read of its kind."""
+    most = _LARGEST.get(kind, LARGEST)
+    if count > most:
+        sizes = f"{count / _MIB:,.1f} MiB, more than the {most // _MIB} that are read"
+        raise InputError(f"{what} has {sizes}: {remedy}")
+
+
+def read_file(path: Path, kind: str = "", remedy: str = "is it the right file?") -> bytes:
+    """Return the bytes of a file of somebody else's that `check_file` lets pass."""
+    check_file(path, kind, remedy)
+    return path.read_bytes()
+
+
+def check_archive(path: Path) -> None:
+    """Refuse a zip or npz as `check_file` does, by what it unpacks to as well: no reader unpacks more than it says.
+
+    Raises:
+        zipfile.BadZipFile: if it is none.
+    """
+    check_file(path)
+    with zipfile.ZipFile(path) as archive:
+        size = sum(member.file_size for member in archive.infolist())
+    check_bytes(size, f"{path} unpacked", path.suffix.lower(), "split it")
+
+
+def file_hash(path: Path) -> str:
+    """Return the SHA-256 of a file, 64 digits."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _is_text(ply: Path) -> bool:
+    with ply.open("rb") as file:
+        return b"format ascii" in file.read(_HEADER)
+
+
+def read_npz(path: Path) -> Arrays:
     """Return the arrays of an npz file of somebody else's; pickled ones are not read.
 
     Raises:
         OSError: if it cannot be read.
+        InputError: no regular file, or too large as it is or unpacked.
         ValueError: for what is no archive, a damaged one, or one that holds anything but plain arrays.
     """
     try:
-        with np.load(source, allow_pickle=False) as file:
+        check_archive(path)
+        with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-    except OSError:
+    except (OSError, InputError):
         raise
     except Exception as error:  # numpy and zipfile raise whatever they trip over
         raise ValueError(f"no archive of plain arrays ({type(error).__name__})") from None
@@ -136,8 +211,10 @@ def write_atomically(path: Path, data: bytes) -> None:
         with open(temporary, "xb") as file:
             file.write(data)
         os.replace(temporary, path)
-    except BaseException:
+    except BaseException as error:
         temporary.unlink(missing_ok=True)
+        if isinstance(error, OSError):
+            error.filename = str(path)  # a full disk names none
         raise
 
 
@@ -183,8 +260,11 @@ def parse_json(text: str | bytes) -> Any:
     """Parse JSON of somebody else's.
 
     Raises:
-        ValueError: for what is no text or no JSON, nested beyond the stack, NaN, or a number that no float holds.
+        ValueError: for what is no text or no JSON, longer than `LARGEST`, nested beyond the stack, NaN, or a number
+            that no float holds.
     """
+    if len(text) > LARGEST:
+        raise ValueError("too long")
     try:
         return json.loads(text, parse_constant=_refused, parse_float=_finite, parse_int=_whole)
     except RecursionError:
@@ -200,12 +280,14 @@ def read_json_object(path: Path, remedy: str, missing: str | None = None) -> dic
         missing: the message where there is none to read; None for the system's.
 
     Raises:
-        InputError: missing, unreadable, damaged, or JSON of another kind.
+        InputError: missing, unreadable, too large, damaged, or JSON of another kind.
     """
     try:
-        content = parse_json(path.read_bytes())
+        content = parse_json(read_file(path))
     except OSError as error:
         raise InputError(missing or f"cannot read {path}: {error.strerror or error}") from None
+    except InputError:
+        raise
     except ValueError:
         content = None
     if not isinstance(content, dict):
@@ -217,13 +299,13 @@ def read_yaml(path: Path, kind: str = "") -> Any:
     """Read a YAML file; `kind` of it is for messages.
 
     Raises:
-        InputError: if it cannot be read, or is none.
+        InputError: if it cannot be read, is too large, or is none.
     """
     import yaml
 
     what = f"{kind} {path}".strip()
     try:
-        return yaml.safe_load(path.read_text(encoding="utf-8"))
+        return yaml.safe_load(read_file(path, ".yaml").decode())
     except OSError as error:
         raise InputError(f"cannot read {what}: {error.strerror}") from None
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:

@@ -13,7 +13,6 @@ from dexgrasp.dataset.shards import (
     FIELDS,
     MANIFEST,
     complete,
-    file_hash,
     pose_arrays,
     read_manifest,
     shape_of,
@@ -26,7 +25,7 @@ from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
 from dexgrasp.runs.shards import make_missing, write_shard
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import content_hash, write_json
+from dexgrasp_env.files import content_hash, file_hash, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
 

@@ -1,6 +1,5 @@
 """What the files of a dataset hold: shards, rest poses, and the manifest."""
 
-import hashlib
 import json
 import re
 from pathlib import Path
@@ -13,7 +12,7 @@ from dexgrasp.dataset.sampler import COUNTS, Found
 from dexgrasp.dataset.settings import SCHEMA
 from dexgrasp.runs.shards import Arrays, bytes_of, read_shard
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import read_json_object
+from dexgrasp_env.files import file_hash, read_json_object
 
 MANIFEST = "manifest.json"
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
@@ -123,8 +122,3 @@ def _manifest_fault(manifest: dict[str, Any]) -> str | None:
         if not _FILE_NAME.fullmatch(name) or not isinstance(hashed, str):
             return f"files has {name[:60]!r}"
     return None
-
-
-def file_hash(path: Path) -> str:
-    """Return the SHA-256 of a file, 64 digits."""
-    return hashlib.sha256(path.read_bytes()).hexdigest()

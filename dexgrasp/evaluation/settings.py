@@ -12,7 +12,7 @@ from dexgrasp.registry import agent_files, agent_source
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import expand
+from dexgrasp_env.files import check_file, expand, file_hash
 from dexgrasp_env.objects.load import Objects, target_files
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.valid import CellFile, Count, Friction, Mass, Mount, Natural, Positive, Rule, read
@@ -168,6 +168,7 @@ def code_hash(agents: Sequence[str] = ()) -> str:
 
 def _file_hash(path: Path) -> str:
     try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+        check_file(path)
+        return file_hash(path)[:16]
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror or error}") from None

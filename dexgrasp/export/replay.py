@@ -10,6 +10,7 @@ from scipy.spatial.transform import Rotation
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import check_file
 
 OFFSET = 0.003
 """m that the object is off, in a random direction."""
@@ -70,6 +71,7 @@ def load_scene(scene: Path, recording: Recording) -> tuple[Any, Any]:
 
     if not scene.is_file():
         raise InputError(f"{scene} is not there: a replay needs the scene of `dexgrasp export --format mjcf`")
+    check_file(scene)
     try:
         model = mujoco.MjModel.from_xml_path(str(scene))
         model.joint("object")

@@ -10,8 +10,6 @@ from dexgrasp_env.files import read_json_object, write_json
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.valid import read
 
-_LARGEST = 64 << 20  # bytes of a file that is read
-
 
 def write_grasp(path: Path, content: dict[str, Any]) -> None:
     """Write a grasp file, whole or not at all."""
@@ -28,11 +26,6 @@ def read_grasp(path: Path, cell: Cell | None = None) -> GraspRecord:
     Raises:
         InputError: if it is missing, not JSON, of another schema, or a field is missing or malformed.
     """
-    try:
-        if path.stat().st_size > _LARGEST:
-            raise InputError(f"{path} is not a grasp file: it has more than {_LARGEST >> 20} MiB")
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from error
     return record_of(read_json_object(path, "it is no grasp file"), str(path), cell)
 
 

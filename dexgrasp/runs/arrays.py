@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import check_file
 
 A = TypeVar("A")
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -19,13 +20,14 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Return the arrays of a safetensors file of ours and what it says of itself.
 
     Raises:
-        InputError: missing or damaged; without safetensors.
+        InputError: missing, too large or damaged; without safetensors.
     """
     try:
         from safetensors import SafetensorError, safe_open
     except ImportError:
         raise InputError("learned proposals need safetensors: pip install 'dexgrasp[planner]'") from None
     try:
+        check_file(path)
         with safe_open(str(path), framework="np") as file:
             note = json.loads((file.metadata() or {})["dexgrasp"])
             return {name: file.get_tensor(name) for name in file.keys()}, note  # noqa: SIM118

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import parse_json
+from dexgrasp_env.files import check_file, parse_json, read_file
 
 Row = dict[str, Any]
 Fault = Callable[[object], str | None]
@@ -20,9 +20,10 @@ class Lines:
         """Open or make it; a line is what `kind` says, for messages, where `fault` finds none.
 
         Raises:
-            InputError: naming a line that is none.
+            InputError: naming a line that is none, or that the file is too large.
         """
         self._file = path.open("ab+")
+        check_file(path)
         self._file.seek(0)
         whole = list(_whole(self._file.read(), path, kind, fault))
         self._file.truncate(whole[-1][1] if whole else 0)
@@ -46,7 +47,7 @@ def read_lines(path: Path, kind: str, fault: Fault) -> list[Row]:
         OSError: if it cannot be read.
         InputError: naming a line that is none.
     """
-    return [row for row, _ in _whole(path.read_bytes(), path, kind, fault)]
+    return [row for row, _ in _whole(read_file(path), path, kind, fault)]
 
 
 def _whole(content: bytes, path: Path, kind: str, fault: Fault) -> Iterator[tuple[Row, int]]:

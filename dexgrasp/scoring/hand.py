@@ -8,7 +8,7 @@ import mujoco
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import expand
+from dexgrasp_env.files import check_file, expand
 
 ALLEGRO = "allegro"
 
@@ -86,6 +86,7 @@ def find_hand(hand: str) -> HandModel:
     path = expand(hand)
     if not path.is_file():
         raise InputError(f"unknown hand {hand!r}: valid are {ALLEGRO}, or the path of an MJCF file")
+    check_file(path)
     return HandModel(path.stem, path.resolve())
 
 

@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cached_arrays, content_hash, printable_stem
+from dexgrasp_env.files import Arrays, cached_arrays, content_hash, printable_stem, read_file
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
@@ -27,6 +27,8 @@ DENSITY = 400.0
 MASS_RANGE = (0.02, 1.0)
 _LARGEST, _SMALLEST, _HAND = 2.0, 0.005, 0.12
 _VERSION = 3
+_MOST_FACES = 1_500_000  # to mend: 1.2 kB each
+_DECIMATE = "decimate it in your modelling program"
 
 
 def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float | None = None) -> ObjectModel:
@@ -115,8 +117,13 @@ def _parsed(path: Path) -> trimesh.Trimesh:
     kind = path.suffix.lower()[1:]
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     try:
-        loaded = trimesh.load(io.BytesIO(path.read_bytes()), file_type=kind, process=False, **options)
+        loaded = trimesh.load(
+            io.BytesIO(read_file(path, remedy=_DECIMATE)), file_type=kind, process=False, **options
+        )
+        _check_faces(loaded, path.name)
         geometry = loaded.to_geometry() if isinstance(loaded, trimesh.Scene) else loaded
+    except InputError:
+        raise
     except Exception as error:  # parsers of damaged files raise whatever they trip over
         reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:80]
         raise InputError(
@@ -125,6 +132,16 @@ def _parsed(path: Path) -> trimesh.Trimesh:
     if not isinstance(geometry, trimesh.Trimesh):
         return trimesh.Trimesh()
     return trimesh.Trimesh(np.array(geometry.vertices, dtype=float), np.array(geometry.faces), process=False)
+
+
+def _check_faces(loaded: Any, name: str) -> None:
+    """Refuse what is too fine to be mended; the parts of a scene count as often as it shows them."""
+    parts = [loaded]
+    if isinstance(loaded, trimesh.Scene):
+        parts = [loaded.geometry[loaded.graph[node][1]] for node in loaded.graph.nodes_geometry]
+    count = sum(len(getattr(part, "faces", ())) for part in parts)
+    if count > _MOST_FACES:
+        raise InputError(f"mesh file {name!r} has {count:,} faces, more than {_MOST_FACES:,}: {_DECIMATE}")
 
 
 def _check_size(mesh: trimesh.Trimesh, name: str) -> None:

@@ -8,9 +8,11 @@ from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
 
 _SUPPORT, _SUPPORTS = 0.015, 3  # m of depth within which a neighbour supports a pixel, and how many it needs
+_MOST_POINTS = 6_000_000  # of 250 bytes each until they are thinned
 _POOL = 3  # candidates to a chosen point, at most: bounds the cost of downsampling
 
 
@@ -47,6 +49,12 @@ class Cloud:
     def join(cls, clouds: list["Cloud"]) -> "Cloud":
         """Return all rows of several clouds."""
         return cls(*(np.concatenate([getattr(c, f.name) for c in clouds]) for f in fields(cls)))
+
+
+def check_count(points: int, source: str) -> None:
+    """Raise `InputError` where a cloud has too many points."""
+    if points > _MOST_POINTS:
+        raise InputError(f"{source} has {points:,} points, more than {_MOST_POINTS:,}: keep one in each 2 mm")
 
 
 def is_valid(depth: NDArray[Any]) -> NDArray[np.bool_]:

@@ -1,5 +1,6 @@
 """A folder of depth images with their calibrated cameras, merged into one cloud."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,23 +11,24 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import read_yaml
-from dexgrasp_env.perception.cloud import Cloud, gather, remove_flying
+from dexgrasp_env.files import check_file, read_yaml
+from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, read
 
 CAMERAS_FILE = "cameras.yaml"
-_MOST_BYTES = 2**30  # a file larger than this is no scan of a table
 
 
-def check_file(path: Path) -> None:
-    """Raise `InputError` where a file cannot be read, is empty, or is too large for a scan."""
+def check_scan(path: Path) -> None:
+    """Raise `InputError` where a file cannot be read, is none, is empty, or is too large for a scan."""
     try:
-        size = path.stat().st_size
+        size = check_file(path, remedy="save fewer points")
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
-    if size == 0 or size > _MOST_BYTES:
-        raise InputError(f"{path} has {size} bytes: valid are files of up to 1 GiB with points in them")
+    if size == 0:
+        raise InputError(f"{path} is empty: record it again")
 
 
 def _inside(value: Any) -> str:
@@ -59,26 +61,31 @@ class DepthImage:
     def read(self, folder: Path) -> NDArray[np.float32]:
         """Return the depth (H, W) m."""
         path, lens = folder / self.depth, self.camera.intrinsics
-        check_file(path)
+        check_scan(path)
         is_png = path.suffix.lower() == ".png"
         scale = (0.001 if is_png else 1.0) if self.depth_scale is None else self.depth_scale
         try:
-            depth = np.asarray(_array(path), dtype=float) * scale
+            shape, image = _opened(path)
+            if shape != (lens.height, lens.width):
+                raise InputError(
+                    f"{path} is {shape}: its camera says {lens.height} rows of {lens.width} pixels"
+                )
+            check_count(lens.height * lens.width, str(path))
+            return (np.asarray(image(), dtype=float) * scale).astype(np.float32)
+        except InputError:
+            raise
         except Exception as error:
             raise InputError(f"{path} cannot be read as a depth image ({type(error).__name__})") from None
-        if depth.shape != (lens.height, lens.width):
-            raise InputError(
-                f"{path} is {depth.shape}: its camera says {lens.height} rows of {lens.width} pixels"
-            )
-        return depth.astype(np.float32)
 
 
-def _array(path: Path) -> Any:
+def _opened(path: Path) -> tuple[tuple[int, ...], Callable[[], Any]]:
+    """Return the shape of an image, and what reads it."""
     if path.suffix.lower() == ".npy":
-        return np.load(path, allow_pickle=False)
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        return array.shape, lambda: array
     import imageio.v3 as iio
 
-    return iio.imread(path)
+    return iio.improps(path).shape, lambda: iio.imread(path)
 
 
 def read_views(folder: Path) -> Cloud:
@@ -87,6 +94,7 @@ def read_views(folder: Path) -> Cloud:
     for k, image in enumerate(read_cameras(folder / CAMERAS_FILE)):
         seen = gather(remove_flying(image.read(folder)[None]), (image.camera,))
         clouds.append(replace(seen, camera=np.full(len(seen), k, np.int32)))
+        check_count(sum(map(len, clouds)), str(folder))
     merged = Cloud.join(clouds)
     if not len(merged):
         raise InputError(f"{folder}: no depth image holds a measurement")

@@ -4,8 +4,10 @@ What is read becomes a `Cloud` in the robot base frame, metres, as the simulated
 file is the code that they go through as well.
 """
 
+import io
+from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,10 +15,11 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz
-from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.perception.depth_folder import CAMERAS_FILE, check_file, read_views
+from dexgrasp_env.perception.cloud import Cloud, check_count
+from dexgrasp_env.perception.depth_folder import CAMERAS_FILE, check_scan, read_views
 
 SUFFIXES = (".ply", ".pcd", ".npy", ".npz")
+_PCD_LINES = 1_000  # of a header
 _PCD_TYPES = {("F", 4): "<f4", ("F", 8): "<f8", ("I", 1): "<i1", ("I", 2): "<i2", ("I", 4): "<i4", ("I", 8): "<i8",
               ("U", 1): "<u1", ("U", 2): "<u2", ("U", 4): "<u4", ("U", 8): "<u8"}  # fmt: skip
 
@@ -34,7 +37,7 @@ def read_scan(path: Path) -> Cloud:
         return read_views(path)
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: valid clouds are {', '.join(SUFFIXES)}, or a folder with {CAMERAS_FILE}")
-    check_file(path)
+    check_scan(path)
     readers = {".ply": _read_ply, ".pcd": _read_pcd, ".npy": _read_npy, ".npz": _read_npz}
     try:
         points = readers[path.suffix.lower()](path)
@@ -53,17 +56,20 @@ def cloud_of(points: Any, source: str = "points") -> Cloud:
     The cameras are unknown, so every point counts as seen from above and from one metre away.
 
     Raises:
-        InputError: for another shape, for something that is no numbers, or where no finite row is left.
+        InputError: for another shape, too many rows, what is no numbers, or where no finite row is left.
     """
     try:
-        rows = np.asarray(points, dtype=float)
+        rows = np.asarray(points)
+        if rows.ndim == 3 and rows.shape[-1] >= 3:  # organised clouds
+            rows = rows.reshape(-1, rows.shape[-1])
+        if rows.ndim != 2 or rows.shape[1] < 3:
+            raise InputError(f"{source}: a cloud has shape (N, 3), got {rows.shape}")
+        check_count(len(rows), source)
+        rows = rows[:, :3].astype(float)
+    except InputError:
+        raise
     except (TypeError, ValueError):
         raise InputError(f"{source}: a cloud is an array of numbers, (N, 3) in metres") from None
-    if rows.ndim == 3 and rows.shape[-1] >= 3:  # organised clouds
-        rows = rows.reshape(-1, rows.shape[-1])
-    if rows.ndim != 2 or rows.shape[1] < 3:
-        raise InputError(f"{source}: a cloud has shape (N, 3), got {rows.shape}")
-    rows = rows[:, :3]
     rows = np.ascontiguousarray(rows[np.isfinite(rows).all(1)])
     if not len(rows):
         raise InputError(f"{source} holds no finite point")
@@ -96,13 +102,14 @@ def _read_npz(path: Path) -> NDArray[Any]:
 
 def _read_pcd(path: Path) -> Array:
     """Read x, y, z of a PCD file, ascii or binary (format 0.7 of the Point Cloud Library)."""
-    data = path.read_bytes()
-    header, body = _pcd_header(data, path)
+    file = io.BytesIO(path.read_bytes())
+    header = _pcd_header(file, path)
     names, count = header["FIELDS"], int(header["POINTS"][0])
+    check_count(count, str(path))
     if not {"x", "y", "z"} <= set(names):
         raise InputError(f"{path} has fields {' '.join(names)}: x, y and z are needed")
     if header["DATA"] == ["ascii"]:
-        rows = np.loadtxt(body.decode().splitlines(), ndmin=2, max_rows=count)
+        rows = np.loadtxt(file, ndmin=2, max_rows=count)
         return rows[:, [names.index(axis) for axis in "xyz"]]
     if header["DATA"] != ["binary"]:
         raise InputError(
@@ -115,23 +122,22 @@ def _read_pcd(path: Path) -> Array:
         strict=True,
     )
     row = np.dtype([(f"f{i}", _PCD_TYPES[kind, size], (n,)) for i, (kind, size, n) in enumerate(kinds)])
+    body = file.read()
     if len(body) < count * row.itemsize:
         raise InputError(f"{path} ends after {len(body) // row.itemsize} of {count} points: it was cut off")
     table = np.frombuffer(body, row, count)
     return np.stack([table[f"f{names.index(axis)}"][:, 0] for axis in "xyz"], axis=1).astype(float)
 
 
-def _pcd_header(data: bytes, path: Path) -> tuple[dict[str, list[str]], bytes]:
+def _pcd_header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
     fields: dict[str, list[str]] = {}
-    rest = data
-    while rest and "DATA" not in fields:
-        line, _, rest = rest.partition(b"\n")
+    for line in islice(file, _PCD_LINES):
         words = line.decode("ascii", "replace").split()
         if words and not words[0].startswith("#"):
             fields[words[0].upper()] = words[1:]
-        if len(fields) > 40:
+        if "DATA" in fields:
             break
     missing = [key for key in ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA") if not fields.get(key)]
     if missing:
         raise InputError(f"{path} is no PCD file: its header lacks {', '.join(missing)}")
-    return fields, rest
+    return fields

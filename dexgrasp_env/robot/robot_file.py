@@ -8,7 +8,7 @@ from typing import Any
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.files import expand, read_yaml
+from dexgrasp_env.files import check_file, expand, read_yaml
 from dexgrasp_env.robot.limits import SETTINGS, check_home, check_length, read_joints
 from dexgrasp_env.robot.robot import FINGERS, Arm, Hand, Robot
 from dexgrasp_env.valid import NAMES, WORD, Word, check, read
@@ -71,6 +71,7 @@ def find_beside(folder: Path, name: str) -> Path:
     """Return the file that another one in `folder` names: beside it, absolute, or one of ours."""
     path = folder / expand(name)
     if path.is_file():
+        check_file(path)
         return path
     try:
         return asset_path("robot", name)

@@ -9,8 +9,8 @@ import numpy as np
 
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_file
 
-_LARGEST = 1 << 30  # bytes of a file
 _NPY = b"\x93NUMPY"
 
 
@@ -21,9 +21,7 @@ def read_dictionary(path: Path) -> dict[str, Any]:
         InputError: if the file is missing or damaged, holds something else, or asks for anything but arrays.
     """
     try:
-        if path.stat().st_size > _LARGEST:
-            raise InputError(f"{path} is larger than {_LARGEST >> 30} GB: split it")
-        content = unpickle(_pickled(path.read_bytes()))
+        content = unpickle(_pickled(read_file(path, ".jsonl", "split it")))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     except pickle.UnpicklingError as error:

@@ -1,0 +1,177 @@
+"""What somebody may hand over by mistake: refused before it fills the memory."""
+
+import os
+import struct
+import subprocess
+import sys
+import zipfile
+import zlib
+from pathlib import Path
+
+import imageio.v3 as iio
+import numpy as np
+import pytest
+import trimesh
+import yaml
+
+from dexgrasp.agents.checkpoint_reader import read_settings
+from dexgrasp.runs.arrays import read_arrays
+from dexgrasp.runs.lines import Lines, read_lines
+from dexgrasp.scoring.readers.dictionary import read_dictionary
+from dexgrasp_env import files
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_file, read_json_object, read_npz, read_yaml, write_atomically
+from dexgrasp_env.objects import user_mesh
+from dexgrasp_env.objects.user_mesh import read_mesh
+from dexgrasp_env.perception import cloud
+from dexgrasp_env.perception.scan import cloud_of, read_scan
+
+MOST = 1.5e9  # bytes of memory
+
+
+def sparse(path: Path, size: int = 10**10) -> Path:
+    """Make a file that has a size and next to no content."""
+    with path.open("wb") as file:
+        file.truncate(size)
+    return path
+
+
+def bomb(path: Path, block: int = 1 << 24, blocks: int = 240) -> Path:
+    """Make an npz of a few MB that unpacks to 4 GB of zeros: what one block of them is packed to, repeated."""
+    shape = (block * blocks // 24, 3)
+    pack = zlib.compressobj(9, zlib.DEFLATED, -zlib.MAX_WBITS)
+    head = (
+        b"\x93NUMPY\x01\x00\x76\x00"
+        + f"{{'descr': '<f8', 'fortran_order': False, 'shape': {shape}}}".ljust(117).encode()
+    )
+    data = pack.compress(head + b"\n") + pack.flush(zlib.Z_FULL_FLUSH)
+    data += (pack.compress(bytes(block)) + pack.flush(zlib.Z_FULL_FLUSH)) * blocks + pack.flush()
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("points.npy", data)
+        entry = archive.infolist()[0]
+        entry.compress_type, entry.file_size = zipfile.ZIP_DEFLATED, len(head) + 1 + block * blocks
+    return path
+
+
+def lying_stl(path: Path) -> Path:
+    path.write_bytes(bytes(80) + struct.pack("<I", 1 << 31) + bytes(50))
+    return path
+
+
+def fifo(path: Path) -> Path:
+    os.mkfifo(path)
+    return path
+
+
+CASES = {
+    "device": (["verify"], lambda _: Path("/dev/zero"), "no regular file"),
+    "fifo": (["verify"], lambda folder: fifo(folder / "f.json"), "no regular file"),
+    "grasp": (["verify"], lambda folder: sparse(folder / "g.json"), "9,536.7 MiB, more than the 64 that are read"),
+    "npy": (["plan", "--cloud"], lambda folder: sparse(folder / "c.npy"), "more than the 128 that are read"),
+    "npz": (["plan", "--cloud"], lambda folder: bomb(folder / "c.npz"), "unpacked has 3,840.0 MiB"),
+    "stl": (["plan"], lambda folder: sparse(folder / "m.stl"), "decimate it"),
+    "lying stl": (["plan"], lambda folder: lying_stl(folder / "m.stl"), "has no faces"),
+    "checkpoint": (["evaluate", "--objects", "soda", "--agents"], lambda folder: sparse(folder / "ppo.zip"), "512"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_commands_refuse_in_one_line_and_little_memory(case, tmp_path):
+    before, make, words = CASES[case]
+    command = [sys.executable, "-m", "dexgrasp_env", *before, str(make(tmp_path))]
+    child = subprocess.Popen(command, stderr=subprocess.PIPE, stdout=subprocess.PIPE, cwd=tmp_path, text=True)
+    assert child.stdout is not None
+    assert child.stderr is not None
+    said, errors = child.stdout.read(), child.stderr.read().splitlines()
+    _, status, used = os.wait4(child.pid, 0)
+    child.returncode = os.waitstatus_to_exitcode(status)
+    assert (child.returncode, said) == (2, ""), errors
+    assert words in errors[-1]
+    assert len(errors) == 1
+    assert used.ru_maxrss * (1 if sys.platform == "darwin" else 1024) < MOST
+
+
+READERS = {
+    "yaml": read_yaml, "json": lambda path: read_json_object(path, ""), "npz": read_npz, "npy": read_dictionary,
+    "safetensors": read_arrays, "jsonl": lambda path: read_lines(path, "trial", lambda _: None),
+    "lines.jsonl": lambda path: Lines(path, "trial", lambda _: None), "zip": read_settings,
+    "stl": read_mesh, "obj": read_mesh, "glb": read_mesh, "ply": read_mesh, "pcd": read_scan, "scan.ply": read_scan,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", READERS)
+def test_every_reader_bounds_what_it_reads(kind, tmp_path):
+    with pytest.raises(InputError, match=r"9,536\.7 MiB, more than the \d+ that are read"):
+        READERS[kind](sparse(tmp_path / f"x.{kind}"))
+
+
+def test_text_is_bounded_closer_than_what_is_binary(tmp_path):
+    path = tmp_path / "m.ply"
+    path.write_bytes(b"ply\nformat ascii 1.0\n")
+    os.truncate(path, 25 << 20)
+    with pytest.raises(InputError, match="save it as a binary one"):
+        read_mesh(path)
+
+
+def test_folders_and_missing_files_stay_errors_of_the_system(tmp_path):
+    with pytest.raises(IsADirectoryError):
+        read_file(tmp_path)
+    with pytest.raises(FileNotFoundError):
+        read_file(tmp_path / "nowhere")
+
+
+def test_faces_count_as_often_as_a_scene_shows_them(tmp_path, monkeypatch):
+    box = trimesh.creation.box((0.1, 0.1, 0.1))
+    scene = trimesh.Scene({"box": box})
+    scene.graph.update(frame_to="again", matrix=np.eye(4), geometry="box")
+    scene.export(tmp_path / "two.glb")
+    assert len(read_mesh(tmp_path / "two.glb").faces) == 24
+    monkeypatch.setattr(user_mesh, "_MOST_FACES", 23)
+    with pytest.raises(InputError, match="24 faces, more than 23: decimate"):
+        read_mesh(tmp_path / "two.glb")
+
+
+def test_points_are_counted_before_they_are_converted(tmp_path, monkeypatch):
+    monkeypatch.setattr(cloud, "_MOST_POINTS", 10)
+    assert len(cloud_of(np.ones((10, 3), np.int8))) == 10
+    with pytest.raises(InputError, match="12 points, more than 10"):
+        cloud_of(np.ones((3, 4, 3), np.int8))
+    header = "FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 2147483648\nDATA ascii\n"
+    (tmp_path / "c.pcd").write_text(header + "1 2 3\n")
+    with pytest.raises(InputError, match="2,147,483,648 points"):
+        read_scan(tmp_path / "c.pcd")
+
+
+def test_images_are_measured_before_they_are_decoded(tmp_path, monkeypatch):
+    lens = {"width": 10, "height": 8, "fx": 1, "fy": 1, "cx": 1, "cy": 1, "T_base_camera": np.eye(4).tolist()}
+    (tmp_path / "cameras.yaml").write_text(yaml.safe_dump({"cameras": [{"depth": "d.png", **lens}] * 2}))
+    iio.imwrite(tmp_path / "d.png", np.full((8, 10), 500, np.uint16))
+    assert len(read_scan(tmp_path)) == 160
+    monkeypatch.setattr(cloud, "_MOST_POINTS", 100)
+    with pytest.raises(InputError, match="160 points"):
+        read_scan(tmp_path)
+    monkeypatch.setattr(iio, "imread", None)
+    monkeypatch.setattr(cloud, "_MOST_POINTS", 10)
+    with pytest.raises(InputError, match="80 points"):
+        read_scan(tmp_path)
+    iio.imwrite(tmp_path / "d.png", np.full((40, 50), 500, np.uint16))
+    with pytest.raises(InputError, match="its camera says 8 rows of 10 pixels"):
+        read_scan(tmp_path)
+
+
+def test_a_line_of_a_run_is_bounded_as_a_file_is(monkeypatch):
+    monkeypatch.setattr(files, "LARGEST", 10)
+    assert files.parse_json("[1, 2]") == [1, 2]
+    with pytest.raises(ValueError, match="too long"):
+        files.parse_json("[1, 2, 3, 4]")
+
+
+def test_a_full_disk_says_which_file_it_was(tmp_path, monkeypatch):
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(os, "replace", full)
+    with pytest.raises(OSError, match="No space left") as error:
+        write_atomically(tmp_path / "grasp.json", b"{}")
+    assert error.value.filename == str(tmp_path / "grasp.json")
+    assert not list(tmp_path.iterdir())
