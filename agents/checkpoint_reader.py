@@ -45,7 +45,7 @@ def read_settings(path: Path) -> dict[str, Any]:
         check_archive(path)
         with zipfile.ZipFile(path) as archive:
             _check_layout(archive)
-            check_bytes(archive.getinfo("data").file_size, f"data in {path}", "", "is it a checkpoint?")
+            check_bytes(archive.getinfo("data").file_size, f"data in {path}", ".json")
             return dict(json.loads(archive.read("data")))
     except InputError:
         raise

@@ -23,26 +23,23 @@ from dexgrasp_env.errors import InputError
 
 Arrays = dict[str, np.ndarray]
 _MIB = 1 << 20
-LARGEST = 64 * _MIB
-"""Bytes of a file of somebody else's that are read, where `_LARGEST` has nothing else for its kind."""
 _LARGEST = {
-    ".yaml": _MIB, "ascii .ply": 24 * _MIB, ".npy": 128 * _MIB, ".ply": 128 * _MIB, ".pcd": 128 * _MIB,
-    ".png": 128 * _MIB, ".stl": 128 * _MIB, ".glb": 128 * _MIB, ".jsonl": 256 * _MIB, ".npz": 512 * _MIB,
-    ".zip": 512 * _MIB, ".safetensors": 1024 * _MIB,
+    "": 128, ".yaml": 1, "ascii .ply": 24, ".json": 64, ".obj": 64, ".jsonl": 256, ".npz": 512, ".zip": 512,
+    ".safetensors": 1024,
 }  # fmt: skip
-"""Kind -> bytes of a file, or of what it unpacks to: what its reader makes of them takes 2 GB of memory at most."""
+"""Kind, "" for all others -> MiB that are read of a file and of what it unpacks to: what becomes of them takes 2 GB
+of memory at most."""
 _DIGEST = 32  # bytes of a SHA-256
 _HEADER = 1 << 16  # bytes that an npy file of version 1.0 can have in front of its data, and some
 _DIGITS = 40  # of a whole number in JSON: no seed, count or hash of ours has as many
 
 
-def check_file(path: Path, kind: str = "", remedy: str = "is it the right file?") -> int:
+def check_file(path: Path, kind: str = "") -> int:
     """Return the size of a file of somebody else's that may be read: devices never end, large ones fill the memory.
 
     Args:
         path: of the file.
         kind: by which it is bounded, as `.yaml`; the path's own by default.
-        remedy: what to do about a larger one, for the message.
 
     Raises:
         OSError: if there is none, or it is a folder.
@@ -55,22 +52,22 @@ def check_file(path: Path, kind: str = "", remedy: str = "is it the right file?"
         raise InputError(f"{path} is no regular file: copy what it gives into one")
     kind = kind or path.suffix.lower()
     if kind == ".ply" and _is_text(path):
-        kind, remedy = "ascii .ply", "save it as a binary one"
-    check_bytes(about.st_size, str(path), kind, remedy)
+        kind = "ascii .ply"
+    check_bytes(about.st_size, str(path), kind)
     return about.st_size
 
 
-def check_bytes(count: int, what: str, kind: str, remedy: str) -> None:
+def check_bytes(count: int, what: str, kind: str) -> None:
     """Raise `InputError` where something has more bytes than are read of its kind."""
-    most = _LARGEST.get(kind, LARGEST)
-    if count > most:
-        sizes = f"{count / _MIB:,.1f} MiB, more than the {most // _MIB} that are read"
-        raise InputError(f"{what} has {sizes}: {remedy}")
+    most = _LARGEST.get(kind, _LARGEST[""])
+    if count > most * _MIB:
+        read = f"{most} that are read of {kind or 'such'} files"
+        raise InputError(f"{what} has {count / _MIB:,.1f} MiB, more than the {read}: save less in it")
 
 
-def read_file(path: Path, kind: str = "", remedy: str = "is it the right file?") -> bytes:
+def read_file(path: Path, kind: str = "") -> bytes:
     """Return the bytes of a file of somebody else's that `check_file` lets pass."""
-    check_file(path, kind, remedy)
+    check_file(path, kind)
     return path.read_bytes()
 
 
@@ -83,7 +80,7 @@ def check_archive(path: Path) -> None:
     check_file(path)
     with zipfile.ZipFile(path) as archive:
         size = sum(member.file_size for member in archive.infolist())
-    check_bytes(size, f"{path} unpacked", path.suffix.lower(), "split it")
+    check_bytes(size, f"{path} unpacked", path.suffix.lower())
 
 
 def file_hash(path: Path) -> str:
@@ -260,10 +257,10 @@ def parse_json(text: str | bytes) -> Any:
     """Parse JSON of somebody else's.
 
     Raises:
-        ValueError: for what is no text or no JSON, longer than `LARGEST`, nested beyond the stack, NaN, or a number
+        ValueError: for what is no text or no JSON, longer than a file may be, nested beyond the stack, NaN, or a number
             that no float holds.
     """
-    if len(text) > LARGEST:
+    if len(text) > _LARGEST[".json"] * _MIB:
         raise ValueError("too long")
     try:
         return json.loads(text, parse_constant=_refused, parse_float=_finite, parse_int=_whole)
@@ -283,7 +280,7 @@ def read_json_object(path: Path, remedy: str, missing: str | None = None) -> dic
         InputError: missing, unreadable, too large, damaged, or JSON of another kind.
     """
     try:
-        content = parse_json(read_file(path))
+        content = parse_json(read_file(path, ".json"))
     except OSError as error:
         raise InputError(missing or f"cannot read {path}: {error.strerror or error}") from None
     except InputError:

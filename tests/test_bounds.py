@@ -69,7 +69,7 @@ CASES = {
     "grasp": (["verify"], lambda folder: sparse(folder / "g.json"), "9,536.7 MiB, more than the 64 that are read"),
     "npy": (["plan", "--cloud"], lambda folder: sparse(folder / "c.npy"), "more than the 128 that are read"),
     "npz": (["plan", "--cloud"], lambda folder: bomb(folder / "c.npz"), "unpacked has 3,840.0 MiB"),
-    "stl": (["plan"], lambda folder: sparse(folder / "m.stl"), "decimate it"),
+    "stl": (["plan"], lambda folder: sparse(folder / "m.stl"), "more than the 128 that are read of .stl files"),
     "lying stl": (["plan"], lambda folder: lying_stl(folder / "m.stl"), "has no faces"),
     "checkpoint": (["evaluate", "--objects", "soda", "--agents"], lambda folder: sparse(folder / "ppo.zip"), "512"),
 }  # fmt: skip
@@ -109,7 +109,7 @@ def test_text_is_bounded_closer_than_what_is_binary(tmp_path):
     path = tmp_path / "m.ply"
     path.write_bytes(b"ply\nformat ascii 1.0\n")
     os.truncate(path, 25 << 20)
-    with pytest.raises(InputError, match="save it as a binary one"):
+    with pytest.raises(InputError, match=r"24 that are read of ascii \.ply files: save less in it"):
         read_mesh(path)
 
 
@@ -142,7 +142,7 @@ def test_points_are_counted_before_they_are_converted(tmp_path, monkeypatch):
         read_scan(tmp_path / "c.pcd")
 
 
-def test_images_are_measured_before_they_are_decoded(tmp_path, monkeypatch):
+def test_images_are_measured_before_they_become_points(tmp_path, monkeypatch):
     lens = {"width": 10, "height": 8, "fx": 1, "fy": 1, "cx": 1, "cy": 1, "T_base_camera": np.eye(4).tolist()}
     (tmp_path / "cameras.yaml").write_text(yaml.safe_dump({"cameras": [{"depth": "d.png", **lens}] * 2}))
     iio.imwrite(tmp_path / "d.png", np.full((8, 10), 500, np.uint16))
@@ -150,7 +150,6 @@ def test_images_are_measured_before_they_are_decoded(tmp_path, monkeypatch):
     monkeypatch.setattr(cloud, "_MOST_POINTS", 100)
     with pytest.raises(InputError, match="160 points"):
         read_scan(tmp_path)
-    monkeypatch.setattr(iio, "imread", None)
     monkeypatch.setattr(cloud, "_MOST_POINTS", 10)
     with pytest.raises(InputError, match="80 points"):
         read_scan(tmp_path)
@@ -160,7 +159,8 @@ def test_images_are_measured_before_they_are_decoded(tmp_path, monkeypatch):
 
 
 def test_a_line_of_a_run_is_bounded_as_a_file_is(monkeypatch):
-    monkeypatch.setattr(files, "LARGEST", 10)
+    monkeypatch.setattr(files, "_MIB", 1)
+    monkeypatch.setitem(files._LARGEST, ".json", 10)
     assert files.parse_json("[1, 2]") == [1, 2]
     with pytest.raises(ValueError, match="too long"):
         files.parse_json("[1, 2, 3, 4]")

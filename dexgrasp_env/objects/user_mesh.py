@@ -28,7 +28,6 @@ MASS_RANGE = (0.02, 1.0)
 _LARGEST, _SMALLEST, _HAND = 2.0, 0.005, 0.12
 _VERSION = 3
 _MOST_FACES = 1_500_000  # to mend: 1.2 kB each
-_DECIMATE = "decimate it in your modelling program"
 
 
 def load_mesh(path: str | os.PathLike[str], *, scale: float = 1.0, mass: float | None = None) -> ObjectModel:
@@ -117,9 +116,7 @@ def _parsed(path: Path) -> trimesh.Trimesh:
     kind = path.suffix.lower()[1:]
     options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
     try:
-        loaded = trimesh.load(
-            io.BytesIO(read_file(path, remedy=_DECIMATE)), file_type=kind, process=False, **options
-        )
+        loaded = trimesh.load(io.BytesIO(read_file(path)), file_type=kind, process=False, **options)
         _check_faces(loaded, path.name)
         geometry = loaded.to_geometry() if isinstance(loaded, trimesh.Scene) else loaded
     except InputError:
@@ -141,7 +138,7 @@ def _check_faces(loaded: Any, name: str) -> None:
         parts = [loaded.geometry[loaded.graph[node][1]] for node in loaded.graph.nodes_geometry]
     count = sum(len(getattr(part, "faces", ())) for part in parts)
     if count > _MOST_FACES:
-        raise InputError(f"mesh file {name!r} has {count:,} faces, more than {_MOST_FACES:,}: {_DECIMATE}")
+        raise InputError(f"mesh file {name!r} has {count:,} faces, more than {_MOST_FACES:,}: decimate it")
 
 
 def _check_size(mesh: trimesh.Trimesh, name: str) -> None:

@@ -1,6 +1,5 @@
 """A folder of depth images with their calibrated cameras, merged into one cloud."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,7 +21,7 @@ CAMERAS_FILE = "cameras.yaml"
 def check_scan(path: Path) -> None:
     """Raise `InputError` where a file cannot be read, is none, is empty, or is too large for a scan."""
     try:
-        size = check_file(path, remedy="save fewer points")
+        size = check_file(path)
     except InputError:
         raise
     except (OSError, ValueError) as error:
@@ -65,27 +64,25 @@ class DepthImage:
         is_png = path.suffix.lower() == ".png"
         scale = (0.001 if is_png else 1.0) if self.depth_scale is None else self.depth_scale
         try:
-            shape, image = _opened(path)
-            if shape != (lens.height, lens.width):
+            image = _array(path)
+            if image.shape != (lens.height, lens.width):
                 raise InputError(
-                    f"{path} is {shape}: its camera says {lens.height} rows of {lens.width} pixels"
+                    f"{path} is {image.shape}: its camera says {lens.height} rows of {lens.width} pixels"
                 )
-            check_count(lens.height * lens.width, str(path))
-            return (np.asarray(image(), dtype=float) * scale).astype(np.float32)
+            check_count(image.size, str(path))
+            return (np.asarray(image, dtype=float) * scale).astype(np.float32)
         except InputError:
             raise
         except Exception as error:
             raise InputError(f"{path} cannot be read as a depth image ({type(error).__name__})") from None
 
 
-def _opened(path: Path) -> tuple[tuple[int, ...], Callable[[], Any]]:
-    """Return the shape of an image, and what reads it."""
+def _array(path: Path) -> NDArray[Any]:
     if path.suffix.lower() == ".npy":
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-        return array.shape, lambda: array
+        return np.load(path, mmap_mode="r", allow_pickle=False)
     import imageio.v3 as iio
 
-    return iio.improps(path).shape, lambda: iio.imread(path)
+    return iio.imread(path)
 
 
 def read_views(folder: Path) -> Cloud:

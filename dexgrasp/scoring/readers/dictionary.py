@@ -21,7 +21,7 @@ def read_dictionary(path: Path) -> dict[str, Any]:
         InputError: if the file is missing or damaged, holds something else, or asks for anything but arrays.
     """
     try:
-        content = unpickle(_pickled(read_file(path, ".jsonl", "split it")))
+        content = unpickle(_pickled(read_file(path)))
     except OSError as error:
         raise InputError(f"cannot read {path}: {error.strerror}") from None
     except pickle.UnpicklingError as error:
