@@ -33,8 +33,13 @@ def scene(kind="box", hidden=False):
     hand.add_geom(type=GEOM.mjGEOM_BOX, size=[0.06, 0.08, 0.08])
     finger = world.add_body(name="finger", pos=[0.42, -0.1, 0.25])
     finger.add_geom(type=GEOM.mjGEOM_CAPSULE, size=[0.014, 0.05, 0])
+    links = [hand, finger]
     if hidden:
-        world.add_body(name="lid", pos=[0.5, 0.1, 0.1]).add_geom(type=GEOM.mjGEOM_BOX, size=[0.12, 0.12, 0.1])
+        lid = world.add_body(name="lid", pos=[0.5, 0.1, 0.1])
+        lid.add_geom(type=GEOM.mjGEOM_BOX, size=[0.12, 0.12, 0.1])
+        links.append(lid)
+    for link in links:  # what joints move is the robot
+        link.add_joint(axis=[0, 0, 1])
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

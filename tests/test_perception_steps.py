@@ -126,6 +126,7 @@ def test_robot_points_go_and_others_stay(kind):
     spec = mujoco.MjSpec()
     size = [0.03, 0.04, 0.05]
     link = spec.worldbody.add_body(name="link", pos=[0.5, 0.1, 0.2], quat=[0.8, 0.2, 0.4, 0.1])
+    link.add_joint(axis=[0, 0, 1])
     if kind == "mesh":
         box = trimesh.creation.box(2 * np.array(size))
         spec.add_mesh(name="m", uservert=box.vertices.ravel(), userface=box.faces.ravel())
@@ -133,7 +134,11 @@ def test_robot_points_go_and_others_stay(kind):
     else:
         link.add_geom(type=getattr(GEOM, f"mjGEOM_{kind.upper()}"), size=size)
     link.add_geom(type=GEOM.mjGEOM_SPHERE, size=[0.2, 0, 0], contype=0, conaffinity=0)  # looks only
-    spec.worldbody.add_body(name="object").add_geom(type=GEOM.mjGEOM_SPHERE, size=[0.5, 0, 0])
+    for name in ("object", "neighbour", "wall"):  # only what joints move is the robot
+        other = spec.worldbody.add_body(name=name)
+        other.add_geom(type=GEOM.mjGEOM_SPHERE, size=[0.5, 0, 0])
+        if name != "wall":
+            other.add_freejoint()
     model = spec.compile()
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

@@ -10,8 +10,10 @@ from dexgrasp.cli.plan import scan_name
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception import recorded
 from dexgrasp_env.perception.depth_folder import read_cameras
+from dexgrasp_env.perception.objects import Pointing
 from dexgrasp_env.perception.recorded import find_object
 from dexgrasp_env.perception.scan import cloud_of, read_scan
+from dexgrasp_env.perception.scene import Scene
 
 
 @pytest.fixture
@@ -41,8 +43,9 @@ def scene_points(rng, *centres):
     return np.concatenate([table(rng), *(box(rng, centre) for centre in centres)])
 
 
-def find(points, cell=CELL, **options):
-    return find_object(cloud_of(points), np.random.default_rng(0), cell, **options)
+def find(points, cell=CELL, **pointing):
+    pointing = Pointing(**{name: np.array(value) for name, value in pointing.items()})
+    return find_object(cloud_of(points), np.random.default_rng(0), cell, pointing=pointing)
 
 
 def test_the_object_is_found_and_the_table_is_not_part_of_it(rng):
@@ -96,6 +99,37 @@ def test_a_point_near_the_object_chooses_it(rng):
     assert found.reason is None
     assert found.target.points[:, 1].mean() < -0.1
     assert find(points, near=(0.3, -0.4, 0.3)).reason == recorded.NOTHING_NEAR
+
+
+def test_what_stands_around_is_seen(rng):
+    wall = rng.uniform([0.3, 0.3, 0.0], [0.7, 0.305, 0.1], (3000, 3))
+    points = np.concatenate([scene_points(rng, (0.5, 0.1), (0.5, -0.05), (0.38, 0.1)), wall])
+    found = find(points, near=(0.5, 0.1, 0.03))
+    assert np.abs(found.target.points.mean(0)[:2] - [0.5, 0.1]).max() < 0.01
+    middles = sorted(one.points.mean(0)[0] for one in found.neighbours)
+    assert np.allclose(middles, [0.38, 0.5], atol=0.01)
+    assert len(found.rest) > 200  # the wall is no object, and it is there
+    assert found.rest.points[:, 1].min() > 0.29
+    arrays = found.as_observation(1024, around=2048)
+    again = Scene.of_observation(arrays)
+    assert [len(one) for one in again.neighbours] == [len(one) for one in found.neighbours]
+    assert np.array_equal(again.rest.points, found.rest.points)
+    assert not Scene.of_observation(found.as_observation(1024)).neighbours
+
+
+def test_masks_and_boxes_choose(rng):
+    points = scene_points(rng, (0.5, 0.15), (0.5, -0.15))
+    mask = np.arange(len(points)) >= 9000
+    for pointing in ({"mask": mask}, {"box": [[0.4, -0.25, 0.0], [0.6, -0.05, 0.2]]}):
+        found = find(points, **pointing)
+        assert found.target.points[:, 1].max() < -0.1
+        assert len(found.neighbours) == 1
+    assert find(points, mask=np.zeros(len(points), bool)).reason == recorded.NOTHING_MARKED
+    assert find(points, box=[[0.4, 0.3, 0.0], [0.6, 0.4, 0.2]]).reason == recorded.NOTHING_MARKED
+    with pytest.raises(InputError, match="one value each of 12000"):
+        find(points, mask=mask[1:])
+    with pytest.raises(InputError, match="box is empty"):
+        find(points, box=[[0.4, 0.3, 0.0], [0.6, 0.2, 0.2]])
 
 
 def test_flying_pixels_and_holes_leave_the_object(rng):

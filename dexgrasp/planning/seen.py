@@ -17,6 +17,7 @@ from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
+from dexgrasp_env.perception.objects import Pointing
 from dexgrasp_env.perception.recorded import find_object
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scan import cloud_of
@@ -140,7 +141,7 @@ def scene_of(
     data.qpos[:] = cell.robot.home if start is None else start
     mujoco.mj_kinematics(model, data)
     rng = np.random.default_rng(seed)
-    return find_object(cloud, rng, cell, near=where, own=RobotShape(model).at(data))
+    return find_object(cloud, rng, cell, pointing=Pointing(near=where), own=RobotShape(model).at(data))
 
 
 def default_planner(

@@ -25,7 +25,8 @@ class Cloud:
         views: (M, 3) unit vectors from the points to the cameras that saw them.
         depth: (M,) m along the optical axis.
         camera: (M,) index of the camera.
-        pixel: (M,) index into the flattened (cameras, H, W) images.
+        pixel: (M,) index into the flattened (cameras, H, W) images, or of the row of a file.
+        shape: of what the pixels count: a mask of it says which points are meant; empty where nobody knows.
     """
 
     points: Array
@@ -33,13 +34,14 @@ class Cloud:
     depth: Array
     camera: NDArray[np.int32]
     pixel: NDArray[np.int32]
+    shape: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.points)
 
     def select(self, keep: NDArray[Any] | slice) -> "Cloud":
         """Return the rows of a mask, of indices or of a slice."""
-        return Cloud(*(getattr(self, f.name)[keep] for f in fields(self)))
+        return replace(self, **{name: getattr(self, name)[keep] for name in _ROWS})
 
     def moved(self, points: Array) -> "Cloud":
         """Return the cloud with other positions."""
@@ -47,8 +49,12 @@ class Cloud:
 
     @classmethod
     def join(cls, clouds: list["Cloud"]) -> "Cloud":
-        """Return all rows of several clouds."""
-        return cls(*(np.concatenate([getattr(c, f.name) for c in clouds]) for f in fields(cls)))
+        """Return all rows of several clouds of the same images."""
+        rows: dict[str, Any] = {name: np.concatenate([getattr(c, name) for c in clouds]) for name in _ROWS}
+        return replace(clouds[0], **rows)
+
+
+_ROWS = tuple(f.name for f in fields(Cloud) if f.name != "shape")
 
 
 def check_count(points: int, source: str) -> None:
@@ -87,7 +93,7 @@ def gather(depths: NDArray[Any], cameras: tuple[Camera, ...]) -> Cloud:
         views = camera.position - points
         views /= np.sqrt(np.einsum("ij,ij->i", views, views))[:, None]
         tags = np.full(len(index), k, np.int32), (index + k * depth.size).astype(np.int32)
-        clouds.append(Cloud(points, views, depth.ravel()[index].astype(float), *tags))
+        clouds.append(Cloud(points, views, depth.ravel()[index].astype(float), *tags, np.shape(depths)))
     return Cloud.join(clouds)
 
 

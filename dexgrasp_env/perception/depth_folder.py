@@ -87,12 +87,17 @@ def _array(path: Path) -> NDArray[Any]:
 
 def read_views(folder: Path) -> Cloud:
     """Merge the depth images that `cameras.yaml` of a folder names; see `read_cameras`."""
-    clouds = []
+    clouds, shapes, first = list[Cloud](), list[tuple[int, ...]](), 0
     for k, image in enumerate(read_cameras(folder / CAMERAS_FILE)):
-        seen = gather(remove_flying(image.read(folder)[None]), (image.camera,))
-        clouds.append(replace(seen, camera=np.full(len(seen), k, np.int32)))
+        depth = image.read(folder)
+        seen = gather(remove_flying(depth[None]), (image.camera,))
+        clouds.append(
+            replace(seen, camera=np.full(len(seen), k, np.int32), pixel=seen.pixel + np.int32(first))
+        )
         check_count(sum(map(len, clouds)), str(folder))
-    merged = Cloud.join(clouds)
+        shapes, first = [*shapes, depth.shape], first + depth.size
+    shape = (len(shapes), *shapes[0]) if len(set(shapes)) == 1 else (first,)
+    merged = replace(Cloud.join(clouds), shape=shape)
     if not len(merged):
         raise InputError(f"{folder}: no depth image holds a measurement")
     return merged

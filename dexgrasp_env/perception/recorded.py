@@ -5,18 +5,17 @@ were made from, and a wrong unit or frame is likelier than noise. What comes in,
 of the robot's base; what goes out is in the world's.
 """
 
-from collections.abc import Sequence
-from dataclasses import replace
-
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud, clusters, crop
+from dexgrasp_env.perception.cloud import Cloud, crop
+from dexgrasp_env.perception.objects import Pointing, extents, object_cloud, seen_from_outside, told_apart
 from dexgrasp_env.perception.plane import Plane, fit_plane
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.segment import SegmentationSettings, finish, isolate
+from dexgrasp_env.perception.segment import SegmentationSettings, divided, isolate
 from dexgrasp_env.robot.cell import Cell
 
 EMPTY = "empty_cloud"
@@ -26,6 +25,7 @@ UPSIDE_DOWN = "upside_down"
 TABLE_HEIGHT = "table_not_at_base_height"
 NO_OBJECT = "no_object_on_the_table"
 NOTHING_NEAR = "nothing_near_the_point"
+NOTHING_MARKED = "nothing_marked"
 SEVERAL = "several_objects"
 OUT_OF_REACH = "out_of_reach"
 
@@ -37,7 +37,8 @@ WORDS = {
     TABLE_HEIGHT: "the table is not at the height above the robot's base that the cell has it at (table_height)",
     NO_OBJECT: "nothing stands on the table within the workspace",
     NOTHING_NEAR: "no object near the point that was named",
-    SEVERAL: "several objects are in the workspace: name a point near the one that is meant",
+    NOTHING_MARKED: "nothing that stands on the table is in the box or the mask",
+    SEVERAL: "several objects are in the workspace: point at the one that is meant",
     OUT_OF_REACH: "the object stands outside the workspace of the arm",
 }
 """Reason -> what it means and what to do."""
@@ -49,7 +50,7 @@ _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
 _HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, to say where it is
 _TABLE_OFF = 0.02  # m that the table may be off the cell's
 _BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
-_RIVAL = 0.35  # of the largest cluster's points: a smaller one is a remnant, not another object
+_AROUND = 0.25  # m beyond the workspace within which things stand in the way
 _NEAR = 0.08  # m from the named point to the object
 
 
@@ -62,33 +63,42 @@ def find_object(
     rng: Generator,
     cell: Cell,
     *,
-    near: Sequence[float] | Array | None = None,
+    pointing: Pointing | None = None,
     own: Own | None = None,
 ) -> Scene:
-    """Return the scene of a cloud, with the one object that stands on its table.
+    """Return the scene of a cloud: the object that is meant, and what stands around it.
 
     Args:
         cloud: points in the frame of the robot's base, m; robot and table may be in it.
         rng: draws the plane hypotheses and the subset.
         cell: where the table and the robot's base are.
-        near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
+        pointing: at the object that is meant, in the frame of the base; None takes the only one in the workspace.
         own: tells the robot's points, see `RobotShape.at`; None removes none.
 
     Returns:
-        The scene in the world, or why there is no object: a key of `WORDS`.
+        The scene in the world, or why there is no object: a key of `WORDS`; all that are seen are neighbours then.
+
+    Raises:
+        InputError: for a mask that is not the cloud's.
     """
+    pointing, objects = (pointing or Pointing()).moved(cell.base), list[Cloud]()
+    pointing.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
         cloud = _in_metres(cloud)
         cloud = cloud.moved(cloud.points + cell.base)
         plane = _find_table(cloud, rng, cell)
         above = isolate(cloud, plane, max(0.004, _S.clearance_sigmas * plane.rms), _S, own)
-        place = None if near is None else np.asarray(near, dtype=float) + cell.base
-        chosen = _choose(above, place, cell.base)
+        above = crop(above, np.array(_S.crop_low) - _AROUND, np.array(_S.crop_high) + _AROUND)
+        objects = told_apart(above, _S.link)[0]
+        meant = _meant(above, objects, pointing, cell.base)
     except _NoObjectError as refused:
         reason, detail = refused.args
         words = WORDS[reason]
-        return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words)
-    return finish(_seen_from_outside(chosen), plane, _S, rng)
+        seen = tuple(
+            object_cloud(seen_from_outside(one), None, _S.smoothing_radius, _S.count) for one in objects
+        )
+        return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words, neighbours=seen)
+    return divided(above, meant, plane, _S, rng, cameras_known=False)
 
 
 def _in_metres(cloud: Cloud) -> Cloud:
@@ -130,26 +140,33 @@ def _below(cloud: Cloud, plane: Plane) -> float:
     return float((off < 0).mean()) if len(off) >= _S.min_points else 0.0
 
 
-def _choose(cloud: Cloud, near: Array | None, base: Array) -> Cloud:
-    """Return the cluster that is meant."""
-    labels = clusters(cloud, _S.link)
-    found = [cloud.select(labels == k) for k in np.flatnonzero(np.bincount(labels) >= _S.min_points)]
+def _meant(cloud: Cloud, objects: list[Cloud], pointing: Pointing, base: Array) -> NDArray[np.bool_]:
+    """Return which points of a cloud, isolated, are the object's that is pointed at."""
+    if (marked := pointing.marks(cloud)) is not None:
+        if marked.sum() < _S.min_points:
+            raise _NoObjectError(NOTHING_MARKED, f"{marked.sum()} points")
+        found = cloud.select(marked)
+    else:
+        found = _choose(objects, len(cloud), pointing.near, base)
+    if not _in_reach(_middle(found)):
+        raise _NoObjectError(OUT_OF_REACH, _places([found], base))
+    return np.isin(cloud.pixel, found.pixel)
+
+
+def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) -> Cloud:
+    """Return the object that is meant."""
     if not found:
-        raise _NoObjectError(NO_OBJECT, f"{len(cloud)} points above the table")
+        raise _NoObjectError(NO_OBJECT, f"{points} points above the table")
     if near is not None:
         gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in found]
         best = int(np.argmin(gaps))
         if gaps[best] > _NEAR:
             raise _NoObjectError(NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away")
-        found = [found[best]]
+        return found[best]
     inside = [c for c in found if _in_reach(_middle(c))]
-    if not inside:
-        raise _NoObjectError(OUT_OF_REACH, _places(found, base))
-    inside.sort(key=len, reverse=True)
-    rivals = [c for c in inside if len(c) >= _RIVAL * len(inside[0])]
-    if len(rivals) > 1:
-        raise _NoObjectError(SEVERAL, _places(rivals, base))
-    return inside[0]
+    if len(inside) > 1:
+        raise _NoObjectError(SEVERAL, _places(inside, base))
+    return inside[0] if inside else found[0]
 
 
 def _in_reach(point: Array) -> bool:
@@ -162,11 +179,11 @@ def _middle(cloud: Cloud) -> Array:
 
 
 def _places(found: list[Cloud], base: Array) -> str:
-    return "at " + ", ".join("({:.2f}, {:.2f}, {:.2f})".format(*(_middle(c) - base)) for c in found[:4])
-
-
-def _seen_from_outside(cloud: Cloud) -> Cloud:
-    """Views from the object's middle outwards: a merged cloud does not say who saw a point."""
-    out = cloud.points - _middle(cloud)
-    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    return replace(cloud, views=out)
+    """Say where things are and how large, the first few."""
+    said = [
+        "{:.0f} x {:.0f} x {:.0f} cm at ({:.2f}, {:.2f}, {:.2f})".format(
+            *(100 * extents(c.points)), *(_middle(c) - base)
+        )
+        for c in found[:8]
+    ]
+    return "; ".join(said) + ("; ..." if len(found) > 8 else "")

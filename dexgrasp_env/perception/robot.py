@@ -72,12 +72,16 @@ class RobotShape:
 
 
 def robot_geoms(model: "mujoco.MjModel") -> NDArray[np.int64]:
-    """Return the collision geoms of all bodies but the world, the object and the table."""
+    """Return the collision geoms of bodies that are moved by joints, and of what such bodies are mounted on.
+
+    What stands on the table moves freely or not at all.
+    """
     import mujoco
 
-    others = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, name) for name in ("object", "table")]
+    driven = ~np.isin(model.jnt_type, (mujoco.mjtJoint.mjJNT_FREE, mujoco.mjtJoint.mjJNT_BALL))
+    roots = np.unique(model.body_rootid[model.jnt_bodyid[driven]])
     colliding = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
-    return np.flatnonzero(colliding & ~np.isin(model.geom_bodyid, [0, *others]))
+    return np.flatnonzero(colliding & np.isin(model.body_rootid[model.geom_bodyid], roots))
 
 
 def _mesh_facets(model: "mujoco.MjModel", geom: int) -> Array:

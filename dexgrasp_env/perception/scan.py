@@ -70,12 +70,13 @@ def cloud_of(points: Any, source: str = "points") -> Cloud:
         raise
     except (TypeError, ValueError):
         raise InputError(f"{source}: a cloud is an array of numbers, (N, 3) in metres") from None
-    rows = np.ascontiguousarray(rows[np.isfinite(rows).all(1)])
+    known = np.flatnonzero(np.isfinite(rows).all(1)).astype(np.int32)
+    shape, rows = rows.shape[:1], np.ascontiguousarray(rows[known])
     if not len(rows):
         raise InputError(f"{source} holds no finite point")
     n = len(rows)
     up = np.tile([0.0, 0.0, 1.0], (n, 1))
-    return Cloud(rows, up, np.ones(n), np.zeros(n, np.int32), np.arange(n, dtype=np.int32))
+    return Cloud(rows, up, np.ones(n), np.zeros(n, np.int32), known, shape)
 
 
 def _read_ply(path: Path) -> Array:

@@ -15,6 +15,8 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import pad
 from dexgrasp_env.perception.plane import Plane
 
+REST = -1
+"""The label of points that belong to no object."""
 _LONGEST = 1.001  # of a unit vector in single precision
 
 
@@ -96,18 +98,55 @@ class Scene:
         points, known = np.asarray(observation["cloud"], dtype=float), info or {}
         normals = np.asarray(observation.get("cloud_normals", np.zeros_like(points)), dtype=float)
         counts = np.asarray(observation["cloud_mask"], dtype=bool) & np.isfinite(points).all(axis=1)
+        neighbours, rest = _around(observation)
         return cls(
             ObjectCloud(points[counts], normals[counts]),
             Plane.from_array(observation.get("table_plane", np.zeros(5))),
             known.get("perception_failure") or None,
+            neighbours=neighbours,
+            rest=rest,
             cameras=np.asarray(known.get("perception_T_world_camera", np.zeros((0, 4, 4))), dtype=float),
         )
 
-    def as_observation(self, count: int) -> dict[str, NDArray[Any]]:
-        """Return the arrays that `of_observation` reads, `count` rows of points, the mask saying which hold one."""
-        return {
+    def as_observation(self, count: int, around: int = 0) -> dict[str, NDArray[Any]]:
+        """Return the arrays that `of_observation` reads.
+
+        Args:
+            count: rows of points of the target, a mask saying which hold one.
+            around: rows of points of what stands around it, labels saying of what: a neighbour's number, from 1 on,
+                `REST` for the rest, 0 for no point. None where it is 0.
+        """
+        target: dict[str, NDArray[Any]] = {
             "cloud": pad(self.target.points.astype(np.float32), count),
             "cloud_normals": pad(self.target.normals.astype(np.float32), count),
             "cloud_mask": (np.arange(count) < len(self.target)).astype(np.int8),
             "table_plane": Plane.to_array(self.plane).astype(np.float32),
         }
+        return target | self._around(around) if around else target
+
+    def _around(self, count: int) -> dict[str, NDArray[Any]]:
+        """Points of neighbours and rest, thinned evenly where there are more than `count`."""
+        clouds = [*self.neighbours, self.rest]
+        points, normals = (
+            np.concatenate([getattr(c, name) for c in clouds]) for name in ("points", "normals")
+        )
+        sizes, numbers = [len(cloud) for cloud in clouds], [*range(1, len(clouds)), REST]
+        labels = np.repeat(np.array(numbers, np.int16), sizes)
+        kept = slice(None, None, max(1, -(-len(points) // count)))
+        return {
+            "around": pad(points[kept].astype(np.float32), count),
+            "around_normals": pad(normals[kept].astype(np.float32), count),
+            "around_labels": pad(labels[kept], count),
+        }
+
+
+def _around(observation: Mapping[str, Any]) -> tuple[tuple[ObjectCloud, ...], ObjectCloud]:
+    """Return neighbours and rest of an observation, none where it holds none."""
+    if "around" not in observation:
+        return (), ObjectCloud()
+    points = np.asarray(observation["around"], dtype=float)
+    normals = np.asarray(observation.get("around_normals", np.zeros_like(points)), dtype=float)
+    labels = np.where(np.isfinite(points).all(axis=1), observation["around_labels"], 0)
+    numbers = [number for number in np.unique(labels) if number > 0]
+    *neighbours, rest = (ObjectCloud(points[labels == k], normals[labels == k]) for k in [*numbers, REST])
+    return tuple(neighbours), rest

@@ -11,15 +11,16 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import (
     Cloud,
+    clusters,
     crop,
     downsample,
     gather,
-    largest_cluster,
     remove_flying,
     remove_outliers,
 )
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
+from dexgrasp_env.perception.objects import Pointing, object_cloud, seen_from_outside, told_apart
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -35,6 +36,7 @@ from dexgrasp_env.robot.camera import Camera
 OUT_OF_VIEW = "object_out_of_view"
 TOO_FEW = "too_few_points"
 NO_PLANE = "plane_not_found"
+_OTHERS, _REST = 300, 1000  # points of a neighbour, and of what belongs to no object, at most
 REASONS = (OUT_OF_VIEW, TOO_FEW, NO_PLANE)
 
 
@@ -77,6 +79,7 @@ def segment(
     rng: Generator,
     settings: SegmentationSettings | None = None,
     own: Own | None = None,
+    pointing: Pointing | None = None,
 ) -> Scene:
     """Return the scene that depth images show.
 
@@ -86,6 +89,7 @@ def segment(
         rng: draws the plane hypotheses and the subset; the same state gives the same cloud.
         settings: of the steps.
         own: tells the robot's points, see `RobotShape.at`; None where no robot is in the images.
+        pointing: which object is meant, world frame, a mask having the images' shape; None: the largest.
 
     Returns:
         A scene. Whatever the images hold, no exception: `reason` says why there is no object in it.
@@ -94,11 +98,15 @@ def segment(
     depths = np.asarray(depths)
     if depths.shape[0] != len(cameras):
         raise InputError(f"{depths.shape[0]} depth images for {len(cameras)} cameras: valid is one each")
-    found = _object(gather(remove_flying(depths), cameras), len(cameras), rng, s, own)
+    everything = gather(remove_flying(depths), cameras)
+    found = _object(everything, len(cameras), rng, s, (own, pointing or Pointing()))
     return replace(found, cameras=np.stack([camera.T_world_camera for camera in cameras]))
 
 
-def _object(everything: Cloud, views: int, rng: Generator, s: SegmentationSettings, own: Own | None) -> Scene:
+def _object(
+    everything: Cloud, views: int, rng: Generator, s: SegmentationSettings, told: tuple[Own | None, Pointing]
+) -> Scene:
+    own, pointing = told
     if not len(everything):
         return Scene(reason=OUT_OF_VIEW)
     sparse = everything.select(slice(None, None, s.stride))
@@ -110,7 +118,19 @@ def _object(everything: Cloud, views: int, rng: Generator, s: SegmentationSettin
     plane = refine_plane(table.points, plane.normal, plane.offset) or plane
     found = level_views(crop(everything, s.crop_low, s.crop_high), corrections)
     clearance = table_clearance(plane, found.depth, noise_depth(table, plane), s.clearance_sigmas)
-    return finish(largest_cluster(isolate(found, plane, clearance, s, own), s.link), plane, s, rng)
+    above = isolate(found, plane, clearance, s, own)
+    return divided(above, _meant(above, pointing, s.link), plane, s, rng)
+
+
+def _meant(cloud: Cloud, pointing: Pointing, link: float) -> NDArray[np.bool_]:
+    """Return which points of a cloud are the object's that is pointed at."""
+    marked = pointing.marks(cloud)
+    if marked is not None or not len(cloud):
+        return np.zeros(0, bool) if marked is None else marked
+    labels = clusters(cloud, link)
+    if pointing.near is not None:
+        return labels == labels[((cloud.points - pointing.near) ** 2).sum(1).argmin()]
+    return labels == np.bincount(labels).argmax()
 
 
 def isolate(
@@ -121,6 +141,23 @@ def isolate(
     if own is not None:
         cloud = cloud.select(~own(cloud.points))
     return remove_outliers(cloud, s.outlier_radius, s.outlier_neighbours)
+
+
+def divided(
+    cloud: Cloud, meant: NDArray[np.bool_], plane: Plane, s: SegmentationSettings, rng: Generator, *,
+    cameras_known: bool = True,
+) -> Scene:  # fmt: skip
+    """Return the scene in which some points (M,) of an isolated cloud are the target, and the others stand around."""
+    objects, rest = told_apart(cloud.select(~meant), s.link)
+    pieces = [cloud.select(meant), *objects, rest]
+    if not cameras_known:
+        pieces = [seen_from_outside(piece) if len(piece) else piece for piece in pieces]
+    scene, counts = finish(pieces[0], plane, s, rng), [_OTHERS] * len(objects) + [_REST]
+    *around, walls = (
+        object_cloud(one, plane, s.smoothing_radius, most)
+        for one, most in zip(pieces[1:], counts, strict=True)
+    )
+    return replace(scene, neighbours=tuple(around), rest=walls)
 
 
 def finish(cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator) -> Scene:
