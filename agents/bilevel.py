@@ -111,7 +111,7 @@ class BilevelAgent(Agent):
         if plan.found:
             self._state = State(self._grasp(plan), plan, looks)
         elif plan.target is not None and looks:
-            home = self._way_home(observation)
+            home = self._way_home(observation, plan)
             self._state = None if home is None else State(home, plan, looks)
             self.report.again = home is not None
 
@@ -128,7 +128,7 @@ class BilevelAgent(Agent):
             case GuardedGrasp(done=True) as held:
                 return state._replace(motion=self._carry(held, state.plan))
             case GuardedCarry(lost=True) if state.looks:
-                home = self._way_home(observation)
+                home = self._way_home(observation, state.plan)
                 return state._replace(looks=0) if home is None else state._replace(motion=home)
             case Retreat(done=True) if state.looks:
                 return self._look_again(state, observation)
@@ -148,10 +148,11 @@ class BilevelAgent(Agent):
             turn = plan_turn(held.grasp, held.script, Problem(plan.target, held.grasp.cell, self.settings))
         return GuardedCarry(held, turn)
 
-    def _way_home(self, observation: Observation) -> Retreat | None:
+    def _way_home(self, observation: Observation, plan: PlanResult) -> Retreat | None:
         """Return the way home, where the cameras look again; None where there is none."""
         try:
-            return Retreat(self._start(observation), self._planner.cell)
+            around = None if plan.target is None else plan.target.around
+            return Retreat(self._start(observation), self._planner.cell, around)
         except NoPath:
             return None
 

@@ -9,6 +9,7 @@ import trimesh
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips, hand_jacobian, tip_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
@@ -70,7 +71,7 @@ def clearances(q, tips_touch=True):
     """Rows by (kind, body, body): the least of a pair's."""
     rows = empty_rows(160, robot_tree(CELL))
     n = clearance_rows(
-        robot_tree(CELL), body_frames(q, robot_tree(CELL)), SHAPE.obstacle, NEAR, tips_touch, rows
+        robot_tree(CELL), body_frames(q, robot_tree(CELL)), (SHAPE.obstacle, NOTHING), NEAR, tips_touch, rows
     )
     assert n < 120  # far from the room that callers give
     least = {}

@@ -11,6 +11,7 @@ from planned import hammer
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.benchmarks.proposals import UniformProposals
+from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
@@ -306,7 +307,7 @@ def near_contact(name, proposals, count, seed=0):
 
 
 def rows_at(q, grasp_target, settings=SETTINGS):
-    at = evaluate(q, TREE, grasp_target.distance.obstacle, bounds_of(settings, 0.5), True)
+    at = evaluate(q, TREE, (grasp_target.distance.obstacle, NOTHING), bounds_of(settings, 0.5), True)
     keys = [tuple(label) for label in at.labels.tolist()]
     least = {}
     for key, value, row in zip(keys, at.values, at.rows, strict=True):
@@ -378,7 +379,9 @@ def test_constraints_and_clearances_are_of_one_compilation(proposals):
     """Compiled code is cached by file: a stale copy of the clearances inside the constraints would differ here."""
     grasp_target, rows = subject("box"), empty_rows(160, TREE)
     for q in near_contact("box", proposals, 5):
-        n = clearance_rows(TREE, body_frames(q, TREE), grasp_target.distance.obstacle, 0.02, True, rows)
+        n = clearance_rows(
+            TREE, body_frames(q, TREE), (grasp_target.distance.obstacle, NOTHING), 0.02, True, rows
+        )
         at, _ = rows_at(q, grasp_target)
         np.testing.assert_allclose(at.values[FIXED_ROWS:], rows.values[:n] - SETTINGS.clearance, atol=1e-12)
 

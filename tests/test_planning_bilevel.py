@@ -8,6 +8,7 @@ import trimesh
 from robots import CELL, HOME, LOWER, UPPER
 
 from dexgrasp.benchmarks.proposals import UniformProposals
+from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import CollisionChecker
@@ -50,7 +51,7 @@ def plan():
 
 def constraints(q, settings=SETTINGS):
     distance = BOX.distance
-    return evaluate(q, TREE, distance.obstacle, bounds_of(settings, settings.closure_margin), True)
+    return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds_of(settings, settings.closure_margin), True)
 
 
 def test_most_starts_become_feasible_and_feasible_means_feasible(solutions):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, reduce
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -70,11 +70,14 @@ class ConvexDistance:
 
         Faces that lie within another part stay: no point outside is nearest to them.
         """
-        if len(parts) == 1:
-            return parts[0]
-        return cls(
-            np.concatenate([part.triangles for part in parts]), np.concatenate([part.planes for part in parts]),
-            max(part.error for part in parts), tuple(len(part.planes) for part in parts),
+        return reduce(cls.joined, parts)
+
+    def joined(self, other: ConvexDistance) -> ConvexDistance:
+        """Return the distance to what this or another holds."""
+        sizes = [one.sizes or (len(one.planes),) for one in (self, other)]
+        return ConvexDistance(
+            np.concatenate([self.triangles, other.triangles]), np.concatenate([self.planes, other.planes]),
+            max(self.error, other.error), (*sizes[0], *sizes[1]),
         )  # fmt: skip
 
     @cached_property

@@ -10,7 +10,7 @@ from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.path import bend, stray
-from dexgrasp.grasp.record import APPROACH, LIFT, Contact, GraspRecord, Phase, Script, as_json
+from dexgrasp.grasp.record import APPROACH, LIFT, Contact, GraspRecord, Neighbour, Phase, Script, as_json
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.thresholds import thresholds_for
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -82,7 +82,7 @@ def planned_record(
         grasp=motion.grasp,
         squeeze=motion.squeeze,
         contacts=tuple(Contact(*contact) for contact in contacts),
-        neighbours=(),
+        neighbours=tuple(Neighbour(None, np.eye(4), parts) for parts in target.neighbours),
         script=None
         if script is None
         else Script(motion.lift_height, (_approach(script), _lift(script, grasp))),

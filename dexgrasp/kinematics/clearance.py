@@ -15,10 +15,10 @@ from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
-OBJECT, TABLE, SELF = 0, 1, 2
+OBJECT, TABLE, SELF, NEIGHBOUR = 0, 1, 2, 3
 EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
 ROUNDING = 1e-9  # m: two ways to compute a distance differ by less
-KINDS = ("hand_object", "hand_table", "self")
+KINDS = ("hand_object", "hand_table", "self", "hand_neighbour")
 TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 
 
@@ -27,7 +27,7 @@ class Rows(NamedTuple):
 
     values: Array  # (K,) m
     gradients: Array  # (K, n) m/rad
-    labels: NDArray[np.int64]  # (K, 3): kind, body, other body (-1 for object and table)
+    labels: NDArray[np.int64]  # (K, 3): kind, body, other body (-1 for all but the robot)
 
 
 class Cover(NamedTuple):
@@ -47,22 +47,29 @@ def empty_rows(count: int, tree: RobotTree) -> Rows:
 
 @njit
 def clearance_rows(
-    tree: RobotTree, frames: Frames, obstacle: Obstacle, activation: float, tips_touch: bool, rows: Rows
+    tree: RobotTree,
+    frames: Frames,
+    obstacles: tuple[Obstacle, Obstacle],
+    activation: float,
+    tips_touch: bool,
+    rows: Rows,
 ) -> int:
     """Write clearances below `activation`, and their gradients; return how many.
 
     Args:
         tree: the robot.
         frames: of its bodies.
-        obstacle: the object in the world frame, `NOTHING` where there is none.
+        obstacles: the object in the world frame, and what stands around it; `NOTHING` where there is none.
         activation: m.
-        tips_touch: whether the grasping tips may touch the object.
+        tips_touch: whether the grasping tips may touch the object; what stands around it they may not.
         rows: filled.
     """
+    obstacle, around = obstacles
     n, with_object, cover = 0, obstacle.planes.shape[0] > 0, cover_of(tree, frames)
+    in_company = around.planes.shape[0] > 0
     direction, up = np.empty(3), np.array([0.0, 0.0, 1.0])
     for b in range(2, tree.parent.shape[0]):
-        if tree.bound_radius[b] < 0.0 or n >= rows.values.shape[0] - 2:
+        if tree.bound_radius[b] < 0.0 or n >= rows.values.shape[0] - 3:
             continue
         # Calls are dear, as each counts references to the tree's arrays: what is far away is told apart here.
         best, which = activation, -1
@@ -71,12 +78,16 @@ def clearance_rows(
         if which >= 0:
             _write(rows, n, best, (TABLE, b, -1), cover, cover.centres[which], up)
             n += 1
-        if not with_object:
-            continue
-        best, which = object_clearance(cover, b, obstacle, activation, tips_touch, direction)
-        if which >= 0:
-            _write(rows, n, best, (OBJECT, b, -1), cover, cover.centres[which], direction)
-            n += 1
+        if with_object:
+            best, which = object_clearance(cover, b, obstacle, activation, tips_touch, direction)
+            if which >= 0:
+                _write(rows, n, best, (OBJECT, b, -1), cover, cover.centres[which], direction)
+                n += 1
+        if in_company:
+            best, which = object_clearance(cover, b, around, activation, False, direction)
+            if which >= 0:
+                _write(rows, n, best, (NEIGHBOUR, b, -1), cover, cover.centres[which], direction)
+                n += 1
     n = _palm_row(cover, activation, rows, n)
     return _self_rows(cover, activation, rows, n)
 

@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle, convex_distance
+from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.kinematics.clearance import (
     OBJECT,
     ROUNDING,
@@ -24,7 +25,9 @@ from dexgrasp.kinematics.clearance import (
     table_clearance,
 )
 from dexgrasp.kinematics.forward import Frames, body_frames, empty_frames, forward
+from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
@@ -32,6 +35,7 @@ from dexgrasp_env.robot.cell import Cell
 _MAX_ROWS = 256  # more than there are bodies and pairs of them
 _CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
 _FAR, _NEAR = 0.016, 0.004  # m beyond the margin: up to there clearances from object and self are measured
+_CARRIED, _DEEPER = 200, 0.001  # points of an object in the hand; m that it may get deeper into a neighbour
 _OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
 
 
@@ -48,7 +52,7 @@ class Contact:
 
 
 class CollisionChecker:
-    """Clearance of the whole robot from the object (tips included), the table plane z = 0 and itself.
+    """Clearance of the whole robot from objects (tips included), the table plane z = 0 and itself.
 
     Clearances are lower bounds from covering spheres: what is called free is free.
     """
@@ -58,7 +62,8 @@ class CollisionChecker:
 
         Args:
             cell: of the robot.
-            obstacle: the object in the world frame; None when there is none, or the hand holds it.
+            obstacle: the object in the world frame, with what stands around it; once the hand holds it, the latter
+                alone; None when there is nothing.
             margin: clearance to keep, m.
         """
         self.tree, self.margin, self._names = robot_tree(cell), margin, cell.robot.bodies
@@ -81,7 +86,7 @@ class CollisionChecker:
     def clearances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
         rows, frames = empty_rows(_MAX_ROWS, self.tree), body_frames(q, self.tree)
-        count = clearance_rows(self.tree, frames, self._obstacle, self.margin, False, rows)
+        count = clearance_rows(self.tree, frames, (self._obstacle, NOTHING), self.margin, False, rows)
         return rows.values[:count], rows.labels[:count]
 
     def free(self, q: Array) -> bool:
@@ -108,6 +113,29 @@ class CollisionChecker:
             return None
         other = self._names[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
         return Contact(index, (self._names[label[1]], other), value)
+
+
+def carried_into(target: GraspTarget, path: Array, tree: RobotTree, start: Array | None = None) -> float:
+    """Return how far, m, an object in the hand gets into its neighbours along a path, 0 where it does not.
+
+    As deep as it lies in them to begin with, by errors of perception, it may stay.
+
+    Args:
+        target: as it lies before the lift.
+        path: (k, n) rad, with rows so close that nothing happens between them.
+        tree: the robot.
+        start: (n,) rad, where the hand has taken it; the first row by default.
+    """
+    if target.around is None:
+        return 0.0
+    points = triangle_samples(target.distance.triangles, _CARRIED, 0).points
+    R, p = palm_frame(path[0] if start is None else start, tree)
+    held = np.concatenate([points, *target.corners]) - p
+    deepest = least = min(float(target.around.distance(held + p).min()), 0.0)
+    for q in path:
+        now, at = palm_frame(q, tree)
+        deepest = min(deepest, float(target.around.distance(held @ (now @ R.T).T + at).min()))
+    return max(least - deepest - _DEEPER, 0.0)
 
 
 def densify(path: Array, step: float) -> Array:

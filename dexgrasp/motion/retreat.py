@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.collision import CollisionChecker
@@ -16,19 +17,20 @@ _MARGIN = 0.004  # m that the robot keeps from the table and from itself
 
 
 class Retreat(Motion):
-    """Goes home and stays there; where the object lies now nobody knows, so nothing keeps clear of it."""
+    """Goes home and stays there; where the object lies now nobody knows, so only its neighbours are kept clear of."""
 
-    def __init__(self, start: Array, cell: Cell) -> None:
+    def __init__(self, start: Array, cell: Cell, around: ConvexDistance | None = None) -> None:
         """Plan the way.
 
         Args:
             start: (n,) rad, the set-points now.
             cell: of the robot.
+            around: what stood around the object; None where there is nothing.
 
         Raises:
-            NoPath: where the table or the robot itself is in the way.
+            NoPath: where that, the table or the robot itself is in the way.
         """
-        checker, home = CollisionChecker(cell, None, _MARGIN), cell.robot.home
+        checker, home = CollisionChecker(cell, around, _MARGIN), cell.robot.home
         tree = self.tree = robot_tree(cell)
         start = np.clip(start, tree.lower, tree.upper)
         opened = np.concatenate([start[: tree.arm], home[tree.arm :]])

@@ -9,9 +9,10 @@ from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
-from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.timing import smooth_step, time_path
+from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -33,7 +34,7 @@ def make_script(
     Args:
         start: (n,) rad, the set-points now.
         motion: the grasp.
-        obstacle: the object in the world frame, or None to approach as if there were none.
+        obstacle: the object in the world frame, with what stands around it, or None to approach as if there were none.
         cell: of the robot.
         speed: share of the velocity and acceleration limits that the approach uses, above 0 and up to 1.
         margin: clearance to keep on the approach, m.
@@ -90,8 +91,8 @@ def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     return path
 
 
-def check_way(script: ActionScript, cell: Cell) -> None:
-    """Refuse what `verify` would refuse of a script: an approach that bends, a lift in which the hand meets itself.
+def check_way(script: ActionScript, cell: Cell, target: GraspTarget) -> None:
+    """Refuse what `verify` would refuse of a script: an approach that bends, a lift in which something is met.
 
     Raises:
         NoPath: `approach_bends`, or `lift_blocked` with what is in the way.
@@ -101,6 +102,8 @@ def check_way(script: ActionScript, cell: Cell) -> None:
     if bent > _BEND:
         raise NoPath("approach_bends", f"a set-point stands out by {1000 * bent:.1f} mrad")
     lift = script.targets[first["lift"] - 1 : first["hold"]]
-    contact = CollisionChecker(cell, None, 0.0).first_contact(lift)
+    contact = CollisionChecker(cell, target.around, 0.0).first_contact(lift)
     if contact is not None:
         raise NoPath("lift_blocked", str(contact))
+    if (deeper := carried_into(target, lift, robot_tree(cell))) > 0.0:
+        raise NoPath("lift_blocked", f"the object {1000 * deeper:.0f} mm into what stands around it")

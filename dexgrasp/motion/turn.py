@@ -5,6 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.cartesian import shift_palm
@@ -28,7 +29,14 @@ class Turn(NamedTuple):
     )
 
 
-def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, cell: Cell) -> Array | None:
+def turn_arm(
+    start: Array,
+    vector: Array,
+    centre: Array,
+    corners: Array,
+    cell: Cell,
+    around: ConvexDistance | None = None,
+) -> Array | None:
     """Return set-points (m, a) rad that turn hand and object, None where the arm or the table is in the way.
 
     The object's centre rises as far as keeps its lowest corner where it is.
@@ -39,6 +47,7 @@ def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, cell: C
         centre: (3,) m, of the object.
         corners: (K, 3) m, of the object, from its centre.
         cell: of the robot.
+        around: what stands on the table, in the way of hand and object; None where there is nothing.
     """
     tree = robot_tree(cell)
     count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
@@ -51,6 +60,11 @@ def turn_arm(start: Array, vector: Array, centre: Array, corners: Array, cell: C
     path, strayed = shift_palm(start, tree, shifts, turns)
     if strayed > _STRAY or not within_limits(start, path, tree):
         return None
-    if CollisionChecker(cell, None, 0.0).first_contact(np.vstack([start, path])) is not None:
+    if CollisionChecker(cell, around, 0.0).first_contact(np.vstack([start, path])) is not None:
         return None
+    if around is not None:
+        middles = centre + shifts + arm - turns @ arm
+        moved = (turns @ corners.T).transpose(0, 2, 1) + middles[:, None]
+        if around.distance(moved.reshape(-1, 3)).min() < 0.0:
+            return None
     return path[:, : tree.arm]

@@ -51,7 +51,7 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: Problem) -> Turn | No
         worth = capacity_of(_turned(contacts, R), most + _COST * angle, pushes) - _COST * angle
         if worth <= most:
             continue
-        way = turn_arm(start, vector, centre, corners, problem.cell)
+        way = turn_arm(start, vector, centre, corners, problem.cell, target.around)
         if way is not None:
             arm, most, down = way, worth, R.T @ DOWN
     if arm is None:

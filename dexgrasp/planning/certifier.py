@@ -1,5 +1,6 @@
 """A feasible configuration made a grasp: set-points that open around it, touch and press, and the certificate."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Generic, NamedTuple, TypeVar
@@ -20,12 +21,15 @@ from dexgrasp_env.arrays import Array
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
+_EACH = sorted(product((0.03, 0.02, 0.012, 0.006), repeat=3), key=sum, reverse=True)
+"""m of each fingertip, where neighbours leave them unequal room, widest first."""
 _TIPS_MEET = (
     2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify` allows 3e-4
 )
 _OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 
 
+Opening = float | tuple[float, ...]
 Start = TypeVar("Start", bound=Posture)
 
 
@@ -55,7 +59,8 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
         return None
     # Firm grasps are many. One that is not is worth another way to open.
     rises = settings.rises[:1] if hold.merit >= settings.firm_load else settings.rises
-    ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
+    openings: Sequence[Opening] = [*OPENINGS, *_EACH] if problem.target.neighbours else OPENINGS
+    ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, openings))
     pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
     if pregrasp is None:
         log.block("pregrasp_clearance")
@@ -82,18 +87,19 @@ def completed(grasp: Grasp, problem: Problem) -> Grasp:
     return replace(grasp, certificate=certificate)
 
 
-def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: float = 0.0) -> Array:
+def opened(q: Array, normals: Array, problem: Problem, opening: Opening, rise: float = 0.0) -> Array:
     """Return the configuration (n,) rad that a grasp closes from.
 
     Args:
         q: (n,) rad, the grasp.
         normals: (3, 3) out of the object.
         problem: object and robot.
-        opening: m that the tips back off before they close.
+        opening: m that the tips back off before they close, all or each.
         rise: m that they come down as they close.
     """
     (_, goals), pregrasp = _touching(q, normals, problem), q.copy()
-    solve_tips(pregrasp, goals + opening * normals + [0.0, 0.0, rise], problem.tree, 40, 1e-4, True)
+    goals = goals + np.reshape(opening, (-1, 1)) * normals + [0.0, 0.0, rise]
+    solve_tips(pregrasp, goals, problem.tree, 40, 1e-4, True)
     return pregrasp
 
 

@@ -1,9 +1,10 @@
 """What the planner claims of a grasp: the certificate, from configuration, forces and object alone."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
+from dexgrasp.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.margin import margins
@@ -13,6 +14,8 @@ from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
 
+BESIDE = 0.002
+"""m between the hand, closed or open, and what stands around the object."""
 FAR = 0.02  # m: clearances beyond are not measured
 
 
@@ -62,16 +65,17 @@ def certificate_of(q: Array, forces: Array, problem: Problem, *, with_capacity: 
 
 def least_clearance(q: Array, problem: Problem) -> float:
     """Return the least clearance, m, at most `FAR`; a lower bound, as spheres cover the robot from outside."""
-    return float(min(_clearances(q, problem, FAR, tips_touch=True), default=FAR))
+    return float(min(_clearances(q, problem, FAR, tips_touch=True)[0], default=FAR))
 
 
 def is_clear(q: Array, problem: Problem, least: float) -> bool:
-    """Whether every clearance is `least`, m, or more, the tips' from the object too."""
-    return not len(_clearances(q, problem, least, tips_touch=False))
+    """Whether every clearance is `least`, m, or more, the tips' from the object too; from neighbours `BESIDE`."""
+    values, kinds = _clearances(q, problem, least, tips_touch=False)
+    return not (values < np.where(kinds == NEIGHBOUR, min(BESIDE, least), least)).any()
 
 
-def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> Array:
-    """Return the clearances (K,) that are below `far` m."""
+def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, NDArray[np.int64]]:
+    """Return the clearances (K,) that are below `far` m, and of what kind they are."""
     tree, rows = problem.tree, empty_rows(160, problem.tree)
-    n = clearance_rows(tree, body_frames(q, tree), problem.target.distance.obstacle, far, tips_touch, rows)
-    return rows.values[:n]
+    n = clearance_rows(tree, body_frames(q, tree), problem.obstacles, far, tips_touch, rows)
+    return rows.values[:n], rows.labels[:n, 0]

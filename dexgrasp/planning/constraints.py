@@ -72,19 +72,21 @@ class _Touch(NamedTuple):
 
 
 @njit
-def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with_margin: bool) -> Evaluation:
+def evaluate(
+    q: Array, tree: RobotTree, obstacles: tuple[Obstacle, Obstacle], bounds: Bounds, with_margin: bool
+) -> Evaluation:
     """Evaluate all constraints and gradients at `q` (n,) rad.
 
     Args:
         q: (n,) rad.
         tree: the robot.
-        obstacle: the object in the world frame.
+        obstacles: the object in the world frame, and what stands around it.
         bounds: thresholds.
         with_margin: whether the closure margin counts (ablation `cvae_kinematics` leaves it out).
     """
     frames = empty_frames(tree)
     forward(q, tree, frames)
-    touch = _touch(tree, frames, obstacle)
+    touch = _touch(tree, frames, obstacles[0])
     rows = Rows(
         np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, q.shape[0])), np.full((MAX_ROWS, 3), -1, dtype=np.int64)
     )
@@ -99,7 +101,7 @@ def evaluate(q: Array, tree: RobotTree, obstacle: Obstacle, bounds: Bounds, with
     for k in range(FIXED_ROWS):
         rows.labels[k, 0] = -1 - k
     beyond = Rows(rows.values[FIXED_ROWS:], rows.gradients[FIXED_ROWS:], rows.labels[FIXED_ROWS:])
-    total = FIXED_ROWS + clearance_rows(tree, frames, obstacle, _ACTIVATION, True, beyond)
+    total = FIXED_ROWS + clearance_rows(tree, frames, obstacles, _ACTIVATION, True, beyond)
     for k in range(FIXED_ROWS, total):
         rows.values[k] -= bounds.clearance
     return Evaluation(

@@ -178,5 +178,5 @@ def place_on_atlas(
     inward = -normals[:, orders].reshape(-1, 3, 3)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
-    tips, obstacle = Tips(atlas.tips, atlas.axes, atlas.pads), problem.target.distance.obstacle
+    tips, obstacle = Tips(atlas.tips, atlas.axes, atlas.pads), problem.target.everything.obstacle
     return _useful(goals, near, tips, obstacle, palm)

@@ -173,8 +173,9 @@ class Search:
             return False
         try:
             if self._start is not None:
-                script = make_script(self._start, grasp.motion, self._problem.target.distance, planner.cell)
-                check_way(script, planner.cell)
+                target = self._problem.target
+                script = make_script(self._start, grasp.motion, target.everything, planner.cell)
+                check_way(script, planner.cell, target)
             self.result.found.append(Planned(completed(grasp, self._problem), script))
             return True
         except NoPath as blocked:

@@ -2,6 +2,7 @@
 
 from typing import NamedTuple
 
+from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
@@ -19,3 +20,9 @@ class Problem(NamedTuple):
     def tree(self) -> RobotTree:
         """Kinematics of the robot."""
         return robot_tree(self.cell)
+
+    @property
+    def obstacles(self) -> tuple[Obstacle, Obstacle]:
+        """The object, which the tips may touch, and what stands around it, which nothing may."""
+        around = self.target.around
+        return self.target.distance.obstacle, NOTHING if around is None else around.obstacle

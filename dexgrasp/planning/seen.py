@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import mujoco
@@ -13,6 +14,7 @@ from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
 from dexgrasp.planning.sources import make_source
+from dexgrasp.shape.around import neighbours_of
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -53,6 +55,7 @@ def plan_scene(
     began = time.perf_counter()
     try:
         target = target_of(scene, mass, planner.settings.most_parts)
+        target = replace(target, neighbours=neighbours_of(scene))
     except NoTarget as none:
         seconds = time.perf_counter() - began
         return PlanResult(

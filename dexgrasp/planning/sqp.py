@@ -78,10 +78,10 @@ def solve(q: Array, problem: Problem, *, with_margin: bool = True) -> Solution:
 
 class _Solver:
     def __init__(self, problem: Problem, with_margin: bool) -> None:
-        target, tree, settings = problem.target, problem.tree, problem.settings
+        tree, settings = problem.tree, problem.settings
         self._robot, self._moved = problem.cell.robot, tree.moved
         self._block, self._turn = np.ix_(tree.moved, tree.moved), _TURN * np.eye(len(tree.moved))
-        self._obstacle, self._tree, self._budget = target.distance.obstacle, tree, settings.iterations
+        self._obstacles, self._tree, self._budget = problem.obstacles, tree, settings.iterations
         self._with_margin = with_margin
         self._low = tree.lower[tree.moved] + settings.joint_margin
         self._high = tree.upper[tree.moved] - settings.joint_margin
@@ -90,7 +90,7 @@ class _Solver:
         self._least = bounds_of(settings, settings.closure_margin)
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
-        return evaluate(q, self._tree, self._obstacle, bounds, self._with_margin)
+        return evaluate(q, self._tree, self._obstacles, bounds, self._with_margin)
 
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""

@@ -22,6 +22,10 @@ ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods 
 MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
 
 
+Parts = tuple[Array, ...]
+"""Corners (N, 3) m of convex parts of one thing."""
+
+
 class Spread(NamedTuple):
     """How far a surface may be from where it is believed to be, by direction."""
 
@@ -45,12 +49,14 @@ class GraspTarget:
         centre: (3,) m, centre of mass, taken to be that of the parts' volumes unless it is known.
         mass: kg, assumed unless it is known.
         spread: how far the surface may be off where it was guessed; None where it was seen all round.
+        neighbours: what stands around it and must not be touched.
     """
 
     distance: ConvexDistance
     centre: Array
     mass: float
     spread: Spread | None = None
+    neighbours: tuple[Parts, ...] = ()
 
     @classmethod
     def of(
@@ -90,6 +96,17 @@ class GraspTarget:
     def is_convex(self) -> bool:
         """Whether there is but one part."""
         return len(self.distance.parts) == 1
+
+    @cached_property
+    def around(self) -> ConvexDistance | None:
+        """Signed distance to the union of the neighbours, m; None where there is none."""
+        parts = [ConvexDistance.from_points(part, PART_FACES) for parts in self.neighbours for part in parts]
+        return ConvexDistance.union(parts) if parts else None
+
+    @cached_property
+    def everything(self) -> ConvexDistance:
+        """Signed distance to the object and its neighbours, m: what a hand that is not grasping keeps clear of."""
+        return self.distance if self.around is None else self.distance.joined(self.around)
 
     @cached_property
     def corners(self) -> tuple[Array, ...]:

@@ -1,0 +1,69 @@
+"""What stands around the target as convex parts: hulls of objects, columns of walls."""
+
+import numpy as np
+
+from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.shape.completion import completed_corners
+from dexgrasp.shape.target import PART_FACES, Parts
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
+
+SEEN, UNSEEN = 0.002, 0.006
+"""m by which a neighbour's sides are taken to lie farther out: those that were seen, as hulls are trimmed of noise,
+and those that no camera saw."""
+_FACING = 0.5  # cosine of the angle to a side within which a normal shows that it was seen
+_SIDES = 8  # level directions in which a neighbour may be grown
+_INSIDE = 0.006  # m: a hull that holds points of the target this deep is not the neighbour's shape
+_COLUMN = 0.03  # m, side of a column
+_MOST = 60  # parts of a neighbour, as a grasp file takes them
+_LEAST = 3  # points of a column: fewer are noise
+_THICK = 0.004  # m that a column reaches at least to either side of its middle
+
+
+def neighbours_of(scene: Scene) -> tuple[Parts, ...]:
+    """Return the corners (N, 3) m of the convex parts of each neighbour; the last are those of what is no object.
+
+    A neighbour is the hull of its cloud down to the table; where that holds a part of the target, the neighbour is
+    hollow or reaches around it, and the columns that its points stand in take the hull's place.
+    """
+    found = [_parts(one, scene) for one in scene.neighbours] + [columns(scene.rest.points)]
+    return tuple(parts[k : k + _MOST] for parts in found for k in range(0, len(parts), _MOST))
+
+
+def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
+    hull = completed_corners(cloud, scene.plane)[0]
+    corners = None if hull is None else _grown(hull, cloud)
+    try:
+        distance = None if corners is None else ConvexDistance.from_points(corners, PART_FACES)
+    except InputError:
+        distance = None
+    if corners is None or distance is None or distance.distance(scene.target.points).min() < -_INSIDE:
+        return columns(cloud.points)
+    return (corners,)
+
+
+def _grown(corners: Array, cloud: ObjectCloud) -> Array:
+    """Add to corners (N, 3) m the same moved out to all sides, farther where no camera saw one."""
+    angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
+    sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)], axis=1)
+    grown = np.where((cloud.normals @ sides.T > _FACING).any(axis=0), SEEN, UNSEEN)
+    return np.concatenate([corners + step * side for step, side in zip(grown, sides, strict=True)])
+
+
+def columns(points: Array) -> Parts:
+    """Return the corners of boxes around points (N, 3) m, from the table up, one for each square that holds some."""
+    if not len(points):
+        return ()
+    squares, which = np.unique(np.floor(points[:, :2] / _COLUMN).astype(int), axis=0, return_inverse=True)
+    boxes = []
+    for k in range(len(squares)):
+        held = points[which.ravel() == k]
+        if len(held) < _LEAST:
+            continue
+        low, high = held.min(0), held.max(0)
+        middle, half = 0.5 * (low + high), np.maximum(0.5 * (high - low), _THICK)
+        low, high = middle - half, middle + half
+        low[2] = 0.0
+        boxes.append(np.array(np.meshgrid(*zip(low, high, strict=True))).reshape(3, 8).T)
+    return tuple(boxes)

@@ -1,0 +1,142 @@
+"""Planning among neighbours: they are kept clear of from the approach to the end of the lift, and they are seen."""
+
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from robots import CELL, HOME
+
+from dexgrasp.geometry.convex_kernel import NOTHING
+from dexgrasp.grasp.content import planned_record
+from dexgrasp.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows
+from dexgrasp.kinematics.forward import body_frames
+from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion.collision import carried_into
+from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.script import check_way, make_script
+from dexgrasp.planning.claims import is_clear
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.problem import Problem
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.shape.around import SEEN, UNSEEN, columns, neighbours_of
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp.verify.scene import Scene as Judge
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
+
+TREE = robot_tree(CELL)
+SEED = 4
+
+
+def box(x, y, size, low=0.0):
+    half = 0.5 * np.array(size)
+    centre = np.array([x, y, low + half[2]])
+    return np.array([centre + half * signs for signs in product((-1, 1), repeat=3)])
+
+
+ALONE = GraspTarget.of_corners([box(0.5, 0.0, (0.05, 0.07, 0.1))])
+SIDES = tuple((box(0.5, side * 0.085, (0.08, 0.04, 0.12)),) for side in (-1, 1))
+
+
+@pytest.fixture(scope="module")
+def plans():
+    beside = replace(ALONE, neighbours=SIDES)
+    return tuple(Planner().plan(target, SEED, HOME) for target in (ALONE, beside))
+
+
+def least(script, parts):
+    """Least distance of the true shapes of the robot from neighbours, on the whole way."""
+    judge = Judge(CELL, [corners for one in parts for corners in one], ())
+    return min(judge.clearances(q, tips_touch=False)["hand_object"] for q in script.targets[::2])
+
+
+def test_what_stands_beside_is_not_touched_and_changes_the_plan(plans):
+    alone, beside = (plan.found[0] for plan in plans)
+    assert least(alone.script, SIDES) < 0.0  # or the scene shows nothing
+    assert least(beside.script, SIDES) > 0.0
+    assert not np.array_equal(alone.grasp.q, beside.grasp.q)
+    again = Planner().plan(replace(ALONE, neighbours=()), SEED, HOME).found[0]
+    assert np.array_equal(again.grasp.q, alone.grasp.q)
+
+
+def test_walled_in_all_round_there_is_no_grasp():
+    wall = tuple(
+        (box(0.5 + x, y, (0.05, 0.07, 0.2)),) for x, y in [(0.055, 0), (-0.055, 0), (0, 0.075), (0, -0.075)]
+    )
+    settings = PlannerSettings(breadths=(1.0,), patience=0)
+    plan = Planner(settings).plan(replace(ALONE, neighbours=wall), SEED, HOME)
+    assert not plan.found
+    assert plan.reason.startswith("no_grasp:")
+
+
+def test_tips_may_touch_the_object_and_no_neighbour(plans):
+    grasp = plans[0].found[0].grasp
+    shape = ALONE.distance.obstacle
+    rows = empty_rows(160, TREE)
+    count = clearance_rows(TREE, body_frames(grasp.q, TREE), (NOTHING, shape), 0.0, True, rows)
+    tips = [TREE.tip_body[k] for k in range(3)]
+    assert set(tips) <= set(rows.labels[:count, 1][rows.labels[:count, 0] == NEIGHBOUR])
+    far = replace(ALONE, neighbours=SIDES)
+    assert is_clear(plans[1].found[0].grasp.motion.pregrasp, Problem(far, CELL, PlannerSettings()), 0.004)
+
+
+def test_approach_and_lift_through_a_neighbour_are_refused(plans):
+    grasp, script = plans[0].found[0].grasp, plans[0].found[0].script
+    palm = palm_frame(grasp.motion.pregrasp, TREE)[1]
+    at_palm = replace(ALONE, neighbours=((box(*palm[:2], (0.06, 0.06, 0.06), palm[2] - 0.03),),))
+    with pytest.raises(NoPath):
+        make_script(HOME, grasp.motion, at_palm.everything, CELL)
+    lid = replace(ALONE, neighbours=((box(0.5, 0.0, (0.04, 0.06, 0.04), 0.115),),))
+    check_way(script, CELL, ALONE)
+    with pytest.raises(NoPath, match="lift_blocked"):
+        check_way(script, CELL, lid)
+    first = dict(script.phases)
+    lift = script.targets[first["lift"] - 1 : first["hold"]]
+    assert carried_into(lid, lift, TREE) > 0.004
+    assert carried_into(replace(ALONE, neighbours=SIDES), lift, TREE) == 0.0
+
+
+def test_the_file_says_what_stands_around(plans):
+    found, target = plans[1].found[0], plans[1].target
+    record = planned_record("box", found.grasp, target, PlannerSettings(), script=found.script)
+    assert [np.array_equal(n.parts[0], s[0]) for n, s in zip(record.neighbours, SIDES, strict=True)] == [
+        True,
+        True,
+    ]
+
+
+def shell(x, y, size, seen=((1, 0), (-1, 0), (0, 1), (0, -1))):
+    """Points and normals of the top and of the sides of a box that are seen."""
+    grid = np.linspace(-0.5, 0.5, 15)
+    u, v = (values.ravel() for values in np.meshgrid(grid, grid))
+    faces = [(np.stack([u, v, 0 * u + 0.5], 1), (0, 0, 1))]
+    for nx, ny in seen:
+        side = np.stack([u if ny else 0 * u + 0.5 * nx, 0 * u + 0.5 * ny if ny else u, v], 1)
+        faces.append((side, (nx, ny, 0)))
+    points = np.concatenate([p for p, _ in faces]) * size + [x, y, 0.5 * size[2]]
+    return ObjectCloud(points, np.concatenate([np.tile(n, (len(p), 1)).astype(float) for p, n in faces]))
+
+
+def test_neighbours_are_hulls_grown_where_nobody_saw():
+    size = np.array([0.05, 0.07, 0.1])
+    target, other = shell(0.5, 0.0, size), shell(0.5, 0.12, size, ((1, 0), (-1, 0), (0, -1)))
+    ((corners,),) = neighbours_of(Scene(target, neighbours=(other,)))
+    assert corners[:, 1].min() == pytest.approx(0.12 - 0.035 - SEEN)
+    assert corners[:, 1].max() == pytest.approx(0.12 + 0.035 + UNSEEN)
+
+
+def test_what_reaches_around_the_target_is_columns():
+    ring = [
+        shell(0.5 + x, y, np.array([0.02, 0.02, 0.1]))
+        for x, y in product((-0.07, 0.0, 0.07), repeat=2)
+        if x or y
+    ]
+    points = np.concatenate([one.points for one in ring])
+    target = shell(0.5, 0.0, np.array([0.05, 0.05, 0.1]))
+    (parts,) = neighbours_of(Scene(target, neighbours=(ObjectCloud(points, np.zeros_like(points)),)))
+    assert len(parts) >= 8
+    around = replace(ALONE, neighbours=(parts,)).around
+    assert around.distance(points).max() < 1e-6
+    assert around.distance([[0.5, 0.0, 0.05]])[0] > 0.04
+    assert columns(np.zeros((0, 3))) == ()
