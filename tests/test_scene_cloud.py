@@ -1,5 +1,6 @@
 """Clouds of whole scenes: read from files, one object isolated, or a reason."""
 
+import struct
 from dataclasses import replace
 
 import numpy as np
@@ -141,6 +142,26 @@ def test_flying_pixels_and_holes_leave_the_object(rng):
     assert np.abs(np.ptp(found.target.points, axis=0)[:2] - BOX[:2]).max() < 0.02
 
 
+def lzf(data: bytes) -> bytes:
+    """Pack bytes: what came before is copied, the rest are runs of one byte."""
+    packed, seen, k = bytearray(), {}, 0
+    while k < len(data):
+        start, length = seen.get(data[k : k + 3], -1), 0
+        seen[data[k : k + 3]] = k
+        if start >= 0 and k - start <= 8192:
+            while k + length < len(data) and length < 264 and data[start + length] == data[k + length]:
+                length += 1
+        if length < 3:
+            packed += bytes([0, data[k]])
+            k += 1
+            continue
+        back = k - start - 1
+        longer = [length - 9] if length >= 9 else []
+        packed += bytes([min(length - 2, 7) << 5 | back >> 8, *longer, back & 255])
+        k += length
+    return bytes(packed)
+
+
 def test_files_give_the_points_that_were_written(rng, tmp_path):
     points = rng.uniform(0.0, 0.5, (200, 3)).astype(np.float32)
     header = "# .PCD\nVERSION 0.7\nFIELDS x y z rgb\nSIZE 4 4 4 4\nTYPE F F F U\nCOUNT 1 1 1 1\nWIDTH 200\nHEIGHT 1\n"
@@ -150,6 +171,11 @@ def test_files_give_the_points_that_were_written(rng, tmp_path):
     ascii_rows = "\n".join(f"{x} {y} {z} 0" for x, y, z in points)
     (tmp_path / "a.pcd").write_text(head.format("ascii") + ascii_rows)
     (tmp_path / "b.pcd").write_bytes(head.format("binary").encode() + rows.tobytes())
+    columns = points.T.tobytes() + bytes(800)
+    packed = lzf(columns)
+    sizes = struct.pack("<II", len(packed), len(columns))
+    (tmp_path / "bc.pcd").write_bytes(head.format("binary_compressed").encode() + sizes + packed)
+    (tmp_path / "x.xyz").write_text("# x y z red\n" + "\n".join(f"{x}, {y}, {z}, 7" for x, y, z in points))
     np.save(tmp_path / "c.npy", points)
     np.savez(tmp_path / "d.npz", points=points, other=np.zeros(3))
     lines = "\n".join(f"{x} {y} {z}" for x, y, z in points)
@@ -170,12 +196,26 @@ def test_damaged_files_are_one_line(tmp_path):
     np.save(tmp_path / "nan.npy", np.full((9, 3), np.nan))
     np.savez(tmp_path / "two.npz", a=np.zeros((3, 3)), b=np.zeros((3, 3)))
     (tmp_path / "bad.ply").write_text("ply\nformat ascii 1.0\nelement vertex 3\n")
-    (tmp_path / "what.xyz").write_text("1 2 3")
+    (tmp_path / "what.xyz").write_text("one two three")
+    (tmp_path / "flat.xyz").write_text("1 2\n3 4\n")
+    (tmp_path / "what.las").write_text("1 2 3")
+    head = b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 9\nDATA binary_compressed\n"
+    for name, body in (("short", b"12"), ("wrong", bytes(300)), ("back", b"\x02\0\0\0\x6c\0\0\0\x20\x09")):
+        (tmp_path / f"{name}.pcd").write_bytes(head + body)
+    (tmp_path / "giant.pcd").write_bytes(head.replace(b"TYPE", b"COUNT 1 1 90000000\nTYPE") + bytes(300))
     (tmp_path / "folder").mkdir()
     for path in [*sorted(tmp_path.iterdir()), tmp_path / "missing.ply"]:
         with pytest.raises(InputError) as error:
             read_scan(path)
         assert "\n" not in str(error.value), path.name
+
+
+def test_a_unit_is_of_files(rng, tmp_path):
+    points = rng.uniform(0.0, 0.5, (50, 3))
+    np.save(tmp_path / "mm.npy", 1000.0 * points)
+    assert np.abs(read_scan(tmp_path / "mm.npy", "mm").points - points).max() < 1e-9
+    with pytest.raises(InputError, match="depth_scale"):
+        read_scan(tmp_path, "mm")
 
 
 def test_depth_images_are_merged(tmp_path):

@@ -3,7 +3,7 @@
 import os
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, Options, Scene, check_mesh_options
 from dexgrasp.cli.output import make_folder, note
@@ -20,12 +20,14 @@ class Scan(Options):
     """Your own scene, instead of TARGET.
 
     Attributes:
-        cloud: ply, pcd, npy or npz in the robot base frame, metres; or a folder with cameras.yaml and depth images.
+        cloud: ply, pcd, xyz, npy or npz in the robot base frame; or a folder with cameras.yaml and depth images.
+        unit: of that file's coordinates.
         object_near: a point near the object that is meant, m.
         mass: of the object, kg, where it is known.
     """
 
     cloud: File | None = None
+    unit: Literal["m", "cm", "mm"] = "m"
     object_near: Annotated[tuple[float, float, float] | None, "X", "Y", "Z"] = None
     mass: Annotated[Positive | None, "KG"] = None
 
@@ -84,9 +86,9 @@ class Plan(Command, Scan, Scene):
                 raise InputError(
                     "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
                 )
-            if (self.mass, self.object_near) != (None, None):
+            if (self.mass, self.object_near, self.unit) != (None, None, "m"):
                 raise InputError(
-                    "--mass and --object-near are of --cloud: of a TARGET the planner is told nothing "
+                    "--mass, --object-near and --unit are of --cloud: of a TARGET the planner is told nothing "
                     "(--mesh-mass is a mesh's)"
                 )
             check_target(self.target, self.agent, self)
@@ -99,7 +101,7 @@ class Plan(Command, Scan, Scene):
             )
         from dexgrasp_env.perception.scan import read_scan
 
-        return read_scan(self.cloud)
+        return read_scan(self.cloud, self.unit)
 
     def _plan(self, progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
         """Plan for the named object; return what came of it, and the same as JSON."""

@@ -31,7 +31,7 @@ OUT_OF_REACH = "out_of_reach"
 
 WORDS = {
     EMPTY: "the cloud holds too few points to be a scene",
-    UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001",
+    UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001, or say --unit mm",
     NO_TABLE: "no level plane that could be the table: is the cloud in the robot base frame, z up?",
     UPSIDE_DOWN: "the points lie below the table: z must point up in the robot base frame",
     TABLE_HEIGHT: "the table is not at the height above the robot's base that the cell has it at (table_height)",

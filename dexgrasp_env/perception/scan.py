@@ -1,13 +1,12 @@
-"""A recorded scene read from a file: ply, pcd, npy or npz, or a folder of depth images with their cameras.
+"""A recorded scene read from a file: ply, pcd, xyz, npy or npz, or a folder of depth images with their cameras.
 
 What is read becomes a `Cloud` in the robot base frame, metres, as the simulated cameras make it: everything after this
 file is the code that they go through as well.
 """
 
-import io
-from itertools import islice
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,28 +16,32 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz
 from dexgrasp_env.perception.cloud import Cloud, check_count
 from dexgrasp_env.perception.depth_folder import CAMERAS_FILE, check_scan, read_views
+from dexgrasp_env.perception.pcd import read_pcd
 
-SUFFIXES = (".ply", ".pcd", ".npy", ".npz")
-_PCD_LINES = 1_000  # of a header
-_PCD_TYPES = {("F", 4): "<f4", ("F", 8): "<f8", ("I", 1): "<i1", ("I", 2): "<i2", ("I", 4): "<i4", ("I", 8): "<i8",
-              ("U", 1): "<u1", ("U", 2): "<u2", ("U", 4): "<u4", ("U", 8): "<u8"}  # fmt: skip
+SUFFIXES = (".ply", ".pcd", ".xyz", ".npy", ".npz")
+UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
-def read_scan(path: Path) -> Cloud:
+def read_scan(path: Path, unit: str = "m") -> Cloud:
     """Read a scene.
 
     Args:
         path: a cloud in the robot base frame (`SUFFIXES`), or a folder with `cameras.yaml` and its depth images.
+        unit: of the file's coordinates, of `UNITS`; a folder says its own.
 
     Raises:
         InputError: if it cannot be read, holds no points, or is no such file.
     """
     if path.is_dir():
+        if unit != "m":
+            raise InputError(
+                f"{path} is a folder: depth_scale in its {CAMERAS_FILE} gives the unit of its images"
+            )
         return read_views(path)
     if path.suffix.lower() not in SUFFIXES:
         raise InputError(f"{path}: valid clouds are {', '.join(SUFFIXES)}, or a folder with {CAMERAS_FILE}")
     check_scan(path)
-    readers = {".ply": _read_ply, ".pcd": _read_pcd, ".npy": _read_npy, ".npz": _read_npz}
+    readers = {".ply": _read_ply, ".pcd": read_pcd, ".xyz": _read_xyz, ".npy": _read_npy, ".npz": _read_npz}
     try:
         points = readers[path.suffix.lower()](path)
     except InputError:
@@ -47,7 +50,8 @@ def read_scan(path: Path) -> Cloud:
         raise InputError(
             f"{path} cannot be read as a point cloud ({type(error).__name__}: {error})"
         ) from None
-    return cloud_of(points, str(path))
+    cloud = cloud_of(points, str(path))
+    return replace(cloud, points=cloud.points * UNITS[unit])
 
 
 def cloud_of(points: Any, source: str = "points") -> Cloud:
@@ -101,44 +105,8 @@ def _read_npz(path: Path) -> NDArray[Any]:
     return arrays[name]
 
 
-def _read_pcd(path: Path) -> Array:
-    """Read x, y, z of a PCD file, ascii or binary (format 0.7 of the Point Cloud Library)."""
-    file = io.BytesIO(path.read_bytes())
-    header = _pcd_header(file, path)
-    names, count = header["FIELDS"], int(header["POINTS"][0])
-    check_count(count, str(path))
-    if not {"x", "y", "z"} <= set(names):
-        raise InputError(f"{path} has fields {' '.join(names)}: x, y and z are needed")
-    if header["DATA"] == ["ascii"]:
-        rows = np.loadtxt(file, ndmin=2, max_rows=count)
-        return rows[:, [names.index(axis) for axis in "xyz"]]
-    if header["DATA"] != ["binary"]:
-        raise InputError(
-            f"{path}: PCD data {' '.join(header['DATA'])} is not read: save it as ascii or binary"
-        )
-    kinds = zip(
-        header["TYPE"],
-        map(int, header["SIZE"]),
-        map(int, header.get("COUNT", ["1"] * len(names))),
-        strict=True,
-    )
-    row = np.dtype([(f"f{i}", _PCD_TYPES[kind, size], (n,)) for i, (kind, size, n) in enumerate(kinds)])
-    body = file.read()
-    if len(body) < count * row.itemsize:
-        raise InputError(f"{path} ends after {len(body) // row.itemsize} of {count} points: it was cut off")
-    table = np.frombuffer(body, row, count)
-    return np.stack([table[f"f{names.index(axis)}"][:, 0] for axis in "xyz"], axis=1).astype(float)
-
-
-def _pcd_header(file: IO[bytes], path: Path) -> dict[str, list[str]]:
-    fields: dict[str, list[str]] = {}
-    for line in islice(file, _PCD_LINES):
-        words = line.decode("ascii", "replace").split()
-        if words and not words[0].startswith("#"):
-            fields[words[0].upper()] = words[1:]
-        if "DATA" in fields:
-            break
-    missing = [key for key in ("FIELDS", "SIZE", "TYPE", "POINTS", "DATA") if not fields.get(key)]
-    if missing:
-        raise InputError(f"{path} is no PCD file: its header lacks {', '.join(missing)}")
-    return fields
+def _read_xyz(path: Path) -> Array:
+    """Read rows of x, y, z and whatever follows, in words or with commas; lines of `#` are remarks."""
+    with path.open() as file:
+        rows = (line.replace(",", " ") for line in file)
+        return np.loadtxt(rows, ndmin=2, usecols=(0, 1, 2))
