@@ -3,6 +3,8 @@
 Importing the package registers the environments; it brings no torch, no numba and no GL.
 """
 
+import ctypes
+import os
 import sys
 from typing import Any
 
@@ -11,6 +13,13 @@ if sys.argv[:1] == ["-m"] and "dexgrasp_env" in sys.orig_argv:
     import signal
 
     signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGTERM))
+
+if os.environ.get("MUJOCO_GL", "").strip().lower() == "osmesa" and "mujoco" not in sys.modules:
+    # Where there is no OSMesa `import mujoco` would raise, even for what draws nothing.
+    try:
+        ctypes.CDLL("libOSMesa.so.8")
+    except OSError:
+        os.environ["DEXGRASP_GL"] = os.environ.pop("MUJOCO_GL")
 
 from gymnasium.envs.registration import register
 

@@ -39,7 +39,7 @@ def _loads(*libraries: str) -> bool:
 def wished_gl() -> str:
     """Return the backend that MUJOCO_GL names, in lower case; an empty text where it names none.
 
-    The command line puts MUJOCO_GL aside as DEXGRASP_GL, as a bad value would fail `import mujoco`.
+    MUJOCO_GL is put aside as DEXGRASP_GL where its value would fail `import mujoco`.
     """
     wish = (os.environ.get("DEXGRASP_GL") or os.environ.get("MUJOCO_GL") or "").lower().strip()
     return "" if wish in _ANY else wish

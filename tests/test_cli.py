@@ -198,6 +198,17 @@ def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
         assert done.returncode == OK, done.stderr
 
 
+def test_environments_do_without_the_gl_library_that_is_named():
+    code = "import gymnasium, dexgrasp_env; gymnasium.make('DexGrasp/Lift-v2').reset(seed=0); print('made')"
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "MUJOCO_GL": "osmesa"},
+    )
+    assert done.stdout == "made\n", done.stderr
+
+
 def test_a_full_disk_is_the_users_to_mend(monkeypatch, capsys):
     import dexgrasp.cli.list as command
 

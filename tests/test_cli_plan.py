@@ -1,5 +1,6 @@
 """`dexgrasp plan`, `verify` and `demo`: exit codes, JSON, files, one-line errors."""
 
+import errno
 import functools
 import json
 
@@ -7,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 
+from dexgrasp.cli import plan_results
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
 from dexgrasp.planning import look
@@ -72,6 +74,17 @@ def test_plan_for_people_names_the_figures(planned, capsys):
     out = capsys.readouterr().out
     for words in ("pear: grasp found in", "closure margin", "least clearance", "joint torque"):
         assert words in out
+
+
+def test_a_full_disk_does_not_lose_the_grasp(capsys, monkeypatch, tmp_path):
+    def full(*_):
+        raise OSError(errno.ENOSPC, "No space left on device", "out/grasp.json")
+
+    monkeypatch.setattr(plan_results, "write_results", full)
+    assert main(["plan", "pear", "--json", "--out", str(tmp_path)]) == BAD_INPUT
+    out, err = capsys.readouterr()
+    assert json.loads(out)["certificate"]["holds"]
+    assert err.endswith("dexgrasp plan: out/grasp.json: No space left on device\n")
 
 
 def test_verify_says_no_and_which_check(planned, capsys, tmp_path):

@@ -37,11 +37,13 @@ class Answer:
         content: as JSON; its schema is 1 unless it says another.
         text: for people; empty for nothing.
         code: exit code.
+        failure: what went wrong afterwards, raised when the answer has been printed.
     """
 
     content: Mapping[str, Any]
     text: str
     code: int = 0
+    failure: OSError | None = None
 
     def show(self, as_json: bool) -> int:
         """Print it and return the exit code."""
@@ -49,6 +51,8 @@ class Answer:
             print(json.dumps(jsonable({"schema": 1, **self.content}), indent=2, allow_nan=False))
         elif self.text:
             print(self.text)
+        if self.failure is not None:
+            raise self.failure
         return self.code
 
 

@@ -2,6 +2,7 @@
 
 import os
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
@@ -71,9 +72,13 @@ class Plan(Command, Scan, Scene):
         several = self.count is not None
         with progress_bar("step", "grasps", shown=several, delay=3, leave=False) as progress:
             found, content = self._plan(progress) if scan is None else self._plan_scan(scan, progress)
+        answer = Answer(content, describe(content, found.sentence), int(not found.success))
         if self.out is not None and (found.success or several):
-            note(write_results(self.out, found, content))
-        return Answer(content, describe(content, found.sentence), int(not found.success))
+            try:
+                note(write_results(self.out, found, content))
+            except OSError as error:  # a full disk: what was found is printed all the same
+                return replace(answer, failure=error)
+        return answer
 
     def _read(self) -> "Cloud | None":
         """Read the cloud; let a mistake show before anything heavy is imported, which takes a second."""
