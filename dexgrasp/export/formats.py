@@ -40,7 +40,9 @@ def write_ros2(folder: Path, trajectory: Trajectory, facts: dict[str, Any]) -> l
     messages = {"grasp": moveit_grasp(facts, base, trajectory.robot.hand.joints.names)}
     for name, joints, period, rows in _parts(trajectory):
         every = _ROS_EVERY[name]
-        messages[name] = joint_trajectory(joints, rows[::every], period * every, base)
+        resting = np.repeat(rows[-1:], -(len(rows) - 1) % every, axis=0)  # the last point is the last row
+        thinned = np.concatenate([rows, resting])[::every]
+        messages[name] = joint_trajectory(joints, thinned, period * every, base)
     return [_write(folder / f"{name}.yaml", _yaml(content)) for name, content in messages.items()]
 
 
