@@ -18,18 +18,20 @@ def add_to_spec(
     body: mujoco.MjsBody,
     model: ObjectModel,
     *,
+    name: str = "object",
     visual: bool = True,
     **contact: Any,
 ) -> list[str]:
     """Give `body` the shape and the mass of `model`; its frame becomes the object frame.
 
-    Adds the geom `object_visual` (group 2, collides with nothing), the geoms `object_0`, `object_1`, ... (group 3)
-    and the inertia. Joints and friction are the caller's.
+    Adds the geom `NAME_visual` (group 2, collides with nothing), the geoms `NAME_0`, `NAME_1`, ... (group 3) and the
+    inertia. Joints and friction are the caller's.
 
     Args:
         spec: the specification that `body` belongs to; it receives the meshes.
         body: an empty body.
         model: the object.
+        name: that its geoms' names begin with.
         visual: whether to add the visual geom.
         **contact: attributes set on every contact geom, e.g. `condim=3`, `solref=[0.02, 1]`.
 
@@ -40,10 +42,10 @@ def add_to_spec(
     body.mass, body.ipos = model.mass, [0.0, 0.0, 0.0]
     body.fullinertia = model.inertia[[0, 1, 2, 0, 0, 1], [0, 1, 2, 1, 2, 2]]
     if visual:
-        _add_visual(spec, body, model)
+        _add_visual(spec, body, model, f"{name}_visual")
     names = []
     for index, part in enumerate(model.parts):
-        names.append(f"object_{index}")
+        names.append(f"{name}_{index}")
         geom = _add_part(spec, body, part, names[-1])
         geom.group = 3
         geom.rgba = model.rgba
@@ -52,10 +54,9 @@ def add_to_spec(
     return names
 
 
-def _add_visual(spec: mujoco.MjSpec, body: mujoco.MjsBody, model: ObjectModel) -> None:
+def _add_visual(spec: mujoco.MjSpec, body: mujoco.MjsBody, model: ObjectModel, name: str) -> None:
     import mujoco
 
-    name = "object_visual"
     mesh = spec.add_mesh(name=name)
     mesh.uservert = np.asarray(model.solid.vertices, dtype=np.float32).ravel()
     mesh.userface = np.asarray(model.solid.faces, dtype=np.int32).ravel()

@@ -1,5 +1,6 @@
 """Robot, object, table and cameras put together into one model."""
 
+from collections.abc import Sequence
 from typing import Any
 
 import mujoco
@@ -19,7 +20,7 @@ from dexgrasp_env.scene.constants import (
     TIP_SOLREFFRICTION,
     TORSIONAL_FRICTION,
 )
-from dexgrasp_env.scene.sensors import add_sensors
+from dexgrasp_env.scene.sensors import add_neighbour_sensors, add_sensors
 from dexgrasp_env.sensing.cameras import add_cameras
 
 
@@ -27,28 +28,31 @@ def scene_spec(
     model: ObjectModel,
     cell: Cell,
     *,
+    neighbours: Sequence[ObjectModel] = (),
     friction: float = FRICTION,
     cameras: tuple[Camera, ...] = (),
 ) -> mujoco.MjSpec:
-    """Return the editable scene: robot base above or below the origin, table top at z = 0, one free object.
+    """Return the editable scene: robot base above or below the origin, table top at z = 0, free objects.
 
     Args:
         model: the object to pick up.
         cell: the robot and where it stands.
+        neighbours: other objects on the table, bodies `neighbour_0`, `neighbour_1`, ... after the body `object`.
         friction: sliding friction coefficient of every contact.
         cameras: depth cameras to add, in the world frame.
     """
     spec = robot_spec(cell)
     spec.modelname = f"dexgrasp {model.name}"
     add_arena(spec, float(cell.base[2]))
-    body = spec.worldbody.add_body(name="object", pos=[0.5, 0.0, 0.3])
-    body.add_freejoint(name="object")
-    add_to_spec(spec, body, model)
+    parts = [_add_object(spec, "object", model)]
+    parts += [_add_object(spec, f"neighbour_{k}", shape) for k, shape in enumerate(neighbours)]
     for geom in spec.geoms:
         if geom.contype or geom.conaffinity:
             geom.friction = [friction, TORSIONAL_FRICTION, 0.0001]
-    _add_pairs(spec, [part.name for part in body.geoms if part.contype], cell.robot.tips, friction)
+    for names in parts:
+        _add_pairs(spec, names, cell.robot.tips, friction)
     add_sensors(spec, cell.robot)
+    add_neighbour_sensors(spec, cell.robot, len(neighbours))
     add_cameras(spec, cameras)
     return spec
 
@@ -56,6 +60,12 @@ def scene_spec(
 def build_scene(model: ObjectModel, cell: Cell, **more: Any) -> mujoco.MjModel:
     """Compile `scene_spec`."""
     return scene_spec(model, cell, **more).compile()
+
+
+def _add_object(spec: mujoco.MjSpec, name: str, model: ObjectModel) -> list[str]:
+    body = spec.worldbody.add_body(name=name, pos=[0.5, 0.0, 0.3])
+    body.add_freejoint(name=name)
+    return add_to_spec(spec, body, model, name=name)
 
 
 def _add_pairs(spec: mujoco.MjSpec, parts: list[str], tips: Names, friction: float) -> None:

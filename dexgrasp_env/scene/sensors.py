@@ -32,10 +32,17 @@ def add_sensors(spec: mujoco.MjSpec, robot: Robot) -> None:
         _contact(spec, f"{finger.name}_press", _FORCE, (_OBJ.mjOBJ_XBODY, finger.bodies[0]))
 
 
-def _contact(spec: mujoco.MjSpec, name: str, fields: int, other: tuple[mujoco.mjtObj, str] | None) -> None:
-    sensor = spec.add_sensor(
-        name=name, type=_SENSOR.mjSENS_CONTACT, objtype=_OBJ.mjOBJ_BODY, objname="object"
-    )
+def add_neighbour_sensors(spec: mujoco.MjSpec, robot: Robot, count: int) -> None:
+    """Add the contacts of each neighbour with the robot, one number each, after all other sensors."""
+    whole = (_OBJ.mjOBJ_XBODY, robot.bodies[0])
+    for k in range(count):
+        _contact(spec, f"neighbour_{k}_touched", _FOUND, whole, f"neighbour_{k}")
+
+
+def _contact(
+    spec: mujoco.MjSpec, name: str, fields: int, other: tuple[mujoco.mjtObj, str] | None, body: str = "object"
+) -> None:
+    sensor = spec.add_sensor(name=name, type=_SENSOR.mjSENS_CONTACT, objtype=_OBJ.mjOBJ_BODY, objname=body)
     if other is not None:
         sensor.reftype, sensor.refname = other
     sensor.intprm[:3] = [fields, _NETFORCE, 1]

@@ -1,8 +1,9 @@
 """The only place that knows `mujoco.batch`: physics of many environments, of several objects, on all cores."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -18,10 +19,14 @@ _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
 @dataclass
 class _Group:
-    """The environments that hold one object now: MuJoCo batches models of one layout only."""
+    """The environments of one scene: MuJoCo batches models of one layout only.
+
+    Any may be in a scene of one object, one alone in a scene with neighbours, which is its own.
+    """
 
     batch: Batch
     models: list[mujoco.MjModel]
+    first: int = 0  # environment whose state is the batch's first
     changed: bool = False  # models were exchanged or written to since the batch was told
 
 
@@ -29,54 +34,74 @@ class BatchPhysics:
     """States of N environments, advanced together.
 
     Attributes:
-        qpos: (N, n + 7) positions after the last step.
-        qvel: (N, n + 6) velocities.
-        sensors: (N, n) `sensordata`.
+        qpos: (N, n + 7 k) positions after the last step, room for k objects.
+        qvel: (N, n + 6 k) velocities.
+        sensors: (N, n + k - 1) `sensordata`.
     """
 
     def __init__(
-        self, simulations: Mapping[str, Simulation], number: int, threads: int | None = None
+        self, simulations: Iterable[Simulation], number: int, threads: int | None = None, neighbours: int = 0
     ) -> None:
         """Prepare, without any environment in it yet.
 
         Args:
-            simulations: scenes by object.
+            simulations: scenes of one object that environments share.
             number: N.
             threads: at most so many at a time; None for one a core.
+            neighbours: most that scenes have.
         """
-        first = next(iter(simulations.values())).base
-        self._simulations, self._number = simulations, number
+        shared = list(simulations)
+        first, self._number = shared[0].base, number
         self._threads = threads or usable_cores()
-        self._groups: dict[str, _Group] = {}
-        self._targets = np.full(number, "", dtype=object)
+        self._groups: dict[Simulation, _Group] = {}
+        self._scenes = np.full(number, None, dtype=object)
+        # Groups run at the same time: two threads a core between them keep every core busy to the end.
+        groups = number if neighbours else len(shared)
+        share = -(-2 * self._threads // groups)
+        self._share = 1 if self._threads == 1 else max(1, min(self._threads, share, number))
         self._pool = (
-            ThreadPoolExecutor(len(simulations)) if self._threads > 1 and len(simulations) > 1 else None
+            ThreadPoolExecutor(min(groups, 2 * self._threads) if neighbours else groups)
+            if self._threads > 1 and groups > 1
+            else None
         )
-        self.qpos, self.qvel = np.zeros((number, first.nq)), np.zeros((number, first.nv))
-        self.sensors = np.zeros((number, first.nsensordata))
+        self.qpos = np.zeros((number, first.nq + 7 * neighbours))
+        self.qvel = np.zeros((number, first.nv + 6 * neighbours))
+        self.sensors = np.zeros((number, first.nsensordata + neighbours))
 
-    def load(self, i: int, target: str) -> None:
-        """Make environment `i` what its object's scene holds now: model, state and sensors."""
-        simulation, group = self._simulations[target], self._group(target)
-        self._leave(i, target)
-        group.models[i], group.changed = simulation.model, True
-        group.batch.state[i] = simulation.get_state()
-        self._targets[i] = target
-        self.qpos[i], self.qvel[i] = simulation.data.qpos, simulation.data.qvel
-        self.sensors[i] = simulation.data.sensordata
+    def load(self, i: int, simulation: Simulation) -> None:
+        """Make environment `i` what a scene holds now: model, state and sensors."""
+        group = self._group(simulation, i)
+        self._leave(i, simulation)
+        row = i - group.first
+        group.models[row], group.changed = simulation.model, True
+        group.batch.state[row] = simulation.get_state()
+        self._scenes[i] = simulation
+        data = simulation.data
+        self._note(i, data.qpos, data.qvel, data.sensordata)
 
-    def _leave(self, i: int, target: str) -> None:
-        """Give back the model of the object that environment `i` had before: several MB each."""
-        before = self._targets[i]
-        if before and before != target:
-            group = self._groups[before]
-            group.models[i] = self._simulations[before].base
-            group.batch.set_models(group.models)
-            group.changed = False
+    def _note(self, ids: Any, *values: Array) -> None:
+        """Write positions, velocities and sensors of environments, zeros where there is room for more objects."""
+        for whole, part in zip((self.qpos, self.qvel, self.sensors), values, strict=True):
+            whole[ids, : part.shape[-1]] = part
+            whole[ids, part.shape[-1] :] = 0.0
+
+    def _leave(self, i: int, simulation: Simulation) -> None:
+        """Give back the model of the scene that environment `i` had before: several MB each."""
+        before = self._scenes[i]
+        if before is None or before is simulation:
+            return
+        if before.neighbours:
+            del self._groups[before]
+            return
+        group = self._groups[before]
+        group.models[i] = before.base
+        group.batch.set_models(group.models)
+        group.changed = False
 
     def state(self, i: int) -> Array:
         """Return the full integration state of environment `i`."""
-        return self._groups[self._targets[i]].batch.state[i].copy()
+        group = self._groups[self._scenes[i]]
+        return group.batch.state[i - group.first].copy()
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> NDArray[np.int64]:
         """Advance environments by one control step.
@@ -90,8 +115,8 @@ class BatchPhysics:
             (N,) warnings that came up, one bit each.
         """
         warnings = np.zeros(self._number, np.int64)
-        targets = self._targets[which]
-        shares = [(target, which[targets == target]) for target in dict.fromkeys(targets)]
+        scenes = self._scenes[which]
+        shares = [(scene, which[scenes == scene]) for scene in dict.fromkeys(scenes)]
         run = map if self._pool is None or len(shares) == 1 else self._pool.map
         for (_, ids), bits in zip(
             shares, run(lambda share: self._advance(rows, push, *share), shares), strict=True
@@ -100,31 +125,32 @@ class BatchPhysics:
         return warnings
 
     def _advance(
-        self, rows: Array, push: Array | None, target: str, ids: NDArray[np.intp]
+        self, rows: Array, push: Array | None, scene: Simulation, ids: NDArray[np.intp]
     ) -> NDArray[np.int64]:
-        group, batch = self._groups[target], self._groups[target].batch
+        group, batch = self._groups[scene], self._groups[scene].batch
+        own = ids - group.first
         if group.changed:
             batch.set_models(group.models)
             group.changed = False
         if push is not None:
-            batch.bind("xfrc_applied")[ids, self._simulations[target].body, :3] = push[ids]
-        before = batch.warning[ids, :, 1]  # (n, 7): the batch counts on, after the last info of each
-        batch.rollout(rows.shape[1], rows[ids], _CONTROL, record=(), ids=ids)
-        self.qpos[ids], self.qvel[ids] = batch.bind("qpos")[ids], batch.bind("qvel")[ids]
-        self.sensors[ids] = batch.bind("sensordata")[ids]
-        risen = batch.warning[ids, :, 1] > before
+            batch.bind("xfrc_applied")[own, scene.body, :3] = push[ids]
+        before = batch.warning[own, :, 1]  # (n, 7): the batch counts on, after the last info of each
+        record = ("sensordata",) if scene.neighbours else ()
+        readings = batch.rollout(rows.shape[1], rows[ids], _CONTROL, record=record, ids=own)
+        sensors = batch.bind("sensordata")[own]
+        if scene.neighbours:
+            sensors[:, scene.touches] = readings["sensordata"][:, :, scene.touches].max(axis=1)
+        self._note(ids, batch.bind("qpos")[own], batch.bind("qvel")[own], sensors)
+        risen = batch.warning[own, :, 1] > before
         return risen @ (1 << np.arange(risen.shape[1]))
 
-    def _group(self, target: str) -> _Group:
-        if target not in self._groups:
-            # Groups run at the same time: two threads a core between them keep every core busy to the end.
-            share = -(-2 * self._threads // len(self._simulations))
-            base = self._simulations[target].base
-            threads = 1 if self._threads == 1 else max(1, min(self._threads, share, self._number))
-            batch = Batch(base, self._number, threads)
+    def _group(self, scene: Simulation, i: int) -> _Group:
+        if scene not in self._groups:
+            first, number = (i, 1) if scene.neighbours else (0, self._number)
+            batch = Batch(scene.base, number, min(self._share, number))
             batch.bind("sensordata")
-            self._groups[target] = _Group(batch, [base] * self._number)
-        return self._groups[target]
+            self._groups[scene] = _Group(batch, [scene.base] * number, first=first)
+        return self._groups[scene]
 
     def close(self) -> None:
         """End the threads."""

@@ -37,6 +37,21 @@ GOAL_AWAY = 0.10  # m from where it lies, at least, of one that is to be put dow
 GOAL_RADIUS = 0.03  # m: so near the goal is reached
 SHORTEST_SKIP, LONGEST_SKIP = 5, 125  # physics steps of a control step: 100 to 4 Hz
 
+MOST_NEIGHBOURS = 25
+CLUTTER_X, CLUTTER_Y = (0.30, 0.76), (-0.38, 0.38)  # m, where what stands around the object may be
+SCENE_DRAWS = 30  # scenes drawn, at most, until one comes to rest
+REST_SPAN, REST_SPANS = 250, 12  # physics steps between two looks at whether all is still, and how many looks
+STILL = 1e-4  # of poses, m and parts of a quaternion, by which nothing moves in a span of rest
+CREEP = 1e-3  # the same in a heap, whose contacts give a little for long
+DEEPEST_SINK, DEEPEST_CONTACT = 0.003, 0.002  # m: what sinks, floats or pierces so much is no scene
+HEAP_FALL = 0.01  # m above the heap from which the next falls
+HEAP_STEPS = (
+    10  # times that it falls on, and that all speeds are then reduced: a heap is laid rather than thrown
+)
+HEAP_CALM_STEPS, HEAP_CALM = 10, 0.5  # physics steps each time, and what is left of the speeds
+NEIGHBOUR_MOVED = 0.02  # m: a lift that moved nothing farther is clean
+TOPPLED = math.radians(30.0)  # a neighbour whose vertical has turned so far has toppled
+
 GOAL_STEPS = 20  # control steps there, 1 s, that make a success
 
 

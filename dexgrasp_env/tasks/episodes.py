@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.constants import DISTURB_AFTER, GRASP_STEPS, HOLD_STEPS, at_pace
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
@@ -29,7 +31,8 @@ from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, wa
 from dexgrasp_env.tasks.views import View, Views
 
 Moment = tuple[Array, Array, Array]
-"""Positions (N, n + 7), velocities (N, n + 6) and sensors (N, m) of N environments with robots of n joints."""
+"""Positions (N, n + 7 k), velocities (N, n + 6 k) and sensors (N, m) of N environments with robots of n joints and room
+for k objects, the target first; zeros where there are fewer."""
 
 Starts = Callable[[int, Generator, NDArray[np.void]], Mapping[str, Any]]
 """Returns the options of a reset that is given none: of a slot, its generator and the record of its last episode."""
@@ -40,6 +43,8 @@ class Slot:
     """What a running episode is of, beside its record; `resumed`: it began from a state that was given."""
 
     target: str = ""
+    neighbours: tuple[str, ...] = ()
+    simulation: Simulation | None = None
     model: mujoco.MjModel | None = None
     variation: Variation = field(default_factory=Variation)
     view: View = field(default_factory=View)
@@ -61,6 +66,7 @@ class EpisodeState:
         rng: state of the random generator.
         variation: of this episode.
         view: what the cameras saw, for `observe="reset"`, and where the calibration believes them to be.
+        neighbours: the other objects on the table, by name.
     """
 
     of: Mapping[str, Any]
@@ -73,6 +79,7 @@ class EpisodeState:
     rng: Mapping[str, Any]
     variation: Variation
     view: View
+    neighbours: tuple[str, ...] = ()
 
 
 class Episodes:
@@ -81,6 +88,8 @@ class Episodes:
     task = "lift"
     options: tuple[str, ...] = ("object", "object_pose", "state")
     """Of a reset."""
+    neighbours = 0
+    """Most objects beside the one that is meant."""
 
     def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
         self.settings, self.views, robot = settings, views, settings.cell.robot
@@ -148,18 +157,27 @@ class Episodes:
         simulation = self.simulations[target]
         friction = settings.friction_of(simulation.object)
         variation = settings.randomisation.sample(rng, settings.mass, friction)
-        pose = settings.object_pose.sample(simulation.object, rng, settings.presentation)
-        pose[2] *= variation.size
+        pose = self._draw_pose(simulation.object, variation, rng)
         given = options.get("object_pose")
         if given is not None:
             pose = check_pose(given, simulation.hull * variation.size, settings.cell)
-        self._vary(i, target, variation)
-        simulation.place(pose)
+        self._mount(i, target, (), variation)
         if given is not None:
-            simulation.check_free()
             simulation.place(pose)
-        simulation.settle()
+            simulation.check_free()
         self._start_record(i, target, variation)
+        return self._set_out(i, pose, rng, given is not None)
+
+    def _draw_pose(self, model: ObjectModel, variation: Variation, rng: Generator) -> Array:
+        pose = self.settings.object_pose.sample(model, rng, self.settings.presentation)
+        pose[2] *= variation.size
+        return pose
+
+    def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
+        """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
+        simulation = self.enter(i)
+        simulation.place(pose)
+        simulation.settle()
         return simulation
 
     def _check_options(self, options: Mapping[str, Any] | None, objects: list[str]) -> dict[str, Any]:
@@ -182,26 +200,38 @@ class Episodes:
     def enter(self, i: int) -> Simulation:
         """Mount the model of episode `i` in its scene, which it may share with others."""
         slot = self.slots[i]
-        simulation = self.simulations[slot.target]
-        assert slot.model is not None
+        simulation = slot.simulation
+        assert simulation is not None and slot.model is not None
         simulation.model, simulation.variation = slot.model, slot.variation
         return simulation
 
-    def _vary(self, i: int, target: str, variation: Variation) -> None:
+    def _mount(self, i: int, target: str, neighbours: tuple[str, ...], variation: Variation) -> Simulation:
+        """Give episode `i` its scene, varied: an object's alone is shared, with neighbours it is the episode's own."""
         slot, simulation = self.slots[i], self.simulations[target]
+        if (
+            neighbours
+            and (target, neighbours) == (slot.target, slot.neighbours)
+            and slot.simulation is not None
+        ):
+            simulation = slot.simulation
+        elif neighbours:
+            settings = self.settings
+            around = [load_target(name, settings.mesh_scale, settings.mesh_mass) for name in neighbours]
+            simulation = Simulation(simulation.object, self.settings.cell, around)
         if len(self.slots) == 1:  # one model for good: people hold on to `unwrapped.model`
             simulation.vary(variation)
             slot.model = simulation.model
         elif variation == Variation():
             slot.model = simulation.base  # shared, never written to
         else:
-            own = slot.target == target and slot.model is not simulation.base
+            own = slot.simulation is simulation and slot.model is not simulation.base
             simulation.model = slot.model if own and slot.model is not None else copy.copy(simulation.base)
             simulation.variation = slot.variation if own else Variation()
             simulation.vary(variation)
             slot.model = simulation.model
-        slot.target, slot.variation = target, variation
-        self.enter(i)
+        slot.target, slot.neighbours, slot.variation = target, neighbours, variation
+        slot.simulation = simulation
+        return self.enter(i)
 
     def _start_record(self, i: int, target: str, variation: Variation) -> None:
         model, record = self.simulations[target].object, self.records[i]
@@ -321,7 +351,7 @@ class Episodes:
         return EpisodeState(
             self._of(), slot.target, physics, sensors.copy(), self.told[i].copy(), self.records[i].copy(),
             self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state), slot.variation,
-            copy.deepcopy(slot.view),
+            copy.deepcopy(slot.view), slot.neighbours,
         )  # fmt: skip
 
     def _of(self) -> dict[str, Any]:
@@ -345,13 +375,12 @@ class Episodes:
                 raise InputError(f"the state has {key} {state.of.get(key)!r}, this environment {value!r}")
         if state.target not in self.simulations:
             raise unknown_name("object of the state", state.target, self.simulations)
-        self._vary(i, state.target, state.variation)
+        simulation = self._mount(i, state.target, state.neighbours, state.variation)
         self.records[i], self.commands[i] = state.record, state.commands
         self.records[i]["hull_first"], self.records[i]["hull_count"] = self._hull_spans[state.target]
         self.told[i] = state.told
         self.slots[i].view = copy.deepcopy(state.view)
         rng.bit_generator.state = copy.deepcopy(state.rng)
-        simulation = self.simulations[state.target]
         simulation.set_state(state.physics)
-        simulation.data.sensordata[:] = state.sensors
+        simulation.data.sensordata[:] = state.sensors[: len(simulation.data.sensordata)]
         return simulation

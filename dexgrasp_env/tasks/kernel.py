@@ -42,8 +42,8 @@ _NO_FAILURE, _LOST, _DIVERGED = range(len(FAILURES))
 _NO_PHASE, _BEFORE, _RUNNING, _OVER = range(len(PHASES))
 
 State = tuple[Array, Array, Array, Array]
-"""Positions (N, n + 7) of joints and object (quaternion wxyz), velocities (N, n + 6), `sensordata`, and set-points
-(N, 3, n) rad, `records.COMMANDS`."""
+"""Positions (N, n + 7 k) of joints and objects (quaternion wxyz), the target first, velocities (N, n + 6 k),
+`sensordata`, and set-points (N, 3, n) rad, `records.COMMANDS`."""
 _TERMS = len(TOLD)
 _X0, _Y0, _Z0 = WORKSPACE_LOW
 _X1, _Y1, _Z1 = WORKSPACE_HIGH
@@ -62,12 +62,12 @@ def _judge(
     rewards: Array,
 ) -> None:
     """Advance what the episodes have achieved by the control step just taken; see `conclude`."""
-    qpos, qvel, sensors, _ = state
-    at, n = rules.at, qpos.shape[1] - 7
+    qpos, qvel, sensors, commands = state
+    at, n = rules.at, commands.shape[2]
     for i in range(len(episodes)):
-        e, s, pose = episodes[i], sensors[i], qpos[i, n:]
+        e, s, pose = episodes[i], sensors[i], qpos[i, n : n + 7]
         e.warnings |= warnings[i]
-        _fail(e, qpos[i], qvel[i], rules.bad_numbers)
+        _fail(e, qpos[i], qvel[i], pose, rules.bad_numbers)
         R = _rotation(pose[3], pose[4], pose[5], pose[6])
         e.height = _lowest_point(e, pose, R, rules.hulls)
         touching, alone = s[at[TOUCHING_HAND]] > 0, s[at[TOUCHING_HAND]] == s[at[TOUCHING_ANY]]
@@ -120,7 +120,7 @@ def _tell(e: Record, period: float, t: Array) -> None:
 
 
 @njit
-def _fail(e: Record, q: Array, v: Array, bad_numbers: int) -> None:
+def _fail(e: Record, q: Array, v: Array, pose: Array, bad_numbers: int) -> None:
     finite = True
     for value in q:
         finite = finite and math.isfinite(value)
@@ -128,7 +128,7 @@ def _fail(e: Record, q: Array, v: Array, bad_numbers: int) -> None:
         finite = finite and math.isfinite(value)
     if not finite or e.warnings & bad_numbers:
         e.failure = _DIVERGED
-    elif not (_X0 <= q[-7] <= _X1 and _Y0 <= q[-6] <= _Y1 and _Z0 <= q[-5] <= _Z1):
+    elif not (_X0 <= pose[0] <= _X1 and _Y0 <= pose[1] <= _Y1 and _Z0 <= pose[2] <= _Z1):
         e.failure = _LOST
     else:
         e.failure = _NO_FAILURE

@@ -174,6 +174,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     """
 
     episodes_type = Episodes
+    settings_type: type[LiftSettings] = LiftSettings
     obs_modes: tuple[str, ...] = OBS_SUMS
     metadata = {  # noqa: RUF012  (as Gymnasium has it)
         "render_modes": ["human", "rgb_array", "depth_array"],
@@ -210,12 +211,15 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     ) -> None:
         given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         EzPickle.__init__(self, **given)
-        self.settings = LiftSettings.of(**given)
+        self._make(given)
+
+    def _make(self, given: dict[str, Any]) -> None:
+        self.settings = self.settings_type.of(**given)
         self._views = Views(self.settings)
-        self.render_mode = render_mode
+        self.render_mode = self.settings.render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
         self._episodes = self.episodes_type(self.settings, self._views, 1)
-        self.action_space = ActionSpace(control_mode, self.settings.cell.robot)  # type: ignore[assignment]
+        self.action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)  # type: ignore[assignment]
         self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
         self._simulation = next(iter(self._episodes.simulations.values()))
         self._over = True

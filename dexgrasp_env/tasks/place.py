@@ -199,8 +199,8 @@ class PlaceEnv(LiftEnv):
         self, objects: str | Sequence[str] = "ycb6", reward_mode: str = "sparse", **kwargs: Any
     ) -> None:
         given = {"objects": objects, "reward_mode": reward_mode, **kwargs}
-        super().__init__(**self.arguments(**given))
         EzPickle.__init__(self, **given)
+        self._make(self.arguments(**given))
 
     @classmethod
     def arguments(cls, **given: Any) -> dict[str, Any]:

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.tasks.constants import HOLD_STEPS, SHORTEST_SKIP, at_pace
+from dexgrasp_env.tasks.constants import HOLD_STEPS, MOST_NEIGHBOURS, SHORTEST_SKIP, at_pace
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
 FAILURES = ("", "object_lost", "simulation_diverged")
@@ -52,6 +52,18 @@ EPISODE = np.dtype(
         ("start", "f8", (3,)),  # m, where it lay at first
         ("moved", "?"),  # has it been away from there?
         ("at_goal", "i8"),  # consecutive control steps there
+        # What stands around the object.
+        ("neighbours", "i8"),
+        ("neighbour_rest", "f8", (MOST_NEIGHBOURS, 7)),  # poses before the robot moved
+        (
+            "neighbour_drift",
+            "f8",
+            (MOST_NEIGHBOURS, 3),
+        ),  # m, by which they creep in an episode without the robot
+        ("neighbour_size", "f8", (MOST_NEIGHBOURS, 3)),  # m, of the boxes in their own frames
+        ("neighbour_hit", "u1", (MOST_NEIGHBOURS,)),  # touched by the robot at any physics step
+        ("neighbour_toppled", "u1", (MOST_NEIGHBOURS,)),
+        ("neighbours_moved", "f8"),  # m, the farthest that any centre has been from where it would be
     ],
     align=True,
 )

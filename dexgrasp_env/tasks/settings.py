@@ -97,6 +97,11 @@ class LiftSettings:
         """How the hand sits on the flange."""
         return self.cell.robot.mount.name
 
+    @property
+    def pointing(self) -> str | None:
+        """How perception is told which object is meant; None: the largest that is seen."""
+        return None
+
     def friction_of(self, model: ObjectModel) -> float:
         """Return the sliding coefficient given, else the object's own, else the default."""
         given = (self.friction, model.friction, FRICTION)

@@ -1,6 +1,7 @@
 """One simulated scene: the part of the environment that holds MuJoCo's structures."""
 
 import copy
+from collections.abc import Sequence
 from functools import lru_cache
 
 import mujoco
@@ -38,18 +39,24 @@ def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
 class Simulation:
     """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode.
 
-    `moment` are views of the data: positions (1, n + 7), velocities (1, n + 6) and sensors (1, m) of n joints.
+    `moment` are views of the data: positions (1, n + 7 k), velocities (1, n + 6 k) and sensors (1, m) of n joints and
+    k objects. After a step the sensors of neighbours hold the most of its physics steps.
     """
 
-    def __init__(self, model: ObjectModel, cell: Cell) -> None:
-        self.object, self.cell = model, cell
-        self.base = compiled_scene(model, cell)
+    def __init__(self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = ()) -> None:
+        self.object, self.cell, self.neighbours = model, cell, tuple(neighbours)
+        self.base = (
+            build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras())
+            if neighbours
+            else compiled_scene(model, cell)
+        )
         self.model = copy.copy(self.base)
         self.data = mujoco.MjData(self.model)
         self.variation = Variation()
         self.columns = reading_columns(self.base, cell.robot)
         self.hull = model.solid.corners  # (V, 3) m, object frame
         self.body = int(self.base.body("object").id)
+        self.touches = slice(self.base.nsensordata - len(self.neighbours), self.base.nsensordata)
         # Views into `data`, which stays where it is.
         data = self.data
         self.moment = (data.qpos[None], data.qvel[None], data.sensordata[None])
@@ -65,22 +72,25 @@ class Simulation:
             apply_variation(self.model, self.base, variation)
             self.variation = variation
 
-    def place(self, pose: Array) -> None:
-        """Put the robot home and the object at `pose` (7,): position m and quaternion wxyz."""
+    def place(self, poses: Array) -> None:
+        """Put the robot home and the objects at `poses` (k, 7), or (7,) of one: position m and quaternion wxyz."""
         mujoco.mj_resetData(self.model, self.data)
         robot = self.cell.robot
         self.data.qpos[: robot.dof] = robot.home
-        self.data.qpos[robot.dof :] = pose
+        self.data.qpos[robot.dof :] = poses.ravel()
         self.data.ctrl[:] = robot.home
 
     def object_pose(self) -> Array:
         """Return the object's pose (7,): position m and quaternion wxyz."""
-        return self.data.qpos[self.cell.robot.dof :].copy()
+        return self.poses()[0]
 
-    def settle(self) -> None:
-        """Let the object come to rest for 0.2 s; what depends on the state is current afterwards."""
-        for _ in range(SETTLE_STEPS):
-            mujoco.mj_step(self.model, self.data)
+    def poses(self) -> Array:
+        """Return the poses of the object and its neighbours (k, 7): position m and quaternion wxyz."""
+        return self.data.qpos[self.cell.robot.dof :].reshape(-1, 7).copy()
+
+    def settle(self, steps: int = SETTLE_STEPS) -> None:
+        """Let objects come to rest for so many physics steps; what depends on the state is current afterwards."""
+        mujoco.mj_step(self.model, self.data, steps)
         mujoco.mj_forward(self.model, self.data)
 
     def check_free(self) -> None:
@@ -117,11 +127,14 @@ class Simulation:
                 _CONTROL | _FORCES,
                 np.dstack([rows, np.broadcast_to(forces, (*rows.shape[:2], len(forces)))]),
             )
+        readings = np.zeros((1, rows.shape[1], model.nsensordata)) if self.neighbours else None
         mujoco.mj_getState(model, data, self._state[0], _PHYSICS)
         self._rollout.rollout(
             [model], [data], self._state, control, control_spec=spec, skip_checks=True, nstep=rows.shape[1],
-            initial_warmstart=self._warmstart.copy()[None],
+            initial_warmstart=self._warmstart.copy()[None], sensordata=readings,
         )  # fmt: skip
+        if readings is not None:
+            data.sensordata[self.touches] = readings[0, :, self.touches].max(axis=0)
         return warning_bits(self._warnings)
 
     def get_state(self) -> Array:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
+from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import EpisodeState, Moment, Starts
@@ -21,7 +22,6 @@ from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
-from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import COUNT, Rule, check
@@ -71,13 +71,14 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
         self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
-        self.settings = LiftSettings.of(**given)
+        self.settings = self._env_type.settings_type.of(**given)
         self._views = Views(self.settings)
         self.settings.disturbance.warn_of_limit(max_episode_steps, self.settings.frame_skip)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else check("threads", threads, COUNT)
-        self._physics = BatchPhysics(self._episodes.simulations, num_envs, threads)
+        scenes, slots = self._episodes.simulations.values(), self._episodes.neighbours
+        self._physics = BatchPhysics(scenes, num_envs, threads, slots)
         self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -188,8 +189,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
             which: the environments that go on from it; None for all.
         """
         for i in range(self.num_envs) if which is None else which:
-            self._episodes.set_state(i, state, self._rng(i))
-            self._physics.load(i, state.target)
+            self._physics.load(i, self._episodes.set_state(i, state, self._rng(i)))
             timed_out = self._limit is not None and state.record["elapsed"] >= self._limit
             self._started[i], self._ended[i] = True, bool(state.record["failure"]) or timed_out
 
@@ -234,7 +234,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     def _reset_one(self, i: int, options: dict[str, Any] | None = None) -> None:
         self._started[i], self._ended[i] = False, True  # options may be refused
         simulation = self._episodes.begin(i, self._rng(i), options)
-        self._physics.load(i, self._episodes.slots[i].target)
+        self._physics.load(i, simulation)
         only, moment = self._part(i)
         slot, rngs = self._episodes.slots[i], [self._rng(i)]
         self._note(only, self._episodes.conclude(only, moment, NO_WARNINGS, rngs, judge=not slot.resumed))
@@ -276,7 +276,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     def simulation(self, i: int) -> Simulation:
         """Return the scene of environment `i` with its model and present positions in it, until the next call."""
         simulation = self._episodes.enter(i)
-        simulation.data.qpos[:] = self._physics.qpos[i]
+        simulation.data.qpos[:] = self._physics.qpos[i, : simulation.base.nq]
         return simulation
 
     def _part(self, i: int) -> tuple[slice, Moment]:
@@ -317,6 +317,12 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
                 for key in seen[0]
             }
         return _with_masks(infos)
+
+
+class ClutterVectorEnv(LiftVectorEnv):
+    """N environments like `ClutterEnv`, each with a scene of its own; see `LiftVectorEnv`."""
+
+    _env_type = ClutterEnv
 
 
 class PlaceVectorEnv(LiftVectorEnv):

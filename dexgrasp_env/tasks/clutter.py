@@ -1,0 +1,213 @@
+"""What stands around the object: neighbours drawn on the open table, or dropped with it into a heap."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from numpy.random import Generator
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.objects.load import Objects
+from dexgrasp_env.poses import rotate
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.constants import (
+    CLUTTER_X,
+    CLUTTER_Y,
+    CREEP,
+    DEEPEST_CONTACT,
+    DEEPEST_SINK,
+    HEAP_CALM,
+    HEAP_CALM_STEPS,
+    HEAP_FALL,
+    HEAP_STEPS,
+    MAX_EPISODE_STEPS,
+    MOST_NEIGHBOURS,
+    NEIGHBOUR_MOVED,
+    REST_SPAN,
+    REST_SPANS,
+    STILL,
+)
+from dexgrasp_env.tasks.placement import Placement
+from dexgrasp_env.tasks.rules import TOUCHING_HAND
+from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.valid import Rule, number, pair
+
+_LOW, _HIGH = np.array([CLUTTER_X, CLUTTER_Y]).T
+_HEADINGS = 30  # ways outwards that are tried for a neighbour
+_NEAR = 1e-4  # m that a gap may be short of what was drawn
+_SKY = 1000.0  # m: what waits to be dropped falls freely from here, and meets nothing
+_COUNT = number(ge=0, le=MOST_NEIGHBOURS, whole=True)
+
+
+def _counts(value: Any) -> tuple[int, int]:
+    return pair(_COUNT).admit((value, value) if np.ndim(value) == 0 else value)
+
+
+@dataclass(frozen=True)
+class Clutter:
+    """What stands around the object: with the seed, all that decides the scene.
+
+    Attributes:
+        objects: that neighbours are drawn from, each as often as it comes.
+        neighbours: least and most of them.
+        gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
+            before; None: all are dropped into a heap, the object among them.
+    """
+
+    objects: Objects = ()
+    neighbours: Annotated[
+        tuple[int, int], Rule(f"a number from 0 to {MOST_NEIGHBOURS}, or a pair of them", _counts)
+    ] = (0, 0)
+    gaps: Annotated[tuple[float, float] | None, pair(number(ge=0, le=0.5))] = None
+
+    def draw(self, rng: Generator) -> tuple[str, ...]:
+        """Draw the neighbours."""
+        count = rng.integers(*self.neighbours, endpoint=True)
+        return tuple(self.objects[k] for k in rng.integers(len(self.objects), size=count))
+
+    def set_out(self, simulation: Simulation, pose: Array, rng: Generator) -> Array | None:
+        """Put the object at `pose` (7,), or a heap with it there, and its neighbours; return None where that is no scene.
+
+        It is one where all that is drawn comes to rest on the table, free of the robot, and nothing pierces another by
+        2 mm or sinks by 3 mm; with gaps nothing floats, topples or slides by 3 mm.
+
+        Returns:
+            The poses (k, 7) that all would have at the end of an episode without the robot: a heap creeps.
+        """
+        if self.gaps is None:
+            _drop(simulation, pose, rng)
+            return _undisturbed(simulation) if _rests(simulation, CREEP) else None
+        around = _surround(simulation, pose, self.gaps, rng)
+        if around is None:
+            return None
+        drawn = np.vstack([pose, *around])
+        simulation.place(drawn)
+        rests, poses = _rests(simulation, STILL), simulation.poses()
+        return poses if rests and (np.abs(poses - drawn)[:, :3] <= DEEPEST_SINK).all() else None
+
+
+# -- on the open table ------------------------------------------------------------------------------------------
+
+
+def _surround(
+    simulation: Simulation, pose: Array, gaps: tuple[float, float], rng: Generator
+) -> list[Array] | None:
+    """Draw poses (7,) of the neighbours, each slid outwards from the object until it is free; None where it is full."""
+    standing = [outline(simulation.hull * simulation.variation.size, pose)]
+    poses = []
+    for model in simulation.neighbours:
+        gap = rng.uniform(*gaps)
+        own = Placement().sample(model, rng)
+        own[:2] = pose[:2]
+        shape = outline(model.solid.corners, own)
+        free = _slide_out(shape, standing, gap, rng)
+        if free is None:
+            return None
+        own[:2] += free
+        standing.append(shape + free)
+        poses.append(own)
+    return poses
+
+
+def _slide_out(shape: Array, standing: Sequence[Array], gap: float, rng: Generator) -> Array | None:
+    """Return how far an outline slides, (2,) m, along a drawn way to the first place free of all that stands."""
+    for angle in rng.uniform(-np.pi, np.pi, _HEADINGS):
+        way, slid = np.array([np.cos(angle), np.sin(angle)]), np.zeros(2)
+        while _on_table(shape + slid):
+            short = gap - min(gap_between(shape + slid, other) for other in standing)
+            if short <= _NEAR:
+                return slid
+            slid += way * short  # a gap grows by no more than what the outline moves
+    return None
+
+
+def _on_table(points: Array) -> bool:
+    return bool(((points >= _LOW) & (points <= _HIGH)).all())
+
+
+def outline(corners: Array, pose: Array) -> Array:
+    """Return the convex outline, from above, of a body's corners (V, 3) m at a pose (7,): (n, 2) m, anticlockwise."""
+    from scipy.spatial import ConvexHull
+
+    flat = (rotate(pose[3:], corners) + pose[:3])[:, :2]
+    return flat[ConvexHull(flat).vertices]
+
+
+def gap_between(a: Array, b: Array) -> float:
+    """Return the distance, m, between two outlines (n, 2) and (m, 2); minus how deep they overlap where they do."""
+    apart = max(_beyond_edge(a, b), _beyond_edge(b, a))
+    return apart if apart <= 0.0 else min(_to_edges(a, b), _to_edges(b, a))
+
+
+def _beyond_edge(a: Array, b: Array) -> float:
+    """How far all of `b` lies outside of one edge of `a`, the best of its edges; separating axes."""
+    edges = np.roll(a, -1, axis=0) - a
+    out = np.column_stack([edges[:, 1], -edges[:, 0]]) / np.linalg.norm(edges, axis=1)[:, None]
+    return float((out[:, None] * (b - a[:, None])).sum(-1).min(axis=1).max())
+
+
+def _to_edges(a: Array, b: Array) -> float:
+    """The least distance from a corner of `a` to an edge of `b`."""
+    edges = np.roll(b, -1, axis=0) - b
+    along = ((a[:, None] - b) * edges).sum(-1) / (edges * edges).sum(-1)
+    nearest = b + np.clip(along, 0.0, 1.0)[..., None] * edges
+    return float(np.linalg.norm(a[:, None] - nearest, axis=-1).min())
+
+
+# -- in a heap ---------------------------------------------------------------------------------------------------
+
+
+def _drop(simulation: Simulation, pose: Array, rng: Generator) -> None:
+    """Drop the object and its neighbours about its place, in a drawn order, each onto what lies there."""
+    hulls = [simulation.hull * simulation.variation.size, *(n.solid.corners for n in simulation.neighbours)]
+    start, dof = np.zeros((len(hulls), 7)), simulation.cell.robot.dof
+    start[:, 2], start[:, 3] = _SKY * (1.0 + np.arange(len(hulls))), 1.0
+    simulation.place(start)
+    qpos, qvel, lying = simulation.data.qpos, simulation.data.qvel, list[int]()
+    for k in rng.permutation(len(hulls)).tolist():
+        spot, spin = rng.uniform(-1.0, 1.0, 2), rng.standard_normal(4)
+        quat, poses = spin / np.sqrt((spin * spin).sum()), simulation.poses()
+        top = max([0.0, *(highest(hulls[j], poses[j]) for j in lying)])
+        own = np.array([*pose[:2], top + HEAP_FALL, *quat])
+        own[:2] += 0.02 * np.sqrt(1 + len(lying)) * spot
+        own[2] -= rotate(quat, hulls[k])[:, 2].min()
+        qpos[dof + 7 * k :][:7], qvel[dof + 6 * k :][:6] = own, 0.0
+        for _ in range(HEAP_STEPS):
+            simulation.settle(HEAP_CALM_STEPS)
+            qvel[dof:] *= HEAP_CALM
+        lying.append(k)
+
+
+def highest(corners: Array, pose: Array) -> float:
+    """Return the height, m, of the highest of a body's corners (V, 3) at a pose (7,)."""
+    return float(rotate(pose[3:], corners)[:, 2].max() + pose[2])
+
+
+# -- at rest -----------------------------------------------------------------------------------------------------
+
+
+def _rests(simulation: Simulation, still: float) -> bool:
+    """Let everything come to rest; whether it does, on the table, free of the robot, nothing sunk or pierced."""
+    for _ in range(REST_SPANS):
+        before = simulation.poses()
+        simulation.settle(REST_SPAN)
+        if np.abs(simulation.poses() - before).max() <= still:
+            break
+    else:
+        return False
+    data, poses = simulation.data, simulation.poses()
+    corners = [simulation.hull * simulation.variation.size, *(n.solid.corners for n in simulation.neighbours)]
+    low = min(float(rotate(p[3:], c)[:, 2].min() + p[2]) for c, p in zip(corners, poses, strict=True))
+    touched = data.sensordata[simulation.columns[TOUCHING_HAND]] or data.sensordata[simulation.touches].any()
+    pierced = data.contact.dist.min(initial=0.0) < -DEEPEST_CONTACT
+    return bool(low >= -DEEPEST_SINK) and not touched and not pierced and _on_table(poses[:, :2])
+
+
+def _undisturbed(simulation: Simulation) -> Array | None:
+    """Return the poses at the end of an episode in which the robot stays home; None where something moves far."""
+    state, before = simulation.get_state(), simulation.poses()
+    simulation.settle(MAX_EPISODE_STEPS * CONTROL_STEPS)
+    after = simulation.poses()
+    simulation.set_state(state)
+    return after if (np.linalg.norm(after - before, axis=1) <= NEIGHBOUR_MOVED).all() else None

@@ -1,0 +1,259 @@
+"""DexGrasp/ClutterSparse-v1, ClutterDense-v1 and ClutterHeap-v1."""
+
+import inspect
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+from gymnasium import spaces
+from gymnasium.utils import EzPickle
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import quat_conjugate, rotate
+from dexgrasp_env.tasks.clutter import Clutter
+from dexgrasp_env.tasks.constants import NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
+from dexgrasp_env.tasks.episodes import Episodes, Moment
+from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.settings import LiftSettings
+from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.views import Views
+from dexgrasp_env.valid import one_of
+
+_SUCCESS = TOLD.index("is_success")
+_UP = np.array([0.0, 0.0, 1.0])
+
+
+MASKS = ("true", "perceived")
+
+
+@dataclass(frozen=True, kw_only=True)
+class ClutterSettings(LiftSettings):
+    """Everything that `gym.make` accepts of `ClutterEnv`, in checked form."""
+
+    clutter: Clutter
+    mask: Annotated[str, one_of(MASKS)]
+
+    @property
+    def pointing(self) -> str:
+        """How perception is told which object is meant."""
+        return self.mask
+
+
+class ClutterEpisodes(Episodes):
+    """Episodes with neighbours around the object."""
+
+    task = "clutter"
+
+    def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
+        super().__init__(settings, views, number)
+        assert isinstance(settings, ClutterSettings)
+        self.clutter = settings.clutter
+        self.neighbours = self.clutter.neighbours[1]
+        first = next(iter(self.simulations.values())).base
+        self._alone = first.nq, first.nsensordata  # of a scene without neighbours
+        if self.clutter.gaps is None:
+            self.options = ("object", "state")  # where the object lies in a heap is not for anybody to say
+
+    def observation_space(self) -> spaces.Dict:
+        """Return the space of an observation of `Lift`, and poses and sizes of what stands around in `state`."""
+        parts, slots = dict(super().observation_space()), self.neighbours
+        if self.settings.obs_mode.startswith("state"):
+            parts["neighbour_poses"] = spaces.Box(-np.inf, np.inf, (slots, 7), np.float32)
+            parts["neighbour_sizes"] = spaces.Box(0.0, np.inf, (slots, 3), np.float32)
+        return spaces.Dict(parts)
+
+    def _of(self) -> dict[str, Any]:
+        return super()._of() | {"neighbours": self.neighbours, "mask": self.settings.pointing}
+
+    def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
+        """Draw neighbours, and the object's pose where it is not given, until they are a scene that lies still."""
+        slot = self.slots[i]
+        for _ in range(SCENE_DRAWS):
+            simulation = self._mount(i, slot.target, self.clutter.draw(rng), slot.variation)
+            undisturbed = self.clutter.set_out(simulation, pose, rng)
+            if undisturbed is not None:
+                self._record_neighbours(self.records[i], simulation, undisturbed)
+                return simulation
+            if not given:
+                pose = self._draw_pose(simulation.object, slot.variation, rng)
+        raise InputError(
+            f"no scene with {self.neighbours} neighbours came to rest in {SCENE_DRAWS} draws: valid are fewer "
+            "neighbours, wider gaps or smaller objects"
+        )
+
+    def _record_neighbours(
+        self, record: NDArray[np.void], simulation: Simulation, undisturbed: Array
+    ) -> None:
+        poses, count = simulation.poses()[1:], len(simulation.neighbours)
+        record["neighbours"] = count
+        record["neighbour_rest"][:count] = poses
+        record["neighbour_drift"][:count] = (undisturbed[1:] - poses)[:, :3]
+        for k, model in enumerate(simulation.neighbours):
+            record["neighbour_size"][k] = model.extents
+
+    def conclude(
+        self, part: slice, moment: Moment, warnings: NDArray[np.int64], rngs: Sequence[Generator | None],
+        alone: bool = False, judge: bool = True,
+    ) -> dict[str, NDArray[Any]]:  # fmt: skip
+        """Do what `Episodes.conclude` does, look what became of the neighbours, and observe them in `state`."""
+        state = super().conclude(part, moment, warnings, rngs, alone=alone, judge=judge)
+        records, (positions, sensors) = self.records[part], self._alone
+        poses = moment[0][:, positions:].reshape(len(records), -1, 7)
+        if judge:
+            _judge(records, poses, moment[2][:, sensors:] > 0)
+        if self.settings.obs_mode.startswith("state"):
+            seen = np.zeros((len(records), self.neighbours, 7), np.float32)
+            seen[:, : poses.shape[1]] = np.nan_to_num(poses)
+            sizes = records["neighbour_size"][:, : self.neighbours].astype(np.float32)
+            more = {"neighbour_poses": seen, "neighbour_sizes": sizes}
+            state |= {key: value[0] for key, value in more.items()} if alone else more
+            state = dict(sorted(state.items()))
+        return state
+
+    def info(self, i: int) -> dict[str, Any]:
+        """Return the info of episode `i`."""
+        return super().info(i) | {key: values[i].item() for key, values in self._told().items()}
+
+    def more_infos(self) -> dict[str, NDArray[Any]]:
+        """Return what `info` has more than that of `Episodes`, of all episodes."""
+        return self._told()
+
+    def _told(self) -> dict[str, NDArray[Any]]:
+        moved = self.records["neighbours_moved"]
+        return {
+            "is_clean": (self.told[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
+            "neighbours": self.records["neighbours"].copy(),
+            "neighbours_moved": moved.copy(),
+            "neighbours_hit": self.records["neighbour_hit"].sum(axis=1),
+            "neighbours_toppled": self.records["neighbour_toppled"].sum(axis=1),
+        }
+
+
+def _judge(records: NDArray[np.void], poses: Array, touched: NDArray[np.bool_]) -> None:
+    """Note how far neighbours (N, k) have moved, which have toppled and which the robot touches."""
+    count = poses.shape[1]
+    there = np.arange(count) < records["neighbours"][:, None]
+    rest, drift = records["neighbour_rest"][:, :count], records["neighbour_drift"][:, :count]
+    moved = poses[..., :3] - rest[..., :3]
+    along = (moved * drift).sum(-1) / np.maximum((drift * drift).sum(-1), 1e-12)
+    moved -= np.clip(along, 0.0, 1.0)[..., None] * drift
+    farthest = np.where(there, np.sqrt((moved * moved).sum(-1)), 0.0).max(axis=1, initial=0.0)
+    records["neighbours_moved"] = np.fmax(records["neighbours_moved"], farthest)
+    ups = [
+        rotate(quat_conjugate(quats), np.broadcast_to(_UP, (*there.shape, 3)))
+        for quats in (poses[..., 3:], rest[..., 3:])
+    ]
+    records["neighbour_toppled"][:, :count] |= there & ((ups[0] * ups[1]).sum(-1) < np.cos(TOPPLED))
+    records["neighbour_hit"][:, :count] |= touched
+
+
+class ClutterEnv(LiftEnv):
+    """Pick one object up among others, and leave those where they are.
+
+    ## Description
+
+    The robot, the physics, the task and its success of `LiftEnv`. Around the object stand others, its neighbours, on
+    the open table with gaps between their outlines, or the object lies with them in a heap where all were dropped.
+    A success is clean if no neighbour's centre has ever been more than 2 cm from where it would be without the robot.
+
+    | id | Neighbours | Scene |
+    | --- | --- | --- |
+    | `DexGrasp/ClutterSparse-v1` | 4-8 | gaps of 2-5 cm |
+    | `DexGrasp/ClutterDense-v1` | 9-15 | gaps of 0.5-2 cm |
+    | `DexGrasp/ClutterHeap-v1` | 8 | dropped |
+
+    ## Action Space
+
+    As `LiftEnv`: a `Box(-1, 1, (n,), float32)` by `control_mode`.
+
+    ## Observation Space
+
+    That of `LiftEnv`; `cloud` has the points of the object that is meant. More, where K is the most neighbours:
+
+    | Key | Shape | Type | obs_mode | Meaning |
+    | --- | --- | --- | --- | --- |
+    | `neighbour_poses` | (K, 7) | float32 | `state` | position m and quaternion wxyz; zeros where there are fewer |
+    | `neighbour_sizes` | (K, 3) | float32 | `state` | m, their boxes in their own frames |
+    | `around` | (4096, 3) | float32 | `pointcloud` | m, points of all else on the table |
+    | `around_normals` | (4096, 3) | float32 | `pointcloud` | unit normals |
+    | `around_labels` | (4096,) | int16 | `pointcloud` | object by number from 1; -1 of none, 0 no point |
+
+    The object is pointed at. With `mask="true"` every pixel is told whether it shows the object; with
+    `mask="perceived"` a point on it is, the middle one of those that the cameras see, and the points that perception
+    holds for one thing with it are the object's.
+
+    `info` has more than that of `LiftEnv`: `is_clean`, `neighbours` (how many), `neighbours_moved` (m, the farthest
+    that the centre of any has been from where it would be), `neighbours_hit` (how many the robot has touched, looked at in
+    every physics step), `neighbours_toppled` (how many have turned their vertical by 30 deg).
+
+    ## Rewards
+
+    Those of `LiftEnv`.
+
+    ## Starting State
+
+    The object is drawn and placed as in `LiftEnv`. With gaps each neighbour is drawn, in a rest pose, and slid from the
+    object outwards to the first place where the nearest outline, from above, is as far as the gap drawn. In a heap all
+    are laid down in a drawn order, turned at random, each on what lies there. What is drawn is drawn again unless all of
+    it comes to rest on the table (x in 0.30-0.76, y in +-0.38) and free of the robot, and nothing pierces another by
+    2 mm, sinks by 3 mm or, with gaps, floats, topples or slides by 3 mm. With gaps a scene without the robot then stays
+    as it is (0.1 mm in 0.5 s); a heap creeps, by less than 2 cm in 15 s, and that way is no motion of a neighbour.
+    `reset(options=...)` takes those of `LiftEnv`; a heap has no `object_pose`.
+
+    ## Episode End
+
+    As `LiftEnv`.
+
+    ## Arguments
+
+    Those of `LiftEnv`, and:
+
+    | Argument | Default | Valid |
+    | --- | --- | --- |
+    | `neighbours` | `(4, 8)` | how many, or the least and the most, up to 25 |
+    | `neighbour_objects` | `'all20'` | as `objects`: what neighbours are drawn from |
+    | `gaps` | `(0.02, 0.05)` | m, least and most; None: dropped |
+    | `mask` | `'perceived'` | `true`, `perceived` |
+
+    ## Version History
+
+    * v1: as above.
+    """
+
+    episodes_type = ClutterEpisodes
+    settings_type: type[LiftSettings] = ClutterSettings
+
+    def __init__(
+        self,
+        objects: str | Sequence[str] = "all20",
+        neighbours: int | Sequence[int] = (4, 8),
+        neighbour_objects: str | Sequence[str] = "all20",
+        gaps: Sequence[float] | None = (0.02, 0.05),
+        mask: str = "perceived",
+        **kwargs: Any,
+    ) -> None:
+        own = {"neighbours": neighbours, "neighbour_objects": neighbour_objects, "gaps": gaps, "mask": mask}
+        given = {"objects": objects, **own, **kwargs}
+        EzPickle.__init__(self, **given)
+        self._make(self.arguments(**given))
+
+    @classmethod
+    def arguments(cls, **given: Any) -> dict[str, Any]:
+        """Return all arguments: those given, the defaults of the others, and `clutter` of what stands around."""
+        defaults = {
+            name: parameter.default
+            for name, parameter in inspect.signature(ClutterEnv.__init__).parameters.items()
+            if name not in ("self", "kwargs")
+        }
+        given = defaults | given
+        clutter = {
+            "objects": given.pop("neighbour_objects"),
+            "neighbours": given.pop("neighbours"),
+            "gaps": given.pop("gaps"),
+        }
+        return super().arguments(**given) | {"clutter": clutter}
