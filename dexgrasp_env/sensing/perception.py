@@ -6,6 +6,8 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from dexgrasp_env.perception.cloud import deproject, is_valid
+from dexgrasp_env.perception.objects import Pointing
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
@@ -41,6 +43,7 @@ class Perception:
         self.settings = settings or SegmentationSettings()
         self.rays = RayCameras(model, self.cameras)
         self.robot = RobotShape(model)
+        self._bodies, self._object = model.geom_bodyid.copy(), int(model.body("object").id)
         self.believed = self.cameras
 
     def reset(self, rng: Generator) -> None:
@@ -51,6 +54,27 @@ class Perception:
         """Return the measured depth images, (cameras, H, W) m. `data` needs current kinematics."""
         return self.sensor.measure(self.rays.render(data), self.cameras, rng)
 
-    def observe(self, data: "mujoco.MjData", rng: Generator) -> Scene:
-        """Measure and segment. `data` needs current kinematics."""
-        return segment(self.measure(data, rng), self.believed, rng, self.settings, self.robot.at(data))
+    def observe(self, data: "mujoco.MjData", rng: Generator, pointing: str | None = None) -> Scene:
+        """Measure and segment. `data` needs current kinematics.
+
+        Args:
+            data: where everything is.
+            rng: of sensor and segmentation.
+            pointing: `true`: a mask says which pixels show the object; `perceived`: a point on it is named; None: the
+                object is the largest thing that is seen.
+        """
+        depths = self.measure(data, rng)
+        pointed = None if pointing is None else self._point(data, depths, pointing == "true")
+        return segment(depths, self.believed, rng, self.settings, self.robot.at(data), pointed)
+
+    def _point(self, data: "mujoco.MjData", depths: NDArray[np.float32], masked: bool) -> Pointing:
+        """Point at the object by its mask, or by the middle pixel of where it is seen best."""
+        shown = self.rays.segment(data)
+        mask = (shown >= 0) & (self._bodies[shown] == self._object)
+        known = mask & is_valid(depths)
+        if masked or not known.any():
+            return Pointing(mask=mask)
+        k = int(known.sum(axis=(1, 2)).argmax())
+        pixels = np.argwhere(known[k])
+        row, column = pixels[((pixels - pixels.mean(axis=0)) ** 2).sum(axis=1).argmin()]
+        return Pointing(near=deproject(depths[k], self.believed[k])[row, column])

@@ -48,7 +48,7 @@ class RayCameras:
         return depth.reshape(-1, *self._shape)
 
     def segment(self, data: "mujoco.MjData") -> NDArray[np.int32]:
-        """Return the geom each pixel shows, (cameras, H, W), -1 where nothing. For evaluation only."""
+        """Return the geom each pixel shows, (cameras, H, W), -1 where nothing."""
         self._cast(data)
         return self._geom.reshape(-1, *self._shape).copy()
 

@@ -20,7 +20,10 @@ from dexgrasp_env.tasks.constants import (
     HEAP_CALM,
     HEAP_CALM_STEPS,
     HEAP_FALL,
+    HEAP_PULL,
+    HEAP_REST_STEPS,
     HEAP_STEPS,
+    HEAP_WIDTH,
     MAX_EPISODE_STEPS,
     MOST_NEIGHBOURS,
     NEIGHBOUR_MOVED,
@@ -67,13 +70,14 @@ class Clutter:
         return tuple(self.objects[k] for k in rng.integers(len(self.objects), size=count))
 
     def set_out(self, simulation: Simulation, pose: Array, rng: Generator) -> Array | None:
-        """Put the object at `pose` (7,), or a heap with it there, and its neighbours; return None where that is no scene.
+        """Put the object at `pose` (7,), or a heap with it there, and its neighbours.
 
-        It is one where all that is drawn comes to rest on the table, free of the robot, and nothing pierces another by
+        That is a scene where all comes to rest on the table, free of the robot, and nothing pierces another by
         2 mm or sinks by 3 mm; with gaps nothing floats, topples or slides by 3 mm.
 
         Returns:
-            The poses (k, 7) that all would have at the end of an episode without the robot: a heap creeps.
+            The poses (k, 7) that all would have at the end of an episode without the robot, as a heap creeps; None
+            where it is no scene.
         """
         if self.gaps is None:
             _drop(simulation, pose, rng)
@@ -164,7 +168,7 @@ def _drop(simulation: Simulation, pose: Array, rng: Generator) -> None:
     start, dof = np.zeros((len(hulls), 7)), simulation.cell.robot.dof
     start[:, 2], start[:, 3] = _SKY * (1.0 + np.arange(len(hulls))), 1.0
     simulation.place(start)
-    qpos, qvel, lying = simulation.data.qpos, simulation.data.qvel, list[int]()
+    data, lying = simulation.data, list[int]()
     for k in rng.permutation(len(hulls)).tolist():
         spot, spin = rng.uniform(-1.0, 1.0, 2), rng.standard_normal(4)
         quat, poses = spin / np.sqrt((spin * spin).sum()), simulation.poses()
@@ -172,11 +176,24 @@ def _drop(simulation: Simulation, pose: Array, rng: Generator) -> None:
         own = np.array([*pose[:2], top + HEAP_FALL, *quat])
         own[:2] += 0.02 * np.sqrt(1 + len(lying)) * spot
         own[2] -= rotate(quat, hulls[k])[:, 2].min()
-        qpos[dof + 7 * k :][:7], qvel[dof + 6 * k :][:6] = own, 0.0
-        for _ in range(HEAP_STEPS):
-            simulation.settle(HEAP_CALM_STEPS)
-            qvel[dof:] *= HEAP_CALM
+        data.qpos[dof + 7 * k :][:7], data.qvel[dof + 6 * k :][:6] = own, 0.0
         lying.append(k)
+        _calm(simulation, HEAP_STEPS, pose[:2])
+    _calm(simulation, HEAP_REST_STEPS, None)
+
+
+def _calm(simulation: Simulation, steps: int, centre: Array | None) -> None:
+    """Let things come to lie as if in honey, drawn together about `centre` (2,) m where it is given."""
+    model, data, dof = simulation.model, simulation.data, simulation.cell.robot.dof
+    bodies = simulation.body + np.arange(1 + len(simulation.neighbours))
+    for _ in range(steps):
+        if centre is not None:
+            off = centre - data.xpos[bodies, :2]
+            weight = HEAP_PULL * 9.81 * model.body_mass[bodies]
+            data.xfrc_applied[bodies, :2] = weight[:, None] * np.clip(off / HEAP_WIDTH, -1.0, 1.0)
+        simulation.settle(HEAP_CALM_STEPS)
+        data.qvel[dof:] *= HEAP_CALM
+        data.xfrc_applied[bodies] = 0.0
 
 
 def highest(corners: Array, pose: Array) -> float:

@@ -15,7 +15,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_conjugate, rotate
 from dexgrasp_env.tasks.clutter import Clutter
-from dexgrasp_env.tasks.constants import NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
+from dexgrasp_env.tasks.constants import AROUND_POINTS, NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
 from dexgrasp_env.tasks.episodes import Episodes, Moment
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.records import TOLD
@@ -60,11 +60,15 @@ class ClutterEpisodes(Episodes):
             self.options = ("object", "state")  # where the object lies in a heap is not for anybody to say
 
     def observation_space(self) -> spaces.Dict:
-        """Return the space of an observation of `Lift`, and poses and sizes of what stands around in `state`."""
+        """Return the space of an observation of `Lift`, and what stands around."""
         parts, slots = dict(super().observation_space()), self.neighbours
         if self.settings.obs_mode.startswith("state"):
             parts["neighbour_poses"] = spaces.Box(-np.inf, np.inf, (slots, 7), np.float32)
             parts["neighbour_sizes"] = spaces.Box(0.0, np.inf, (slots, 3), np.float32)
+        if self.settings.obs_mode.endswith("pointcloud"):
+            parts["around"] = spaces.Box(-np.inf, np.inf, (AROUND_POINTS, 3), np.float32)
+            parts["around_normals"] = spaces.Box(-1.0, 1.0, (AROUND_POINTS, 3), np.float32)
+            parts["around_labels"] = spaces.Box(-1, np.iinfo(np.int16).max, (AROUND_POINTS,), np.int16)
         return spaces.Dict(parts)
 
     def _of(self) -> dict[str, Any]:
@@ -188,8 +192,8 @@ class ClutterEnv(LiftEnv):
     holds for one thing with it are the object's.
 
     `info` has more than that of `LiftEnv`: `is_clean`, `neighbours` (how many), `neighbours_moved` (m, the farthest
-    that the centre of any has been from where it would be), `neighbours_hit` (how many the robot has touched, looked at in
-    every physics step), `neighbours_toppled` (how many have turned their vertical by 30 deg).
+    that the centre of any has been from where it would be), `neighbours_hit` (how many the robot has touched, looked
+    at in every physics step), `neighbours_toppled` (how many have turned their vertical by 30 deg).
 
     ## Rewards
 
@@ -199,8 +203,8 @@ class ClutterEnv(LiftEnv):
 
     The object is drawn and placed as in `LiftEnv`. With gaps each neighbour is drawn, in a rest pose, and slid from the
     object outwards to the first place where the nearest outline, from above, is as far as the gap drawn. In a heap all
-    are laid down in a drawn order, turned at random, each on what lies there. What is drawn is drawn again unless all of
-    it comes to rest on the table (x in 0.30-0.76, y in +-0.38) and free of the robot, and nothing pierces another by
+    are laid down in a drawn order, turned at random, each on what lies there. A scene is drawn again unless all of it
+    comes to rest on the table (x in 0.30-0.76, y in +-0.38) and free of the robot, and nothing pierces another by
     2 mm, sinks by 3 mm or, with gaps, floats, topples or slides by 3 mm. With gaps a scene without the robot then stays
     as it is (0.1 mm in 0.5 s); a heap creeps, by less than 2 cm in 15 s, and that way is no motion of a neighbour.
     `reset(options=...)` takes those of `LiftEnv`; a heap has no `object_pose`.

@@ -30,6 +30,7 @@ SETTLE_STEPS = 100  # physics steps after placing, before the first observation
 PALM_STEP = 0.025  # m a control step at action 1 (`ee_delta`): 0.5 m/s
 PALM_TURN = 0.125  # rad a control step at action 1 (`ee_delta`): 2.5 rad/s
 CLOUD_POINTS = 1024
+AROUND_POINTS = 4096  # of what stands around the object
 
 GOAL_HEIGHT = (0.15, 0.35)  # m above the table (Place)
 GOAL_RISE = 0.05  # m above where it lies, at least, of an object that is to be held
@@ -45,10 +46,12 @@ STILL = 1e-4  # of poses, m and parts of a quaternion, by which nothing moves in
 CREEP = 1e-3  # the same in a heap, whose contacts give a little for long
 DEEPEST_SINK, DEEPEST_CONTACT = 0.003, 0.002  # m: what sinks, floats or pierces so much is no scene
 HEAP_FALL = 0.01  # m above the heap from which the next falls
-HEAP_STEPS = (
-    10  # times that it falls on, and that all speeds are then reduced: a heap is laid rather than thrown
-)
-HEAP_CALM_STEPS, HEAP_CALM = 10, 0.5  # physics steps each time, and what is left of the speeds
+HEAP_STEPS, HEAP_REST_STEPS = (
+    25,
+    150,
+)  # times 20 ms that it falls on, and all come to lie: laid rather than thrown
+HEAP_CALM_STEPS, HEAP_CALM = 10, 0.8  # physics steps each time, and what is then left of all speeds
+HEAP_PULL, HEAP_WIDTH = 0.3, 0.05  # of the weight, towards the middle, in full from so many m off it
 NEIGHBOUR_MOVED = 0.02  # m: a lift that moved nothing farther is clean
 TOPPLED = math.radians(30.0)  # a neighbour whose vertical has turned so far has toppled
 

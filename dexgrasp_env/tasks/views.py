@@ -16,6 +16,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.perception import Perception
+from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 
@@ -106,9 +107,10 @@ class Views:
     ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": ""}
         if self._settings.obs_mode.endswith("pointcloud"):
-            scene = perception.observe(simulation.data, rng)
+            pointing = self._settings.pointing
+            scene = perception.observe(simulation.data, rng, pointing)
             info["perception_failure"] = scene.reason or ""
-            return scene.as_observation(perception.settings.count), info
+            return scene.as_observation(perception.settings.count, AROUND_POINTS if pointing else 0), info
         depth = perception.measure(simulation.data, rng)
         views: dict[str, NDArray[Any]] = {
             "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)

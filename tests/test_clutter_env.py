@@ -1,0 +1,229 @@
+"""Objects with neighbours: scenes, what is judged of neighbours, what is seen of them."""
+
+import pickle
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from gymnasium.utils.env_checker import check_env
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env import InputError
+from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.poses import rotate
+from dexgrasp_env.tasks.clutter import gap_between, outline
+from dexgrasp_env.tasks.constants import TOPPLED
+
+FEW = {
+    "objects": ["sugar_box", "pear"],
+    "neighbour_objects": ["soda", "lego", "webcam"],
+    "neighbours": (2, 3),
+}
+KINDS = {"Sparse": (0.02, 0.05), "Dense": (0.005, 0.02), "Heap": None}
+HOME = np.zeros(23, np.float32)
+
+
+def make(kind="Sparse", **more):
+    return gym.make(f"DexGrasp/Clutter{kind}-v1", **{**FEW, **more})
+
+
+def outlines(simulation):
+    corners = [simulation.hull, *(model.solid.corners for model in simulation.neighbours)]
+    return [outline(one, pose) for one, pose in zip(corners, simulation.poses(), strict=True)]
+
+
+def same(a, b):
+    assert a.keys() == b.keys()
+    for key in a:
+        np.testing.assert_array_equal(a[key], b[key], err_msg=key)
+
+
+@pytest.mark.parametrize(
+    ("kind", "obs_mode"), [("Sparse", "pointcloud"), ("Dense", "state"), ("Heap", "state")]
+)
+def test_checker_accepts_every_kind(kind, obs_mode):
+    check_env(make(kind, obs_mode=obs_mode, neighbours=2).unwrapped, skip_render_check=True)
+
+
+def test_defaults_are_what_the_ids_promise():
+    for kind, counts in {"Sparse": (4, 8), "Dense": (9, 15), "Heap": (8, 8)}.items():
+        clutter = gym.make(f"DexGrasp/Clutter{kind}-v1").unwrapped.settings.clutter
+        assert (clutter.neighbours, clutter.gaps, len(clutter.objects)) == (counts, KINDS[kind], 20)
+
+
+@pytest.mark.parametrize("kind", ["Sparse", "Dense"])
+def test_neighbours_stand_still_at_the_gaps_that_are_asked_for(kind):
+    env = make(kind, neighbours=5)
+    for seed in range(3):
+        _, info = env.reset(seed=seed)
+        low, high = KINDS[kind]
+        shapes = outlines(env.unwrapped.simulation)
+        assert info["neighbours"] == 5
+        assert len(shapes) == 6
+        for k in range(1, 6):
+            nearest = min(gap_between(shapes[k], other) for other in shapes[:k])
+            assert low - 0.002 <= nearest <= high + 0.002
+        before = env.unwrapped.simulation.poses()
+        for _ in range(20):
+            *_, info = env.step(HOME)
+        assert np.abs(env.unwrapped.simulation.poses() - before).max() < 1e-3
+        assert info["neighbours_moved"] < 1e-3
+        assert info["neighbours_hit"] == info["neighbours_toppled"] == 0
+
+
+def test_a_heap_lies_on_the_table_and_touches():
+    env = make("Heap", neighbours=6)
+    env.reset(seed=1)
+    simulation = env.unwrapped.simulation
+    shapes = outlines(simulation)
+    assert min(gap_between(a, b) for a in shapes for b in shapes if a is not b) < 0.0
+    assert simulation.data.contact.dist.min() > -0.002
+    for _ in range(40):
+        *_, info = env.step(HOME)
+    assert info["neighbours_moved"] < 0.005
+    with pytest.raises(InputError, match="object_pose"):
+        env.reset(options={"object_pose": [0.5, 0, 0.1, 1, 0, 0, 0]})
+
+
+def test_gap_between_outlines():
+    square = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
+    assert gap_between(square, square + np.array([3, 0])) == pytest.approx(2)
+    assert gap_between(square, square + np.array([2, 2])) == pytest.approx(np.sqrt(2))
+    assert gap_between(square, square + np.array([0.75, 0.1])) == pytest.approx(-0.25)
+
+
+def test_no_neighbours_is_lift_bit_for_bit():
+    ours, lift = make(neighbours=0), gym.make("DexGrasp/Lift-v2", objects=FEW["objects"])
+    ours.reset(seed=4)
+    lift.reset(seed=4)
+    pose = lift.unwrapped.simulation.object_pose()
+    start = {"object": lift.unwrapped.target, "object_pose": pose}
+    rng = np.random.default_rng(0)
+    lift.reset(options=start)
+    ours.reset(options=start)
+    ours.unwrapped.simulation.set_state(lift.unwrapped.simulation.get_state())
+    for _ in range(10):
+        action = rng.uniform(-1, 1, 23).astype(np.float32)
+        ours.step(action)
+        lift.step(action)
+    np.testing.assert_array_equal(ours.unwrapped.data.qpos, lift.unwrapped.data.qpos)
+
+
+def test_same_seed_gives_the_same_scene_and_states_are_exact():
+    one, other = make("Dense"), make("Dense")
+    for env in (one, other):
+        _observation, _ = env.reset(seed=7)
+    rng = np.random.default_rng(0)
+    for _ in range(5):
+        action = rng.uniform(-1, 1, 23).astype(np.float32)
+        a, b = one.step(action), other.step(action)
+        same(a[0], b[0])
+    state = pickle.loads(pickle.dumps(one.unwrapped.get_state()))
+    other.reset(seed=8)
+    other.unwrapped.set_state(state)
+    for _ in range(5):
+        action = rng.uniform(-1, 1, 23).astype(np.float32)
+        a, b = one.step(action), other.step(action)
+        same(a[0], b[0])
+        assert {k: v for k, v in a[4].items()} == {k: v for k, v in b[4].items()}
+    copied = pickle.loads(pickle.dumps(one.unwrapped))
+    np.testing.assert_array_equal(copied.data.qpos, one.unwrapped.data.qpos)
+
+
+@pytest.mark.parametrize(
+    ("kind", "obs_mode"), [("Sparse", "state"), ("Sparse", "pointcloud"), ("Heap", "state")]
+)
+def test_native_vector_is_the_single_environments_bit_for_bit(kind, obs_mode):
+    number = 3
+    envs = gym.make_vec(
+        f"DexGrasp/Clutter{kind}-v1", number, **FEW, obs_mode=obs_mode, max_episode_steps=4, threads=2
+    )
+    loose = gym.make_vec(
+        f"DexGrasp/Clutter{kind}-v1", number, vectorization_mode="sync", **FEW, obs_mode=obs_mode,
+        max_episode_steps=4,
+    )  # fmt: skip
+    a, b = envs.reset(seed=3), loose.reset(seed=3)
+    same(a[0], b[0])
+    rng = np.random.default_rng(1)
+    for _ in range(7):  # past a reset
+        actions = rng.uniform(-1, 1, (number, 23)).astype(np.float32)
+        a, b = envs.step(actions), loose.step(actions)
+        same(a[0], b[0])
+        np.testing.assert_array_equal(a[1], b[1])
+        for key in ("neighbours", "neighbours_moved", "neighbours_hit", "is_clean"):
+            np.testing.assert_array_equal(a[4][key], b[4][key])
+    state = envs.get_state(1)
+    single = loose.envs[0].unwrapped
+    single.set_state(state)
+    np.testing.assert_array_equal(single.data.qpos, envs.simulation(1).data.qpos)
+    envs.close()
+
+
+def push_into(env):
+    """Put a neighbour where a moving finger is, and step."""
+    env.reset(seed=0)
+    simulation = env.unwrapped.simulation
+    tip = simulation.data.site("middle_tip").xpos
+    simulation.data.qpos[30:33] = tip - np.array([0.0, 0.0, 0.08])
+    simulation.data.qvel[29:32] = [0.0, 0.0, 8.0]  # it passes the finger and is gone within a control step
+    infos = [env.step(HOME)[4] for _ in range(2)]
+    return simulation, infos[-1]
+
+
+def test_a_touch_between_control_steps_counts_as_a_hit():
+    _, info = push_into(make())
+    assert info["neighbours_hit"] == 1
+    assert info["neighbours_moved"] > 0.05
+    assert not info["is_clean"]
+
+
+def test_a_neighbour_that_falls_over_has_toppled():
+    env = make()
+    env.reset(seed=0)
+    simulation = env.unwrapped.simulation
+    half = 0.5 * (TOPPLED + 0.2)
+    turn = np.array([np.cos(half), np.sin(half), 0.0, 0.0])
+    quat = simulation.data.qpos[33:37]
+    from dexgrasp_env.poses import quat_multiply
+
+    simulation.data.qpos[33:37] = quat_multiply(turn, quat)
+    simulation.data.qpos[32] += 0.2
+    assert env.step(HOME)[4]["neighbours_toppled"] == 1
+
+
+@pytest.mark.parametrize("mask", ["true", "perceived"])
+def test_neighbours_are_seen(mask):
+    """Points of every neighbour are in the observation, and none of them are in the target's cloud."""
+    env = make(obs_mode="pointcloud", mask=mask, neighbours=4)
+    for seed in range(2):
+        observation, info = env.reset(seed=seed)
+        assert not info["perception_failure"]
+        simulation = env.unwrapped.simulation
+        scene = Scene.of_observation(observation, info)
+        around = np.concatenate([cloud.points for cloud in (*scene.neighbours, scene.rest)])
+        shapes = [simulation.object, *simulation.neighbours]
+        seen = [_inside(around, model, pose) for model, pose in zip(shapes, simulation.poses(), strict=True)]
+        own = [_inside(scene.target.points, *pair) for pair in zip(shapes, simulation.poses(), strict=True)]
+        assert min(seen[1:]) >= 40
+        assert own[0] > 0.9 * len(scene.target)
+        assert max(own[1:]) == 0
+        assert seen[0] <= 5
+
+
+def _inside(points, model, pose):
+    """How many points lie in the box of a model, 4 mm larger."""
+    local = rotate(pose[3:] * [1, -1, -1, -1], points - pose[:3])
+    low, high = model.solid.vertices.min(0) - 0.004, model.solid.vertices.max(0) + 0.004
+    return int(((local >= low) & (local <= high)).all(1).sum())
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"neighbours": 26}, "clutter neighbours is 26"), ({"gaps": (0.05, 0.02)}, "clutter gaps"),
+        ({"mask": "guess"}, "mask is"), ({"neighbour_objects": "nothing"}, "nothing"),
+    ],
+)  # fmt: skip
+def test_bad_recipes_end_in_one_line(given, words):
+    with pytest.raises(InputError, match=words):
+        make(**given)
