@@ -65,6 +65,9 @@ class _Row:
     height: float | None = None
     slip: float | None = None
     tilt: float | None = None
+    clean: bool | None = None
+    moved: float | None = None
+    hit: int | None = None
     total_reward: float | None = None
     seconds: float | None = None
 

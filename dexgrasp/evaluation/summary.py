@@ -87,6 +87,7 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
         "mean_length": _mean(rows, "steps"),
         "stable": sum(row["stable"] and row["success"] for row in rows),
         "constraints": _constraints(rows) | ({"by_set": constraints} if constraints else {}),
+        "clutter": {name: found for name, own in by_protocol.items() if (found := _neighbours(own))},
         "stages": {name: found for name, own in {"overall": rows, **sets}.items() if (found := _stages(own))},
     }
 
@@ -97,6 +98,17 @@ def grouped(rows: Sequence[Row], key: str) -> dict[Any, list[Row]]:
     for row in rows:
         found.setdefault(row.get(key), []).append(row)
     return found
+
+
+def _neighbours(rows: Sequence[Row]) -> dict[str, Any]:
+    """Return how many trials were clean lifts and in how many a neighbour was hit; {} where there were none."""
+    among = [row for row in rows if row.get("clean") is not None]
+    if not among:
+        return {}
+    clean = [{**row, "success": row["clean"]} for row in among]
+    touched = [{**row, "success": row["hit"] > 0} for row in among]
+    moved = quantiles(_known(among, "moved"), **_QUARTILES, max=1.0)
+    return {"clean": count(clean), "hit": count(touched), "moved": moved}
 
 
 def _known(contents: Sequence[Mapping[str, Any]], key: str) -> list[float]:

@@ -46,6 +46,9 @@ class Outcome:
         height: of the object's lowest point at the end, m.
         slip: in the hand since it left the table, m.
         tilt: in the hand since it left the table, rad.
+        clean: a success that moved no neighbour by more than 2 cm; None where there are none.
+        moved: the farthest that a neighbour's centre has been from where it would be without the robot, m.
+        hit: neighbours that the robot has touched.
         planning_seconds: as the agent reports; None if it does not plan.
         seconds: wall time of the trial.
         warnings: of the physics engine.
@@ -62,6 +65,9 @@ class Outcome:
     height: float = 0.0
     slip: float = 0.0
     tilt: float = 0.0
+    clean: bool | None = None
+    moved: float | None = None
+    hit: int | None = None
     planning_seconds: float | None = None
     seconds: float = 0.0
     warnings: list[str] = field(default_factory=list)
@@ -118,6 +124,7 @@ def _begin(
     observation, info = env.reset(seed=seeds.scene)
     _record(env, frames)
     subject = subject_of(env)
+    _note_neighbours(outcome, info)
     _ask(agent.seed, seeds.agent)
     _ask(agent.reset, observation, public_info(env, info))
     outcome.reason = _given_up(agent)
@@ -179,6 +186,14 @@ def _note(outcome: Outcome, info: Mapping[str, Any]) -> None:
         jsonable(info[key]) for key in ("object_height", "object_slip", "object_tilt")
     )
     outcome.warnings = info["mujoco_warnings"].split()
+    _note_neighbours(outcome, info)
+
+
+def _note_neighbours(outcome: Outcome, info: Mapping[str, Any]) -> None:
+    if "is_clean" in info:
+        outcome.clean, outcome.moved, outcome.hit = (
+            jsonable(info[key]) for key in ("is_clean", "neighbours_moved", "neighbours_hit")
+        )
 
 
 def _ask(method: Any, *arguments: Any) -> Any:

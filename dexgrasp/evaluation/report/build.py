@@ -78,6 +78,7 @@ def contents(folders: Sequence[Path]) -> dict[str, Any]:
         "by_set": tables.set_table(plain),
         "tries": tables.tries_table(plain),
         "by_protocol": tables.protocol_table(agents, counted),
+        "clutter": tables.clutter_table(agents),
         "by_object": tables.object_tables(plain),
         "several_protocols": len(met) > 1,
         "where_objects_fail": tables.where_objects_fail(rows, met),

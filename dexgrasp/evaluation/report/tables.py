@@ -31,6 +31,8 @@ def render_summary(summary: Mapping[str, Any]) -> str:
     """Return the tables of one evaluation for a terminal."""
     agents = summary["agents"]
     parts = [text_table(*set_table(agents)), text_table(*object_table(agents))]
+    if (clutter := clutter_table(agents)).rows:
+        parts.append(text_table(*clutter))
     if (failures := failure_table(agents, codes=True)).rows:
         parts.append(left_table(*failures))
     parts += [
@@ -76,6 +78,17 @@ def protocol_table(agents: Agents, names: Sequence[str]) -> Table:
     """Return protocols by agents."""
     rows = [[p, *(rate_words(agent["by_protocol"].get(p)) for agent in agents.values())] for p in names]
     return Table(("protocol", *agents), rows)
+
+
+def clutter_table(agents: Agents) -> Table:
+    """Return agents by protocols with neighbours: lifts, those that were clean, trials in which a neighbour was hit."""
+    rows = []
+    for name, agent in agents.items():
+        for protocol, found in agent["clutter"].items():
+            cells = (agent["by_protocol"][protocol], found["clean"], found["hit"])
+            moved = f"{100 * found['moved']['median']:.1f} (up to {100 * found['moved']['max']:.1f})"
+            rows.append([protocol, name, *map(rate_words, cells), moved])
+    return Table(("protocol", "agent", "lifted", "clean", "hit a neighbour", "moved, cm, median"), rows)
 
 
 def ordered_objects(agents: Agents) -> list[str]:
