@@ -8,9 +8,13 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.report.build import write_report
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.store import read_rows
 from dexgrasp_env import InputError
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.poses import rotate
+from dexgrasp_env.poses import quat_multiply, rotate
 from dexgrasp_env.tasks.clutter import gap_between, outline
 from dexgrasp_env.tasks.constants import TOPPLED
 
@@ -184,8 +188,6 @@ def test_a_neighbour_that_falls_over_has_toppled():
     half = 0.5 * (TOPPLED + 0.2)
     turn = np.array([np.cos(half), np.sin(half), 0.0, 0.0])
     quat = simulation.data.qpos[33:37]
-    from dexgrasp_env.poses import quat_multiply
-
     simulation.data.qpos[33:37] = quat_multiply(turn, quat)
     simulation.data.qpos[32] += 0.2
     assert env.step(HOME)[4]["neighbours_toppled"] == 1
@@ -227,3 +229,14 @@ def _inside(points, model, pose):
 def test_bad_recipes_end_in_one_line(given, words):
     with pytest.raises(InputError, match=words):
         make(**given)
+
+
+def test_an_evaluation_says_what_was_clean_moved_and_hit(tmp_path):
+    settings = EvaluationSettings.of(["hardcoded"], ["pear"], trials=1, protocols=("clutter_sparse@mask",))
+    agent = evaluate(settings, tmp_path)["agents"]["hardcoded"]
+    (row,) = read_rows(tmp_path)
+    assert isinstance(row["clean"], bool)
+    assert row["moved"] >= 0.0
+    assert row["hit"] in range(9)
+    assert agent["clutter"]["clutter_sparse@mask"]["clean"]["successes"] == row["clean"]
+    assert "Among neighbours" in write_report([tmp_path], tmp_path / "report")
