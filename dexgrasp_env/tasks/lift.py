@@ -219,7 +219,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         self.render_mode = self.settings.render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
         self._episodes = self.episodes_type(self.settings, self._views, 1)
-        self.action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)  # type: ignore[assignment]
+        robot = self.settings.cell.robot
+        self.action_space = ActionSpace(self.settings.control_mode, robot)  # type: ignore[assignment]
         self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
         self._simulation = next(iter(self._episodes.simulations.values()))
         self._over = True
