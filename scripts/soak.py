@@ -1,9 +1,11 @@
-"""Random actions on every object for many steps: nothing may raise, go wrong or grow.
+"""Random actions or plans on every object, for long, in one process: nothing may raise, go wrong, grow or slow down.
 
     python scripts/soak.py [--steps 10000] [--objects all20 ycb6] [--vector 16]
+    python scripts/soak.py --plans 10000 [--robots default FILE]
 
-Prints steps, episodes, endings, warnings of the physics engine and the process's memory; exits with 1 if a number was
-not finite, or if memory grew by more than 32 MB after the first tenth.
+Prints steps or plans, endings, warnings of the physics engine and the process's memory; exits with 1 if a number was
+not finite, if memory grew by more than 32 MB (50 of plans) after the first tenth, or if the last tenth of the plans of
+a scene took 5 % longer than the first.
 """
 
 import argparse
@@ -13,8 +15,9 @@ import resource
 import sys
 from collections import Counter
 from dataclasses import dataclass, field
-from itertools import cycle
+from itertools import cycle, islice, product
 from pathlib import Path
+from time import process_time
 from typing import Any
 
 import gymnasium as gym
@@ -22,8 +25,10 @@ import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import resolve_targets
 
-GROWTH_MB = 32.0
+GROWTH_MB, PLANS_GROWTH_MB = 32.0, 50.0
+SLOWER = 1.05
 MODES = ("joint_position", "joint_delta", "ee_delta")
 RANDOMISATION = {"mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2)}
 VECTOR_RANDOMISATION = RANDOMISATION | {
@@ -56,6 +61,33 @@ class Soak:
     def is_clean(self) -> bool:
         """No number gone wrong, memory flat."""
         return self.not_finite == 0 and self.growth_mb <= GROWTH_MB
+
+
+@dataclass
+class PlanSoak(Soak):
+    """What came of plans; a plan is a step.
+
+    Attributes:
+        seconds: (plans,) of processor time, in their order.
+        again: how many plans there are before the same ones come again.
+    """
+
+    seconds: list[float] = field(default_factory=list)
+    again: int = 1
+
+    @property
+    def slowdown(self) -> float:
+        """Median share by which plans of the last tenth took longer than the same ones of the first."""
+        tenth = max(1, len(self.seconds) // 10 // self.again) * self.again
+        first, last = np.array(self.seconds[:tenth]), np.array(self.seconds[-tenth:])
+        if len(self.seconds) % self.again or len(self.seconds) < 2 * tenth:
+            return float("nan")
+        return float(np.median(last / first))
+
+    @property
+    def is_clean(self) -> bool:
+        """Memory flat, and no slower at the end."""
+        return self.growth_mb <= PLANS_GROWTH_MB and not self.slowdown > SLOWER
 
 
 def memory_mb() -> float:
@@ -106,6 +138,25 @@ def run_vector(steps: int, objects: list[str], number: int, *, seed: int = 0, ep
         _note_memory(soak)
         if soak.steps >= steps:
             break
+    return soak
+
+
+def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int = 2) -> PlanSoak:
+    """Look and plan, with objects and robots in turns; every object in `scenes` scenes, then the same again."""
+    from dexgrasp.planning.look import look_at
+    from dexgrasp.registry import make_agent
+
+    agents = {robot: make_agent("bilevel") for robot in robots}
+    turns = list(product(range(scenes), resolve_targets(objects), robots))
+    soak = PlanSoak(again=len(turns))
+    for seed, name, robot in islice(cycle(turns), plans):
+        look = look_at(name, agents[robot], seed, robot=None if robot == "default" else robot)
+        began = process_time()
+        found = agents[robot].plan(look.observation, look.info)  # type: ignore[attr-defined]
+        soak.seconds.append(process_time() - began)
+        soak.steps += 1
+        soak.endings["planned" if found.success else str(found.shortfall)] += 1
+        _note_memory(soak)
     return soak
 
 
@@ -178,8 +229,16 @@ def main() -> int:
     parser.add_argument("--objects", nargs="+", default=["all20", "ycb6"])
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--vector", type=int, metavar="N", help="through native vector environments of N")
+    parser.add_argument("--plans", type=int, metavar="N", help="plans instead of steps")
+    parser.add_argument(
+        "--robots", nargs="+", default=["default"], metavar="FILE", help="of the plans, in turns"
+    )
     args = parser.parse_args()
-    if args.vector:
+    if args.plans:
+        plans = run_plans(args.plans, args.objects, args.robots)
+        print(f"the same plan took {plans.slowdown:.3f} of its first time at the end")
+        soak: Soak = plans
+    elif args.vector:
         soak = run_vector(args.steps, args.objects, args.vector, seed=args.seed)
     else:
         soak = run(args.steps, args.objects, seed=args.seed)

@@ -197,3 +197,10 @@ def test_short_soak():
     assert found.steps == 900
     assert found.is_clean, found
     assert found.endings["dropped"] or found.endings["object_lost"]
+
+
+def test_short_soak_of_plans():
+    found = load_script("soak").run_plans(6, ["soda", "pear"], ["default"], scenes=1)
+    assert found.endings == {"planned": 6}
+    assert len(found.seconds) == 6
+    assert found.slowdown > 0.0
