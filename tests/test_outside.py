@@ -1,4 +1,4 @@
-"""Sets of objects that nobody built for the planner: `outside-1000`, folders of meshes."""
+"""Sets of objects that nobody built for the planner: `outside-1000`, a kitchen, folders of meshes."""
 
 import hashlib
 import io
@@ -13,6 +13,7 @@ from dexgrasp_env.objects.sets import read_set
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 import folder_set
+import kitchen
 import outside
 
 HASHES = json.loads(outside.HASHES.read_text())
@@ -35,6 +36,15 @@ def test_the_split_leaves_300_for_figures_of_record():
     assert (len(develop), len(final)) == (700, 300)
     assert sorted(develop + final) == list(range(1000))
     assert len(HASHES) == len(set(HASHES.values())) == 1000
+
+
+def test_what_lies_in_a_kitchen_is_frozen(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "argv", ["kitchen.py", str(tmp_path)])
+    assert kitchen.main() == 0
+    flat, handled = (read_set(str(tmp_path / f"{kind}.json")) for kind in ("flat", "handled"))
+    assert (len(flat), len(handled)) == (19, 8)
+    for member in (*flat.values(), *handled.values()):
+        assert trimesh.load(member.mesh, process=False).is_watertight, member.name
 
 
 def run(monkeypatch, *arguments):
