@@ -54,6 +54,23 @@ def constraints(q, settings=SETTINGS):
     return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds_of(settings, settings.closure_margin), True)
 
 
+@pytest.mark.parametrize("height", [0.015, 0.02])
+def test_tips_come_in_level_beside_a_low_object(height):
+    low = lying((0.12, 0.08, height))
+    found = SurfaceProposals().propose(low, SETTINGS, np.random.default_rng(0))
+    contacts, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
+    assert SETTINGS.lowest_contact(low.top) <= contacts[:, 2].min() <= contacts[:, 2].max() <= height + 1e-9
+    assert (contacts + (SETTINGS.tip_radius + SETTINGS.distance[1]) * normals)[
+        :, 2
+    ].min() > SETTINGS.tip_radius
+    assert normals[:, 2].max() < 0.1  # an even sample of the surface has nothing but its top
+    plan = Planner().plan(low, 0, HOME)
+    assert plan.reason is None
+    motion, tree = plan.grasp.motion, robot_tree(CELL)
+    heights = [fingertips(q, tree)[:, 2] for q in (motion.pregrasp, motion.grasp)]
+    assert np.abs(heights[0] - heights[1]).max() < 0.006
+
+
 def test_most_starts_become_feasible_and_feasible_means_feasible(solutions):
     feasible = [s for s in solutions if s.feasible]
     assert len(feasible) > 0.5 * len(solutions)

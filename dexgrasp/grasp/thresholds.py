@@ -21,6 +21,8 @@ HULL_OUTSIDE, OBJECT_OUTSIDE = 0.03, 0.055
 """m that the planned hull may stand out of the object's, and the object's out of it: of one view much is guessed."""
 OVERLAP = 0.55
 """Least share of the volume of both hulls that they have in common."""
+CONTACT_SHARE = 0.5
+"""Of an object's height above which its contacts lie, where that is less than `contact_height`."""
 TOLD_MASS, TOLD_CENTRE = 0.01, 0.002
 """Share and m that a mass and a centre that the planner was told may differ from the object's."""
 
@@ -39,7 +41,7 @@ class Thresholds:
         tip_cosine: least cosine of a tip's axis to the inward normal: the back of a tip cannot press.
         pad_cosine: least cosine of a pad's direction to the inward normal.
         joint_margin: distance of every grasping joint from its limits.
-        contact_height: least height of a contact above the table.
+        contact_height: least height of a contact above the table; of low objects see `lowest_contact`.
         least_press: least pressing force of a contact.
         torque_share: share of the joint torque limits that the forces may use.
     """
@@ -56,6 +58,18 @@ class Thresholds:
     contact_height: Number = 0.015
     least_press: Number = 2.5
     torque_share: Number = 0.95
+
+    def lowest_contact(self, top: float) -> float:
+        """Return the least height of a contact, m, on an object that is `top` m high.
+
+        That tips and links stay clear of the table is judged apart, by their shapes: a tip beside a low object meets
+        its upper edge at whatever height that has.
+        """
+        return min(self.contact_height, CONTACT_SHARE * top)
+
+    def is_low(self, top: float) -> bool:
+        """Whether an object `top` m high is lower than two tips' radii or so: contacts may be lower than on others."""
+        return self.lowest_contact(top) < self.contact_height
 
     def looser(self) -> list[str]:
         """Return the names of those that ask less than the frozen ones; a tip radius may not differ at all."""

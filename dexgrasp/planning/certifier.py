@@ -51,8 +51,9 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
     """
     problem, hold = candidate.start.problem, candidate.hold
     settings, q, at = problem.settings, candidate.solution.q, candidate.solution.evaluation
-    if with_closure and at.contacts[:, 2].min() < settings.contact_height:
-        log.block("contact_height", settings.contact_height - float(at.contacts[:, 2].min()))
+    least, top = float(at.contacts[:, 2].min()), problem.target.top
+    if with_closure and least < settings.lowest_contact(top):
+        log.block("contact_height", settings.lowest_contact(top) - least)
         return None
     if hold.share == 0.0 and with_closure:
         log.block(f"holding_forces: {UNBALANCED}", 1.0)
@@ -97,8 +98,11 @@ def opened(q: Array, normals: Array, problem: Problem, opening: Opening, rise: f
         opening: m that the tips back off before they close, all or each.
         rise: m that they come down as they close.
     """
-    (_, goals), pregrasp = _touching(q, normals, problem), q.copy()
-    goals = goals + np.reshape(opening, (-1, 1)) * normals + [0.0, 0.0, rise]
+    (_, goals), pregrasp, out = _touching(q, normals, problem), q.copy(), normals
+    if problem.settings.is_low(problem.target.top):  # coming from above, tips would meet its edge too high up
+        out = normals * [1.0, 1.0, 0.0]
+        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+    goals = goals + np.reshape(opening, (-1, 1)) * out + [0.0, 0.0, rise]
     solve_tips(pregrasp, goals, problem.tree, 40, 1e-4, True)
     return pregrasp
 

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows
+from dexgrasp.kinematics.clearance import NEIGHBOUR, TABLE, clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.margin import margins
@@ -69,9 +69,15 @@ def least_clearance(q: Array, problem: Problem) -> float:
 
 
 def is_clear(q: Array, problem: Problem, least: float) -> bool:
-    """Whether every clearance is `least`, m, or more, the tips' from the object too; from neighbours `BESIDE`."""
+    """Whether every clearance is `least`, m, or more, the tips' from the object too; from neighbours `BESIDE`.
+
+    Beside a low object tips may be as near the table as they grasp.
+    """
     values, kinds = _clearances(q, problem, least, tips_touch=False)
-    return not (values < np.where(kinds == NEIGHBOUR, min(BESIDE, least), least)).any()
+    needed = np.where(kinds == NEIGHBOUR, min(BESIDE, least), least)
+    if problem.settings.is_low(problem.target.top):
+        needed[kinds == TABLE] = problem.settings.clearance
+    return not (values < needed).any()
 
 
 def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, NDArray[np.int64]]:

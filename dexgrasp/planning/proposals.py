@@ -17,6 +17,9 @@ from dexgrasp_env.arrays import Array
 LEAST_DISTANCE = 0.03
 """m between contacts: two fingertips are wider than this."""
 _ROUNDING = 1e-4  # m
+_DENSE = 20  # times as many places beside a low object are tried as are asked for
+_STEPS = 4  # of Newton's method, until a tip beside it touches
+_LEVEL = 0.05  # least squared level part of a normal along which a tip is moved
 _JUDGED = 30  # times as many feasible triples have their margin computed as are proposed
 _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
 
@@ -80,9 +83,13 @@ class SurfaceProposals(ProposalSource):
 def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
     """Sample points (N, 3) m and outward normals (N, 3) that a fingertip can reach above the table.
 
+    On a low object hardly any point of an even sample can be reached: tips are placed beside it instead.
+
     The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges. Where another
     part is nearer to the fingertip than the point is, it cannot touch there.
     """
+    if settings.is_low(target.top):
+        return _points_beside(target, settings, rng)
     samples = triangle_samples(target.distance.triangles, settings.surface_points, rng)
     centres = samples.points + settings.tip_height * samples.normals
     above = (samples.points[:, 2] > settings.table_clearance) & (
@@ -92,3 +99,28 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     touching = distance > settings.tip_height - _ROUNDING
     centres, distance, gradient = centres[above][touching], distance[touching], gradient[touching]
     return centres - distance[:, None] * gradient, gradient
+
+
+def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
+    """Return contacts (N, 3) m of tips beside a low object, and normals (N, 3).
+
+    Tips stand anywhere between the table and the object's top, as far off as they may be when they touch: they feel an
+    edge below them least there. They are moved level until they touch. Where a normal points up by more than friction
+    holds, a tip slides off.
+    """
+    corners, height = target.distance.triangles.reshape(-1, 3), settings.tip_radius + settings.distance[1]
+    least = settings.tip_radius + settings.clearance
+    low, high = corners.min(0) - height, corners.max(0) + height
+    low[2], high[2] = least, max(least, target.top)
+    tips = rng.uniform(low, high, (_DENSE * settings.surface_points, 3))
+    for _ in range(_STEPS):
+        distance, normals = target.distance.distance_gradient(tips)
+        level = normals[:, :2]
+        away = (height - distance) / np.maximum((level * level).sum(1), _LEVEL)
+        tips[:, :2] += away[:, None] * level
+    distance, normals = target.distance.distance_gradient(tips)
+    contacts = tips - distance[:, None] * normals
+    usable = (np.abs(distance - height) < _ROUNDING) & (contacts[:, 2] > settings.lowest_contact(target.top))
+    usable &= normals[:, 2] < np.sin(np.arctan(settings.friction))
+    kept = np.flatnonzero(usable)[: settings.surface_points // 2]
+    return contacts[kept], normals[kept]

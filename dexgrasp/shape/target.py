@@ -98,6 +98,11 @@ class GraspTarget:
         return len(self.distance.parts) == 1
 
     @cached_property
+    def top(self) -> float:
+        """Height of the highest point above the table, m."""
+        return float(self.distance.triangles[:, :, 2].max())
+
+    @cached_property
     def around(self) -> ConvexDistance | None:
         """Signed distance to the union of the neighbours, m; None where there is none."""
         parts = [ConvexDistance.from_points(part, PART_FACES) for parts in self.neighbours for part in parts]

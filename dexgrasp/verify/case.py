@@ -31,6 +31,11 @@ class Case:
         self.touch = self.scene.touch(record.q)
 
     @cached_property
+    def top(self) -> float:
+        """Height of the object's highest point, m."""
+        return max(float(part[:, 2].max()) for part in self.record.parts)
+
+    @cached_property
     def idle(self) -> list[int]:
         """The joints of the fingers that make no contact."""
         columns = [own for finger, own in self.robot.columns.items() if finger not in self.record.fingers]

@@ -33,9 +33,10 @@ def clearance_checks(case: Case) -> list[Check]:
 
 
 def pregrasp_checks(case: Case) -> list[Check]:
-    """Check that the open hand, tips included, is clear."""
-    found = case.scene.clearances(case.record.pregrasp, tips_touch=False)
-    bounds = {"hand_object": OPEN, "hand_table": OPEN, "self": 0.0}
+    """Check that the open hand, tips included, is clear; beside a low object it may stand as low as it grasps."""
+    found, limits = case.scene.clearances(case.record.pregrasp, tips_touch=False), case.limits
+    off_table = limits.clearance if limits.is_low(case.top) else OPEN
+    bounds = {"hand_object": OPEN, "hand_table": off_table, "self": 0.0}
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
         for kind, value in found.items()

@@ -23,7 +23,7 @@ def contact_checks(case: Case) -> list[Check]:
         at_most("contacts as claimed", np.abs(touch.points - case.record.points).max(), LENGTH, "m"),
         at_most("normals as claimed", np.abs(touch.normals - case.record.normals).max(), _NORMAL),
         *claim(case, "distances_cm", 100.0 * depth, 100.0 * LENGTH, unit="cm"),
-        at_least("contact height", touch.points[:, 2].min(), limits.contact_height, "m", LENGTH),
+        at_least("contact height", touch.points[:, 2].min(), limits.lowest_contact(case.top), "m", LENGTH),
         at_least("tip cosine", (touch.axes * inward).sum(1).min(), limits.tip_cosine, "", _COSINE),
         at_least("pad cosine", (touch.pads * inward).sum(1).min(), limits.pad_cosine, "", _COSINE),
     ]
