@@ -11,7 +11,6 @@ import textwrap
 
 import pytest
 
-from dexgrasp.benchmarks.registry import available
 from dexgrasp.cli import checks
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
 from dexgrasp.cli.command import Answer
@@ -329,7 +328,6 @@ def test_doctor_knows_the_wrong_mujoco(monkeypatch):
 
 
 def test_benchmark_tables():
-    assert "stepping" in available()
     text = tables({"box": {"ratio": 0.912345, "parts": {"a": 1}}, "all": {"ratio": None}, "total": 3.0})
     assert "0.9123" in text
     assert "parts a" in text

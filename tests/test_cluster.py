@@ -43,9 +43,9 @@ def test_a_lost_node_loses_nothing_and_doubles_nothing(cluster, tmp_path, monkey
             yield row
 
     monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_pool", losing)
-    spread = evaluate(SETTINGS, tmp_path / "ray", backend=Backend("ray", 2, cluster.address), progress=False)
+    spread = evaluate(SETTINGS, tmp_path / "ray", backend=Backend("ray", 2, cluster.address))
     monkeypatch.undo()
-    alone = evaluate(SETTINGS, tmp_path / "one", progress=False)
+    alone = evaluate(SETTINGS, tmp_path / "one")
     rows = read_rows(tmp_path / "ray")
     assert len(rows) == len(finished) == 8
     assert timeless(rows) == timeless(read_rows(tmp_path / "one"))
@@ -54,4 +54,4 @@ def test_a_lost_node_loses_nothing_and_doubles_nothing(cluster, tmp_path, monkey
 
 def test_no_cluster_is_one_line(tmp_path):
     with pytest.raises(InputError, match=r"no Ray cluster at '127\.0\.0\.1:1'"):
-        evaluate(SETTINGS, tmp_path, backend=Backend("ray", 1, "127.0.0.1:1"), progress=False)
+        evaluate(SETTINGS, tmp_path, backend=Backend("ray", 1, "127.0.0.1:1"))

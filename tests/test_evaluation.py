@@ -15,8 +15,7 @@ from dexgrasp.cli.main import main
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.protocol import get_protocol
 from dexgrasp.evaluation.replay import replay
-from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.spec import TrialSpec, object_labels, plan_trials
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, object_labels, plan_trials
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
@@ -35,7 +34,7 @@ def outcomes(folder):
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory):
     folder = tmp_path_factory.mktemp("finished")
-    return folder, evaluate(SETTINGS, folder, progress=False)
+    return folder, evaluate(SETTINGS, folder)
 
 
 def test_summary_has_the_documented_form(finished):
@@ -62,7 +61,7 @@ def test_summary_has_the_documented_form(finished):
 
 
 def test_outcomes_do_not_depend_on_the_workers(finished, tmp_path):
-    evaluate(SETTINGS, tmp_path, backend=Backend(workers=2), progress=False)
+    evaluate(SETTINGS, tmp_path, backend=Backend(workers=2))
     assert outcomes(tmp_path) == outcomes(finished[0])
 
 
@@ -70,7 +69,7 @@ def test_what_is_finished_is_not_run_again(finished, tmp_path):
     lines = (finished[0] / "trials.jsonl").read_text().splitlines(keepends=True)
     (tmp_path / "run.json").write_text((finished[0] / "run.json").read_text())
     (tmp_path / "trials.jsonl").write_text("".join(lines[:2]) + lines[2][:30])
-    evaluate(SETTINGS, tmp_path, progress=False)
+    evaluate(SETTINGS, tmp_path)
     assert (tmp_path / "trials.jsonl").read_text().startswith("".join(lines[:2]))
     assert outcomes(tmp_path) == outcomes(finished[0])
 
@@ -195,17 +194,17 @@ def test_a_foreign_trial_is_refused(finished, tmp_path):
     (tmp_path / "trials.jsonl").write_text(json.dumps(line) + "\n")
     (tmp_path / "run.json").write_text((finished[0] / "run.json").read_text())
     with pytest.raises(InputError, match="somebody"):
-        evaluate(SETTINGS, tmp_path, progress=False)
+        evaluate(SETTINGS, tmp_path)
 
 
 @pytest.mark.skipif(rendering_fault() is not None, reason="no GL library here")
 def test_videos_of_a_finished_run(finished, tmp_path, monkeypatch):
     monkeypatch.setattr("dexgrasp.evaluation.video.Video.add", lambda self, env: write_one(self))
     shutil.copytree(finished[0], tmp_path / "run")
-    evaluate(SETTINGS, tmp_path / "run", videos=1, progress=False)
+    evaluate(SETTINGS, tmp_path / "run", videos=1)
     films = {path.name for path in (tmp_path / "run" / "videos").iterdir()}
     assert films == {"lift-random-sugar_box-0.mp4", "lift-random-gelatin_box-0.mp4"}
-    evaluate(SETTINGS, tmp_path / "run", videos="failures", progress=False)
+    evaluate(SETTINGS, tmp_path / "run", videos="failures")
     failed = [r for r in read_rows(tmp_path / "run") if not r["success"]]
     assert len(list((tmp_path / "run" / "videos").iterdir())) == len(failed) == 4
     assert len(read_rows(tmp_path / "run")) == 4
@@ -226,7 +225,7 @@ def test_every_mesh_is_looked_at_before_the_first_trial(tmp_path):
     (tmp_path / "bad.obj").write_text("v 0 0 0\n")
     settings = EvaluationSettings.of(["random"], ["sugar_box", str(tmp_path / "bad.obj")])
     with pytest.raises(InputError, match=r"bad\.obj"):
-        evaluate(settings, tmp_path / "out", progress=False)
+        evaluate(settings, tmp_path / "out")
     assert not (tmp_path / "out" / "trials.jsonl").exists()
 
 
@@ -247,7 +246,7 @@ def test_a_mesh_by_a_link_of_another_name_loses_no_trial(tmp_path, capsys):
 def test_fewer_trials_than_asked_for_are_no_success(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(TrialRunner, "run", lambda self, spec: next(iter(())))
     with pytest.raises(RuntimeError, match="StopIteration"):
-        evaluate(SETTINGS, tmp_path / "raised", progress=False)
+        evaluate(SETTINGS, tmp_path / "raised")
     monkeypatch.setattr("dexgrasp.evaluation.evaluate.run_pool", lambda *_: iter(()))
     command = ["evaluate", "--agents", "random", "--objects", "soda", "--trials", "2"]
     assert main([*command, "--out", str(tmp_path / "lost")]) == 1

@@ -21,6 +21,6 @@ LEAST = {
 def test_as_many_of_the_frozen_scenes_as_ever_end_in_success(tmp_path):
     agents, protocols = (tuple(dict.fromkeys(names)) for names in zip(*LEAST, strict=True))
     settings = EvaluationSettings.of(agents, ["all20"], trials=1, seed=7, protocols=protocols)
-    evaluate(settings, tmp_path, backend=Backend(workers=usable_cores()), progress=False)
+    evaluate(settings, tmp_path, backend=Backend(workers=usable_cores()))
     won = Counter((row["agent"], row["protocol"]) for row in read_rows(tmp_path) if row["success"])
     assert not {case: won[case] for case, least in LEAST.items() if won[case] < least}

@@ -16,8 +16,8 @@ pytest.importorskip("stable_baselines3")
 import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.reinforcement.grip_settings import GripSettings  # noqa: E402
 from dexgrasp.reinforcement.grip_training import GripTraining  # noqa: E402
+from dexgrasp.reinforcement.settings import GripSettings  # noqa: E402
 
 SETTINGS = GripSettings(
     ("sugar_box",), episode_steps=12, episodes=12, num_envs=2, round_episodes=2, alike=2, hidden=8

@@ -13,8 +13,7 @@ from robots import CELL
 from dexgrasp.demos.generate import generate
 from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.settings import DemoSettings
-from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.spec import plan_trials
+from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.imitation.data import read_rows

@@ -17,8 +17,7 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp.evaluation.report.origin import commands
-from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.spec import object_labels
+from dexgrasp.evaluation.settings import EvaluationSettings, object_labels
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 import trimesh
 from robots import CELL
 
-from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
+from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
@@ -60,10 +61,7 @@ def accuracy_of(kind, sensor, seed=0):
     perception, rng = Perception(model, CELL.make_cameras(), sensor=sensor), np.random.default_rng(seed)
     perception.reset(rng)
     seen = perception.observe(data, rng)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = data.body("object").xmat.reshape(3, 3), data.body("object").xpos
-    images = perception.rays.render(data), perception.rays.segment(data)
-    return measure_accuracy(seen, true_mesh(kind), T, *images, perception.cameras, object_geoms(model)), seen
+    return SimpleNamespace(**measure_accuracy(seen, perception, data, true_mesh(kind))), seen
 
 
 @pytest.mark.parametrize("kind", SHAPES)

@@ -168,16 +168,16 @@ def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeyp
 
     monkeypatch.setattr(evaluate_module, "run_pool", run_pool)
     settings = EvaluationSettings.of(["hardcoded", "random"], ["gelatin_box"], trials=30)
-    summary = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05, progress=False)
+    summary = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05)
     n = summary["sequential"]["stopped_after"]
     assert is_decided(n, 0)
     assert not is_decided(n - 1, 0)
     assert len(asked) == 2 * n < 60
     assert summary["complete"]
     assert summary["agents"]["random"]["trials"] == n
-    again = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05, progress=False)
+    again = evaluate_module.evaluate(settings, tmp_path, stop_level=0.05)
     assert again == summary
     assert len(asked) == 2 * n
-    whole = evaluate_module.evaluate(settings, tmp_path, progress=False)
+    whole = evaluate_module.evaluate(settings, tmp_path)
     assert whole["agents"]["random"]["trials"] == 30
     assert "sequential" not in whole

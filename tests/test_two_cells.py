@@ -65,7 +65,7 @@ def played(robot: str | None, folder: Path) -> dict[str, object]:
     rng = np.random.default_rng(0)
     seen = [env.step(rng.uniform(-1.0, 1.0, env.action_space.shape))[0] for _ in range(5)][-1]
     settings = EvaluationSettings.of(["bilevel"], ["soda"], trials=1, seed=1, robot=robot)
-    evaluate(settings, folder, progress=False)
+    evaluate(settings, folder)
     (row,) = read_rows(folder)
     return {
         "q": content["q"], "robot": content["robot"]["name"], "table": content["table_height"], "failed": failed,

@@ -1,16 +1,16 @@
 """Cost of perception by step against the raw ray rate, and its accuracy over the objects."""
 
 from collections.abc import Callable
-from dataclasses import asdict
 from typing import Any, TypeVar
 
 import mujoco
 import numpy as np
 
-from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy, object_geoms
+from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy
 from dexgrasp.benchmarks.timing import seconds_of
 from dexgrasp.shape.hull import cloud_hull
-from dexgrasp_env.objects.load import load_object, resolve_targets
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
+from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.perception.cloud import (
@@ -24,12 +24,10 @@ from dexgrasp_env.perception.cloud import (
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
-from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.raycast import SEEN
-from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.placement import Placement
 
 Result = TypeVar("Result")
@@ -69,36 +67,26 @@ def run(quick: bool = False) -> dict[str, Any]:
     }
 
 
-def accuracy(
-    poses: int = 5, sensor: SensorModel | None = None, objects: tuple[str, ...] = ("all20",), seed: int = 0
-) -> dict[str, Any]:
-    """Return the measures of `perception.accuracy` by object (medians over poses) and over all observations.
+def accuracy(poses: int = 5) -> dict[str, Any]:
+    """Return the measures of `cloud_accuracy` by object of the test set (medians over poses) and over all observations.
 
     Args:
         poses: observations of each object, each at a random place, yaw and rest pose, freshly calibrated.
-        sensor: None takes the default.
-        objects: names or sets of the catalogue.
-        seed: of poses and sensor.
     """
     rows = {
-        name: [_observation(name, pose, sensor, seed + index) for pose in range(poses)]
-        for index, name in enumerate(resolve_targets(list(objects)))
+        name: [_observation(name, pose, index) for pose in range(poses)]
+        for index, name in enumerate(OBJECT_SETS["all20"])
     }
     everything = [row for group in rows.values() for row in group]
     return {"by_object": {name: _summary(group) for name, group in rows.items()}, "all": _summary(everything)}
 
 
-def _observation(name: str, pose: int, sensor: SensorModel | None, seed: int) -> dict[str, Any]:
+def _observation(name: str, pose: int, seed: int) -> dict[str, Any]:
     rng = np.random.default_rng((seed, pose))
     model, data, shape = _scene(name, rng, pose)
-    perception = Perception(model, default_cell().make_cameras(), sensor=sensor)
+    perception = Perception(model, default_cell().make_cameras())
     perception.reset(rng)
-    scene = perception.observe(data, rng)
-    geoms = object_geoms(model)
-    visible = geoms[SEEN[model.geom_group[geoms]] > 0]
-    T = pose_matrix(data.body("object").xpos, data.body("object").xquat)
-    depths, ids = perception.rays.render(data), perception.rays.segment(data)
-    return asdict(measure_accuracy(scene, shape.mesh, T, depths, ids, perception.cameras, visible))
+    return measure_accuracy(perception.observe(data, rng), perception, data, shape.mesh)
 
 
 def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:

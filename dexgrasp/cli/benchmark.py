@@ -2,7 +2,7 @@
 
 from typing import Annotated, Any
 
-from dexgrasp.benchmarks.registry import available
+from dexgrasp.benchmarks.registry import BENCHMARKS, run_benchmark
 from dexgrasp.cli.command import Answer, Argument, Command
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import note
@@ -25,14 +25,12 @@ class Benchmark(Command):
         accuracy: perception alone: distances to the true surface instead of time.
     """
 
-    name: Argument[Annotated[str, one_of(available())]]
+    name: Argument[Annotated[str, one_of(BENCHMARKS)]]
     quick: bool = False
     accuracy: bool = False
 
     def run(self) -> Answer:
         """Measure."""
-        from dexgrasp.benchmarks.registry import run_benchmark
-
         note(f"benchmark {self.name}: this takes a while; close what else is busy")
         figures = self._accuracy() if self.accuracy else run_benchmark(self.name, quick=self.quick)
         content = {"benchmark": self.name, "quick": self.quick, "figures": figures}
@@ -47,6 +45,6 @@ class Benchmark(Command):
         return {**figures["by_object"], "all": figures["all"]}
 
 
-_LINES = (f"  {name:<12} {line}" for name, line in available().items())
+_LINES = (f"  {name:<12} {line}" for name, line in BENCHMARKS.items())
 Benchmark.__doc__ = str(Benchmark.__doc__).format(available="\n    ".join(_LINES))
 COMMAND = Benchmark

@@ -20,8 +20,7 @@ from dexgrasp.cli.command import Answer, Folder
 from dexgrasp.cli.training import Device, PolicyCommand, TrainingCommand
 from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.imitation.settings import BcSettings
-from dexgrasp.reinforcement.grip_settings import GripSettings
-from dexgrasp.reinforcement.settings import RlSettings
+from dexgrasp.reinforcement.settings import GripSettings, RlSettings
 from dexgrasp_env.valid import Count, Positive, one_of
 
 _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")

@@ -13,6 +13,8 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
 
+_TESTED = 0.05  # share of the contact triples that are kept for the test
+_MOST = 128  # grasps of a rest pose that are tested on
 SPLITS = ("train", "test", "held_out_poses", "held_out_object")
 
 
@@ -49,7 +51,6 @@ def split(
     poses: list[PoseGrasps],
     held_out_object: str | None,
     held_out_poses: bool,
-    test_share: float = 0.05,
     seed: int = 0,
 ) -> dict[str, list[PoseSplit]]:
     """Split a dataset. Only grasps that hold some load are taken (`load` >= 0).
@@ -58,7 +59,6 @@ def split(
         poses: of the dataset.
         held_out_object: kept apart whole.
         held_out_poses: keep the last rest pose but one of every other object apart.
-        test_share: of the contact triples (regardless of which finger takes which contact).
         seed: of the test split.
 
     Raises:
@@ -78,7 +78,7 @@ def split(
         elif held_out_poses and len(of_object) > 2 and pose.pose == sorted(of_object)[-2]:
             out["held_out_poses"].append(_take(pose, good))
         else:
-            test = _tested(pose, test_share, seed)
+            test = _tested(pose, seed)
             out["train"].append(_take(pose, good & ~test))
             out["test"].append(_take(pose, good & test))
     out = {name: [p for p in parts if len(p)] for name, parts in out.items()}
@@ -87,11 +87,12 @@ def split(
     return out
 
 
-def _tested(pose: PoseGrasps, share: float, seed: int) -> NDArray[np.bool_]:
+def _tested(pose: PoseGrasps, seed: int) -> NDArray[np.bool_]:
+    """Which grasps have a contact triple of the test split, regardless of which finger takes which contact."""
     triples = np.sort(pose.grasps["triple"].astype(np.int64), axis=1)
     code = (triples[:, 0] << 20) + (triples[:, 1] << 10) + triples[:, 2]
     unique, inverse = np.unique(code, return_inverse=True)
-    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < share)[inverse]
+    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < _TESTED)[inverse]
 
 
 def _take(pose: PoseGrasps, mask: NDArray[np.bool_]) -> PoseSplit:
@@ -107,24 +108,19 @@ def training_batch(
 ) -> Batch:
     """Return the batch of a step: the same for the same seed and step, whatever went before."""
     rng = np.random.default_rng([seed, 7, step])
-    chosen = rng.choice(len(poses), clouds, p=_weights(poses))
+    root = np.sqrt([len(p) for p in poses])  # rare rest poses count more than their share
+    chosen = rng.choice(len(poses), clouds, p=root / root.sum())
     made = [_augmented(poses[k], rng, grasps, points) for k in chosen]
     noise = rng.standard_normal((clouds, grasps, latent))
     return _batch(made, noise)
 
 
-def _weights(poses: list[PoseSplit]) -> Array:
-    """Rest poses by the root of their number of grasps: rare ones count more than their share."""
-    root = np.sqrt([len(p) for p in poses])
-    return root / root.sum()
-
-
-def test_batches(poses: list[PoseSplit], seed: int, points: int, latent: int, most: int = 128) -> list[Batch]:
-    """Return batches of one rest pose each, not augmented but turned once: at most `most` grasps each."""
+def test_batches(poses: list[PoseSplit], seed: int, points: int, latent: int) -> list[Batch]:
+    """Return batches of one rest pose each, not augmented but turned once: at most 128 grasps each."""
     batches = []
     for k, pose in enumerate(poses):
         rng = np.random.default_rng([seed, 11, k])
-        at = rng.permutation(len(pose))[:most]
+        at = rng.permutation(len(pose))[:_MOST]
         made = _made(
             pose, at, rng.permutation(len(pose.cloud))[:points], turn(rng.uniform(-np.pi, np.pi)), np.ones(3)
         )

@@ -7,9 +7,10 @@ import numpy as np
 from dexgrasp.cvae.autoencoder import Cvae, Losses, losses
 from dexgrasp.cvae.batches import Batch, split, test_batches, training_batch
 from dexgrasp.cvae.settings import TrainingSettings
-from dexgrasp.cvae.weights import write_weights
 from dexgrasp.dataset.dataset import read_dataset
 from dexgrasp.dataset.shards import read_manifest
+from dexgrasp.planning.decoder import SCHEMA
+from dexgrasp.runs.checkpoint import write_tensors
 from dexgrasp.runs.step_training import StepTraining
 from dexgrasp.runs.training import CHECKPOINT, Course, Row
 from dexgrasp_env.errors import InputError
@@ -87,9 +88,10 @@ class CvaeTraining(StepTraining):
         if self.best == self.state.epoch:
             row = dict(self.state.curve[-1])
             about = {
-                "epoch": row.pop("epoch"), "dataset": self._dataset, "seed": self.settings.seed, "losses": row,
+                "schema": SCHEMA, "network": self.settings.network.as_json(), "epoch": row.pop("epoch"),
+                "dataset": self._dataset, "seed": self.settings.seed, "losses": row,
             }  # fmt: skip
-            write_weights(self.out / WEIGHTS, self.net, about)
+            write_tensors(self.out / WEIGHTS, self.net.state_dict(), about)
 
     def begin(self) -> Row | None:
         """As every training.

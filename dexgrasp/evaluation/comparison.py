@@ -8,13 +8,13 @@ from dexgrasp.evaluation.protocol_counts import judged
 from dexgrasp.evaluation.sequential import capital
 from dexgrasp.evaluation.statistics import mcnemar, object_difference_interval, paired_difference_interval
 from dexgrasp.evaluation.store import read_rows
-from dexgrasp.evaluation.summary import object_counts, present_sets
+from dexgrasp.evaluation.summary import grouped, object_counts, present_sets
 from dexgrasp.runs.text import left_table, text_table
 from dexgrasp_env.errors import InputError, unknown_name
 
 Row = Mapping[str, Any]
-Pairs = Sequence[tuple[Row, Row]]
-"""Trials of two agents on the same scenes."""
+Pairs = Sequence[Row]
+"""Trials of one agent, each with that of another on the same scene as `other`."""
 
 _SCENE = ("protocol", "object", "trial", "scene_seed")
 """What makes two trials the same scene."""
@@ -47,9 +47,9 @@ def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
 def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
     """Return the comparison of two agents from the trials of both."""
     first, second = ({_scene(row): row for row in rows if row["agent"] == name} for name in (a, b))
-    every = [(first[scene], second[scene]) for scene in first if scene in second]
-    pairs = list({(_trial(x), _trial(y)): (x, y) for x, y in reversed(every)}.values())[::-1]
-    by_object, by_protocol = _grouped(pairs, "object"), _grouped(every, "protocol")
+    every = [{**first[scene], "other": second[scene]} for scene in first if scene in second]
+    pairs = list({(_trial(x), _trial(x["other"])): x for x in reversed(every)}.values())[::-1]
+    by_object, by_protocol = grouped(pairs, "object"), grouped(every, "protocol")
     sets = present_sets(list(by_object))
     by_set = {name: [pair for own in members for pair in by_object[own]] for name, members in sets.items()}
     return {
@@ -58,15 +58,8 @@ def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
         "by_set": _each(by_set),
         "by_object": _each(by_object),
         **({"by_protocol": _each(by_protocol)} if len(by_protocol) > 1 else {}),
-        "discordant": [_discordant(x, y) for x, y in pairs if x["success"] != y["success"]],
+        "discordant": [_discordant(x, x["other"]) for x in pairs if x["success"] != x["other"]["success"]],
     }
-
-
-def _grouped(pairs: Pairs, key: str) -> dict[Any, Pairs]:
-    found: dict[Any, list[tuple[Row, Row]]] = {}
-    for pair in pairs:
-        found.setdefault(pair[0].get(key), []).append(pair)
-    return dict(found)
 
 
 def _each(groups: Mapping[Any, Pairs]) -> dict[Any, dict[str, Any]]:
@@ -85,8 +78,8 @@ def _trial(row: Row) -> tuple[object, ...]:
 
 def _statistics(pairs: Pairs) -> dict[str, Any]:
     """Return counts, rates, difference with intervals, the exact test and the sequential test's capital."""
-    firsts, seconds = [x for x, _ in pairs], [y for _, y in pairs]
-    counts = mcnemar((x["success"], y["success"]) for x, y in pairs)
+    others = [row["other"] for row in pairs]
+    counts = mcnemar((row["success"], row["other"]["success"]) for row in pairs)
     both, only_a, only_b, neither = (int(counts[key]) for key in ("both", "only_a", "only_b", "neither"))
     n = max(len(pairs), 1)
     return {
@@ -95,7 +88,7 @@ def _statistics(pairs: Pairs) -> dict[str, Any]:
         "rate_b": (both + only_b) / n,
         "difference": (only_a - only_b) / n,
         "ci95": list(paired_difference_interval(both, only_a, only_b, neither)),
-        "ci95_objects": list(object_difference_interval(object_counts(firsts), object_counts(seconds))),
+        "ci95_objects": list(object_difference_interval(object_counts(pairs), object_counts(others))),
         **counts,
         "e_value": capital(only_a, only_b),
     }

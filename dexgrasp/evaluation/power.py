@@ -12,9 +12,11 @@ from dexgrasp_env.errors import InputError
 
 _SCENES = tuple(2**k for k in range(3, 18))
 """What the search for enough scenes tries first."""
+_POWER, _LEVEL = 0.8, 0.05
+"""The chance to see the difference, and the level of the two-sided test."""
 
 
-def unpaired_trials(rate: float, difference: float, *, power: float = 0.8, level: float = 0.05) -> int:
+def unpaired_trials(rate: float, difference: float) -> int:
     """Return the trials of each agent, on scenes of their own, that show `difference` below `rate`.
 
     Two-sided comparison of two proportions (Fleiss, Levin and Paik 2003, eq. 4.14, without continuity correction).
@@ -25,19 +27,17 @@ def unpaired_trials(rate: float, difference: float, *, power: float = 0.8, level
     _check(rate, difference)
     a, b = rate, rate - difference
     mean = 0.5 * (a + b)
-    null = ndtri(1 - level / 2) * np.sqrt(2 * mean * (1 - mean))
-    other = ndtri(power) * np.sqrt(a * (1 - a) + b * (1 - b))
+    null = ndtri(1 - _LEVEL / 2) * np.sqrt(2 * mean * (1 - mean))
+    other = ndtri(_POWER) * np.sqrt(a * (1 - a) + b * (1 - b))
     return int(np.ceil(((null + other) / difference) ** 2))
 
 
-def paired_trials(difference: float, discordant: float, *, power: float = 0.8, level: float = 0.05) -> int:
+def paired_trials(difference: float, discordant: float) -> int:
     """Return the scenes, tried by both agents, that show `difference` by the exact McNemar test.
 
     Args:
         difference: of the two rates.
         discordant: share of the scenes that one of the two alone solves, at least `difference`.
-        power: chance to see it.
-        level: of the two-sided test.
 
     Raises:
         InputError: unless 0 < difference <= discordant <= 1.
@@ -46,16 +46,16 @@ def paired_trials(difference: float, discordant: float, *, power: float = 0.8, l
         raise InputError(
             f"difference {difference:g}, discordant share {discordant:g}: valid is 0 < difference <= share <= 1"
         )
-    return _least(lambda n: paired_power(n, difference, discordant, level) >= power)
+    return _least(lambda n: paired_power(n, difference, discordant) >= _POWER)
 
 
-def paired_power(scenes: int, difference: float, discordant: float, level: float = 0.05) -> float:
+def paired_power(scenes: int, difference: float, discordant: float) -> float:
     """Return the chance that the exact McNemar test sees the difference on that many scenes."""
     d = np.arange(scenes + 1)
     share = 0.5 * (1.0 + difference / discordant)
     # The largest c with 2 P(fair coin <= c of d) <= level: rejected at c or less, or d - c or more.
-    edge = binom.ppf(level / 2, d, 0.5)
-    edge = np.where(2.0 * binom.cdf(edge, d, 0.5) > level, edge - 1, edge)
+    edge = binom.ppf(_LEVEL / 2, d, 0.5)
+    edge = np.where(2.0 * binom.cdf(edge, d, 0.5) > _LEVEL, edge - 1, edge)
     seen = binom.cdf(edge, d, share) + binom.sf(d - edge - 1, d, share)
     return float((binom.pmf(d, scenes, discordant) * seen).sum())
 
@@ -77,8 +77,8 @@ def power_figures(difference: float, rate: float, agents: int, objects: int) -> 
     return {
         "difference": difference,
         "rate": rate,
-        "power": 0.8,
-        "level": 0.05,
+        "power": _POWER,
+        "level": _LEVEL,
         "unpaired_trials_an_agent": unpaired_trials(rate, difference),
         "paired_scenes_at_most": worst,
         "paired_scenes_at_least": paired_trials(difference, difference),

@@ -8,8 +8,7 @@ from typing import Any
 
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.rows import Key, row_key, trial_name
-from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.spec import TrialSpec, plan_trials
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
 from dexgrasp.evaluation.store import read_rows, read_run
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering

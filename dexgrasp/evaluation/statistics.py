@@ -20,8 +20,8 @@ _RESAMPLES = 9999
 _LEVEL = 0.95
 
 
-def wilson_interval(successes: int, trials: int, level: float = _LEVEL) -> tuple[float, float]:
-    """Return Wilson's score interval of a rate (Wilson 1927); [0, 1] without trials.
+def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+    """Return Wilson's 95 % score interval of a rate (Wilson 1927); [0, 1] without trials.
 
     Raises:
         ValueError: unless 0 <= successes <= trials.
@@ -30,7 +30,7 @@ def wilson_interval(successes: int, trials: int, level: float = _LEVEL) -> tuple
         raise ValueError(f"{successes} successes of {trials} trials")
     if trials == 0:
         return 0.0, 1.0
-    found = binomtest(successes, trials).proportion_ci(level, method="wilson")
+    found = binomtest(successes, trials).proportion_ci(_LEVEL, method="wilson")
     # At 0 and n the ends are 0 and 1 exactly; rounding must not leave them a hair inside.
     return (0.0 if successes == 0 else float(found.low)), (1.0 if successes == trials else float(found.high))
 
@@ -58,10 +58,8 @@ def mcnemar(outcomes: Iterable[tuple[bool, bool]]) -> dict[str, float | int]:
     }  # fmt: skip
 
 
-def paired_difference_interval(
-    both: int, only_a: int, only_b: int, neither: int, level: float = _LEVEL
-) -> tuple[float, float]:
-    """Return an interval of rate(a) - rate(b) on the same scenes; [-1, 1] without scenes.
+def paired_difference_interval(both: int, only_a: int, only_b: int, neither: int) -> tuple[float, float]:
+    """Return a 95 % interval of rate(a) - rate(b) on the same scenes; [-1, 1] without scenes.
 
     Newcombe (1998), "Improved confidence intervals for the difference between binomial proportions based on paired
     data", method 10: the two Wilson intervals, squared and added with their correlation.
@@ -70,8 +68,8 @@ def paired_difference_interval(
     if n == 0:
         return -1.0, 1.0
     rate_a, rate_b = (both + only_a) / n, (both + only_b) / n
-    low_a, high_a = wilson_interval(both + only_a, n, level)
-    low_b, high_b = wilson_interval(both + only_b, n, level)
+    low_a, high_a = wilson_interval(both + only_a, n)
+    low_b, high_b = wilson_interval(both + only_b, n)
     phi = _phi(both, only_a, only_b, neither)
 
     def reach(x: float, y: float) -> float:
@@ -94,8 +92,8 @@ def _phi(both: int, only_a: int, only_b: int, neither: int) -> float:
     return determinant / float(np.sqrt(margins))
 
 
-def object_interval(counts: Counts, level: float = _LEVEL) -> tuple[float, float]:
-    """Return an interval of the rate on objects like these: objects are drawn anew, with all of their trials.
+def object_interval(counts: Counts) -> tuple[float, float]:
+    """Return a 95 % interval of the rate on objects like these: objects are drawn anew, with all of their trials.
 
     Where every object has the same rate (all of them always held, say) there is nothing to draw from: then Wilson's
     interval with each object as one trial. Percentile bootstrap (Efron 1979); with under ten objects it is too narrow.
@@ -103,23 +101,20 @@ def object_interval(counts: Counts, level: float = _LEVEL) -> tuple[float, float
     k, n = _columns(counts)
     rates = np.divide(k, n, out=np.zeros(len(k)), where=n > 0)
     if len(rates) < 2 or np.ptp(rates) == 0.0:
-        return wilson_interval(round(float(rates.sum())), len(rates), level)
-    return _bootstrap((k, n), lambda a, b, axis: a.sum(axis) / b.sum(axis), level)
+        return wilson_interval(round(float(rates.sum())), len(rates))
+    return _bootstrap((k, n), lambda a, b, axis: a.sum(axis) / b.sum(axis))
 
 
-def object_difference_interval(a: Counts, b: Counts, level: float = _LEVEL) -> tuple[float, float]:
-    """Return an interval of rate(a) - rate(b) on objects like these, both tried on the same; [-1, 1] under two."""
+def object_difference_interval(a: Counts, b: Counts) -> tuple[float, float]:
+    """Return a 95 % interval of rate(a) - rate(b) on objects like these, both tried on the same; [-1, 1] under two."""
     names = [name for name in a if name in b]
     if len(names) < 2:
         return -1.0, 1.0
-    k_a, n_a = _columns({name: a[name] for name in names})
-    k_b, n_b = _columns({name: b[name] for name in names})
-
-    def difference(ka: Array, na: Array, kb: Array, nb: Array, axis: int) -> Array:
-        found: Array = ka.sum(axis) / na.sum(axis) - kb.sum(axis) / nb.sum(axis)
-        return found
-
-    return _bootstrap((k_a, n_a, k_b, n_b), difference, level)
+    first, second = (_columns({name: counts[name] for name in names}) for counts in (a, b))
+    return _bootstrap(
+        (*first, *second),
+        lambda ka, na, kb, nb, axis: ka.sum(axis) / na.sum(axis) - kb.sum(axis) / nb.sum(axis),
+    )
 
 
 def _columns(counts: Counts) -> tuple[Array, Array]:
@@ -127,9 +122,9 @@ def _columns(counts: Counts) -> tuple[Array, Array]:
     return pairs[:, 0], pairs[:, 1]
 
 
-def _bootstrap(columns: tuple[Array, ...], statistic: object, level: float) -> tuple[float, float]:
+def _bootstrap(columns: tuple[Array, ...], statistic: object) -> tuple[float, float]:
     found = bootstrap(
-        columns, statistic, paired=True, vectorized=True, n_resamples=_RESAMPLES, confidence_level=level,
+        columns, statistic, paired=True, vectorized=True, n_resamples=_RESAMPLES, confidence_level=_LEVEL,
         method="percentile", rng=np.random.default_rng(0),
     ).confidence_interval  # fmt: skip
     return float(found.low), float(found.high)

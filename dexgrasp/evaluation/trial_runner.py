@@ -10,8 +10,7 @@ import gymnasium as gym
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
-from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.spec import TrialSpec
+from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.video import Film, Video
 from dexgrasp.registry import make_agent, placing_agent

@@ -3,8 +3,7 @@
 from dataclasses import dataclass
 from pathlib import Path
 
-from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.evaluation.spec import plan_trials
+from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.runs.training import Progress, Row, Tester
 

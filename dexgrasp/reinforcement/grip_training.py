@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.reinforcement.grip import KIND
-from dexgrasp.reinforcement.grip_settings import GripSettings
 from dexgrasp.reinforcement.rounds import Rounds
+from dexgrasp.reinforcement.settings import GripSettings
 from dexgrasp.runs.training import Course, Row
 from dexgrasp_env.extras import from_extra
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import check_file
+from dexgrasp_env.files import check_file, write_atomically
 
 A = TypeVar("A")
 Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
@@ -35,6 +35,14 @@ def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
         raise InputError(f"{path} is missing") from None
     except (OSError, SafetensorError, KeyError, json.JSONDecodeError):
         raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
+
+
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], note: Mapping[str, Any]) -> None:
+    """Write arrays, and a note as JSON holds it."""
+    from safetensors.numpy import save
+
+    kept = {name: np.array(array, order="C") for name, array in arrays.items()}
+    write_atomically(path, save(kept, {"dexgrasp": json.dumps(note, sort_keys=True)}))
 
 
 def below(arrays: Mapping[str, A], prefix: str) -> dict[str, A]:

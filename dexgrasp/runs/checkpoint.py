@@ -1,14 +1,12 @@
 """What a training needs to go on, as safetensors: arrays and text, nothing that runs when it is read."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.runs.arrays import below, read_arrays
+from dexgrasp.runs.arrays import below, read_arrays, write_arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.files import write_atomically
 
 with from_extra():
     import torch
@@ -28,10 +26,7 @@ def write_state(path: Path, parts: Parts, note: Mapping[str, Any]) -> None:
 
 def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], note: Mapping[str, Any]) -> None:
     """Write tensors, and a note as JSON holds it."""
-    from safetensors.torch import save
-
-    kept = {name: tensor.detach().cpu().contiguous().clone() for name, tensor in tensors.items()}
-    write_atomically(path, save(kept, {"dexgrasp": json.dumps(note, sort_keys=True)}))
+    write_arrays(path, {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}, note)
 
 
 def read_state(path: Path, parts: Parts) -> dict[str, Any] | None:

@@ -1,6 +1,5 @@
 """A learned policy on disk: a folder of `policy.json` and `policy.safetensors`, nothing that runs when it is read."""
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -8,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.runs.arrays import read_arrays
+from dexgrasp.runs.arrays import read_arrays, write_arrays
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import expand, read_json_object, write_atomically, write_json
+from dexgrasp_env.files import expand, read_json_object, write_json
 
 SCHEMA = 1
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
@@ -30,11 +29,8 @@ def policy_files(name: str) -> list[Path]:
 
 def write_policy(folder: Path, about: Mapping[str, Any], arrays: Arrays) -> None:
     """Write a policy; weights first, so that what is there is whole."""
-    from safetensors.numpy import save
-
-    kept = {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in arrays.items()}
-    note = {"dexgrasp": json.dumps({"schema": SCHEMA})}
-    write_atomically(folder / WEIGHTS, save(kept, note))
+    single = {name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()}
+    write_arrays(folder / WEIGHTS, single, {"schema": SCHEMA})
     write_json(folder / ABOUT, {"schema": SCHEMA, **about})
 
 

@@ -9,19 +9,21 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.runs.board import Board
 from dexgrasp.runs.checkpoint import Parts, damaged, read_state, write_state
-from dexgrasp.runs.device import torch_device
+from dexgrasp.runs.curves import Board
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_atomically
+from dexgrasp_env.valid import check, one_of
 
 with from_extra():
     import torch
 
 Row = dict[str, Any]
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
+_DEVICES = one_of(("auto", "cpu", "cuda"))
 
 
 @dataclass
@@ -58,6 +60,18 @@ class Course:
     tester: Tester | None = None
 
 
+def _place(device: str) -> torch.device:
+    """Where torch computes.
+
+    Raises:
+        InputError: for another name, or a device that is not there.
+    """
+    there = torch.cuda.is_available()
+    if check("device", device, _DEVICES) == "cuda" and not there:
+        raise InputError("device 'cuda': there is none that torch can use; valid are auto, cpu")
+    return torch.device("cuda" if device != "cpu" and there else "cpu")
+
+
 class Training(ABC):
     """A training: who inherits says what is trained on what, and does an epoch of it.
 
@@ -81,7 +95,7 @@ class Training(ABC):
             InputError: for a device that is not there.
         """
         self.out, self.settings, self.course = out, settings, course
-        self.place = torch_device(course.device)
+        self.place = _place(course.device)
         self.state = Progress(epochs=epochs)
         self.open = ExitStack()
         """Closes what is open when the training ends."""

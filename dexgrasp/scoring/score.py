@@ -40,7 +40,6 @@ def score_files(
     *,
     seed: int = 0,
     workers: int = 1,
-    progress: bool = True,
 ) -> dict[str, Any]:
     """Score every grasp of the files; what comes out does not depend on the number of workers.
 
@@ -50,7 +49,6 @@ def score_files(
         options: how to read the files.
         seed: of the protocols' draws, the same for every grasp.
         workers: processes.
-        progress: whether to say on standard error how far it is.
 
     Returns:
         `rows`, one for each grasp and protocol, `metrics`, one for each grasp, and `protocols`, their summaries.
@@ -66,7 +64,7 @@ def score_files(
     if not tasks:
         raise InputError("no grasps to score")
     results: list[dict[str, Any]] = [{}] * len(tasks)
-    with progress_bar("grasp", "score", shown=progress) as show:
+    with progress_bar("grasp", "score") as show:
         for done, (k, result) in enumerate(
             run_pool(_numbered, list(enumerate(tasks)), Backend(workers=workers)), 1
         ):

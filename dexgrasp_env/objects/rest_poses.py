@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
+from contextlib import suppress
+from dataclasses import asdict, dataclass
 from functools import lru_cache
 from pathlib import Path
 
@@ -13,7 +14,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cached_arrays, write_atomically
+from dexgrasp_env.files import cache_dir, write_atomically
 from dexgrasp_env.objects.dropping import drop, stays
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import support_height
@@ -50,12 +51,14 @@ class RestPose:
 @lru_cache(maxsize=64)
 def rest_poses(model: ObjectModel) -> tuple[RestPose, ...]:
     """Return the rest poses, likeliest first: shipped ones, cached ones, or dropped for now and cached."""
-    shipped = _shipped(model.name)
-    poses = read_poses(shipped, model.contact_hash) if shipped else None
-    if poses:
-        return poses
-    name = f"rest_poses/{model.contact_hash}-{_SCHEMA}.npy"
-    return _poses(cached_arrays(name, lambda: _arrays(find_rest_poses(model))))
+    cached = cache_dir() / "rest_poses" / f"{model.contact_hash}.json"
+    for path in (asset_path("rest_poses") / f"{model.name}.json", cached):
+        if poses := read_poses(path, model.contact_hash):
+            return poses
+    poses = find_rest_poses(model)
+    with suppress(OSError):
+        write_poses(cached, model, poses)
+    return poses
 
 
 def find_rest_poses(model: ObjectModel, drops: int = DROPS) -> tuple[RestPose, ...]:
@@ -138,23 +141,6 @@ def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> No
         "poses": [*map(asdict, poses)],
     }
     write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
-
-
-def _arrays(poses: Sequence[RestPose]) -> Arrays:
-    return {field.name: np.array([getattr(pose, field.name) for pose in poses]) for field in fields(RestPose)}
-
-
-def _poses(arrays: Arrays) -> tuple[RestPose, ...]:
-    w, x, y, z = arrays["quat_wxyz"].T.tolist()
-    quats = zip(w, x, y, z, strict=True)
-    return tuple(map(RestPose, quats, arrays["height"].tolist(), arrays["probability"].tolist()))
-
-
-def _shipped(name: str) -> Path | None:
-    try:
-        return asset_path("rest_poses", f"{name}.json")
-    except FileNotFoundError:
-        return None
 
 
 def _facet_normals(model: ObjectModel) -> Array:
