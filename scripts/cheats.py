@@ -12,7 +12,9 @@ import mujoco
 import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp.evaluation.trial import public_info
+from dexgrasp.agent import public_info
+from dexgrasp.evaluation.protocol import TrialSeeds
+from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.registry import make_agent
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.robot.cell import default_cell
@@ -187,27 +189,13 @@ def cheat(preset: str, name: str, seed: int = 0) -> tuple[float, bool, list[dict
 
 
 def honest(preset: str, objects: list[str], trials: int, seed: int, agent: str = "bilevel") -> list[float]:
-    """Return the sums of rewards of the episodes, played to their ends, that an agent solves."""
+    """Return the sums of rewards of the episodes that an agent solves, up to there."""
     actor: Any = make_agent(agent)
     returns = []
     for target in objects:
         env = make(preset, target, **(dict(actor.env_settings) | {"obs_mode": "pointcloud"}))
-        for trial in range(trials):
-            observation, info = env.reset(seed=seed + trial)
-            actor.seed(trial)
-            actor.reset(observation, public_info(env, info))
-            if actor.report.failure and not actor.report.again:
-                continue
-            total, solved, over = 0.0, False, False
-            while not over:
-                observation, reward, terminated, truncated, info = env.step(actor.act(observation))
-                total, solved, over = (
-                    total + float(reward),
-                    solved or info["is_success"],
-                    terminated or truncated,
-                )
-            if solved:
-                returns.append(total)
+        outcomes = [run_trial(env, actor, TrialSeeds(seed + trial, trial))[0] for trial in range(trials)]
+        returns += [outcome.total_reward for outcome in outcomes if outcome.success]
         env.close()
     return returns
 

@@ -14,6 +14,7 @@ import os
 import resource
 import sys
 from collections import Counter
+from contextlib import suppress
 from dataclasses import dataclass, field
 from itertools import cycle, islice, product
 from pathlib import Path
@@ -30,12 +31,10 @@ from dexgrasp_env.objects.load import resolve_targets
 GROWTH_MB, PLANS_GROWTH_MB = 32.0, 50.0
 SLOWER = 1.05
 MODES = ("joint_position", "joint_delta", "ee_delta")
-RANDOMISATION = {"mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2)}
-VECTOR_RANDOMISATION = RANDOMISATION | {
-    "gain": (0.7, 1.3),
-    "latency": (0.0, 0.05),
+RANDOMISATION = {
+    "mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.8, 1.2), "gain": (0.7, 1.3), "latency": (0.0, 0.05),
     "joint_noise": (0.0, 0.01),
-}
+}  # fmt: skip
 
 
 @dataclass
@@ -99,28 +98,7 @@ def memory_mb() -> float:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
 
 
-def run(steps: int, objects: list[str], *, seed: int = 0, episode: int = 60) -> Soak:
-    """Step through all objects and control modes in turns, with randomised mass, friction and size."""
-    rng, soak = np.random.default_rng(seed), Soak()
-    fixed = {"objects": objects, "randomisation": RANDOMISATION, "disable_env_checker": True}
-    envs = [gym.make("DexGrasp/Lift-v2", control_mode=mode, **fixed) for mode in MODES]
-    names = list(envs[0].unwrapped.settings.objects)  # type: ignore[attr-defined]
-    while soak.steps < steps:
-        name = names[soak.episodes % len(names)]
-        _episode(
-            envs[(soak.episodes // len(names)) % len(MODES)],
-            name,
-            min(episode, steps - soak.steps),
-            rng,
-            soak,
-        )
-        _note_memory(soak)
-    for env in envs:
-        env.close()
-    return soak
-
-
-def run_vector(steps: int, objects: list[str], number: int, *, seed: int = 0, episode: int = 60) -> Soak:
+def run(steps: int, objects: list[str], number: int, *, seed: int = 0, episode: int = 60) -> Soak:
     """Step the native vector environments of every id, control and observation mode in turns, over all objects."""
     rng, soak = np.random.default_rng(seed), Soak()
     ids = sorted(name for name in gym.registry if name.startswith("DexGrasp/"))
@@ -131,9 +109,9 @@ def run_vector(steps: int, objects: list[str], number: int, *, seed: int = 0, ep
             more = more | {"observe": "reset"}
         envs = gym.make_vec(
             name, num_envs=number, objects=objects, control_mode=mode, max_episode_steps=episode,
-            randomisation=VECTOR_RANDOMISATION, **more,
+            randomisation=RANDOMISATION, **more,
         )  # fmt: skip
-        _vector_episodes(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
+        _episodes(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
         envs.close()
         _note_memory(soak)
         if soak.steps >= steps:
@@ -166,8 +144,8 @@ def _note_memory(soak: Soak) -> None:
         print(f"{soak.steps} steps, {soak.memory_mb[-1]:.0f} MB", file=sys.stderr)
 
 
-def _vector_episodes(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
-    envs.reset(seed=int(rng.integers(2**31)))
+def _episodes(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
+    _reset(envs, rng)
     centre = rng.uniform(-1, 1, envs.action_space.shape)
     for _ in range(steps):
         action = np.clip(centre + rng.normal(0, 0.5, centre.shape), -1, 1)
@@ -176,48 +154,23 @@ def _vector_episodes(envs: Any, steps: int, rng: np.random.Generator, soak: Soak
         finite = (
             all(np.isfinite(values).all() for values in observation.values()) and np.isfinite(rewards).all()
         )
-        soak.not_finite += not finite
+        soak.not_finite += not finite and "simulation_diverged" not in infos["failure"]
         over = terminated | truncated
         soak.episodes += int(over.sum())
         soak.endings.update((infos["failure"][i] or infos["stage"][i]) for i in np.flatnonzero(over))
         soak.warnings.update(" ".join(infos["mujoco_warnings"]).split())
 
 
-def _episode(env: gym.Env[Any, Any], name: str, steps: int, rng: np.random.Generator, soak: Soak) -> None:
-    observation, info = _reset(env, name, rng)
-    soak.episodes += 1
-    centre = rng.uniform(-1, 1, env.action_space.shape)
-    terminated = False
-    while steps > 0 and not terminated:
-        action = np.clip(centre + rng.normal(0, 0.5, centre.shape), -1, 1)
-        observation, reward, terminated, _, info = env.step(action)
-        steps -= 1
-        soak.steps += 1
-        numbers = [reward, *(value for key in observation for value in observation[key].ravel())]
-        soak.not_finite += not np.isfinite(numbers).all() and info["failure"] != "simulation_diverged"
-    soak.endings[info["failure"] or info["stage"]] += 1
-    soak.warnings.update(info["mujoco_warnings"].split())
-
-
-def _reset(
-    env: gym.Env[Any, Any], name: str, rng: np.random.Generator
-) -> tuple[dict[str, Any], dict[str, Any]]:
-    """Drop the object on the hand, or leave it on the table, where random actions hardly ever find it."""
-    while rng.random() < 0.7:
-        options = {"object": name, "object_pose": _above_hand(env, rng)}
-        try:
-            return env.reset(seed=int(rng.integers(2**31)), options=options)
-        except InputError:  # the arm is in the way
-            continue
-    return env.reset(seed=int(rng.integers(2**31)), options={"object": name})
-
-
-def _above_hand(env: gym.Env[Any, Any], rng: np.random.Generator) -> np.ndarray:
-    """A pose (7,) above the hand at home, turned at random: the object falls on it."""
-    observation, _ = env.reset(seed=0)
+def _reset(envs: Any, rng: np.random.Generator) -> None:
+    """Drop the objects on the hands, or leave them on the table, where random actions hardly ever find them."""
+    observation, _ = envs.reset(seed=int(rng.integers(2**31)))
     quat = rng.normal(size=4)
-    place = observation["palm_pose"][:3] + rng.uniform([-0.05, -0.08, 0.12], [0.15, 0.08, 0.30])
-    return np.concatenate([place, quat / np.linalg.norm(quat)])
+    if "palm_pose" in observation and rng.random() < 0.7:
+        place = observation["palm_pose"][0, :3] + rng.uniform([-0.05, -0.08, 0.12], [0.15, 0.08, 0.30])
+        with suppress(InputError):  # the arm is in the way
+            envs.reset(options={"object_pose": np.concatenate([place, quat / np.linalg.norm(quat)])})
+            return
+        envs.reset()
 
 
 def main() -> int:
@@ -228,7 +181,7 @@ def main() -> int:
     parser.add_argument("--steps", type=int, default=10_000)
     parser.add_argument("--objects", nargs="+", default=["all20", "ycb6"])
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--vector", type=int, metavar="N", help="through native vector environments of N")
+    parser.add_argument("--vector", type=int, default=1, metavar="N", help="environments beside each other")
     parser.add_argument("--plans", type=int, metavar="N", help="plans instead of steps")
     parser.add_argument(
         "--robots", nargs="+", default=["default"], metavar="FILE", help="of the plans, in turns"
@@ -238,10 +191,8 @@ def main() -> int:
         plans = run_plans(args.plans, args.objects, args.robots)
         print(f"the same plan took {plans.slowdown:.3f} of its first time at the end")
         soak: Soak = plans
-    elif args.vector:
-        soak = run_vector(args.steps, args.objects, args.vector, seed=args.seed)
     else:
-        soak = run(args.steps, args.objects, seed=args.seed)
+        soak = run(args.steps, args.objects, args.vector, seed=args.seed)
     print(f"{soak.steps} steps, {soak.episodes} episodes; endings {dict(soak.endings)}")
     print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
     print(
