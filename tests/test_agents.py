@@ -4,7 +4,6 @@ import base64
 import json
 import pathlib
 import pickle
-import subprocess
 import sys
 import textwrap
 import zipfile
@@ -13,12 +12,12 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from refusals import refused
 from robots import HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401
 from dexgrasp import Agent, make_agent
 from dexgrasp.agents.hardcoded import HardcodedAgent, short_axis
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.tasks.control import normalise
 
@@ -87,7 +86,7 @@ def test_hardcoded_says_why_it_stands_still():
 
 
 def test_hardcoded_without_cloud_is_a_users_mistake():
-    with pytest.raises(InputError, match="pointcloud"):
+    with refused("pointcloud"):
         HardcodedAgent().reset({"joint_targets": HOME}, {})
 
 
@@ -117,9 +116,8 @@ def test_random_is_seeded_and_fills_the_space():
     ],
 )
 def test_unknown_agents_name_what_is_valid(name, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with refused(message):
         make_agent(name)
-    assert "\n" not in str(caught.value)
 
 
 def test_a_users_class_in_the_current_directory(tmp_path, monkeypatch):
@@ -145,7 +143,7 @@ def test_a_users_class_in_the_current_directory(tmp_path, monkeypatch):
 def test_not_a_checkpoint(tmp_path):
     path = tmp_path / "policy.zip"
     path.write_text("no zip")
-    with pytest.raises(InputError, match="not a checkpoint"):
+    with refused("not a checkpoint"):
         make_agent(str(path))
 
 
@@ -195,7 +193,7 @@ def test_a_checkpoint_tells_its_modes_and_brings_its_normalisation(settings, tmp
     expected = trained.predict(env.normalize_obs(observation), deterministic=True)[0]
     np.testing.assert_array_equal(agent.act(observation), expected)
     (tmp_path / "ppo.pkl").write_bytes(b"no pickle")
-    with pytest.raises(InputError, match="VecNormalize"):
+    with refused("VecNormalize"):
         make_agent(str(tmp_path / "ppo.zip"))
 
 
@@ -227,16 +225,11 @@ def test_checkpoints_run_nothing(key, tmp_path):
                 content = json.dumps(data).encode()
             new.writestr(name, content)
     if key in ("policy_class", "observation_space"):
-        with pytest.raises(InputError, match="might run code"):
+        with refused("might run code"):
             make_agent(f"ppo:{tmp_path / 'bad.zip'}")
     else:
         make_agent(f"ppo:{tmp_path / 'bad.zip'}")
     assert not (tmp_path / "done").exists()
-
-
-def test_the_package_imports_neither_torch_nor_numba():
-    code = "import dexgrasp, sys; dexgrasp.make_agent; assert not {'torch', 'numba'} & set(sys.modules)"
-    subprocess.run([sys.executable, "-c", code], check=True)
 
 
 def test_a_policy_of_nobody_is_one_line(capsys):

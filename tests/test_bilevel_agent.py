@@ -1,14 +1,13 @@
 """The agent `bilevel` in its environment: plans, reasons, execution with feeling, nothing of torch."""
 
 import json
-import subprocess
-import sys
-import textwrap
 from types import SimpleNamespace
 
 import gymnasium as gym
 import numpy as np
 import pytest
+from processes import python
+from refusals import refused
 from robots import CELL, LOWER, ROBOT, UPPER
 
 from dexgrasp import make_agent
@@ -25,7 +24,6 @@ from dexgrasp.planning.result import PlansGrasps
 from dexgrasp.planning.seen import plan_scene
 from dexgrasp.planning.sources import make_source
 from dexgrasp.shape.completion import target_of
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.tasks.control import denormalise
 
@@ -187,9 +185,8 @@ def test_says_why_there_is_no_plan(change, info, reason, attempt, agent):
     agent.reset({**attempt.observation, **change}, info)
     assert agent.report.failure == reason
     assert not agent.result.found
-    with pytest.raises(InputError, match="no plan") as caught:
+    with refused("no plan"):
         agent.act(attempt.observation)
-    assert "\n" not in str(caught.value)
 
 
 def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
@@ -198,7 +195,7 @@ def test_an_object_out_of_reach_is_a_reason_too(attempt, agent):
     cloud[mask] += np.float32([0.8, 0.0, 0.0])
     agent.reset({**attempt.observation, "cloud": cloud}, {})
     assert agent.report.failure == "no_grasp:no_reachable_posture"
-    with pytest.raises(InputError):
+    with refused():
         agent.act(attempt.observation)
 
 
@@ -212,7 +209,7 @@ def test_points_that_are_not_numbers_are_left_out(attempt):
 
 def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
     fresh = BilevelAgent(proposals="surface")
-    with pytest.raises(InputError, match="no plan"):
+    with refused("no plan"):
         fresh.act(attempt.observation)
     fresh.reset({**attempt.observation, "cloud_mask": np.zeros(1024, np.int8)}, {})
     fresh.seed(0)
@@ -229,7 +226,7 @@ def test_the_mount_follows_the_environment(attempt, agent):
 
 
 def test_unknown_sources_and_agents_without_plans():
-    with pytest.raises(InputError, match="valid are auto, surface, cvae"):
+    with refused("valid are auto, surface, cvae"):
         make_source("psychic")
     assert not isinstance(make_agent("hardcoded"), PlansGrasps)
     assert all(isinstance(make_agent(name), PlansGrasps) for name in ("bilevel", "cvae", "cvae_kinematics"))
@@ -344,7 +341,7 @@ def test_the_arm_alone_moves_in_the_lift(attempt):
 
 
 def test_works_without_torch_and_the_same_in_another_process(attempt):
-    code = textwrap.dedent("""
+    code = """
         import sys
 
         class Absent:
@@ -363,6 +360,5 @@ def test_works_without_torch_and_the_same_in_another_process(attempt):
         agent = BilevelAgent(proposals="surface")
         agent.reset(look.observation, {})
         print(agent.result.grasp.q.tobytes().hex())
-    """)
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.split()[-1] == attempt.agent.result.grasp.q.tobytes().hex()
+    """
+    assert python(code).split()[-1] == attempt.agent.result.grasp.q.tobytes().hex()

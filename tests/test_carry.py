@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import trimesh
 from robots import CELL, HOME, ROBOT
-from scipy.spatial.transform import Rotation
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -150,11 +149,3 @@ def test_without_a_certificate_of_weakness_nothing_is_planned(heavy):
     plan, target, _ = heavy
     strong = replace(plan.grasp, certificate=replace(plan.grasp.certificate, capacity=ENOUGH))
     assert plan_turn(strong, plan.script, Problem(target, CELL, SETTINGS)) is None
-
-
-def test_rotation_is_that_of_its_vector():
-    vector = np.array([0.3, -0.4, 0.2])
-    R = Rotation.from_rotvec(vector).as_matrix()
-    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
-    np.testing.assert_allclose(R @ vector, vector, atol=1e-12)
-    assert np.arccos(0.5 * (np.trace(R) - 1.0)) == pytest.approx(np.linalg.norm(vector))

@@ -172,25 +172,6 @@ def test_options_that_do_not_go_together_are_one_line_and_2(line, words, capsys)
     assert words in one_line_after_notes(capsys)
 
 
-def test_help_brings_nothing_heavy():
-    code = (
-        "import sys; from dexgrasp.cli.main import main; main(['--help']); "
-        "print([name for name in ('mujoco', 'numba', 'torch', 'trimesh', 'scipy') if name in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
-def test_planning_for_an_object_of_the_catalogue_brings_nothing_that_it_does_not_need():
-    code = (
-        "import sys; from dexgrasp.cli.main import main; main(['plan', 'soda']); "
-        "print([name for name in ('torch', 'trimesh', 'matplotlib', 'OpenGL', 'glfw') if name in sys.modules])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-    assert "grasp found" in done.stdout
-    assert done.stdout.splitlines()[-1] == "[]"
-
-
 def test_a_bad_mujoco_gl_stops_nothing_that_draws_nothing():
     for value in ("foo", "osmesa", "disabled"):
         done = run("list", "agents", env={**os.environ, "MUJOCO_GL": value})
@@ -238,13 +219,6 @@ def test_module_is_the_same_command():
     assert "pointcloud" in envs["DexGrasp/Place-v2"]["obs_mode"]
     assert envs["DexGrasp/LiftSlippery-v2"]["preset"] == {"friction": 0.35}
     assert run("list", "nothing", module="dexgrasp_env").returncode == BAD_INPUT
-
-
-def test_world_does_not_import_agents():
-    code = "import sys, dexgrasp_env.__main__; print('dexgrasp' in sys.modules)"
-    assert (
-        subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout.strip() == "False"
-    )
 
 
 def test_evaluate_prints_json_alone(tmp_path):

@@ -1,12 +1,12 @@
 """Trials on a local Ray cluster of two nodes, one of which is lost in the middle."""
 
 import pytest
+from refusals import refused
 
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.runs.pool import Backend, run_pool
-from dexgrasp_env.errors import InputError
 
 ray = pytest.importorskip("ray")
 SETTINGS = EvaluationSettings.of(["random"], ["sugar_box", "pear"], trials=4)
@@ -53,5 +53,5 @@ def test_a_lost_node_loses_nothing_and_doubles_nothing(cluster, tmp_path, monkey
 
 
 def test_no_cluster_is_one_line(tmp_path):
-    with pytest.raises(InputError, match=r"no Ray cluster at '127\.0\.0\.1:1'"):
+    with refused(r"no Ray cluster at '127\.0\.0\.1:1'"):
         evaluate(SETTINGS, tmp_path, backend=Backend("ray", 1, "127.0.0.1:1"))

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from processes import python
 
 from dexgrasp.runs import compiling
 from dexgrasp.runs.compiling import compile_ahead, ensure_compiled
@@ -73,8 +74,7 @@ def test_what_a_rehearsal_calls_is_compiled_for_other_processes(kernels, tmp_pat
     assert len(tasks) == 4  # twice with its default, and with a factor
     assert shown[-1] == (4, 4)
     code = f"import sys; sys.path.insert(0, {str(tmp_path)!r})\n{textwrap.dedent(RUN)}"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout == "1.0 1\n"
+    assert python(code) == "1.0 1\n"
 
 
 def test_a_machine_is_made_ready_once(kernels, tmp_path, monkeypatch):
@@ -128,11 +128,9 @@ def test_nothing_is_compiled_by_plans_and_episodes_on_a_machine_that_is_warm():
         env.reset(seed=0)
         env.step(env.action_space.sample())
     """
-    done = subprocess.run(
-        [sys.executable, "-c", textwrap.dedent(code)], capture_output=True, text=True, check=True
-    )
-    assert "grasp found" in done.stdout
-    assert "compiles" not in done.stdout
+    said = python(code)
+    assert "grasp found" in said
+    assert "compiles" not in said
 
 
 def test_constants_of_calls_make_no_versions_of_their_own():

@@ -7,6 +7,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
+from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.export.check import check_trajectory
@@ -18,7 +19,6 @@ from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.time_law import Limits, largest_shares, timed
 from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
 from dexgrasp.grasp.file import record_of
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 
@@ -152,15 +152,14 @@ def test_damaged_files_are_one_line(folder, tmp_path):
         "nan": text.replace("\n0.002000,", "\nnan,", 1),
         "empty": "",
     }
-    for name, content in wrong.items():
+    for content in wrong.values():
         (folder / "arm.csv").write_text(content)
-        with pytest.raises(InputError) as error:
+        with refused():
             read_trajectory(folder, CELL)
-        assert "\n" not in str(error.value), name
     (tmp_path / "trajectory.json").write_text('{"arm": 3}')
-    with pytest.raises(InputError):
+    with refused():
         read_trajectory(tmp_path / "trajectory.json", CELL)
-    with pytest.raises(InputError):
+    with refused():
         read_trajectory(tmp_path / "nothing", CELL)
 
 
@@ -209,10 +208,10 @@ def test_the_scene_loads_elsewhere_and_is_the_same(trajectory, tmp_path):
 
 
 def test_a_scene_that_is_none_is_one_line(trajectory, folder):
-    with pytest.raises(InputError, match="export --format mjcf"):
+    with refused("export --format mjcf"):
         replay(read_trajectory(folder, CELL), folder / "scene.xml")
     (folder / "scene.xml").write_text("<mujoco/>")
-    with pytest.raises(InputError):
+    with refused():
         replay(read_trajectory(folder, CELL), folder / "scene.xml")
 
 

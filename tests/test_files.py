@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from refusals import refused
 
 from dexgrasp.agents.learned import LearnedAgent
 from dexgrasp.scoring.hand import find_hand
 from dexgrasp_env import files
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import cached_arrays, read_json_object, read_npz, write_atomically
 from dexgrasp_env.objects.load import load_object
 
@@ -160,12 +160,11 @@ def test_what_is_no_json_object_is_one_line(tmp_path, content, words):
     path = tmp_path / "about.json"
     if content is not None:
         path.write_bytes(content)
-    with pytest.raises(InputError, match=words) as caught:
+    with refused(words):
         read_json_object(path, "do this", "make one")
-    assert "\n" not in str(caught.value)
 
 
 def test_a_folder_of_nobody_is_one_line():
     for read in (files.expand, LearnedAgent, find_hand, load_object):
-        with pytest.raises(InputError, match=r"no such user|does not exist"):
+        with refused(r"no such user|does not exist"):
             read("~nobody_of_that_name/file.xml" if read is not load_object else "~nobody_of_that_name/a.obj")

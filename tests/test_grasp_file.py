@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from refusals import refused
 from robots import HOME
 
 from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
@@ -16,7 +17,6 @@ from dexgrasp.grasp.record import as_json
 from dexgrasp.grasp.thresholds import FROZEN
 from dexgrasp.planning.look import subject_of
 from dexgrasp.verify.verify import verify
-from dexgrasp_env.errors import InputError
 
 
 def test_round_trip(contents, tmp_path):
@@ -100,7 +100,7 @@ def test_schema_2_is_read_as_the_same_record(name, contents):
     assert as_json(record_of(old)) == as_json(record_of(contents[name]))
     elsewhere = record_of(old | {"cell": "lab-1-0a1b2c3d"})
     assert elsewhere.robot.hash == "0a1b2c3d"
-    with pytest.raises(InputError, match=r"cell 'lab-1' .*, and this is 'simulated'"):
+    with refused(r"cell 'lab-1' .*, and this is 'simulated'"):
         elsewhere.check_cell()
 
 
@@ -118,9 +118,8 @@ def test_schema_2_is_read_as_the_same_record(name, contents):
     ],
 )
 def test_malformed_files_of_schema_2_are_one_line(change, contents):
-    with pytest.raises(InputError) as caught:
+    with refused():
         record_of(as_schema_2(contents["pear"]) | change)
-    assert "\n" not in str(caught.value)
 
 
 def test_parts_are_read_as_they_were_planned_on(contents, tmp_path):
@@ -211,9 +210,8 @@ def test_malformed_files_are_one_line(change, words, contents, tmp_path):
     change(content)
     path = tmp_path / "bad.json"
     path.write_text(json.dumps(content))
-    with pytest.raises(InputError, match=words) as caught:
+    with refused(words) as caught:
         verify(read_grasp(path))
-    assert "\n" not in str(caught.value)
     assert "bad.json" in str(caught.value)
 
 
@@ -239,19 +237,18 @@ def test_malformed_files_are_one_line(change, words, contents, tmp_path):
 def test_files_that_are_no_grasps(text, tmp_path):
     path = tmp_path / "bad.json"
     path.write_bytes(text.encode(errors="surrogateescape"))
-    with pytest.raises(InputError) as caught:
+    with refused():
         read_grasp(path)
-    assert "\n" not in str(caught.value)
 
 
 def test_truncated_missing_and_folder(contents, tmp_path):
     path = tmp_path / "cut.json"
     path.write_text(json.dumps(contents["pear"])[:2000])
-    with pytest.raises(InputError, match="cut off"):
+    with refused("cut off"):
         read_grasp(path)
-    with pytest.raises(InputError, match="cannot read"):
+    with refused("cannot read"):
         read_grasp(tmp_path / "nowhere.json")
-    with pytest.raises(InputError, match="cannot read"):
+    with refused("cannot read"):
         read_grasp(tmp_path)
 
 
@@ -269,5 +266,5 @@ def test_what_has_a_size_of_its_own_has_scale_1(tmp_path):
         assert identity.scale == (0.9 if heeds else 1.0)
         assert surface_hash(identity.load()) == identity.content_hash
         if not heeds:
-            with pytest.raises(InputError, match="a size of its own"):
+            with refused("a size of its own"):
                 replace(identity, scale=1.01).load()

@@ -7,9 +7,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from lift_envs import make, skip_without_gl
+from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
 from dexgrasp_env.tasks.lift import LiftEnv
@@ -104,23 +104,22 @@ def test_page_lists_rewards_and_arguments():
     ],
 )
 def test_wrong_arguments_are_named_in_one_line(kwargs, word):
-    with pytest.raises(InputError) as caught:
+    with refused() as caught:
         LiftEnv(**{"objects": "sugar_box", **kwargs})
     assert word in str(caught.value)
-    assert "\n" not in str(caught.value)
 
 
 def test_wrong_actions_and_options():
     env = make().unwrapped
-    with pytest.raises(InputError, match="reset"):
+    with refused("reset"):
         env.step(np.zeros(23))
     env.reset(seed=0)
-    with pytest.raises(InputError, match="shape"):
+    with refused("shape"):
         env.step(np.zeros(22))
-    with pytest.raises(InputError, match="NaN"):
+    with refused("NaN"):
         env.step(np.full(23, np.nan))
     for options in ({"colour": 1}, {"object": "soda"}, {"object_pose": [0, 0, 1]}, {"object_pose": [0] * 7}):
-        with pytest.raises(InputError):
+        with refused():
             env.reset(options=options)
 
 
@@ -142,10 +141,9 @@ def test_impossible_poses_are_refused(position, word):
     if word == "in the way":
         env.reset(seed=0)
         position = env.data.site("palm").xpos.copy()
-    with pytest.raises(InputError, match=word) as caught:
+    with refused(word):
         env.reset(options={"object_pose": [*position, 1, 0, 0, 0]})
-    assert "\n" not in str(caught.value)
-    with pytest.raises(InputError, match="reset"):
+    with refused("reset"):
         env.step(np.zeros(23))
 
 

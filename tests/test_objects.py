@@ -5,9 +5,9 @@ import mujoco
 import numpy as np
 import pytest
 import scipy.spatial
+from refusals import refused
 
 from dexgrasp_env.arrays import fibonacci_directions
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
@@ -193,29 +193,28 @@ def test_scaling_keeps_the_density():
     ],
 )
 def test_bad_targets_are_refused_in_one_line(target, options, message):
-    with pytest.raises(InputError, match=message) as caught:
+    with refused(message):
         load_object(target, **options)
-    assert "\n" not in str(caught.value)
 
 
 def test_bad_lists_of_targets_are_refused():
     for targets in ([], ["all21"], ["seen", "missing.stl"]):
-        with pytest.raises(InputError):
+        with refused():
             resolve_targets(targets)
     assert object_name("some/where/mug.obj") == "mug"
 
 
 def test_bad_shapes_are_refused():
-    with pytest.raises(InputError, match="unknown contact part"):
+    with refused("unknown contact part"):
         ContactPart("torus")
-    with pytest.raises(InputError, match="not convex"):
+    with refused("not convex"):
         prism([(0, 0), (1, 0), (0.1, 0.1), (0, 1)], 0.1)
     pear = load_object("pear")
-    with pytest.raises(InputError, match="contact parts"):
+    with refused("contact parts"):
         ObjectModel("x", pear.solid, (), 0.1, np.eye(3))
     open_mesh = pear.mesh.copy()
     open_mesh.update_faces(np.arange(1, len(open_mesh.faces)))
-    with pytest.raises(InputError, match="not watertight"):
+    with refused("not watertight"):
         centred_model("x", open_mesh, pear.parts, 0.1)
 
 

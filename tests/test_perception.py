@@ -1,17 +1,15 @@
 """Depth images to a segmented cloud, end to end."""
 
-import subprocess
-import sys
 from types import SimpleNamespace
 
 import mujoco
 import numpy as np
 import pytest
 import trimesh
+from refusals import refused
 from robots import CELL
 
 from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
 from dexgrasp_env.sensing.perception import Perception
@@ -181,19 +179,10 @@ def test_noise_alone_never_raises():
 
 
 def test_bad_settings_are_refused():
-    with pytest.raises(InputError, match="crop box is empty"):
+    with refused("crop box is empty"):
         SegmentationSettings(crop_low=(1, 0, 0), crop_high=(0, 1, 1))
-    with pytest.raises(InputError, match="2 depth images for 4 cameras"):
+    with refused("2 depth images for 4 cameras"):
         segment(np.ones((2, 120, 160)), CELL.make_cameras(), np.random.default_rng(0))
-
-
-def test_importing_perception_brings_no_numba_torch_or_gl():
-    code = (
-        "import sys, dexgrasp_env.sensing.perception, dexgrasp_env.perception.picture;"
-        "print([m for m in ('numba', 'torch', 'OpenGL', 'mujoco', 'matplotlib') if m in sys.modules])"
-    )
-    out = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert out.stdout.strip() == "[]"
 
 
 def test_the_benchmark_splits_the_cost_by_step():
@@ -227,9 +216,9 @@ def test_an_observation_gives_back_the_scene_it_was_made_of():
     ("points", "normals"), [(np.zeros((3, 2)), np.zeros((3, 2))), (np.zeros((3, 3)), np.zeros((2, 3)))]
 )
 def test_what_is_no_cloud_of_an_object_is_refused(points, normals):
-    with pytest.raises(InputError, match=r"valid are \(N, 3\) both"):
+    with refused(r"valid are \(N, 3\) both"):
         ObjectCloud(points, normals)
-    with pytest.raises(InputError, match="finite"):
+    with refused("finite"):
         ObjectCloud(np.full((2, 3), np.nan), np.zeros((2, 3)))
-    with pytest.raises(InputError, match="poses"):
+    with refused("poses"):
         Scene(cameras=np.zeros(4))

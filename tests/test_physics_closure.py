@@ -3,12 +3,12 @@ import itertools
 import numpy as np
 import pytest
 from oracles import against_proof, closed, sample_box, sample_can
+from refusals import refused
 
 from dexgrasp.physics.checks import rms_radius
 from dexgrasp.physics.closure import closure_sweep
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.verify.cones import conic_residual
-from dexgrasp_env.errors import InputError
 
 
 def with_noise(points, normals, rng):
@@ -72,13 +72,13 @@ def test_plain_cases():
 
 def test_small_clouds_and_bad_input():
     assert closure_sweep(np.zeros((2, 3)), [[0, 0, 1], [0, 0, 1]], 0.5).shape == (0, 3)
-    with pytest.raises(InputError, match="points"):
+    with refused("points"):
         closure_sweep(np.zeros((4, 2)), np.zeros((4, 3)), 0.5)
-    with pytest.raises(InputError, match="NaN"):
+    with refused("NaN"):
         closure_sweep(np.full((3, 3), np.nan), np.eye(3), 0.5)
-    with pytest.raises(InputError, match="min_distance"):
+    with refused("min_distance"):
         closure_sweep(np.eye(3), np.eye(3), 0.5, min_distance=-1)
-    with pytest.raises(InputError, match="length_scale"):
+    with refused("length_scale"):
         closure_sweep(np.eye(3), np.eye(3), 0.5, length_scale=0.0)
 
 

@@ -1,13 +1,10 @@
-import subprocess
-import sys
-
 import numpy as np
 import pytest
 from oracles import cone_distance, project_to_cone, pyramid_violation
+from refusals import refused
 
 from dexgrasp.physics.cones import C, cone_edges, tangent_basis
 from dexgrasp.physics.ratios import wrench_ratios
-from dexgrasp_env.errors import InputError
 
 
 def unit(rng, *shape):
@@ -62,15 +59,15 @@ def test_the_oracles_tell_inside_from_outside():
 
 
 def test_bad_input_is_named():
-    with pytest.raises(InputError, match="NaN"):
+    with refused("NaN"):
         tangent_basis([[np.nan, 0, 1]])
-    with pytest.raises(InputError, match="shape"):
+    with refused("shape"):
         tangent_basis(np.zeros((2, 2)))
-    with pytest.raises(InputError, match="unit length"):
+    with refused("unit length"):
         tangent_basis([[0, 0, 2]])
-    with pytest.raises(InputError, match="mu"):
+    with refused("mu"):
         cone_edges([[0, 0, 1]], -1.0)
-    with pytest.raises(InputError, match="edges"):
+    with refused("edges"):
         cone_edges([[0, 0, 1]], 0.5, 2)
 
 
@@ -81,11 +78,3 @@ def test_ratios():
     one_sided = wrench_ratios(p, [[0, 1, 0], [0, 1, 0]], np.zeros(3))
     assert one_sided == (pytest.approx(100), pytest.approx(0))
     assert wrench_ratios(p, [[0, 1, 0], [0, -1, 0]], np.zeros(3)) == (pytest.approx(0), pytest.approx(100))
-
-
-def test_the_package_imports_without_torch():
-    modules = ["closure", "squeeze", "margin", "ratios", "wrench"]
-    code = "import sys; sys.modules['torch'] = None\n" + "\n".join(
-        f"import dexgrasp.physics.{m}" for m in modules
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)

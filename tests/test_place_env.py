@@ -7,9 +7,9 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.place import PlaceEnv
 
 
@@ -63,7 +63,7 @@ def test_goals_can_be_given():
     again = env.reset(options={"state": state, "goal": other})[0]["desired_goal"]
     np.testing.assert_allclose(again, other, atol=1e-6)
     for wrong in ([0.5, 0.1, 0.2], [0.5, 0.1, 3.0, 1.0], [0.5, 0.1, np.nan, 1.0]):
-        with pytest.raises(InputError, match="goal"):
+        with refused("goal"):
             env.reset(options={"goal": wrong})
 
 
@@ -114,7 +114,7 @@ def test_success_is_a_second_at_the_goal():
 
 def test_wrong_arguments():
     for kwargs in ({"obs_mode": "depth", "version": 1}, {"disturbance": "pushed"}):
-        with pytest.raises(InputError, match="Place"):
+        with refused("Place"):
             make(**kwargs)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 import trimesh
 from planned import hammer
+from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
 
 from dexgrasp.benchmarks.proposals import UniformProposals
@@ -30,7 +31,6 @@ from dexgrasp.planning.sources import make_source
 from dexgrasp.planning.sqp import bounds_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.cones import conic_margin, conic_residual
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.model import robot_spec
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
@@ -202,7 +202,7 @@ def test_subject_assumptions_and_bad_input():
     assert known.mass == 0.2
     np.testing.assert_array_equal(known.centre, [0, 0.01, 0.02])
     for mass in (0.0, -1.0, np.nan, np.inf):
-        with pytest.raises(InputError, match="mass"):
+        with refused("mass"):
             GraspTarget.of(box, mass=mass)
 
 
@@ -384,13 +384,6 @@ def test_constraints_and_clearances_are_of_one_compilation(proposals):
         )
         at, _ = rows_at(q, grasp_target)
         np.testing.assert_allclose(at.values[FIXED_ROWS:], rows.values[:n] - SETTINGS.clearance, atol=1e-12)
-
-
-def test_the_constraints_repeat_themselves_bit_for_bit(proposals):
-    for q in near_contact("stone", proposals, 3):
-        (one, _), (two, _) = rows_at(q, subject("stone")), rows_at(q, subject("stone"))
-        np.testing.assert_array_equal(one.rows, two.rows)
-        np.testing.assert_array_equal(one.values, two.values)
 
 
 def test_tip_positions_follow_the_names():

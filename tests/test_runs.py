@@ -4,13 +4,13 @@ import os
 from functools import partial
 
 import pytest
+from refusals import refused
 
 from dexgrasp.runs import progress
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend, WorkerDiedError, run_pool
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.runs.shards import is_shard, make_missing, write_shard
-from dexgrasp_env.errors import InputError
 
 
 def doubled(task):
@@ -44,7 +44,7 @@ def test_a_task_that_stops_early_is_no_end_of_all():
 
 
 def test_an_unknown_backend_is_refused():
-    with pytest.raises(InputError, match="valid is processes, ray"):
+    with refused("valid is processes, ray"):
         Backend("loky")
 
 
@@ -85,13 +85,11 @@ def test_a_folder_says_what_is_different_and_what_is_in_the_way(tmp_path):
     run = RunFolder(tmp_path / "run", "run.json", "training")
     run.claim({"settings": {"seed": 1, "rate": 0.1}, "data": "a"}, complete=False).close()
     run.claim({"settings": {"seed": 1, "rate": 0.1}, "data": "a"}).close()
-    with pytest.raises(
-        InputError, match=r"another training.*seed: 1 there, 2 now; rate: 0.1 there, null now"
-    ):
+    with refused(r"another training.*seed: 1 there, 2 now; rate: 0.1 there, null now"):
         run.check({"settings": {"seed": 2}, "data": "a"})
     (tmp_path / "file").write_text("x")
-    with pytest.raises(InputError, match="is a file"):
+    with refused("is a file"):
         RunFolder(tmp_path / "file", "run.json", "training").claim({})
-    with pytest.raises(InputError, match=r"not empty and holds no training \(no run.json\)"):
+    with refused(r"not empty and holds no training \(no run.json\)"):
         RunFolder(tmp_path, "run.json", "training").check({})
     RunFolder(tmp_path, "run.json", "training", pieces="trials.jsonl").check({})

@@ -5,10 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from refusals import refused
 from robots import CELL
 
 from dexgrasp.cli.plan import scan_name
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception import recorded
 from dexgrasp_env.perception.depth_folder import read_cameras
 from dexgrasp_env.perception.objects import Pointing
@@ -205,9 +205,8 @@ def test_damaged_files_are_one_line(tmp_path):
     (tmp_path / "giant.pcd").write_bytes(head.replace(b"TYPE", b"COUNT 1 1 90000000\nTYPE") + bytes(300))
     (tmp_path / "folder").mkdir()
     for path in [*sorted(tmp_path.iterdir()), tmp_path / "missing.ply"]:
-        with pytest.raises(InputError) as error:
+        with refused():
             read_scan(path)
-        assert "\n" not in str(error.value), path.name
 
 
 def test_a_unit_is_of_files(rng, tmp_path):
@@ -236,7 +235,7 @@ def test_depth_images_are_merged(tmp_path):
 )
 def test_wrong_camera_files_are_one_line(text, tmp_path):
     (tmp_path / "cameras.yaml").write_text(text)
-    with pytest.raises(InputError):
+    with refused():
         read_cameras(tmp_path / "cameras.yaml")
 
 

@@ -3,10 +3,10 @@
 import json
 
 import pytest
+from refusals import refused
 from trial_rows import row
 
 from dexgrasp.evaluation.store import TrialStore, read_rows
-from dexgrasp_env.errors import InputError
 
 
 def test_partial_last_line_is_dropped(tmp_path):
@@ -25,22 +25,22 @@ def test_partial_last_line_is_dropped(tmp_path):
 
 def test_another_evaluation_in_the_same_folder_is_refused(tmp_path):
     TrialStore(tmp_path, {"seed": 1, "agents": ["a"]}).close()
-    with pytest.raises(InputError, match=r"seed: 1 there, 2 now.*--out"):
+    with refused(r"seed: 1 there, 2 now.*--out"):
         TrialStore(tmp_path, {"seed": 2, "agents": ["a"]})
 
 
 def test_two_writers_are_refused(tmp_path):
     store = TrialStore(tmp_path, {})
-    with pytest.raises(InputError, match="another process is writing"):
+    with refused("another process is writing"):
         TrialStore(tmp_path, {})
     store.close()
 
 
 def test_damaged_line_is_named(tmp_path):
     (tmp_path / "trials.jsonl").write_text("what?\n")
-    with pytest.raises(InputError, match="line 1"):
+    with refused("line 1"):
         read_rows(tmp_path)
-    with pytest.raises(InputError, match="no evaluation"):
+    with refused("no evaluation"):
         read_rows(tmp_path / "nowhere")
 
 
@@ -66,7 +66,7 @@ def test_a_trial_counts_once(tmp_path):
 )  # fmt: skip
 def test_damaged_lines_are_named_in_one_line(tmp_path, line):
     (tmp_path / "trials.jsonl").write_bytes(line + b"\n")
-    with pytest.raises(InputError, match=r"line 1 is (not JSON|no trial)") as caught:
+    with refused(r"line 1 is (not JSON|no trial)") as caught:
         read_rows(tmp_path)
     assert len(str(caught.value)) < 400
 
@@ -76,6 +76,6 @@ def test_trials_without_their_settings_are_refused(tmp_path, content):
     (tmp_path / "trials.jsonl").write_text(json.dumps(row()) + "\n")
     if content is not None:
         (tmp_path / "run.json").write_bytes(content)
-    with pytest.raises(InputError, match="choose another --out"):
+    with refused("choose another --out"):
         TrialStore(tmp_path, {"seed": 1})
     assert (tmp_path / "trials.jsonl").read_text()

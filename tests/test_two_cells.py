@@ -1,14 +1,13 @@
 """Two cells in one process: each as if it were alone, though joints, fingers, mount and table are others."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 import yaml
+from processes import python
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.dataset.generate import Job, make
@@ -88,10 +87,7 @@ def test_two_cells_in_one_process_are_as_each_alone(tmp_path):
 def _run(robot: str | None, folder: Path) -> str:
     code = "import json, sys; from pathlib import Path; from test_two_cells import played\n"
     code += "print(json.dumps(played(sys.argv[1] or None, Path(sys.argv[2]))))"
-    command = [sys.executable, "-c", code, robot or "", str(folder)]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=Path(__file__).parent)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+    return python(code, robot or "", folder, cwd=Path(__file__).parent)
 
 
 def test_a_hand_of_three_fingers_sizes_its_environment(tmp_path):

@@ -6,9 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from refusals import refused
 from scipy.spatial import ConvexHull
 
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects import decompose
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
@@ -114,9 +114,8 @@ def bad_file(folder: Path, defect: str) -> Path:
 )
 def test_a_file_that_cannot_be_used_is_refused_in_one_line(tmp_path, defect, message):
     path = bad_file(tmp_path, defect)
-    with pytest.raises(InputError, match=message) as caught:
+    with refused(message):
         load_mesh(path)
-    assert "\n" not in str(caught.value)
     (finding,) = describe_mesh(path)
     assert finding.level == "error"
     assert finding.remedy
@@ -363,15 +362,14 @@ def test_degenerate_meshes_are_refused_in_one_line(tmp_path, points, faces):
     lines = ["v " + " ".join(map(repr, point)) for point in points]
     lines += ["f " + " ".join(str(i + 1) for i in face) for face in faces]
     path.write_text("\n".join(lines))
-    with pytest.raises(InputError) as caught:
+    with refused():
         load_mesh(path)
-    assert "\n" not in str(caught.value)
 
 
 def test_names_no_file_can_have_are_refused_in_one_line():
     for name in ("x" * 300 + ".obj", "~nosuchuser/x.obj", "a\0b.obj"):
         for use in (load_object, lambda name: resolve_targets([name])):
-            with pytest.raises(InputError):
+            with refused():
                 use(name)
 
 
@@ -388,7 +386,7 @@ def test_home_is_expanded_and_any_bytes_may_name_a_file(tmp_path, monkeypatch):
 @pytest.mark.parametrize("mass", [1e-300, 1e-5, 1e3])
 def test_masses_no_object_has_are_refused(tmp_path, mass):
     path = saved(tmp_path, CAPSULE, "x.stl")
-    with pytest.raises(InputError, match=r">= 0\.0001 and <= 100"):
+    with refused(r">= 0\.0001 and <= 100"):
         load_object(path, mass=mass)
 
 

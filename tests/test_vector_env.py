@@ -6,9 +6,9 @@ import pickle
 import gymnasium as gym
 import numpy as np
 import pytest
+from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp_env.errors import InputError
 
 ID = "DexGrasp/Lift-v2"
 OBJECTS = ["sugar_box", "massage_ball", "soda"]
@@ -279,7 +279,7 @@ def test_episodes_begin_at_a_state():
         assert all(np.array_equal(together[0][key][0], alone[0][key]) for key in seen)
         assert together[1][0] == alone[1]
         assert alone[3] == together[3][0] == (k == 8)
-    with pytest.raises(InputError, match="2 states"):
+    with refused("2 states"):
         envs.reset(options={"state": [state] * 2})
 
 
@@ -321,9 +321,8 @@ def test_states_of_other_settings_are_refused_in_one_line(settings, word):
     )
     other.reset(seed=0)
     for use in (other.unwrapped.set_state, lambda s: other.unwrapped.reset(options={"state": s})):
-        with pytest.raises(InputError, match=word) as caught:
+        with refused(word):
             use(state)
-        assert "\n" not in str(caught.value)
 
 
 def test_wrong_use_is_named_in_one_line():
@@ -331,23 +330,22 @@ def test_wrong_use_is_named_in_one_line():
         ({"obs_mode": "rgbd"}, "rgbd"), ({"threads": 0}, "threads"), ({"autoreset_mode": "Later"}, "NextStep"),
         ({"control_mode": "torque"}, "ee_delta"),
     ):  # fmt: skip
-        with pytest.raises(InputError, match=word) as caught:
+        with refused(word):
             native(2, **kwargs)
-        assert "\n" not in str(caught.value)
     envs = native(2, objects="sugar_box", autoreset_mode="Disabled", max_episode_steps=1)
-    with pytest.raises(InputError, match="reset"):
+    with refused("reset"):
         envs.step(np.zeros((2, 23)))
-    with pytest.raises(InputError, match="seeds"):
+    with refused("seeds"):
         envs.reset(seed=[1])
-    with pytest.raises(InputError, match="reset_mask"):
+    with refused("reset_mask"):
         envs.reset(options={"reset_mask": np.zeros(2, bool)})
     envs.reset(seed=0)
-    with pytest.raises(InputError, match="shape"):
+    with refused("shape"):
         envs.step(np.zeros((3, 23)))
-    with pytest.raises(InputError, match=r"\[\[1, 4\]\]"):
+    with refused(r"\[\[1, 4\]\]"):
         envs.step(np.where(np.arange(46).reshape(2, 23) == 27, np.nan, 0.0))
     envs.step(np.zeros((2, 23)))
-    with pytest.raises(InputError, match=r"\[0, 1\]"):
+    with refused(r"\[0, 1\]"):
         envs.step(np.zeros((2, 23)))
 
 

@@ -3,13 +3,12 @@
 import ast
 import copy
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 from planned import MESHES, SETTINGS, failing
+from processes import python
 from robots import LOWER, UPPER
 
 from dexgrasp.grasp.thresholds import planned_friction
@@ -78,9 +77,7 @@ def test_the_judge_shares_what_the_docs_say_and_no_more():
     text = (root / "docs" / "concepts.md").read_text()
     assert [name for name in SHARED if f"`dexgrasp.{name}`" not in text] == []
     code = "import sys, dexgrasp.verify.verify; print(*sys.modules)"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True
-    ).stdout.split()
+    loaded = python(code).split()
     assert [
         m for m in loaded if m.startswith(("dexgrasp.planning", "dexgrasp.physics", "dexgrasp.registry"))
     ] == []

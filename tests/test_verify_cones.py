@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import qpsolvers
+from oracles import random_grasps
 from scipy.optimize import linprog
 from scipy.sparse import csc_matrix
 
@@ -10,13 +11,6 @@ from dexgrasp.verify import cones
 from dexgrasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
 
 FACES = 256
-
-
-def random_grasps(count, seed):
-    rng = np.random.default_rng(seed)
-    p = 0.05 * rng.normal(size=(count, 3, 3))
-    n = rng.normal(size=(count, 3, 3)) + p / 0.03
-    return p, n / np.linalg.norm(n, axis=-1, keepdims=True)
 
 
 def faces(n, mu):
