@@ -1,5 +1,6 @@
 """What all tests share."""
 
+import json
 import random
 from itertools import groupby
 
@@ -58,6 +59,12 @@ def clone(tmp_path):
     }  # fmt: skip
     write_policy(tmp_path / "clone", about, arrays)
     return tmp_path / "clone"
+
+
+@pytest.fixture
+def printed(capsys):
+    """Return what was printed as JSON."""
+    return lambda: json.loads(capsys.readouterr().out)
 
 
 @pytest.fixture

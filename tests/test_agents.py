@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from processes import typed
 from refusals import refused
 from robots import HOME, ROBOT
 
@@ -234,7 +235,6 @@ def test_checkpoints_run_nothing(key, tmp_path):
 
 def test_a_policy_of_nobody_is_one_line(capsys):
     """Found by fuzzing: `~user` of a user that there is none of."""
-    from dexgrasp.cli.main import main
 
-    assert main(["demo", "--agent", "~nosuchuser/policy"]) == 2
+    assert typed("demo --agent ~nosuchuser/policy") == 2
     assert "no such user" in capsys.readouterr().err

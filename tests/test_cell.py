@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
+from processes import typed
 from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS
 
@@ -101,7 +102,7 @@ def test_a_mistake_is_said_in_one_line(change, words, tmp_path):
 def test_a_file_that_is_no_cell_ends_a_command_in_two(text, tmp_path, capsys):
     path = tmp_path / "cell.yaml"
     path.write_text(text)
-    assert run_command(["verify", "nothing.json", "--cell", str(path)]) == 2
+    assert typed(f"verify nothing.json --cell {path}") == 2
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
@@ -170,9 +171,9 @@ def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_pat
     assert np.abs(exported - [c["point"] for c in json.loads(grasp.read_text())["contacts"]]).max() < 1e-12
     assert run_command(["verify", str(grasp)]) == 1
     assert "FAIL  cell" in capsys.readouterr().out
-    assert run_command(["export", str(grasp), "--out", str(tmp_path / "other")]) == 2
+    assert typed(f"export {grasp} --out {tmp_path / 'other'}") == 2
     assert "our lab" in capsys.readouterr().err
-    assert run_command(["view", str(grasp), "--html", str(tmp_path / "page.html")]) == 2
+    assert typed(f"view {grasp} --html {tmp_path / 'page.html'}") == 2
     assert run_command(["check", str(robot)]) == 1
 
 

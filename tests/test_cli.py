@@ -10,6 +10,7 @@ import sys
 import textwrap
 
 import pytest
+from processes import typed
 
 from dexgrasp.cli import checks
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
@@ -31,48 +32,64 @@ def run(*arguments, module="dexgrasp.cli.main", **kwargs):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["nonsense"], "evaluate"),
-        (["list", "things"], "objects"),
-        (["list", "objects", "--colour"], "--colour"),
-        (["evaluate", "--objects", "seen"], "--agents"),
-        (["evaluate", "--agents", "random", "--objects", "suger_box"], "sugar_box"),
-        (["evaluate", "--agents", "randon", "--objects", "seen"], "hardcoded"),
-        (["evaluate", "--agents", "no.such:Agent", "--objects", "seen"], "no.such"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--trials", "0"], ">= 1"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--seed", "-1"], ">= 0"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "nan"], "> 0"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--friction", "7"], "<= 2"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--protocol", "v9"], "valid are lift"),
+        ("nonsense", "evaluate"),
+        ("list things", "objects"),
+        ("list objects --colour", "--colour"),
+        ("evaluate --objects seen", "--agents"),
+        ("evaluate --agents random --objects suger_box", "sugar_box"),
+        ("evaluate --agents randon --objects seen", "hardcoded"),
+        ("evaluate --agents no.such:Agent --objects seen", "no.such"),
+        ("evaluate --agents random --objects seen --trials 0", ">= 1"),
+        ("evaluate --agents random --objects seen --seed -1", ">= 0"),
+        ("evaluate --agents random --objects seen --friction nan", "> 0"),
+        ("evaluate --agents random --objects seen --friction 7", "<= 2"),
+        ("evaluate --agents random --objects seen --protocol v9", "valid are lift"),
         (
-            [
-                "evaluate",
-                "--agents",
-                "random",
-                "--objects",
-                "seen",
-                "--protocol",
-                "robust",
-                "--friction",
-                "0.9",
-            ],
+            "evaluate --agents random --objects seen --protocol robust --friction 0.9",
             "own",
         ),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--mount", "odd"], "palm_normal"),
-        (["evaluate", "--agents", "random", "--objects", "seen", "--out", "/dev/null/x"], "cannot write"),
-        (["evaluate", "--agents", "random", "--objects", "nowhere.stl"], "nowhere.stl"),
-        (["report", "nowhere"], "no evaluation"),
-        (["benchmark", "nonsense"], "stepping"),
-        (["doctor", "nowhere.stl"], "does not exist"),
-        (["check", "nowhere", "--simulator", "bullet"], "unrecognized arguments"),
+        ("evaluate --agents random --objects seen --mount odd", "palm_normal"),
+        ("evaluate --agents random --objects seen --out /dev/null/x", "cannot write"),
+        ("evaluate --agents random --objects nowhere.stl", "nowhere.stl"),
+        ("report nowhere", "no evaluation"),
+        ("benchmark nonsense", "stepping"),
+        ("doctor nowhere.stl", "does not exist"),
+        ("check nowhere --simulator bullet", "unrecognized arguments"),
         (
-            ["dataset", "generate", "--objects", "soda", "--out", "x", "--mount", "y"],
+            "dataset generate --objects soda --out x --mount y",
             "dexgrasp dataset --help",
         ),
+        ("plan suger_box", "sugar_box"),
+        ("plan nowhere.stl", "nowhere.stl"),
+        ("plan pear --agent nobody", "bilevel"),
+        ("plan pear --agent hardcoded", "no certified plans"),
+        ("plan pear --seed -1", ">= 0"),
+        ("plan pear --mount sideways", "palm_normal"),
+        ("plan pear --friction 0", "> 0"),
+        ("plan pear --mesh-scale nan", "> 0"),
+        ("plan", "TARGET"),
+        ("plan seen", "is a set"),
+        ("plan pear --mass 0.3", "are of --cloud"),
+        ("plan pear --object-near 0.5 0 0", "are of --cloud"),
+        ("plan pear --mesh-scale 0.001", "mesh files alone"),
+        ("plan varied-3 --mesh-scale 0.001", "mesh files alone"),
+        ("plan pear --agent os:system", "cannot be made"),
+        ("plan pear --agent os:", "no class"),
+        ("demo --object pear --mesh-mass 0.1", "mesh files alone"),
+        ("plan pear --out /dev/null/x", "/dev/null/x"),
+        ("verify nowhere.json", "cannot read nowhere.json"),
+        ("verify", "GRASP.json"),
+        ("demo --object suger_box", "sugar_box"),
+        ("demo --agent nobody", "bilevel"),
+        ("demo --out /dev/null/x", "/dev/null/x"),
+        ("plan pear --count 0", "not a whole number >= 1"),
+        ("plan pear --count 99999", "a whole number from 1 to 10000"),
+        ("plan pear --count 2 --agent hardcoded", "makes no certified plans"),
     ],
 )
 def test_bad_input_is_one_line_and_2(arguments, words, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    assert main(arguments) == BAD_INPUT
+    assert typed(arguments) == BAD_INPUT
     line = one_line_after_notes(capsys)
     assert words in line
     assert "Traceback" not in line
@@ -81,7 +98,11 @@ def test_bad_input_is_one_line_and_2(arguments, words, capsys, tmp_path, monkeyp
 def one_line_after_notes(capsys):
     captured = capsys.readouterr()
     assert captured.out == ""
-    lines = [line for line in captured.err.strip().splitlines() if not line.startswith("results go to")]
+    lines = [
+        line
+        for line in captured.err.strip().splitlines()
+        if not line.startswith(("results go to", "compiling"))
+    ]
     assert len(lines) == 1, lines
     return lines[0]
 
@@ -201,9 +222,9 @@ def test_a_full_disk_is_the_users_to_mend(monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("what", ["objects", "envs", "agents", "protocols"])
-def test_list(what, capsys):
+def test_list(what, capsys, printed):
     assert main(["list", what, "--json"]) == OK
-    listed = json.loads(capsys.readouterr().out)
+    listed = printed()
     assert len(listed[what]) >= 1
     assert main(["list", what]) == OK
     table = capsys.readouterr().out

@@ -1,8 +1,7 @@
 """`dexgrasp compare`: paired comparison of two agents of an evaluation."""
 
-import json
-
 import pytest
+from processes import typed
 from trial_rows import row, write_run
 
 from dexgrasp.cli.main import main
@@ -16,9 +15,9 @@ def folder(tmp_path):
     return write_run(tmp_path, rows)
 
 
-def test_compare_counts_only_scenes_that_both_met(folder, capsys):
-    assert main(["compare", str(folder), "x", "y", "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_compare_counts_only_scenes_that_both_met(folder, printed):
+    assert typed(f"compare {folder} x y --json") == 0
+    found = printed()
     assert [found[k] for k in ("scenes", "both", "only_a", "only_b", "neither")] == [9, 2, 6, 1, 0]
     assert found["p_value"] == pytest.approx(2 * (1 + 7) / 2**7)
     assert found["by_object"]["pear"]["difference"] == pytest.approx(0.75)
@@ -29,11 +28,11 @@ def test_compare_counts_only_scenes_that_both_met(folder, capsys):
     assert "by_protocol" not in found
 
 
-def test_compare_is_antisymmetric(folder, capsys):
-    main(["compare", str(folder), "x", "y", "--json"])
-    one = json.loads(capsys.readouterr().out)
-    main(["compare", str(folder), "y", "x", "--json"])
-    other = json.loads(capsys.readouterr().out)
+def test_compare_is_antisymmetric(folder, printed):
+    typed(f"compare {folder} x y --json")
+    one = printed()
+    typed(f"compare {folder} y x --json")
+    other = printed()
     assert other["difference"] == -one["difference"]
     assert other["ci95"] == pytest.approx([-one["ci95"][1], -one["ci95"][0]])
     assert other["p_value"] == one["p_value"]
@@ -61,7 +60,7 @@ def test_a_protocol_that_changes_nothing_counts_once():
 
 
 def test_table_and_mistakes(folder, capsys):
-    assert main(["compare", str(folder), "x", "y"]) == 0
+    assert typed(f"compare {folder} x y") == 0
     out = capsys.readouterr().out
     assert "+75.0" in out
     assert "dropped" in out

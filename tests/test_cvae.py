@@ -1,9 +1,9 @@
-import json
 import shutil
 from dataclasses import replace
 
 import numpy as np
 import pytest
+from processes import typed
 from refusals import refused
 from robots import CELL
 
@@ -21,7 +21,6 @@ from dexgrasp.agents.ablations import (  # noqa: E402
     KinematicPlanner,
     RawPlanner,
 )
-from dexgrasp.cli.main import main  # noqa: E402
 from dexgrasp.cvae.autoencoder import Cvae, losses, rotation_of  # noqa: E402
 from dexgrasp.cvae.batches import split, training_batch  # noqa: E402
 from dexgrasp.cvae.cvae_training import CvaeTraining  # noqa: E402
@@ -184,19 +183,12 @@ def test_two_trainings_may_not_write_one_folder(data, trained, tmp_path):
     assert CvaeTraining(data, out, TRAINING).run().epoch == TRAINING.epochs
 
 
-def test_command_line(data, tmp_path, capsys):
-    assert (
-        main(
-            ["train", "cvae", "--data", str(data), "--out", str(tmp_path / "run"), "--epochs", "1", "--json"]
-        )
-        == 0
-    )
-    figures = json.loads(capsys.readouterr().out)
+def test_command_line(data, tmp_path, capsys, printed):
+    assert typed(f"train cvae --data {data} --out {tmp_path / 'run'} --epochs 1 --json") == 0
+    figures = printed()
     assert figures["losses"]["test"]["fingertip_cm"] > 0
     assert (tmp_path / "run" / "curves.png").is_file()
-    assert (
-        main(["train", "cvae", "--data", str(tmp_path), "--out", str(tmp_path / "b"), "--epochs", "1"]) == 2
-    )
+    assert typed(f"train cvae --data {tmp_path} --out {tmp_path / 'b'} --epochs 1") == 2
     assert "holds no dataset" in capsys.readouterr().err
 
 

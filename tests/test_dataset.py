@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from processes import typed
 from refusals import refused
 from robots import CELL
 
@@ -131,7 +132,7 @@ def test_cut_off_and_missing_files_are_refused_and_made_again(made, tmp_path):
     shard.write_bytes(shard.read_bytes()[:-100])
     with refused("cut off"):
         read_dataset(tmp_path / "set")
-    assert main(["dataset", "info", str(tmp_path / "set")]) == 2
+    assert typed(f"dataset info {tmp_path / 'set'}") == 2
     (tmp_path / "set" / "poses").rename(tmp_path / "poses")
     with refused(r"missing|cut off"):
         summary(tmp_path / "set")
@@ -245,7 +246,7 @@ def test_contacts_that_are_not_finite_are_refused(made, tmp_path):
     write_again(shard, arrays | {"contacts": np.full_like(arrays["contacts"], np.nan)})
     with refused("contacts holds numbers that are not finite"):
         read_arrays(shard)
-    assert main(["dataset", "info", str(folder)]) == 2
+    assert typed(f"dataset info {folder}") == 2
 
 
 @pytest.mark.parametrize(
@@ -256,7 +257,7 @@ def test_names_in_a_manifest_may_not_leave_the_folder(made, tmp_path, name, caps
     manifest = json.loads((folder / "manifest.json").read_text())
     manifest["files"][name] = "0" * 64
     (folder / "manifest.json").write_text(json.dumps(manifest))
-    assert main(["dataset", "info", str(folder)]) == 2
+    assert typed(f"dataset info {folder}") == 2
     assert "is damaged (files has" in capsys.readouterr().err
 
 
@@ -265,7 +266,7 @@ def test_names_in_a_manifest_may_not_leave_the_folder(made, tmp_path, name, caps
 )
 def test_text_that_is_no_manifest_is_refused_in_one_line(tmp_path, content, capsys):
     (tmp_path / "manifest.json").write_text(content)
-    assert main(["dataset", "info", str(tmp_path)]) == 2
+    assert typed(f"dataset info {tmp_path}") == 2
     assert capsys.readouterr().err.count("\n") == 1
 
 
@@ -297,9 +298,9 @@ def alive(pid):
         return False
 
 
-def test_info_prints_json_and_draws(made, tmp_path, capsys):
-    assert main(["dataset", "info", str(made), "--picture", str(tmp_path / "a.png"), "--json"]) == 0
-    figures = json.loads(capsys.readouterr().out)
+def test_info_prints_json_and_draws(made, tmp_path, printed):
+    assert typed(f"dataset info {made} --picture {tmp_path / 'a.png'} --json") == 0
+    figures = printed()
     assert figures["grasps"] == 36
     assert figures["triples_feasible"] < figures["triples_decided"]
     assert sum(figures["margin_histogram"]["counts"]) == 36
@@ -328,22 +329,8 @@ def test_a_mesh_of_ones_own(tmp_path):
 
 
 def test_bad_input_is_one_line(tmp_path, capsys):
-    assert main(["dataset", "generate", "--objects", "no_such_thing", "--out", str(tmp_path / "a")]) == 2
-    assert (
-        main(
-            [
-                "dataset",
-                "generate",
-                "--objects",
-                "gelatin_box",
-                "--out",
-                str(tmp_path / "a"),
-                "--backend",
-                "x",
-            ]
-        )
-        == 2
-    )
+    assert typed(f"dataset generate --objects no_such_thing --out {tmp_path / 'a'}") == 2
+    assert typed(f"dataset generate --objects gelatin_box --out {tmp_path / 'a'} --backend x") == 2
     assert "choose from 'processes', 'ray'" in capsys.readouterr().err
     addressed = ["--objects", "gelatin_box", "--out", str(tmp_path / "a"), "--address", "auto"]
     for command in ("dataset", "demos"):

@@ -9,6 +9,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from processes import typed
 from refusals import refused
 from robots import CELL, HOME, ROBOT
 
@@ -230,16 +231,13 @@ def test_wrong_settings_are_refused(wrong, says):
         DemoSettings.of(["sugar_box"], **wrong)
 
 
-def test_the_command_line_tells_and_replays(folder, capsys):
-    from dexgrasp.cli.commands import run_command
+def test_the_command_line_tells_and_replays(folder, capsys, printed):
 
-    assert run_command(["demos", "info", str(folder), "--json"]) == 0
-    figures = json.loads(capsys.readouterr().out)
+    assert typed(f"demos info {folder} --json") == 0
+    figures = printed()
     assert figures["episodes"] == sum(figures["kept"].values())
-    assert run_command(["demos", "replay", str(folder), "--episodes", "1"]) == 0
+    assert typed(f"demos replay {folder} --episodes 1") == 0
     assert "1 of 1 replays succeed" in capsys.readouterr().out
-    assert run_command(["demos", "info", str(folder / "nothing")]) == 2
-    assert run_command(["demos", "generate", "--objects", "sugar_box", "--noise", "2", "--out", "x"]) == 2
-    assert (
-        run_command(["train", "bc", "--data", str(folder), "--execute", "9", "--out", str(folder / "x")]) == 2
-    )
+    assert typed(f"demos info {folder / 'nothing'}") == 2
+    assert typed("demos generate --objects sugar_box --noise 2 --out x") == 2
+    assert typed(f"train bc --data {folder} --execute 9 --out {folder / 'x'}") == 2

@@ -9,6 +9,7 @@ import time
 
 import pytest
 import trimesh
+from processes import typed
 from refusals import refused
 from trial_rows import row
 
@@ -240,7 +241,7 @@ def test_a_mesh_by_a_link_of_another_name_loses_no_trial(tmp_path, capsys):
     assert set(rows) == {"link2", "soda"}
     assert json.loads((out / rows["link2"]["grasp"]).read_text())["object"]["source"] == str(link)
     capsys.readouterr()
-    assert main(["plan", str(link), "--json"]) == 0
+    assert typed(f"plan {link} --json") == 0
 
 
 def test_fewer_trials_than_asked_for_are_no_success(tmp_path, monkeypatch, capsys):

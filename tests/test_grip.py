@@ -1,9 +1,12 @@
 """A clone's grip corrected by reinforcement: begins at the clone, moves the palm as told, resumes to the same bits."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from refusals import refused
 from robots import CELL, HOME
+from trainings import begun, goes_on_to_the_same_bits
 
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
@@ -73,22 +76,15 @@ def test_a_correction_stays_on_top_of_the_clones_set_points(clone):
 
 
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
-    GripTraining(tmp_path / "whole", SETTINGS, clone).run()
-    GripTraining(tmp_path / "parts", SETTINGS, clone).run(stop_after=1)
-    state = GripTraining(tmp_path / "parts", SETTINGS, clone).run()
-    assert state.epoch == state.epochs == 3
-    files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
-    assert files[0] == files[1]
+    assert (
+        goes_on_to_the_same_bits(partial(GripTraining, settings=SETTINGS, clone=clone), tmp_path).epoch == 3
+    )
     work = GripTraining(tmp_path / "whole", SETTINGS, clone)
     work.begin()
     work.envs.seed(5)
     meant, _ = work.model.predict(work.envs.reset()[:1], deterministic=True)
     work.envs.close()
-    agent = make_agent(str(tmp_path / "whole"))
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
-    observation, info = env.reset(seed=8)
-    agent.reset(observation, info)
-    assert env.action_space.contains(agent.act(observation))
+    agent, observation = begun(tmp_path / "whole", 8)
     grip = agent._policy
     looks = look(grip.clone, observation)
     assert np.abs(grip.correction(looks)).max() > 0.0  # it has learned something

@@ -10,8 +10,7 @@ import time
 from pathlib import Path
 
 import pytest
-
-from dexgrasp.cli.commands import run_command
+from processes import typed
 
 SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
@@ -149,11 +148,11 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
 @pytest.mark.parametrize(
     ("words", "work"),
     [
-        (["dataset", "generate", "--objects", "pear"], "dexgrasp.dataset.generate.generate"),
-        (["demos", "generate", "--objects", "pear"], "dexgrasp.demos.generate.generate"),
-        (["train", "cvae", "--data", "data"], "dexgrasp.cvae.cvae_training.CvaeTraining"),
-        (["train", "bc", "--data", "data", "--view", "state"], "dexgrasp.imitation.cloning.Cloning"),
-        (["train", "ppo", "--objects", "pear"], "dexgrasp.reinforcement.policy_training.PolicyTraining"),
+        ("dataset generate --objects pear", "dexgrasp.dataset.generate.generate"),
+        ("demos generate --objects pear", "dexgrasp.demos.generate.generate"),
+        ("train cvae --data data", "dexgrasp.cvae.cvae_training.CvaeTraining"),
+        ("train bc --data data --view state", "dexgrasp.imitation.cloning.Cloning"),
+        ("train ppo --objects pear", "dexgrasp.reinforcement.policy_training.PolicyTraining"),
     ],
 )
 def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, capsys):
@@ -163,7 +162,7 @@ def test_long_commands_say_what_is_kept(words, work, tmp_path, monkeypatch, caps
         raise KeyboardInterrupt
 
     monkeypatch.setattr(work, stopped)
-    assert run_command([*words, "--out", str(tmp_path / "out")]) == 3
+    assert typed(f"{words} --out {tmp_path / 'out'}") == 3
     said = capsys.readouterr().err
-    assert f"dexgrasp {words[0]}: interrupted; " in said
+    assert f"dexgrasp {words.split()[0]}: interrupted; " in said
     assert f"kept in {tmp_path / 'out'}: the same command goes on from there" in said

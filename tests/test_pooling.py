@@ -1,8 +1,7 @@
 """Evaluations that differ in their seed alone are one sample."""
 
-import json
-
 import pytest
+from processes import typed
 from refusals import refused
 from trial_rows import row, write_run
 
@@ -59,13 +58,13 @@ def test_trials_without_their_settings_stand_alone(tmp_path):
         rows_by_agent(folders)
 
 
-def test_agents_are_compared_over_seeds(tmp_path, capsys):
+def test_agents_are_compared_over_seeds(tmp_path, printed):
     folders = [run_folder(tmp_path / name, k, [True, False]) for k, name in enumerate("ab")]
     assert main(["compare", *map(str, folders), "x", "y", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["scenes"] == 4
+    assert printed()["scenes"] == 4
 
 
-def test_pushes_are_judged_in_comparisons_as_in_reports(tmp_path, capsys):
+def test_pushes_are_judged_in_comparisons_as_in_reports(tmp_path, printed):
     folder = run_folder(tmp_path / "a", 1, [])
     rows = [
         row(agent, success=agent == "y" or protocol == "pushed@1", protocol=protocol)
@@ -73,5 +72,5 @@ def test_pushes_are_judged_in_comparisons_as_in_reports(tmp_path, capsys):
         for protocol in ("pushed@0.5", "pushed@1")
     ]
     write_run(folder, rows)
-    assert main(["compare", str(folder), "x", "y", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["only_b"] == 2
+    assert typed(f"compare {folder} x y --json") == 0
+    assert printed()["only_b"] == 2

@@ -9,6 +9,7 @@ import trimesh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from oracles import box_distance
 from refusals import refused
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components

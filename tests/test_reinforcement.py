@@ -1,8 +1,11 @@
 """Reinforcement: resuming to the same bits, corrections that begin at the clone, agents by their path."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 from refusals import refused
+from trainings import begun, goes_on_to_the_same_bits
 
 from dexgrasp.demos.generate import generate
 from dexgrasp.demos.settings import DemoSettings
@@ -38,19 +41,10 @@ def settings_of(algorithm, **more):
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(algorithm, tmp_path, clone):
     settings = settings_of(algorithm)
     base = clone if algorithm == "ppo" else None
-    PolicyTraining(tmp_path / "whole", settings, base).run()
-    PolicyTraining(tmp_path / "parts", settings, base).run(stop_after=1)
-    state = PolicyTraining(tmp_path / "parts", settings, base).run()
-    assert state.epoch == state.epochs == 3
-    files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
-    assert files[0] == files[1]
+    make = partial(PolicyTraining, settings=settings, clone=base)
+    assert goes_on_to_the_same_bits(make, tmp_path).epoch == 3
     assert not [path for path in tmp_path.rglob("*") if path.suffix in (".zip", ".pkl", ".pth")]
-    agent = make_agent(str(tmp_path / "whole"))
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
-    observation, info = env.reset(seed=1)
-    agent.reset(observation, info)
-    action = agent.act(observation)
-    assert env.action_space.contains(action)
+    begun(tmp_path / "whole", 1)
     with refused("other settings"):
         PolicyTraining(tmp_path / "parts", settings_of(algorithm, seed=1), base).run()
 
@@ -60,12 +54,8 @@ def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
     generate(DemoSettings.of(["sugar_box"], agent="hardcoded", episodes=1), tmp_path / "demos")
     more = {"control_mode": "ee_delta", "share": 0.5, "randomise": (("mass", 1.0, 1.05),)}
     settings = settings_of("ppo", resets=str(tmp_path / "demos"), **more)
-    whole = PolicyTraining(tmp_path / "whole", settings).run()
+    whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
     assert [row["front"] for row in whole.curve] == [0.9] * 3
-    PolicyTraining(tmp_path / "parts", settings).run(stop_after=1)
-    PolicyTraining(tmp_path / "parts", settings).run()
-    files = [(tmp_path / name / "policy.safetensors").read_bytes() for name in ("whole", "parts")]
-    assert files[0] == files[1]
     assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
 
 
@@ -81,12 +71,9 @@ def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
     PolicyTraining(tmp_path / "out", settings).run()
     work = PolicyTraining(tmp_path / "out", settings)
     work.begin()
-    agent = make_agent(str(tmp_path / "out"))
     work.envs.seed(5)
     looks = work.envs.reset()
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", **agent.env_settings)
-    observation, info = env.reset(seed=5)
-    agent.reset(observation, info)
+    agent, observation = begun(tmp_path / "out", 5)
     meant, _ = work.model.predict(looks[:1], deterministic=True)
     np.testing.assert_allclose(agent.act(observation), meant[0], atol=1e-4)
     work.envs.close()

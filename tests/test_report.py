@@ -6,10 +6,10 @@ import re
 from html.parser import HTMLParser
 
 import pytest
+from processes import typed
 from trial_rows import row as trial_row
 from trial_rows import write_run
 
-from dexgrasp.cli.main import main
 from dexgrasp.evaluation.report.build import write_report
 from dexgrasp.evaluation.report.origin import commands, describe_run
 from dexgrasp.runs.text import seconds_words
@@ -150,9 +150,9 @@ def test_names_are_escaped(folder):
     assert "<script>alert(1)</script>a|b" in page.text
 
 
-def test_report_command(folder, capsys):
-    assert main(["report", str(folder), "--json"]) == 0
-    found = json.loads(capsys.readouterr().out)
+def test_report_command(folder, printed):
+    assert typed(f"report {folder} --json") == 0
+    found = printed()
     assert found["html"].endswith("report.html")
     assert (folder / "report.html").is_file()
 

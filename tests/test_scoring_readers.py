@@ -321,12 +321,12 @@ def test_closing_opens_away_and_presses_into():
 # -- the command ------------------------------------------------------------------------------------------------
 
 
-def test_score_command(folder, capsys):
+def test_score_command(folder, capsys, printed):
     files = [
         str(saved(folder / f"{i}.npy", dictionary(obj_pose=np.r_[0.3 + i, 0, 0, 1, 0, 0, 0]))) for i in (0, 1)
     ]
     code = main(["score", *files, "--mesh", str(folder / "meshes"), "--protocol", "dgb_tabletop", "--json"])
-    found = json.loads(capsys.readouterr().out)
+    found = printed()
     assert code == 1  # a hand that is not there holds nothing
     assert (found["grasps"], found["protocols"]["dgb_tabletop"]["successes"]) == (2, 0)
     assert {row["reason"] for row in found["rows"]} == {"moved"}
