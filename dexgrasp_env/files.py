@@ -10,7 +10,8 @@ import secrets
 import stat
 import sys
 import zipfile
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, is_dataclass
 from functools import cache
 from pathlib import Path
@@ -63,6 +64,19 @@ def check_bytes(count: int, what: str, kind: str) -> None:
     if count > most * _MIB:
         read = f"{most} that are read of {kind or 'such'} files"
         raise InputError(f"{what} has {count / _MIB:,.1f} MiB, more than the {read}: save less in it")
+
+
+@contextmanager
+def readable(what: object) -> Iterator[None]:
+    """Say in one line why the system gives no file.
+
+    Raises:
+        InputError: for an `OSError` within.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot read {what}: {error.strerror or error}") from None
 
 
 def read_file(path: Path, kind: str = "") -> bytes:
@@ -301,10 +315,10 @@ def read_yaml(path: Path, kind: str = "") -> Any:
     import yaml
 
     what = f"{kind} {path}".strip()
+    with readable(what):
+        content = read_file(path, ".yaml")
     try:
-        return yaml.safe_load(read_file(path, ".yaml").decode())
-    except OSError as error:
-        raise InputError(f"cannot read {what}: {error.strerror}") from None
+        return yaml.safe_load(content.decode())
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
         raise InputError(f"{what} is no YAML ({str(error).splitlines()[0]})") from None
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dexgrasp.runs.text import left_table
+from dexgrasp.runs.text import text_table
 
 
 def shown(value: Any) -> str:
@@ -27,7 +27,7 @@ def columns(figures: Mapping[str, Any]) -> list[str]:
 
 def record_table(rows: Sequence[Mapping[str, Any]]) -> str:
     """Return records with the same keys as a table."""
-    return left_table(tuple(rows[0]), [list(map(shown, row.values())) for row in rows])
+    return text_table(tuple(rows[0]), [list(map(shown, row.values())) for row in rows], words=True)
 
 
 def tables(figures: Mapping[str, Any]) -> str:

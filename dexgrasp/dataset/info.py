@@ -132,16 +132,13 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings, cell: Cell) -> 
 
 def picture(folder: Path, path: Path) -> None:
     """Draw the dataset: grasps a pose, margins, approach, and where the contacts lie."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
     poses = read_dataset(folder)
     names = list(dict.fromkeys(p.name for p in poses))
     columns = max(3, len(names))
-    size = (3.2 * columns, 7.2)
-    figure, (top, bottom) = plt.subplots(2, columns, figsize=size, layout="constrained")
+    figure = Figure((3.2 * columns, 7.2), layout="constrained")
+    top, bottom = figure.subplots(2, columns)
     for axis in (*top[3:], *bottom[len(names) :]):
         axis.axis("off")
     top[0].bar(range(len(poses)), [len(p) for p in poses], color=[f"C{names.index(p.name)}" for p in poses])
@@ -161,4 +158,3 @@ def picture(folder: Path, path: Path) -> None:
     bottom[0].legend(fontsize=6, markerscale=6)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=90)
-    plt.close(figure)

@@ -9,7 +9,7 @@ from dexgrasp.evaluation.sequential import capital
 from dexgrasp.evaluation.statistics import mcnemar, object_difference_interval, paired_difference_interval
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped, object_counts, present_sets
-from dexgrasp.runs.text import left_table, text_table
+from dexgrasp.runs.text import text_table
 from dexgrasp_env.errors import InputError, unknown_name
 
 Row = Mapping[str, Any]
@@ -124,7 +124,8 @@ def render_comparison(content: Mapping[str, Any]) -> str:
         scenes = [
             ["" if own.get(key) is None else str(own[key]) for key in keys] for own in content["discordant"]
         ]
-        parts.append(left_table(("object", "trial", "scene seed", "solved by", "why not the other"), scenes))
+        about = ("object", "trial", "scene seed", "solved by", "why not the other")
+        parts.append(text_table(about, scenes, words=True))
     return "\n\n".join(parts)
 
 

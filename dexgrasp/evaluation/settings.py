@@ -14,7 +14,7 @@ from dexgrasp.registry import agent_files, agent_source
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import check_file, expand, file_hash
+from dexgrasp_env.files import check_file, expand, file_hash, readable
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import Objects, object_name, target_files
 from dexgrasp_env.robot.cell import make_cell
@@ -223,8 +223,7 @@ def code_hash(agents: Sequence[str] = ()) -> str:
 
 
 def _file_hash(path: Path) -> str:
-    try:
+    with readable(path):
         check_file(path)
-        return file_hash(path)[:16]
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+        digest = file_hash(path)
+    return digest[:16]

@@ -12,7 +12,7 @@ from dexgrasp.evaluation.rows import Key, row_fault, row_key, trial_name
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.lines import Lines, read_lines
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import read_json_object, write_json
+from dexgrasp_env.files import read_json_object, readable, write_json
 
 Row = dict[str, Any]
 _RUN, _TRIALS = "run.json", "trials.jsonl"
@@ -72,14 +72,13 @@ def read_rows(folder: Path) -> list[Row]:
         InputError: if it holds no evaluation, or a damaged one.
     """
     path = folder / _TRIALS
-    try:
-        return _once_each(read_lines(path, "trial", row_fault))
-    except (FileNotFoundError, NotADirectoryError, IsADirectoryError):
+    if not path.is_file():
         raise InputError(
             f"{folder} holds no evaluation (no {_TRIALS}): name the --out of `dexgrasp evaluate`"
-        ) from None
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
+        )
+    with readable(path):
+        rows = read_lines(path, "trial", row_fault)
+    return _once_each(rows)
 
 
 def read_run(folder: Path) -> dict[str, Any]:

@@ -47,7 +47,6 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
     trajectory, facts = trajectory_of(record, cell.robot), grasp_facts(record, cell, stiffness)
-    folder.mkdir(parents=True, exist_ok=True)
     if kind == "json":
         return write_json(folder, trajectory, facts)
     scene = _scene(record, cell, folder) if kind == "mjcf" else []

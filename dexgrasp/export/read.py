@@ -9,7 +9,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import check_file, read_json_object
+from dexgrasp_env.files import check_file, read_json_object, readable
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Names
 
@@ -75,11 +75,10 @@ def _part(part: Any, key: str, names: Names, path: Path) -> Rows:
 
 def _read_csv(path: Path, names: Names) -> Rows:
     try:
-        check_file(path)
-        with path.open(encoding="utf-8") as file:
-            header, *rows = [line.rstrip("\n").split(",") for line in islice(file, _MOST_ROWS)] or [[""]]
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+        with readable(path):
+            check_file(path)
+            with path.open(encoding="utf-8") as file:
+                header, *rows = [line.rstrip("\n").split(",") for line in islice(file, _MOST_ROWS)] or [[""]]
     except UnicodeDecodeError as error:
         raise InputError(f"{path} is no CSV ({error})") from None
     if header != ["t", *names]:

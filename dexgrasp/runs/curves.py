@@ -31,10 +31,7 @@ def draw_curves(curve: Sequence[Row], path: Path, best: int = 0) -> None:
         path: of the picture.
         best: epoch that is marked; 0 for none.
     """
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
     lines: dict[str, dict[str, list[tuple[int, float]]]] = {}
     for row in curve:
@@ -42,8 +39,8 @@ def draw_curves(curve: Sequence[Row], path: Path, best: int = 0) -> None:
             for title in (title for title, names in _PANELS.items() if name in names):
                 label = (split or name).replace("_", " ")
                 lines.setdefault(title, {}).setdefault(label, []).append((row["epoch"], number))
-    size = (4.5 * max(len(lines), 1), 3.3)
-    figure, axes = plt.subplots(1, max(len(lines), 1), figsize=size, layout="constrained", squeeze=False)
+    figure = Figure((4.5 * max(len(lines), 1), 3.3), layout="constrained")
+    axes = figure.subplots(1, max(len(lines), 1), squeeze=False)
     for axis, (title, drawn) in zip(axes[0], lines.items(), strict=False):
         for label, points in drawn.items():
             axis.plot(*zip(*points, strict=True), lw=1, marker=".", markersize=3, label=label)
@@ -56,7 +53,6 @@ def draw_curves(curve: Sequence[Row], path: Path, best: int = 0) -> None:
         axis.legend(fontsize=7)
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100)
-    plt.close(figure)
 
 
 class Board:

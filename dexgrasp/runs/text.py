@@ -1,21 +1,11 @@
 """Tables as text, aligned for a terminal."""
 
-from collections.abc import Callable, Sequence
-
-Cells = Sequence[Sequence[str]]
+from collections.abc import Sequence
 
 
-def text_table(header: Sequence[str], rows: Cells) -> str:
-    """Return columns aligned with spaces: the first to the left, the others to the right."""
-    return _table(header, rows, [str.ljust] + [str.rjust] * (len(header) - 1))
-
-
-def left_table(header: Sequence[str], rows: Cells) -> str:
-    """Return columns aligned to the left, for words."""
-    return _table(header, rows, [str.ljust] * len(header))
-
-
-def _table(header: Sequence[str], rows: Cells, align: Sequence[Callable[[str, int], str]]) -> str:
+def text_table(header: Sequence[str], rows: Sequence[Sequence[str]], *, words: bool = False) -> str:
+    """Return columns aligned with spaces: the first to the left, the others to the right unless they are words."""
+    align = [str.ljust] + [str.ljust if words else str.rjust] * (len(header) - 1)
     widths = [max(map(len, column)) for column in zip(header, *rows, strict=True)]
     lines = [header, ["-" * width for width in widths], *rows]
     return "\n".join(

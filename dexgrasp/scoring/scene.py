@@ -17,7 +17,7 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat, pose_matrix
 
 _PREFIX = "hand/"
-_BASE, _MOCAP = "hand_base", "hand_target"
+BASE, _MOCAP = "hand_base", "hand_target"
 
 
 @dataclass(frozen=True)
@@ -79,14 +79,14 @@ def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
     if not hand.own_gains:
         for actuator in child.actuators:
             actuator.gainprm[0], actuator.biasprm[1] = physics.servo_kp, -physics.servo_kp
-    base = spec.worldbody.add_body(name=_BASE)
-    base.add_freejoint(name=_BASE)
+    base = spec.worldbody.add_body(name=BASE)
+    base.add_freejoint(name=BASE)
     spec.attach(child, frame=base.add_frame(), prefix=_PREFIX)
     spec.worldbody.add_body(name=_MOCAP, mocap=True)
     same_pose = np.zeros(12)  # anchor 3, position 3, quaternion 4, torque scale, unused
     same_pose[[6, 10]] = 1.0
     spec.add_equality(
-        type=mujoco.mjtEq.mjEQ_WELD, name1=_MOCAP, name2=_BASE, objtype=mujoco.mjtObj.mjOBJ_BODY,
+        type=mujoco.mjtEq.mjEQ_WELD, name1=_MOCAP, name2=BASE, objtype=mujoco.mjtObj.mjOBJ_BODY,
         data=same_pose, solimp=[0.9, 0.95, 0.001, 0.5, 2],
     )  # fmt: skip
 
@@ -108,7 +108,7 @@ class FloatingScene:
         self.servo_kp = None if candidate.hand.own_gains else physics.servo_kp
         self._alone = mujoco.MjData(candidate.hand.model)
         self.object_body = self.model.body("object").id
-        first, last = self.model.body(_BASE).id, self.model.nbody
+        first, last = self.model.body(BASE).id, self.model.nbody
         self.hand_bodies = [
             b for b in range(first, last) if b != self.object_body and self.model.body_rootid[b] == first
         ]
@@ -138,22 +138,15 @@ class FloatingScene:
         """Let time pass."""
         mujoco.mj_step(self.model, self.data, nstep=max(1, round(seconds / self.model.opt.timestep)))
 
-    def move(self, start: HandStage, end: HandStage, seconds: float, steps: int = 10) -> None:
-        """Move the set-points from one stage to the other in equal steps, as DexGraspBench does."""
-        for part in np.arange(1, steps + 1) / steps:
+    def move(self, start: HandStage, end: HandStage, seconds: float) -> None:
+        """Move the set-points from one stage to the other in ten equal steps, as DexGraspBench does."""
+        for part in np.arange(1, 11) / 10:
             T = interpolated(start.T_world_hand, end.T_world_hand, float(part))
             self.aim(T, start.joints + part * (end.joints - start.joints))
-            self.run(seconds / steps)
+            self.run(seconds / 10)
 
-    def object_pose(self) -> Array:
-        """Return T_world_object (4, 4)."""
-        return self._pose("object")
-
-    def hand_pose(self) -> Array:
-        """Return T_world_hand (4, 4), where the base is."""
-        return self._pose(_BASE)
-
-    def _pose(self, body: str) -> Array:
+    def pose(self, body: str = "object") -> Array:
+        """Return the pose (4, 4) of the object, or of the hand's `BASE`, in the world frame."""
         return pose_matrix(self.data.body(body).xpos, self.data.body(body).xquat)
 
     def hand_contacts(self) -> list[tuple[int, float, float]]:

@@ -5,7 +5,7 @@ import zlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -23,14 +23,11 @@ from dexgrasp_env.errors import InputError
 SCHEMA = 1
 
 
-class ScoreTask(NamedTuple):
-    """One grasp to score: the file and the grasp's number in it, protocols, and the seed of their draws."""
+class Scored(NamedTuple):
+    """What came of one grasp: a row for each protocol, and its metrics."""
 
-    path: Path
-    number: int
-    protocols: tuple[str, ...]
-    options: ReadOptions
-    seed: int
+    rows: list[dict[str, Any]]
+    metrics: dict[str, Any]
 
 
 def score_files(
@@ -60,22 +57,21 @@ def score_files(
     for name in names:
         get_grasp_protocol(name)
     found = {path: _read(path, options) for path in dict.fromkeys(paths)}
-    tasks = [ScoreTask(p, i, names, options, seed) for p, own in found.items() for i in range(len(own))]
-    if not tasks:
+    grasps = [(path, k) for path, own in found.items() for k in range(len(own))]
+    if not grasps:
         raise InputError("no grasps to score")
-    results: list[dict[str, Any]] = [{}] * len(tasks)
+    scored: dict[tuple[Path, int], Scored] = {}
+    work = partial(score_grasp, protocols=names, options=options, seed=seed)
     with progress_bar("grasp", "score") as show:
-        for done, (k, result) in enumerate(
-            run_pool(_numbered, list(enumerate(tasks)), Backend(workers=workers)), 1
-        ):
-            results[k] = result
-            show(done, len(tasks))
-    rows = [row for result in results for row in result["rows"]]
-    metrics = [result["metrics"] for result in results]
+        for grasp, result in run_pool(work, grasps, Backend(workers=workers)):
+            scored[grasp] = result
+            show(len(scored), len(grasps))
+    rows = [row for grasp in grasps for row in scored[grasp].rows]
+    metrics = [scored[grasp].metrics for grasp in grasps]
     return {
         "schema": SCHEMA,
         "seed": seed,
-        "grasps": len(tasks),
+        "grasps": len(grasps),
         "protocols": {name: _summary(own) for name, own in grouped(rows, "protocol").items()},
         "metrics_mean": _means(metrics),
         "diversity": diversity([candidate for own in found.values() for candidate in own]),
@@ -89,21 +85,20 @@ def _read(path: Path, options: ReadOptions) -> tuple[Candidate, ...]:
     return tuple(read_candidates(path, options))
 
 
-def score_grasp(task: ScoreTask) -> dict[str, Any]:
-    """Return the rows and the metrics of one grasp."""
-    candidate = _read(task.path, task.options)[task.number]
+def score_grasp(
+    grasp: tuple[Path, int], protocols: Sequence[str], options: ReadOptions, seed: int
+) -> tuple[tuple[Path, int], Scored]:
+    """Return which grasp it was, by its file and its number there, and what came of it."""
+    path, number = grasp
+    candidate = _read(path, options)[number]
     about = {"grasp": candidate.source, "object": candidate.object.name}
     rows = []
-    for name in task.protocols:
+    for name in protocols:
         start = time.perf_counter()
         # The same noise for every grasp, so that grasps are compared under the same draws.
-        verdict = get_grasp_protocol(name).judge(candidate, task.seed + zlib.crc32(name.encode()))
+        verdict = get_grasp_protocol(name).judge(candidate, seed + zlib.crc32(name.encode()))
         rows.append({**about, "protocol": name, **asdict(verdict), "seconds": time.perf_counter() - start})
-    return {"rows": rows, "metrics": {**about, **contact_metrics(candidate)}}
-
-
-def _numbered(task: tuple[int, ScoreTask]) -> tuple[int, dict[str, Any]]:
-    return task[0], score_grasp(task[1])
+    return grasp, Scored(rows, {**about, **contact_metrics(candidate)})
 
 
 def _summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

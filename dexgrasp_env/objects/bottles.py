@@ -108,12 +108,12 @@ def oval_bottle(
     return loft([*sections, *(Section(z * height, r, r) for r, z in top)])
 
 
-def clamshell(size: Sequence[float], groove: float = 8e-4) -> Shape:
+def clamshell(size: Sequence[float]) -> Shape:
     """A rounded case of two shells with a shallow groove where they meet.
 
     The groove is in the surface only.
     """
-    a, b, c = size[0] / 2, size[1] / 2, size[2] / 2
+    a, b, c, groove = size[0] / 2, size[1] / 2, size[2] / 2, 8e-4
     sections = []
     for t in np.linspace(-1.0, 1.0, 15):
         level = float(np.sign(t) * np.sin(abs(t) * np.pi / 2))

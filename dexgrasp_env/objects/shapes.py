@@ -137,7 +137,7 @@ def spiked_ball(diameter: float, spike: float, radius: float) -> Shape:
     half = (ball / 2 + spike - radius) / 2
     parts, solids = [ContactPart("sphere", np.array([ball, 0, 0]), centre)], []
     for direction in _spike_directions():
-        quat = _z_to(direction)
+        quat = matrix_to_quat(frame_of_z(direction))
         parts.append(
             ContactPart("capsule", np.array([radius, half, 0]), centre + direction * (ball / 2 + half), quat)
         )
@@ -150,14 +150,14 @@ def spiked_ball(diameter: float, spike: float, radius: float) -> Shape:
     return Shape(union([core, *solids]), tuple(parts))
 
 
-def brick_tower(side: float, height: float, bricks: int, stud: float, seam: float = 4e-4) -> Shape:
+def brick_tower(side: float, height: float, bricks: int, stud: float) -> Shape:
     """A tower of square bricks with four studs on top and a shallow seam between bricks.
 
     The seams are in the surface only: contact is one box and four cylinders.
     """
     import trimesh
 
-    body = height - stud
+    body, seam = height - stud, 4e-4
     layer = body / bricks
     solids = [_block(side - 2 * seam, 0.0, body)]
     solids += [
@@ -190,8 +190,3 @@ def _spike_directions() -> Array:
     ico = trimesh.creation.icosahedron()
     points = np.concatenate([ico.vertices, ico.triangles_center])
     return points / np.linalg.norm(points, axis=-1, keepdims=True)
-
-
-def _z_to(direction: Array) -> Array:
-    """Quaternion (4,) wxyz that turns z to a unit direction (3,)."""
-    return matrix_to_quat(frame_of_z(direction))

@@ -38,7 +38,6 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
     """
     content = contents(folders)
     text = render("markdown", content)
-    out.mkdir(parents=True, exist_ok=True)
     for figure in chain(*content["figures"].values()):
         write_atomically(out / f"{figure.name}.png", figure.draw("png"))
     for name, page in (("report.html", render("html", content)), ("report.md", text)):

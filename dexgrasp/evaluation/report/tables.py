@@ -10,7 +10,7 @@ from dexgrasp.evaluation.prediction import PREDICTORS, Prediction
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.summary import bare_count, grouped
-from dexgrasp.runs.text import left_table, seconds_words, text_table
+from dexgrasp.runs.text import seconds_words, text_table
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 Agents = Mapping[str, Mapping[str, Any]]
@@ -34,7 +34,7 @@ def render_summary(summary: Mapping[str, Any]) -> str:
     if (clutter := clutter_table(agents)).rows:
         parts.append(text_table(*clutter))
     if (failures := failure_table(agents, codes=True)).rows:
-        parts.append(left_table(*failures))
+        parts.append(text_table(*failures, words=True))
     parts += [
         f"{pair['a']} against {pair['b']} on the same scenes: {pair['only_a']} solved by {pair['a']} alone, "
         f"{pair['only_b']} by {pair['b']} alone (exact McNemar p = {pair['p_value']:.3g})"

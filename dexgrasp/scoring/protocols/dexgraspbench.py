@@ -49,7 +49,7 @@ class DexGraspBenchForceClosure(DexGraspBench):
             scene.push(_GRAVITY * scene.mass * axis)
             for _ in range(10):
                 scene.run(0.2)
-                verdict = self._verdict(candidate.T_world_object, scene.object_pose(), f"pushed along {name}")
+                verdict = self._verdict(candidate.T_world_object, scene.pose(), f"pushed along {name}")
                 if not verdict.success:
                     return verdict
             worst = max(worst, verdict, key=lambda v: v.moved_m)
@@ -75,4 +75,4 @@ class DexGraspBenchTabletop(DexGraspBench):
         squeeze, up = self._close(scene, self._stage, self._stage), self._lift * AXES["+z"]
         scene.move(squeeze, squeeze.shifted(up), self._stage)
         goal = shifted(candidate.T_world_object, up)
-        return self._verdict(goal, scene.object_pose(), "off after the lift")
+        return self._verdict(goal, scene.pose(), "off after the lift")

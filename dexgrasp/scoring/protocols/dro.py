@@ -23,8 +23,8 @@ class Dro(GraspProtocol):
         scene = self._scene(candidate)
         scene.reset(candidate.pregrasp)
         self._close(scene, 0.5, 0.5)
-        start = scene.object_pose()
+        start = scene.pose()
         for name in ("+x", "+y", "+z", "-x", "-y", "-z"):
             scene.push(self._acceleration * scene.mass * AXES[name])
             scene.run(1.0)
-        return self._verdict(start, scene.object_pose(), "under the six pushes")
+        return self._verdict(start, scene.pose(), "under the six pushes")

@@ -38,7 +38,7 @@ class FroggerPick(GraspProtocol):
             scene.aim(shifted(squeeze.T_world_hand, offset), squeeze.joints)
             scene.run(self._period)
             goal = shifted(candidate.T_world_object, offset)
-            verdict = self._verdict(goal, scene.object_pose(), f"off, {time:.2f} s into the lift")
+            verdict = self._verdict(goal, scene.pose(), f"off, {time:.2f} s into the lift")
             if not verdict.success:
                 return verdict
         return verdict

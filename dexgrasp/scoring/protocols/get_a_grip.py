@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from dexgrasp.scoring.candidate import Candidate
 from dexgrasp.scoring.protocols.base import AXES, GRAVITY, GraspProtocol, Verdict
-from dexgrasp.scoring.scene import FloatingScene, Physics
+from dexgrasp.scoring.scene import BASE, FloatingScene, Physics
 from dexgrasp_env.arrays import Array
 
 
@@ -49,7 +49,7 @@ class GetAGrip(GraspProtocol):
         for start, end in itertools.pairwise(self._targets()):
             scene.move(squeeze.shifted(start), squeeze.shifted(end), self._beat)
         wanted = np.linalg.inv(candidate.grasp.T_world_hand) @ candidate.T_world_object
-        found = np.linalg.inv(scene.hand_pose()) @ scene.object_pose()
+        found = np.linalg.inv(scene.pose(BASE)) @ scene.pose()
         verdict = self._verdict(wanted, found, "in the hand")
         links = {body for body, _, force in scene.hand_contacts() if force > 0.0}
         if verdict.success and len(links) < self._least_links:

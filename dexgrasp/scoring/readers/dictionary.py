@@ -9,7 +9,7 @@ import numpy as np
 
 from dexgrasp.runs.pickles import unpickle
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import read_file
+from dexgrasp_env.files import read_file, readable
 
 _NPY = b"\x93NUMPY"
 
@@ -20,16 +20,14 @@ def read_dictionary(path: Path) -> dict[str, Any]:
     Raises:
         InputError: if the file is missing or damaged, holds something else, or asks for anything but arrays.
     """
+    with readable(path):
+        data = read_file(path)
     try:
-        content = unpickle(_pickled(read_file(path)))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror}") from None
+        content = unpickle(_pickled(data))
     except pickle.UnpicklingError as error:
         raise InputError(
             f"{path} is not read ({str(error) or 'damaged'}): valid are dictionaries of arrays, numbers and text"
         ) from None
-    except InputError:
-        raise
     except Exception as error:  # a damaged pickle fails in any way it likes, none of them ours to run into
         raise InputError(f"{path} is damaged or no pickled dictionary ({type(error).__name__})") from None
     if isinstance(content, np.ndarray) and content.shape == () and content.dtype == object:

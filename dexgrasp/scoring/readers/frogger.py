@@ -17,7 +17,7 @@ from dexgrasp.scoring.hand import ALLEGRO, find_hand
 from dexgrasp.scoring.readers.fields import Fields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import read_npz
+from dexgrasp_env.files import read_npz, readable
 
 PALM = "algr_rh_palm"
 _PALM_HEIGHT = (
@@ -66,9 +66,9 @@ def read_arrays(path: Path) -> dict[str, Any]:
     Raises:
         InputError: if it is missing, damaged or holds pickled objects.
     """
-    try:
-        return dict(read_npz(path))
-    except OSError as error:
-        raise InputError(f"cannot read {path}: {error.strerror or error}") from None
-    except ValueError as error:
-        raise InputError(f"{path} is no .npz file of plain arrays ({error})") from None
+    with readable(path):
+        try:
+            arrays = dict(read_npz(path))
+        except ValueError as error:
+            raise InputError(f"{path} is no .npz file of plain arrays ({error})") from None
+    return arrays
