@@ -12,6 +12,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_array_equal
 from processes import typed
 from refusals import refused
 from robots import HOME, ROBOT
@@ -75,9 +76,7 @@ def test_hardcoded_says_why_it_stands_still():
     observation = cloud_of_box(np.array([0.3, 0.3, 0.3]))
     agent.reset(observation, {})
     assert agent.report.failure == "approach_blocked"
-    np.testing.assert_array_equal(
-        agent.act(observation), normalise(HOME.astype(np.float32), ROBOT).astype(np.float32)
-    )
+    assert_array_equal(agent.act(observation), normalise(HOME.astype(np.float32), ROBOT).astype(np.float32))
     agent.reset(cloud_of_box(np.array([0.04, 0.08, 0.1]), at=(1.1, 0.0)), {})
     assert agent.report.failure == "out_of_reach"
     agent.reset(observation | {"cloud_mask": np.zeros(400, np.int8)}, {})
@@ -99,7 +98,7 @@ def test_random_is_seeded_and_fills_the_space():
     for _ in range(2):
         agent.seed(3)
         draws.append([agent.act({}) for _ in range(50)])
-    np.testing.assert_array_equal(*draws)
+    assert_array_equal(*draws)
     assert all(space.contains(action) for action in draws[0])
     assert np.ptp(draws[0]) > 1.9
 
@@ -161,9 +160,7 @@ def test_checkpoint_acts(algorithm, tmp_path):
         observation, _ = env.reset(seed=0)
         agent.seed(0)
         agent.reset(observation, {})
-        np.testing.assert_array_equal(
-            agent.act(observation), trained.predict(observation, deterministic=True)[0]
-        )
+        assert_array_equal(agent.act(observation), trained.predict(observation, deterministic=True)[0])
     (tmp_path / f"{algorithm}.json").write_text('{"observe": "reset"}')
     assert make_agent(str(path)).env_settings["observe"] == "reset"
     env.close()
@@ -192,7 +189,7 @@ def test_a_checkpoint_tells_its_modes_and_brings_its_normalisation(settings, tmp
     observation, _ = alone.reset(seed=0)
     agent.reset(observation, {})
     expected = trained.predict(env.normalize_obs(observation), deterministic=True)[0]
-    np.testing.assert_array_equal(agent.act(observation), expected)
+    assert_array_equal(agent.act(observation), expected)
     (tmp_path / "ppo.pkl").write_bytes(b"no pickle")
     with refused("VecNormalize"):
         make_agent(str(tmp_path / "ppo.zip"))

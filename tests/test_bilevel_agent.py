@@ -6,6 +6,7 @@ from types import SimpleNamespace
 import gymnasium as gym
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from processes import python
 from refusals import refused
 from robots import CELL, LOWER, ROBOT, UPPER
@@ -72,8 +73,8 @@ def test_plans_on_what_was_seen_not_on_the_truth(attempt):
     true.apply_transform(attempt.subject.pose.T_world_object)
     target = attempt.agent.result.target
     seen = target.hull.vertices
-    np.testing.assert_allclose(seen.min(0), true.bounds[0], atol=0.02)
-    np.testing.assert_allclose(seen.max(0), true.bounds[1], atol=0.02)
+    assert_allclose(seen.min(0), true.bounds[0], atol=0.02)
+    assert_allclose(seen.max(0), true.bounds[1], atol=0.02)
     assert target.mass != attempt.env.unwrapped.simulation.object.mass
     info = public_info(attempt.env, {"object_height": 1.0, "perception_failure": None})
     assert "object_height" not in info
@@ -83,7 +84,7 @@ def test_lifts_the_sugar_box(attempt):
     """One whole episode; also: the same observation gives the same plan, and every action is in the space."""
     env, first = attempt.env, attempt.agent.result.grasp
     attempt.agent.reset(attempt.observation, {})
-    np.testing.assert_array_equal(attempt.agent.result.grasp.q, first.q)
+    assert_array_equal(attempt.agent.result.grasp.q, first.q)
     observation, steps = attempt.observation, 0
     while True:
         action = attempt.agent.act(observation)
@@ -215,7 +216,7 @@ def test_recovers_after_a_failure_and_before_any_reset_has_no_plan(attempt):
     fresh.seed(0)
     fresh.reset(attempt.observation, {})
     assert fresh.report.failure is None
-    np.testing.assert_array_equal(fresh.result.grasp.q, attempt.agent.result.grasp.q)
+    assert_array_equal(fresh.result.grasp.q, attempt.agent.result.grasp.q)
 
 
 def test_the_mount_follows_the_environment(attempt, agent):
@@ -247,9 +248,7 @@ def closing(attempt, blocked):
     end = script.targets[first["squeeze"] - 1]
     q, targets = start.copy(), []
     for _ in range(first["close"]):
-        np.testing.assert_allclose(
-            denormalise(execution.action(q), ROBOT), script.targets[len(targets)], atol=1e-5
-        )
+        assert_allclose(denormalise(execution.action(q), ROBOT), script.targets[len(targets)], atol=1e-5)
         targets.append(0)
     closed = []
     while not execution.done:
@@ -300,7 +299,7 @@ def test_a_finger_that_meets_nothing_stops_soon_after_the_surface(attempt):
             assert at_limit[limited].all()
             assert moving[stop, finger] > 1.0
         else:
-            np.testing.assert_allclose(at, beyond, atol=1e-4)
+            assert_allclose(at, beyond, atol=1e-4)
 
 
 def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
@@ -326,16 +325,14 @@ def test_the_squeeze_presses_from_where_the_joints_stand(attempt):
         torque += (J.T @ force)[:23]
     for columns in COLUMNS:
         pressed = stand[columns] + np.clip(torque[columns], -0.7, 0.7) / 10.0
-        np.testing.assert_allclose(
-            targets[-1][columns], np.clip(pressed, LOWER[columns], UPPER[columns]), atol=2e-4
-        )
+        assert_allclose(targets[-1][columns], np.clip(pressed, LOWER[columns], UPPER[columns]), atol=2e-4)
 
 
 def test_the_arm_alone_moves_in_the_lift(attempt):
     *_, targets, held = closing(attempt, (0.9, 0.9, 0.9))
     q, execution = targets[-1].copy(), GuardedCarry(held)
     lifted = np.array([denormalise(execution.action(q), ROBOT) for _ in range(200)])
-    np.testing.assert_allclose(lifted[:, 7:], np.broadcast_to(lifted[0, 7:], lifted[:, 7:].shape), atol=1e-6)
+    assert_allclose(lifted[:, 7:], np.broadcast_to(lifted[0, 7:], lifted[:, 7:].shape), atol=1e-6)
     rise = tips(lifted[-1])[:, 2].mean() - tips(targets[0])[:, 2].mean()
     assert rise > 0.1
 

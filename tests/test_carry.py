@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
 from robots import CELL, HOME, ROBOT
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
@@ -55,10 +56,10 @@ def test_a_heavy_object_is_turned_about_its_centre_and_no_corner_sinks(heavy):
     assert np.abs(np.rad2deg(angle) - [30.0, 45.0, 60.0]).min() < 1.0
     centre = target.centre + p0 - palm_frame(plan.grasp.q, TREE)[1]
     after = p1 + R @ (centre - p0)
-    np.testing.assert_allclose(after[:2], centre[:2], atol=0.005)
+    assert_allclose(after[:2], centre[:2], atol=0.005)
     corners = target.hull.vertices - target.centre
     assert (after + corners @ R.T)[:, 2].min() >= (centre + corners)[:, 2].min() - 0.005
-    np.testing.assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
+    assert_array_less(np.abs(np.diff(turn.arm, axis=0, prepend=start[None, :7])), 0.12)
 
 
 def test_what_it_presses_with_balances_gravity_as_the_object_then_lies(heavy):
@@ -116,16 +117,16 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
 
     still, turned = played(None), played(turn)
     end = len(turned) - 1
-    np.testing.assert_allclose(turned[end, :7], turn.arm[-1], atol=1e-4)
+    assert_allclose(turned[end, :7], turn.arm[-1], atol=1e-4)
     lifted = np.abs(still[:, :7] - script.targets[first["hold"] - 1, :7]).max(axis=1).argmin()
-    np.testing.assert_array_equal(still[:lifted], turned[:lifted])
+    assert_array_equal(still[:lifted], turned[:lifted])
     frames = body_frames(grasp.q, TREE)
     J = tip_jacobian(TREE, frames, tip_positions(TREE, frames) - 0.0105 * grasp.normals)[:, :, 7:]
     asked = np.einsum("frj,fr->j", J, turn.forces - grasp.forces)
     given = 10.0 * (turned[end] - still[end])[7:]
     fingers = np.abs(asked) > 0.05
     assert fingers.any()
-    np.testing.assert_allclose(given[fingers], asked[fingers], atol=0.02)
+    assert_allclose(given[fingers], asked[fingers], atol=0.02)
 
 
 @pytest.mark.parametrize(("free", "turned", "lost"), [(1, 0, True), (1, 1, False), (3, 1, True)])

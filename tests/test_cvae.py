@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from processes import typed
 from refusals import refused
 from robots import CELL
@@ -205,7 +206,7 @@ def test_proposals_are_the_same_for_the_same_seed():
     source, target = CvaeProposals(latents=64, ranked=False), box()
     a, b, c = (source.propose(target, PlannerSettings(), np.random.default_rng(s)) for s in (1, 1, 2))
     assert a.assigned
-    np.testing.assert_array_equal(a.contacts, b.contacts)
+    assert_array_equal(a.contacts, b.contacts)
     assert a.contacts.shape != c.contacts.shape or (a.contacts != c.contacts).any()
 
 
@@ -214,7 +215,7 @@ def test_fingertips_are_put_on_the_surface_above_the_table():
     tips = np.random.default_rng(0).uniform([0.42, -0.03, -0.02], [0.58, 0.13, 0.13], (200, 3, 3))
     contacts, normals, usable = on_surface(tips, target, settings)
     assert np.abs(target.distance.distance(contacts.reshape(-1, 3))).max() < 1e-6
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-9)
+    assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, atol=1e-9)
     assert 0 < usable.sum() < 200
     assert contacts[usable][:, :, 2].min() > settings.table_clearance
 
@@ -297,7 +298,7 @@ def test_decoded_palms_are_rotations_near_the_fingertips():
     target = GraspTarget.of(trimesh.creation.box((0.05, 0.1, 0.08)).apply_translation([0.5, 0.0, 0.04]))
     tips, palms = decode(read_decoder(shipped_weights()), target, 40, np.random.default_rng(0))
     R = palms[:, :3, :3]
-    np.testing.assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (40, 1, 1)), atol=1e-9)
+    assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (40, 1, 1)), atol=1e-9)
     assert (np.linalg.det(R) > 0).all()
     assert np.median(np.linalg.norm(palms[:, :3, 3] - tips.mean(1), axis=1)) < 0.2
 
@@ -314,5 +315,5 @@ def test_the_decoder_in_numpy_is_the_network(trained):
         with torch.no_grad():
             feature = model.cloud(torch.from_numpy(cloud)[None])
             grasps = model.decode(feature.expand(50, -1), torch.from_numpy(latent)).numpy()
-        np.testing.assert_allclose(decoder.feature(cloud), feature[0].numpy(), atol=1e-5)
-        np.testing.assert_allclose(decoder.decode(decoder.feature(cloud), latent), grasps, atol=1e-5)
+        assert_allclose(decoder.feature(cloud), feature[0].numpy(), atol=1e-5)
+        assert_allclose(decoder.decode(decoder.feature(cloud), latent), grasps, atol=1e-5)

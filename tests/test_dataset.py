@@ -9,6 +9,7 @@ import time
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from processes import typed
 from refusals import refused
 from robots import CELL
@@ -52,7 +53,7 @@ def test_every_rest_pose_has_its_grasps_and_they_pass_independent_checks(made):
     for pose in poses:
         assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {n: shape_of(n, 23) for n in FIELDS}
         distance = np.linalg.norm(pose.grasps["normals"], axis=-1)
-        np.testing.assert_allclose(distance, 1.0, atol=1e-5)
+        assert_allclose(distance, 1.0, atol=1e-5)
         assert (pose.grasps["margin"] >= SETTINGS.planner.closure_margin - 1e-5).all()
     checked = check_sample(made, 12)
     assert checked == {"checked": 12, "passed": 12, "failures": {}}
@@ -98,8 +99,8 @@ def test_placing_moves_the_distance_with_the_object():
     moved = queries @ turn(1.1).T + [0.5, -0.1, 0.0]
     there, out = placed(scene.grasp_target, placement).distance.distance_gradient(moved)
     here, straight = scene.grasp_target.distance.distance_gradient(queries)
-    np.testing.assert_allclose(there, here, atol=1e-12)
-    np.testing.assert_allclose(out, straight @ turn(1.1).T, atol=1e-9)
+    assert_allclose(there, here, atol=1e-12)
+    assert_allclose(out, straight @ turn(1.1).T, atol=1e-9)
 
 
 def test_two_workers_make_the_same_files(made, tmp_path):

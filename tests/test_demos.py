@@ -9,6 +9,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from processes import typed
 from refusals import refused
 from robots import CELL, HOME, ROBOT
@@ -52,9 +53,9 @@ def test_actions_of_every_mode_follow_the_same_set_points(mode):
     for wanted in path[1:]:
         env.step(to_action(mode, env.unwrapped.targets, wanted, tree))
     targets = env.unwrapped.targets
-    np.testing.assert_allclose(targets[7:], path[-1][7:], atol=1e-5)
+    assert_allclose(targets[7:], path[-1][7:], atol=1e-5)
     for reached, meant in zip(palm_frame(targets, tree), palm_frame(path[-1], tree), strict=True):
-        np.testing.assert_allclose(reached, meant, atol=2e-3 if mode == "ee_delta" else 1e-5)
+        assert_allclose(reached, meant, atol=2e-3 if mode == "ee_delta" else 1e-5)
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +98,7 @@ def test_episodes_begin_along_demonstrations_backwards_from_success(folder, cont
     resets = DemoResets(folder, whole=0.0).attach(envs)
     demo, states = next(read_episodes(folder)), resets.states[0]
     assert len(states) == pytest.approx(len(demo) / 4, abs=4)
-    np.testing.assert_allclose(states[0].physics[24:31], demo.observations["object_pose"][0], atol=1e-3)
+    assert_allclose(states[0].physics[24:31], demo.observations["object_pose"][0], atol=1e-3)
     envs.reset(seed=0)
     for _ in range(4):
         *_, info = envs.step(np.zeros(envs.action_space.shape))
@@ -129,7 +130,7 @@ def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):
     assert episode.once["cloud"].shape == (1024, 3)
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     observation, _ = env.reset(seed=episode.about["scene_seed"])
-    np.testing.assert_array_equal(observation["object_pose"], episode.observations["object_pose"][0])
+    assert_array_equal(observation["object_pose"], episode.observations["object_pose"][0])
 
 
 def test_noise_is_known_and_can_be_taken_out(folder):
@@ -152,12 +153,12 @@ def test_the_lerobot_layout_holds_the_same_steps(folder):
     assert rows["index"] == list(range(info["total_frames"]))
     episode = next(read_episodes(folder))
     first = np.array(rows["action"])[np.array(rows["episode_index"]) == 0]
-    np.testing.assert_array_equal(first.astype(np.float32), episode.actions)
+    assert_array_equal(first.astype(np.float32), episode.actions)
     table = pq.read_table(folder / "lerobot/meta/episodes/chunk-000/file-000.parquet").to_pydict()
     assert table["length"][0] == len(episode)
-    np.testing.assert_array_equal(table["once/cloud"][0], episode.once["cloud"].ravel())
+    assert_array_equal(table["once/cloud"][0], episode.once["cloud"].ravel())
     stats = json.loads((folder / "lerobot/meta/stats.json").read_text())
-    np.testing.assert_allclose(stats["action"]["mean"], np.mean(rows["action"], axis=0), atol=1e-6)
+    assert_allclose(stats["action"]["mean"], np.mean(rows["action"], axis=0), atol=1e-6)
     assert all(a <= b for a, b in zip(stats["action"]["q10"], stats["action"]["q90"], strict=True))
     pandas = pytest.importorskip("pandas")
     tasks = pandas.read_parquet(folder / "lerobot/meta/tasks.parquet")
@@ -210,10 +211,8 @@ def test_an_interrupted_run_goes_on_to_the_same_demonstrations(settings, folder,
         replay_all(tmp_path / "out")
     generate(settings, tmp_path / "out")
     for one, other in zip(read_episodes(folder), read_episodes(tmp_path / "out"), strict=True):
-        np.testing.assert_array_equal(one.actions, other.actions)
-        np.testing.assert_array_equal(
-            one.observations["joint_positions"], other.observations["joint_positions"]
-        )
+        assert_array_equal(one.actions, other.actions)
+        assert_array_equal(one.observations["joint_positions"], other.observations["joint_positions"])
     with refused("other settings"):
         generate(DemoSettings.of(["sugar_box"], agent=TEACHER, episodes=3), tmp_path / "out")
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from robots import CELL, HOME, LOWER, ROBOT, UPPER, VELOCITY
 
@@ -90,14 +91,14 @@ def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():
     path = plan_arm(checker, LEFT, RIGHT, seed=1)
     assert path is not None
     assert checker.first_contact(path) is None
-    np.testing.assert_array_equal(path, plan_arm(checker, LEFT, RIGHT, seed=1))
-    np.testing.assert_array_equal(path[[0, -1]], [LEFT, RIGHT])
+    assert_array_equal(path, plan_arm(checker, LEFT, RIGHT, seed=1))
+    assert_array_equal(path[[0, -1]], [LEFT, RIGHT])
 
 
 def test_script_around_the_tower_is_free_and_reproducible():
     motion = GraspMotion(RIGHT, RIGHT, RIGHT)
     script, again = (make_script(LEFT, motion, TOWER, CELL) for _ in range(2))
-    np.testing.assert_array_equal(script.targets, again.targets)
+    assert_array_equal(script.targets, again.targets)
     approach = np.concatenate([LEFT[None], script.targets[: script.phases[1][1]]])
     assert CollisionChecker(CELL, TOWER, margin=0.002).first_contact(approach) is None
 
@@ -121,7 +122,7 @@ def test_timing_keeps_velocity_and_acceleration_limits(speed):
     goal = np.clip(goal, LOWER, UPPER)
     middle = np.clip(HOME + np.linspace(0.5, -0.5, 23), LOWER, UPPER)
     samples = time_path(np.stack([HOME, middle, goal]), robot_tree(CELL), speed=speed)
-    np.testing.assert_allclose(samples[-1], goal, atol=1e-12)
+    assert_allclose(samples[-1], goal, atol=1e-12)
     rate = np.diff(np.concatenate([HOME[None], samples]), axis=0) / CONTROL_PERIOD
     assert (np.abs(rate) <= 1.02 * speed * VELOCITY).all()
     change = np.diff(np.concatenate([0 * rate[:1], rate, 0 * rate[:1]]), axis=0) / CONTROL_PERIOD
@@ -133,7 +134,7 @@ def test_timing_of_degenerate_paths():
     assert len(time_path(np.stack([HOME, HOME, HOME]), robot_tree(CELL))) == 0
     tiny = HOME + 1e-4
     samples = time_path(np.stack([HOME, HOME, tiny]), robot_tree(CELL))
-    np.testing.assert_allclose(samples[-1], tiny)
+    assert_allclose(samples[-1], tiny)
     assert within_limits(HOME, samples, robot_tree(CELL))
 
 
@@ -144,7 +145,7 @@ def test_rounded_corners_stay_near_the_polyline():
     dense = densify(path, 0.002)
     gaps = np.linalg.norm(rounded[:, None] - dense[None], axis=-1).min(axis=1)
     assert gaps.max() < 0.1
-    np.testing.assert_allclose(rounded[[0, -1]], path[[0, -1]])
+    assert_allclose(rounded[[0, -1]], path[[0, -1]])
 
 
 def test_palm_goes_straight_and_keeps_its_turn():
@@ -154,8 +155,8 @@ def test_palm_goes_straight_and_keeps_its_turn():
     assert error < 1e-5
     for q, shift in zip(path, shifts, strict=True):
         R, p = palm_frame(q, robot_tree(CELL))
-        np.testing.assert_allclose(p, p0 + shift, atol=1e-5)
-        np.testing.assert_allclose(R, R0, atol=1e-4)
+        assert_allclose(p, p0 + shift, atol=1e-5)
+        assert_allclose(R, R0, atol=1e-4)
 
 
 def test_script_phases_limits_and_actions():
@@ -169,12 +170,12 @@ def test_script_phases_limits_and_actions():
     assert within_limits(HOME, script.targets, robot_tree(CELL))
     firsts = dict(script.phases)
     assert (len(script.targets) - firsts["hold"]) * CONTROL_PERIOD >= 3.2
-    np.testing.assert_allclose(script.targets[firsts["lift"] - 1], squeeze)
+    assert_allclose(script.targets[firsts["lift"] - 1], squeeze)
     rise = palm_frame(script.targets[-1], robot_tree(CELL))[1] - palm_frame(squeeze, robot_tree(CELL))[1]
-    np.testing.assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
+    assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
     assert script.phase(0) == "approach"
     assert script.phase(10_000) == "hold"
-    np.testing.assert_array_equal(script.at(10_000), script.targets[-1])
+    assert_array_equal(script.at(10_000), script.targets[-1])
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from oracles import box_distance
 from refusals import refused
 
@@ -27,7 +28,7 @@ def scatter(rng, n, size=0.3):
 
 def test_box_is_exact_inside_and_outside(box):
     points = scatter(np.random.default_rng(0), 5000)
-    np.testing.assert_allclose(box.distance(points), box_distance(points, SIDES), atol=1e-15)
+    assert_allclose(box.distance(points), box_distance(points, SIDES), atol=1e-15)
     assert (box.distance(points) < 0).any()
 
 
@@ -39,7 +40,7 @@ def test_far_and_near_points_of_many_faces_agree_with_every_triangle(can):
     nearest = trimesh.triangles.closest_point(corners, queries)
     expected = np.linalg.norm(nearest - queries, axis=1).reshape(len(points), -1).min(axis=1)
     assert mesh.is_watertight
-    np.testing.assert_allclose(np.abs(can.distance(points)), expected, atol=1e-12)
+    assert_allclose(np.abs(can.distance(points)), expected, atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -56,7 +57,7 @@ def test_features_of_the_box(box, p, feature, distance, gradient):
     d, code, _ = closest_feature(np.array(p), box.obstacle, g)
     assert (FACE if code < EDGE else EDGE if code < VERTEX else VERTEX) == feature
     assert d == pytest.approx(distance)
-    np.testing.assert_allclose(g, gradient, atol=1e-12)
+    assert_allclose(g, gradient, atol=1e-12)
 
 
 @pytest.mark.parametrize("name", ["box", "can"])
@@ -70,7 +71,7 @@ def test_gradient_and_hessian_agree_with_finite_differences(name, request):
         if d < 1e-3:
             continue
         ahead, behind = shape.distance_gradient(p + step), shape.distance_gradient(p - step)
-        np.testing.assert_allclose((ahead[0] - behind[0]) / 2e-6, g, atol=1e-4)
+        assert_allclose((ahead[0] - behind[0]) / 2e-6, g, atol=1e-4)
         agree.append(np.abs((ahead[1] - behind[1]) / 2e-6 - H).max() * d < 1e-6)
     assert np.mean(agree) > 0.99  # a point within the step of a feature's border has two Hessians
 
@@ -88,7 +89,7 @@ def test_compiled_function_and_batch_give_the_same_bits(can):
     distances, gradients = can.distance_gradient(points)
     for p, d, expected in zip(points, distances, gradients, strict=True):
         assert convex_distance(p, can.obstacle, g) == d
-        np.testing.assert_array_equal(g, expected)
+        assert_array_equal(g, expected)
         assert convex_distance(p, can.obstacle, g, d + 1e-3) == d
         assert d - 0.01 <= convex_distance(p, can.obstacle, g, d - 0.01) <= d
 
@@ -108,10 +109,10 @@ def test_distance_to_a_union_is_the_least_of_its_parts(hammer):
     assert set(nearest) == {0, 1}
     distances, gradients = union.distance_gradient(points)
     for k, (d, g) in enumerate(each):  # to the bit: a part among others is computed as it is alone
-        np.testing.assert_array_equal(distances[nearest == k], d[nearest == k])
-        np.testing.assert_array_equal(gradients[nearest == k], g[nearest == k])
+        assert_array_equal(distances[nearest == k], d[nearest == k])
+        assert_array_equal(gradients[nearest == k], g[nearest == k])
     closest, outside = points - distances[:, None] * gradients, distances > 0
-    np.testing.assert_allclose(union.distance(closest)[outside], 0.0, atol=1e-12)
+    assert_allclose(union.distance(closest)[outside], 0.0, atol=1e-12)
     assert union.distance([[0.05, 0.03, 0.0]])[0] == pytest.approx(0.015)  # in the hull's air
 
 
@@ -121,7 +122,7 @@ def test_curvature_of_a_union_is_that_of_its_nearest_part(hammer):
         part = min(hammer, key=lambda part, p=p: part.distance(p)[0])
         d = convex_distance_hessian(p, part.obstacle, g, expected)
         assert convex_distance_hessian(p, union.obstacle, g, H) == d
-        np.testing.assert_array_equal(H, expected)
+        assert_array_equal(H, expected)
 
 
 def test_a_union_of_one_is_that_one(hammer):

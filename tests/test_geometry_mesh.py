@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from oracles import box_distance
 from refusals import refused
 
@@ -34,9 +35,7 @@ def test_exact_box_inside_outside_and_beside_sharp_edges(box, points):
     corners = SIDES / 2 * np.array([[1, 1, 1], [1, 1, 0.3], [-1, 0.2, 1]])
     near = (corners[:, None] + 1e-4 * np.random.default_rng(1).normal(size=(3, 200, 3))).reshape(-1, 3)
     for queries in (points, near):
-        np.testing.assert_allclose(
-            closest_on_mesh(box, queries).distances, box_distance(queries, SIDES), atol=1e-15
-        )
+        assert_allclose(closest_on_mesh(box, queries).distances, box_distance(queries, SIDES), atol=1e-15)
 
 
 def test_exact_torus_to_the_facets(torus, points):
@@ -48,14 +47,14 @@ def test_exact_torus_to_the_facets(torus, points):
 def test_exact_closest_point_and_gradient(shape, points, request):
     mesh, some = request.getfixturevalue(shape), points[:300]
     distances, closest, gradients = closest_on_mesh(mesh, some)
-    np.testing.assert_allclose(closest + distances[:, None] * gradients, some, atol=1e-15)
-    np.testing.assert_allclose(np.linalg.norm(gradients, axis=1), 1.0, atol=1e-12)
+    assert_allclose(closest + distances[:, None] * gradients, some, atol=1e-15)
+    assert_allclose(np.linalg.norm(gradients, axis=1), 1.0, atol=1e-12)
     assert np.abs(closest_on_mesh(mesh, closest).distances).max() < 1e-12
 
 
 def test_on_the_surface_the_gradient_is_the_normal(box):
     top = np.array([[0.011, 0.007, SIDES[2] / 2]])
-    np.testing.assert_allclose(closest_on_mesh(box, top).gradients, [[0, 0, 1]], atol=1e-12)
+    assert_allclose(closest_on_mesh(box, top).gradients, [[0, 0, 1]], atol=1e-12)
 
 
 def test_exact_agrees_with_trying_every_triangle(torus, points):
@@ -63,7 +62,7 @@ def test_exact_agrees_with_trying_every_triangle(torus, points):
     queries = np.repeat(some, len(torus.faces), 0)
     nearest = trimesh.triangles.closest_point(np.tile(torus.triangles, (20, 1, 1)), queries)
     expected = np.linalg.norm(nearest - queries, axis=1).reshape(20, -1).min(axis=1)
-    np.testing.assert_allclose(np.abs(closest_on_mesh(torus, some).distances), expected, atol=1e-15)
+    assert_allclose(np.abs(closest_on_mesh(torus, some).distances), expected, atol=1e-15)
 
 
 def test_exact_sign_at_a_knife_edge():
@@ -81,9 +80,7 @@ def test_unwelded_vertices_do_not_matter(box, points):
     loose = trimesh.Trimesh(
         box.triangles.reshape(-1, 3), np.arange(3 * len(box.faces)).reshape(-1, 3), process=False
     )
-    np.testing.assert_array_equal(
-        closest_on_mesh(loose, points).distances, closest_on_mesh(box, points).distances
-    )
+    assert_array_equal(closest_on_mesh(loose, points).distances, closest_on_mesh(box, points).distances)
 
 
 def test_an_open_mesh_has_distances(box):

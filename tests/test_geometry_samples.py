@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from scipy.spatial import cKDTree
 
@@ -17,10 +18,10 @@ def box():
 def test_samples_have_the_exact_count_and_lie_on_their_faces(box, n):
     samples = surface_samples(box, n, 0)
     assert samples.points.shape == samples.normals.shape == (n, 3)
-    np.testing.assert_allclose(closest_on_mesh(box, samples.points).distances, 0.0, atol=1e-12)
-    np.testing.assert_allclose(samples.normals, box.face_normals[samples.faces], atol=1e-12)
+    assert_allclose(closest_on_mesh(box, samples.points).distances, 0.0, atol=1e-12)
+    assert_allclose(samples.normals, box.face_normals[samples.faces], atol=1e-12)
     offset = ((samples.points - box.triangles[samples.faces][:, 0]) * samples.normals).sum(-1)
-    np.testing.assert_allclose(offset, 0.0, atol=1e-12)
+    assert_allclose(offset, 0.0, atol=1e-12)
 
 
 def test_samples_are_spread_evenly():
@@ -33,13 +34,13 @@ def test_samples_are_spread_evenly():
 
 def test_samples_are_shared_by_area(box):
     counts = np.bincount(surface_samples(box, 2048, 2).faces, minlength=12)
-    np.testing.assert_allclose(counts / 2048, box.area_faces / box.area, atol=0.01)
+    assert_allclose(counts / 2048, box.area_faces / box.area, atol=0.01)
 
 
 def test_samples_depend_on_the_seed_only(box):
     first, same, other = (surface_samples(box, 256, seed).points for seed in (3, 3, 4))
-    np.testing.assert_array_equal(first, same)
-    np.testing.assert_array_equal(first, surface_samples(box, 256, np.random.default_rng(3)).points)
+    assert_array_equal(first, same)
+    assert_array_equal(first, surface_samples(box, 256, np.random.default_rng(3)).points)
     assert (first != other).any()
 
 

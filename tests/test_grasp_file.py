@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from robots import HOME
 
@@ -24,21 +25,21 @@ def test_round_trip(contents, tmp_path):
     write_grasp(tmp_path / "g.json", content)
     record = read_grasp(tmp_path / "g.json")
     for name in ("q", "pregrasp", "grasp", "squeeze"):
-        np.testing.assert_array_equal(getattr(record, name), content[name])
+        assert_array_equal(getattr(record, name), content[name])
     for name, rows in (("point", record.points), ("normal", record.normals), ("force", record.forces)):
-        np.testing.assert_array_equal(rows, [contact[name] for contact in content["contacts"]])
-    np.testing.assert_array_equal(record.hull, content["parts"][0])
+        assert_array_equal(rows, [contact[name] for contact in content["contacts"]])
+    assert_array_equal(record.hull, content["parts"][0])
     assert record.fingers == ("thumb", "index", "middle")
     assert record.object.name == record.object.source == "pear"
     assert record.mount == "palm_normal"
     assert record.certificate.mass == content["certificate"]["mass"] == content["object"]["known_mass"]
     assert record.thresholds == FROZEN
-    np.testing.assert_array_equal(record.phase("approach").setpoints[0], HOME)
-    np.testing.assert_array_equal(record.phase("lift").setpoints[0], content["squeeze"])
+    assert_array_equal(record.phase("approach").setpoints[0], HOME)
+    assert_array_equal(record.phase("lift").setpoints[0], content["squeeze"])
     assert json.loads((tmp_path / "g.json").read_text()) == content
     assert as_json(record) == {name: content[name] for name in content if name not in ("version", "created")}
     write_grasp(tmp_path / "whole.json", {"schema": 1, "grasp": content})  # the output of `plan --json`
-    np.testing.assert_array_equal(read_grasp(tmp_path / "whole.json").q, record.q)
+    assert_array_equal(read_grasp(tmp_path / "whole.json").q, record.q)
 
 
 def test_neighbours_and_any_number_of_contacts_are_read_as_they_were_written(contents):
@@ -54,8 +55,8 @@ def test_neighbours_and_any_number_of_contacts_are_read_as_they_were_written(con
     content["table_height"] = -0.25
     record = record_of(content)
     assert [n.name for n in record.neighbours] == [None, "mug"]
-    np.testing.assert_allclose(record.neighbours[0].pose[:3, 3], [0.6, 0.1, 0.25])
-    np.testing.assert_array_equal(record.neighbours[1].parts[1], content["parts"][1])
+    assert_allclose(record.neighbours[0].pose[:3, 3], [0.6, 0.1, 0.25])
+    assert_array_equal(record.neighbours[1].parts[1], content["parts"][1])
     assert record.fingers == ("thumb", "index", "middle", "ring")
     assert record.points.shape == record.forces.shape == (4, 3)
     again = record_of(as_json(record))
@@ -64,7 +65,7 @@ def test_neighbours_and_any_number_of_contacts_are_read_as_they_were_written(con
         (record.points, again.points),
         (record.hull, again.hull),
     ):
-        np.testing.assert_allclose(one, other, atol=1e-12)
+        assert_allclose(one, other, atol=1e-12)
     failed = {check.name for check in verify(record, ["conventions"]) if not check.holds}
     assert {
         "no neighbours, which are not looked at yet",
@@ -128,7 +129,7 @@ def test_parts_are_read_as_they_were_planned_on(contents, tmp_path):
     record = read_grasp(tmp_path / "g.json")
     assert [len(part) for part in record.parts] == [8, 8]
     assert np.ptp(record.parts[1], axis=0) == pytest.approx([0.035, 0.11, 0.05])
-    np.testing.assert_array_equal(record.hull, np.concatenate(contents["hammer"]["parts"]))
+    assert_array_equal(record.hull, np.concatenate(contents["hammer"]["parts"]))
 
 
 def drop(key):

@@ -4,6 +4,7 @@ from functools import partial
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from refusals import refused
 from robots import CELL, HOME
 from trainings import begun, goes_on_to_the_same_bits
@@ -48,7 +49,7 @@ def test_without_a_correction_it_is_the_clone(clone):
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     plain, bent = make_agent(str(clone))._policy, grip_of(clone, np.zeros(SIZE))
     actions = [played(policy, env, 12)[0] for policy in (plain, bent)]
-    np.testing.assert_allclose(*actions, atol=1e-5)
+    assert_allclose(*actions, atol=1e-5)
     assert np.abs(actions[0]).max() > 0.01
 
 
@@ -60,10 +61,10 @@ def test_the_palm_moves_along_and_about_its_own_axes(axis):
     q = HOME.copy()
     q[:7] += arm_step(HOME, move, tree)
     turned, shifted = palm_frame(q, tree)
-    np.testing.assert_allclose(R.T @ (shifted - p), move[:3], atol=4e-4)
+    assert_allclose(R.T @ (shifted - p), move[:3], atol=4e-4)
     spin = R.T @ turned
     found = 0.5 * np.array([spin[2, 1] - spin[1, 2], spin[0, 2] - spin[2, 0], spin[1, 0] - spin[0, 1]])
-    np.testing.assert_allclose(found, move[3:], atol=3e-3)
+    assert_allclose(found, move[3:], atol=3e-3)
 
 
 def test_a_correction_stays_on_top_of_the_clones_set_points(clone):

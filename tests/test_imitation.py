@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from project_scripts import load_script
 from refusals import refused
 from robots import CELL
@@ -73,7 +74,7 @@ def test_a_scene_turned_about_the_base_looks_the_same(demos, view):
     differing = np.flatnonzero(~np.isclose(*rows, atol=1e-4))
     # The way from the base to the object alone tells them apart.
     assert len(differing) == 1
-    np.testing.assert_allclose(np.diff([row[differing] for row in rows], axis=0), angle, atol=1e-4)
+    assert_allclose(np.diff([row[differing] for row in rows], axis=0), angle, atol=1e-4)
 
 
 def test_features_tell_nothing_of_the_last_action(demos):
@@ -84,7 +85,7 @@ def test_features_tell_nothing_of_the_last_action(demos):
         "joint_velocities": seen["joint_velocities"] + 1.0,
         "joint_positions": seen["joint_positions"] - 0.1,
     }
-    np.testing.assert_array_equal(*(features("state", scene, look, 40) for look in (seen, faster)))
+    assert_array_equal(*(features("state", scene, look, 40) for look in (seen, faster)))
 
 
 def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
@@ -93,8 +94,8 @@ def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
     episode = next(read_episodes(demos))
     targets = episode.observations["joint_targets"]
     chunk = rows.chunks(np.array([0]), np.array([[10, len(episode) - 2]]), 8)[0]
-    np.testing.assert_allclose(chunk[0], targets[11:19] - targets[10], atol=1e-6)
-    np.testing.assert_allclose(chunk[1, 1:], np.repeat((targets[-1] - targets[-3])[None], 7, 0), atol=1e-6)
+    assert_allclose(chunk[0], targets[11:19] - targets[10], atol=1e-6)
+    assert_allclose(chunk[1, 1:], np.repeat((targets[-1] - targets[-3])[None], 7, 0), atol=1e-6)
 
 
 @pytest.mark.parametrize("view", ["state", "cloud"])
@@ -124,7 +125,7 @@ def test_numpy_predicts_what_torch_does(demos, tmp_path):
     _, code = clone.look({key: array[0] for key, array in episode.observations.items()} | episode.once)
     ours = clone.predict(batch.looks[0], np.repeat(code[None], 2, 0))
     theirs = net(*(torch.from_numpy(array) for array in batch[:2])).detach().numpy()[0]
-    np.testing.assert_allclose(ours.reshape(2, -1) / clone._unit, theirs, atol=1e-4)
+    assert_allclose(ours.reshape(2, -1) / clone._unit, theirs, atol=1e-4)
 
 
 def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):

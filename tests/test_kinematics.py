@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 
@@ -114,13 +115,13 @@ def test_frames_and_tips_are_mujocos(mount):
         model, data = placed(q, mount)
         R, p = body_frames(q, tree)
         ids = [model.body(name).id for name in BODIES]
-        np.testing.assert_allclose(p, data.xpos[ids], atol=1e-12)
-        np.testing.assert_allclose(R.reshape(-1, 9), data.xmat[ids], atol=1e-12)
+        assert_allclose(p, data.xpos[ids], atol=1e-12)
+        assert_allclose(R.reshape(-1, 9), data.xmat[ids], atol=1e-12)
         tips = [data.site(f"{finger}_tip").xpos for finger in GRASP_FINGERS]
-        np.testing.assert_allclose(fingertips(q, tree), tips, atol=1e-12)
+        assert_allclose(fingertips(q, tree), tips, atol=1e-12)
         R_palm, p_palm = palm_frame(q, tree)
-        np.testing.assert_allclose(R_palm.ravel(), data.site("palm").xmat, atol=1e-12)
-        np.testing.assert_allclose(p_palm, data.site("palm").xpos, atol=1e-12)
+        assert_allclose(R_palm.ravel(), data.site("palm").xmat, atol=1e-12)
+        assert_allclose(p_palm, data.site("palm").xpos, atol=1e-12)
 
 
 @pytest.mark.parametrize("mount", MOUNTS)
@@ -130,15 +131,15 @@ def test_tip_jacobians_are_mujocos(mount):
         model, data = placed(q, mount)
         ours, of_hand = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)), np.empty((3, 3, 23))
         hand_jacobian(tree, body_frames(q, tree), fingertips(q, tree), of_hand)
-        np.testing.assert_array_equal(of_hand, np.where(np.arange(23) < 7, 0.0, ours))
+        assert_array_equal(of_hand, np.where(np.arange(23) < 7, 0.0, ours))
         for i, finger in enumerate(GRASP_FINGERS):
             mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)
-            np.testing.assert_allclose(ours[i], J, atol=1e-12)
+            assert_allclose(ours[i], J, atol=1e-12)
 
 
 def test_limits_and_unknown_mount():
-    np.testing.assert_array_equal(robot_tree(CELL).lower, LOWER)
-    np.testing.assert_array_equal(robot_tree(CELL).upper, UPPER)
+    assert_array_equal(robot_tree(CELL).lower, LOWER)
+    assert_array_equal(robot_tree(CELL).upper, UPPER)
     with refused("valid are palm_normal"):
         robot_tree(CELL.mounted("sideways"))
 
@@ -158,7 +159,7 @@ def test_palm_ik_reaches_poses_that_can_be_reached(mount):
         turned = np.arccos(np.clip((np.trace(R.T @ data.site("palm").xmat.reshape(3, 3)) - 1) / 2, -1, 1))
         assert np.hypot(off, 0.15 * turned) <= 1.02 * error + 1e-6  # it never claims more than it has reached
         assert ((q >= LOWER) & (q <= UPPER)).all()
-        np.testing.assert_array_equal(q[7:], HOME[7:])
+        assert_array_equal(q[7:], HOME[7:])
         met += error < 1e-4
     assert met >= 57
 
@@ -292,7 +293,7 @@ def test_gradients_of_clearances_are_their_differences():
         switched += len(kinks)
         for key, (_, row) in here.items():
             if key not in kinks:
-                np.testing.assert_allclose(row, differences[key], atol=2e-5, err_msg=str(key))
+                assert_allclose(row, differences[key], atol=2e-5, err_msg=str(key))
                 checked += 1
     assert checked > 150
     assert switched < 0.1 * checked

@@ -6,6 +6,7 @@ from pathlib import Path
 import gymnasium as gym
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from refusals import refused
 from robots import HOME
 
@@ -225,7 +226,7 @@ def test_pushes_are_of_the_weight_in_six_directions_after_a_second():
     pushes = np.array(pushes[:80]) / weight
     on = np.abs(pushes).sum(1) > 0
     assert on.sum() == 60
-    np.testing.assert_allclose(np.abs(pushes[on]).sum(1), 0.5)
+    assert_allclose(np.abs(pushes[on]).sum(1), 0.5)
     assert [tuple(np.sign(pushes[14 * k])) for k in range(6)] == [
         (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1),
     ]  # fmt: skip
@@ -252,8 +253,8 @@ def test_shaking_moves_the_arm_and_not_the_agents_set_points():
         offsets.append(rows[0, -1] - env.targets)
         held(env, 1)
     offsets, t = np.array(offsets), 0.05 * np.arange(1, 41)
-    np.testing.assert_allclose(offsets[:40, 0], 0.06 * np.sin(2 * np.pi * 3 * t), atol=1e-12)
+    assert_allclose(offsets[:40, 0], 0.06 * np.sin(2 * np.pi * 3 * t), atol=1e-12)
     expected = 0.04 * (np.sin(2 * np.pi * 2.4 * t + 1) - np.sin(1))
-    np.testing.assert_allclose(offsets[:40, 3], expected, atol=1e-12)
+    assert_allclose(offsets[:40, 3], expected, atol=1e-12)
     assert np.abs(np.delete(offsets, [0, 3], axis=1)).max() == 0
     assert np.abs(offsets[40]).max() == 0

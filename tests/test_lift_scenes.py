@@ -5,6 +5,7 @@ import copy
 import numpy as np
 import pytest
 from lift_envs import make
+from numpy.testing import assert_allclose, assert_array_equal
 from project_scripts import load_script
 from robots import CELL, HOME, ROBOT
 
@@ -28,7 +29,7 @@ def test_reset_is_true_from_the_first_moment():
     assert observation["progress"][0] == pytest.approx(info["object_height"], abs=1e-6)
     assert set(info["reward_terms"]) == set(WEIGHTS)
     assert info["reward_terms"]["reach"] > 0
-    np.testing.assert_allclose(observation["palm_pose"][:3], env.unwrapped.data.site("palm").xpos, atol=1e-6)
+    assert_allclose(observation["palm_pose"][:3], env.unwrapped.data.site("palm").xpos, atol=1e-6)
 
 
 def test_info_has_one_type_each():
@@ -74,7 +75,7 @@ def test_randomised_values_are_told():
     assert 3.0 <= told["mass"] <= 4.0
     for name in ("friction", "gain", "latency", "joint_noise"):
         assert ranges[name][0] <= told[name] <= ranges[name][1]
-    np.testing.assert_allclose(observation["variation"], list(told.values()), rtol=1e-6)
+    assert_allclose(observation["variation"], list(told.values()), rtol=1e-6)
     model = env.unwrapped.model
     assert model.actuator_gainprm[0, 0] == pytest.approx(4500 * told["gain"])
     noise = observation["joint_positions"] - env.unwrapped.data.qpos[:23]
@@ -90,9 +91,9 @@ def test_commands_come_late():
         action[7] = 0.2
         rows = [env._episodes.set_points(slice(0, 1), action[None])[0][0].copy() for _ in range(3)]
         commands.append(np.concatenate(rows)[:, 7])
-    np.testing.assert_allclose(commands[0][10:], commands[1][:-10], atol=1e-12)
-    np.testing.assert_allclose(commands[0][:10], HOME[7], atol=1e-12)
-    np.testing.assert_allclose(np.diff(commands[1]), 0.2 * max_step(ROBOT)[7] / 25, atol=1e-12)
+    assert_allclose(commands[0][10:], commands[1][:-10], atol=1e-12)
+    assert_allclose(commands[0][:10], HOME[7], atol=1e-12)
+    assert_allclose(np.diff(commands[1]), 0.2 * max_step(ROBOT)[7] / 25, atol=1e-12)
 
 
 def test_upright_stands_as_built():
@@ -124,7 +125,7 @@ def test_calibration_error_is_one_rigid_motion():
             for error in ({"position": 0.01, "rotation": 0.035}, None)
         )
         each = believed @ np.linalg.inv(true)
-        np.testing.assert_allclose(each, each[:1].repeat(4, 0), atol=1e-12)
+        assert_allclose(each, each[:1].repeat(4, 0), atol=1e-12)
         assert np.arccos((np.trace(each[0, :3, :3]) - 1) / 2) == pytest.approx(0.035)
         assert np.linalg.norm((each[0] @ [0.5, 0, 0, 1])[:3] - [0.5, 0, 0]) == pytest.approx(0.01)
         errors.append(each[0])
@@ -136,7 +137,7 @@ def test_options_place_the_object():
     pose = [0.5, 0.1, 0.05, 1, 0, 0, 0]
     observation, info = env.reset(seed=0, options={"object": "gelatin_box", "object_pose": pose})
     assert info["object"] == "gelatin_box"
-    np.testing.assert_allclose(observation["object_pose"][:2], [0.5, 0.1], atol=2e-3)
+    assert_allclose(observation["object_pose"][:2], [0.5, 0.1], atol=2e-3)
 
 
 @pytest.mark.parametrize("name", ["sugar_box", "tomato_soup_can", "massage_ball", "castle"])
@@ -157,14 +158,14 @@ def test_randomised_model_equals_a_freshly_compiled_one(name):
     )  # fmt: skip
     for field in names:
         a, b = getattr(written, field), getattr(fresh, field)
-        np.testing.assert_allclose(a, b, rtol=2e-4, atol=2e-6, err_msg=field)
+        assert_allclose(a, b, rtol=2e-4, atol=2e-6, err_msg=field)
 
 
 def test_randomised_episode_reports_its_object():
     env = make(randomisation={"mass": (1.5, 1.5), "size": (1.2, 1.2)})
     observation, _ = env.reset(seed=0)
     model: ObjectModel = load_object("sugar_box")
-    np.testing.assert_allclose(observation["object_size"], model.extents * 1.2, rtol=1e-5)
+    assert_allclose(observation["object_size"], model.extents * 1.2, rtol=1e-5)
     assert observation["object_mass"][0] == pytest.approx(model.mass * 1.5 * 1.2**3, rel=1e-5)
 
 
@@ -173,7 +174,7 @@ def test_model_is_compiled_once_and_never_written_to():
     other.reset(seed=0)
     assert env.simulation.base is other.simulation.base
     fresh: Simulation = env.simulation
-    np.testing.assert_array_equal(fresh.base.geom_size, build_like(fresh).geom_size)
+    assert_array_equal(fresh.base.geom_size, build_like(fresh).geom_size)
 
 
 def build_like(simulation):

@@ -8,9 +8,9 @@ import threading
 from pathlib import Path
 
 import gymnasium as gym
-import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose
 from project_scripts import load_script
 from refusals import refused
 
@@ -52,10 +52,10 @@ def test_members_have_their_own_unit_mass_friction_and_pose(folder):
     targets = resolve_targets([path, "pear"])
     assert targets == [f"{path}#brick", f"{path}#ball", "pear"]
     brick, ball = map(load_object, targets[:2])
-    np.testing.assert_allclose(brick.extents, [0.05, 0.06, 0.08])
+    assert_allclose(brick.extents, [0.05, 0.06, 0.08])
     assert (brick.name, brick.mass, brick.friction) == ("brick", 0.2, 0.4)
     assert (ball.name, ball.friction) == ("ball", None)
-    np.testing.assert_allclose(ball.upright, 0.5)
+    assert_allclose(ball.upright, 0.5)
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_members_stand_upright_as_the_set_says(folder):
     env = gym.make("DexGrasp/LiftUpright-v1", objects=path)
     env.reset(seed=0)
     vertical = env.unwrapped.data.body("object").xmat.reshape(3, 3)[2]
-    np.testing.assert_allclose(vertical, [0, 1, 0], atol=1e-2)
+    assert_allclose(vertical, [0, 1, 0], atol=1e-2)
     env.close()
 
 
@@ -199,7 +199,7 @@ def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fe
     (target,) = resolve_targets([str(path)])
     model = load_object(target)
     assert (model.name, model.mass) == ("ycb_004_sugar_box", 0.514)
-    np.testing.assert_allclose(model.extents, [0.04, 0.09, 0.17], atol=1e-6)
+    assert_allclose(model.extents, [0.04, 0.09, 0.17], atol=1e-6)
     arguments[-1] = "http://127.0.0.1:1"  # nobody is there: what is in the cache is not fetched again
     assert fetch_ycb([*arguments, "--yes"]) == 0
 

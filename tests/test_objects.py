@@ -5,6 +5,7 @@ import mujoco
 import numpy as np
 import pytest
 import scipy.spatial
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 
 from dexgrasp_env.arrays import fibonacci_directions
@@ -55,7 +56,7 @@ def compiled(model: ObjectModel) -> mujoco.MjModel:
 @pytest.mark.parametrize("name", sorted(SIZES))
 def test_size_and_mass_are_those_of_the_table(name):
     model = load_object(name)
-    np.testing.assert_allclose(1000 * model.extents, SIZES[name][:3], atol=0.5)
+    assert_allclose(1000 * model.extents, SIZES[name][:3], atol=0.5)
     assert model.mass == SIZES[name][3] / 1000
 
 
@@ -75,7 +76,7 @@ def test_surface_is_a_clean_solid_about_its_centre_of_mass(name):
     assert mesh.volume > 0
     assert 1000 <= len(mesh.faces) <= 7000
     assert mesh.area_faces.min() > 0
-    np.testing.assert_allclose(mesh.center_mass, 0, atol=1e-7)
+    assert_allclose(mesh.center_mass, 0, atol=1e-7)
 
 
 @pytest.mark.parametrize("name", EVERY)
@@ -95,14 +96,14 @@ def test_compiles_with_the_mass_and_inertia_mujoco_finds_in_the_mesh(name):
     model = load_object(name)
     mj_model = compiled(model)
     assert mj_model.body_mass[1] == pytest.approx(model.mass)
-    np.testing.assert_allclose(mj_model.body_ipos[1], 0, atol=1e-9)
+    assert_allclose(mj_model.body_ipos[1], 0, atol=1e-9)
     spec = mujoco.MjSpec()
     mesh = spec.add_mesh(name="m", uservert=model.mesh.vertices.ravel(), userface=model.mesh.faces.ravel())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_EXACT
     body = spec.worldbody.add_body()
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="m", mass=model.mass)
     own = spec.compile()
-    np.testing.assert_allclose(np.sort(mj_model.body_inertia[1]), np.sort(own.body_inertia[1]), rtol=2e-3)
+    assert_allclose(np.sort(mj_model.body_inertia[1]), np.sort(own.body_inertia[1]), rtol=2e-3)
 
 
 def test_geoms_have_the_agreed_names_and_groups():
@@ -126,9 +127,9 @@ def test_contact_geoms_lie_where_the_parts_are(name):
             start, count = mj_model.mesh_vertadr[mesh], mj_model.mesh_vertnum[mesh]
             local = mj_model.mesh_vert[start : start + count]
             world = local @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
-            np.testing.assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
+            assert_allclose(world.max(0), (part.vertices + part.position).max(0), atol=1e-6)
         else:
-            np.testing.assert_allclose(data.geom_xpos[geom], part.position, atol=1e-9)
+            assert_allclose(data.geom_xpos[geom], part.position, atol=1e-9)
 
 
 def test_boxes_cylinders_and_balls_are_primitives():
@@ -173,12 +174,12 @@ def test_hash_follows_the_content_and_nothing_else():
 
 def test_scaling_keeps_the_density():
     model, large = load_object("lego"), load_object("lego", scale=2.0)
-    np.testing.assert_allclose(large.extents, 2 * model.extents)
+    assert_allclose(large.extents, 2 * model.extents)
     assert large.mass == pytest.approx(8 * model.mass)
-    np.testing.assert_allclose(large.inertia, 32 * model.inertia)
-    np.testing.assert_allclose(large.parts[1].position, 2 * model.parts[1].position)
+    assert_allclose(large.inertia, 32 * model.inertia)
+    assert_allclose(large.parts[1].position, 2 * model.parts[1].position)
     assert load_object("lego", mass=0.5).mass == 0.5
-    np.testing.assert_allclose(load_object("lego", mass=0.14).inertia, 2 * model.inertia)
+    assert_allclose(load_object("lego", mass=0.14).inertia, 2 * model.inertia)
 
 
 @pytest.mark.parametrize(
@@ -223,9 +224,9 @@ def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
     made = CATALOGUE[name].build()
     for read in (stored_object(CATALOGUE[name]), stored_object(CATALOGUE[name])):
         assert (read.content_hash, read.notes, read.rgba) == (made.content_hash, made.notes, made.rgba)
-        np.testing.assert_array_equal(read.inertia, made.inertia)
-        np.testing.assert_array_equal(read.solid.corners, made.solid.corners)
-        np.testing.assert_array_equal(read.mesh.triangles, made.mesh.triangles)
+        assert_array_equal(read.inertia, made.inertia)
+        assert_array_equal(read.solid.corners, made.solid.corners)
+        assert_array_equal(read.mesh.triangles, made.mesh.triangles)
         assert read.mesh.is_watertight
         assert [part.kind for part in read.parts] == [part.kind for part in made.parts]
 
@@ -239,8 +240,8 @@ def test_support_of_a_part_is_that_of_its_surface(kind):
     )
     directions = fibonacci_directions(50)
     reach = (directions @ part.surface().vertices.T).max(1)
-    np.testing.assert_allclose(part.support(directions), reach, atol=5e-4)
-    np.testing.assert_allclose(part.scaled(2.0).support(directions), 2 * part.support(directions))
+    assert_allclose(part.support(directions), reach, atol=5e-4)
+    assert_allclose(part.scaled(2.0).support(directions), 2 * part.support(directions))
 
 
 def test_a_waisted_loft_is_split_at_its_waist():
@@ -270,4 +271,4 @@ def test_a_reduced_hull_survives_what_qhull_cannot_add(monkeypatch):
     added = reduced_hull(ball, 60)
     monkeypatch.setattr(scipy.spatial, "ConvexHull", Brittle)
     anew = reduced_hull(ball, 60)
-    np.testing.assert_array_equal(anew.vertices, added.vertices)
+    assert_array_equal(anew.vertices, added.vertices)

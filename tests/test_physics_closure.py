@@ -2,6 +2,7 @@ import itertools
 
 import numpy as np
 import pytest
+from numpy.testing import assert_array_equal
 from oracles import against_proof, closed, sample_box, sample_can
 from refusals import refused
 
@@ -43,7 +44,7 @@ def test_sweep_is_the_decision_of_every_triple():
     decided = closed(points[triples], normals[triples], 0.5, scale)
     swept = closure_sweep(points, normals, 0.5, length_scale=scale)
     assert swept.dtype == np.int32
-    np.testing.assert_array_equal(swept, triples[decided & apart])
+    assert_array_equal(swept, triples[decided & apart])
 
 
 def test_order_and_frame_do_not_matter_away_from_the_edge():
@@ -63,8 +64,8 @@ def test_plain_cases():
     same = np.zeros((3, 3))
     P = np.array([0.04 * around, face, line, line, same, same])
     N = np.array([around, up, lever, up, around, up])
-    np.testing.assert_array_equal(closed(P, N, 0.5), [True, False, True, False, True, False])
-    np.testing.assert_array_equal(
+    assert_array_equal(closed(P, N, 0.5), [True, False, True, False, True, False])
+    assert_array_equal(
         [solve_wrench_qp(p, n, 0.5).residual < 1e-6 for p, n in zip(P, N, strict=True)],
         closed(P, N, 0.5),
     )

@@ -1,5 +1,6 @@
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from oracles import cone_distance, project_to_cone, pyramid_violation
 from refusals import refused
 
@@ -15,9 +16,9 @@ def unit(rng, *shape):
 def test_basis_is_right_handed_for_every_normal():
     n = np.concatenate([unit(np.random.default_rng(0), 1000), np.eye(3), -np.eye(3), [C], [-np.array(C)]])
     t1, t2 = tangent_basis(n)
-    np.testing.assert_allclose(np.cross(t1, t2), n, atol=1e-12)
-    np.testing.assert_allclose((t1 * t2).sum(-1), 0, atol=1e-12)
-    np.testing.assert_array_equal(t1, tangent_basis(n)[0])
+    assert_allclose(np.cross(t1, t2), n, atol=1e-12)
+    assert_allclose((t1 * t2).sum(-1), 0, atol=1e-12)
+    assert_array_equal(t1, tangent_basis(n)[0])
 
 
 @pytest.mark.parametrize("n", [[1, 0, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]])
@@ -25,7 +26,7 @@ def test_basis_is_continuous_at_the_normals_of_boxes(n):
     near = np.array(n) + 1e-7 * unit(np.random.default_rng(1), 50)
     near /= np.linalg.norm(near, axis=1, keepdims=True)
     for at, moved in zip(tangent_basis([n]), tangent_basis(near), strict=True):
-        np.testing.assert_allclose(moved, np.broadcast_to(at, moved.shape), atol=1e-5)
+        assert_allclose(moved, np.broadcast_to(at, moved.shape), atol=1e-5)
 
 
 def test_projection_is_the_nearest_point():
@@ -34,9 +35,7 @@ def test_projection_is_the_nearest_point():
     nearest = project_to_cone(f, n, 0.6)
     assert cone_distance(nearest, n, 0.6).max() < 1e-12
     gap = f - nearest
-    np.testing.assert_allclose(
-        (gap * nearest).sum(-1), 0, atol=1e-12
-    )  # Moreau: the gap lies in the polar cone
+    assert_allclose((gap * nearest).sum(-1), 0, atol=1e-12)  # Moreau: the gap lies in the polar cone
     inside = cone_edges(n, 0.6, 16).reshape(200, 16, 3)
     assert (gap[:, None] * inside).sum(-1).max() < 1e-12
 
@@ -45,8 +44,8 @@ def test_projection_is_the_nearest_point():
 def test_edges_lie_on_the_exact_cone_and_press_one_newton(edges):
     n = unit(np.random.default_rng(3), 20)
     for edge in cone_edges(n, 0.5, edges).swapaxes(0, 1):
-        np.testing.assert_allclose(-(edge * n).sum(-1), 1.0)
-        np.testing.assert_allclose(np.linalg.norm(edge + n, axis=-1), 0.5)
+        assert_allclose(-(edge * n).sum(-1), 1.0)
+        assert_allclose(np.linalg.norm(edge + n, axis=-1), 0.5)
 
 
 def test_the_oracles_tell_inside_from_outside():

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
+from numpy.testing import assert_allclose
 from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
@@ -57,11 +58,11 @@ def test_goals_are_drawn_above_the_table_and_by_the_seed():
 def test_goals_can_be_given():
     env = make(disable_env_checker=True)
     goal = [0.5, 0.1, 0.2, 1.0]
-    np.testing.assert_allclose(env.reset(seed=0, options={"goal": goal})[0]["desired_goal"], goal, atol=1e-6)
+    assert_allclose(env.reset(seed=0, options={"goal": goal})[0]["desired_goal"], goal, atol=1e-6)
     state = env.unwrapped.get_state()
     other = [0.45, 0.0, 0.1, 0.0]
     again = env.reset(options={"state": state, "goal": other})[0]["desired_goal"]
-    np.testing.assert_allclose(again, other, atol=1e-6)
+    assert_allclose(again, other, atol=1e-6)
     for wrong in ([0.5, 0.1, 0.2], [0.5, 0.1, 3.0, 1.0], [0.5, 0.1, np.nan, 1.0]):
         with refused("goal"):
             env.reset(options={"goal": wrong})
@@ -95,7 +96,7 @@ def test_reward_is_that_of_compute_reward(reward_mode):
     goals = at + np.array([[0, 0, 0, 0], [0, 0, 0.029, 0], [0, 0.031, 0, 0], [0, 0, 0, -1]])
     rewards = inner.compute_reward(np.stack([at] * 4), goals, [info] * 4)
     expected = [0, 0, -1, -1] if reward_mode == "sparse" else [0, -0.029, -0.031, -0.05]
-    np.testing.assert_allclose(rewards, expected, atol=1e-6)
+    assert_allclose(rewards, expected, atol=1e-6)
 
 
 def test_success_is_a_second_at_the_goal():

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from planned import hammer
 from refusals import refused
 from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, ROBOT, UPPER
@@ -103,7 +104,7 @@ def test_mass_of_parts_is_their_hulls_and_centre_their_own():
     assert target.mass == pytest.approx(whole.mass)
     volumes = [part.volume for part in parts]
     expected = np.average([part.center_mass for part in parts], axis=0, weights=volumes)
-    np.testing.assert_allclose(target.centre, expected, atol=1e-9)
+    assert_allclose(target.centre, expected, atol=1e-9)
     assert abs(whole.centre[0] - expected[0]) > 0.005
     assert whole.parts == (whole.hull,)
 
@@ -115,11 +116,11 @@ def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
     assert 0 < len(found.contacts) <= SETTINGS.triples
     points, normals = found.contacts.reshape(-1, 3), found.normals.reshape(-1, 3)
     assert np.abs(closest_on_mesh(grasp_target.hull, points).distances).max() < 1e-6
-    np.testing.assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
+    assert_allclose(np.linalg.norm(normals, axis=1), 1, atol=1e-9)
     reach = SETTINGS.tip_radius + 0.5 * sum(SETTINGS.distance)
     # The tip that touches there: its centre stands off by its radius, and the sphere is above the table.
     standing = closest_on_mesh(grasp_target.hull, points + reach * normals).distances
-    np.testing.assert_allclose(standing, reach, atol=1e-6)
+    assert_allclose(standing, reach, atol=1e-6)
     assert (points[:, 2] + reach * normals[:, 2]).min() > SETTINGS.tip_radius
     apart = [
         np.linalg.norm(found.contacts[:, i] - found.contacts[:, j], axis=1)
@@ -146,7 +147,7 @@ def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
 
 def test_proposals_are_varied_and_reproducible(proposals):
     again, other = propose(subject("box")), propose(subject("box"), seed=1)
-    np.testing.assert_array_equal(again.contacts, proposals["box"].contacts)
+    assert_array_equal(again.contacts, proposals["box"].contacts)
     assert not np.array_equal(other.contacts, again.contacts)
     points, counts = np.unique(again.contacts.reshape(-1, 3), axis=0, return_counts=True)
     assert len(points) > 15
@@ -200,7 +201,7 @@ def test_subject_assumptions_and_bad_input():
     assert GraspTarget.of(trimesh.creation.box((0.3, 0.3, 0.3))).mass == 0.65
     known = GraspTarget.of(box, mass=0.2, centre=np.array([0.0, 0.01, 0.02]))
     assert known.mass == 0.2
-    np.testing.assert_array_equal(known.centre, [0, 0.01, 0.02])
+    assert_array_equal(known.centre, [0, 0.01, 0.02])
     for mass in (0.0, -1.0, np.nan, np.inf):
         with refused("mass"):
             GraspTarget.of(box, mass=mass)
@@ -217,14 +218,14 @@ def test_atlas_postures_are_what_mujoco_says():
         q = np.concatenate([rng.uniform(LOWER[:7], UPPER[:7]), atlas.joints[k]])
         tips = tips_by_mujoco(q)
         R, p = DATA.site("palm").xmat.reshape(3, 3), DATA.site("palm").xpos
-        np.testing.assert_allclose(atlas.tips[k], (tips - p) @ R, atol=1e-9)
+        assert_allclose(atlas.tips[k], (tips - p) @ R, atol=1e-9)
         frames = [DATA.body(f"{finger}_distal").xmat.reshape(3, 3) for finger in GRASP_FINGERS]
-        np.testing.assert_allclose(atlas.axes[k], [R.T @ frame[:, 2] for frame in frames], atol=1e-9)
-        np.testing.assert_allclose(atlas.pads[k], [R.T @ frame[:, 0] for frame in frames], atol=1e-9)
+        assert_allclose(atlas.axes[k], [R.T @ frame[:, 2] for frame in frames], atol=1e-9)
+        assert_allclose(atlas.pads[k], [R.T @ frame[:, 0] for frame in frames], atol=1e-9)
     lower, upper = LOWER[7:], UPPER[7:]
     assert ((atlas.joints >= lower) & (atlas.joints <= upper)).all()
     assert (atlas.joints[:, 8:12] == ROBOT.hand.finger("ring").aside).all()
-    np.testing.assert_array_equal(atlas.search.data, triangle_sides(atlas.tips))
+    assert_array_equal(atlas.search.data, triangle_sides(atlas.tips))
 
 
 @pytest.mark.parametrize("name", ["box", "ball"])
@@ -273,7 +274,7 @@ def test_tip_ik_reaches_what_can_be_reached():
         ring = q[15:19].copy()
         miss = solve_tips(q, targets, TREE, 100, 1e-4)
         assert ((q >= LOWER) & (q <= UPPER)).all()
-        np.testing.assert_array_equal(q[15:19], ring)
+        assert_array_equal(q[15:19], ring)
         true = np.linalg.norm(tips_by_mujoco(q) - targets, axis=1).max()
         assert miss == pytest.approx(true, abs=1e-9)
         met += true < 1e-4
@@ -286,7 +287,7 @@ def test_tip_ik_with_fingers_only_keeps_the_arm_and_reports_the_miss():
     targets, shift = tips_by_mujoco(goal).copy(), np.array([0.0, 0.3, 0.0])
     q = HOME.copy()
     assert solve_tips(q, targets, TREE, 100, 5e-4, True) < 5e-4
-    np.testing.assert_array_equal(q[:7], HOME[:7])
+    assert_array_equal(q[:7], HOME[:7])
     far = HOME.copy()
     miss = solve_tips(far, targets + shift, TREE, 100, 1e-4, True)
     assert miss > 0.1
@@ -336,7 +337,7 @@ def test_gradient_of_every_row_is_its_difference(name, proposals):
                     continue
                 difference[key][j] = (up[key][0] - down[key][0]) / (2 * h)
         for key in smooth:
-            np.testing.assert_allclose(here[key][1], difference[key], atol=3e-5, err_msg=f"{name} {key}")
+            assert_allclose(here[key][1], difference[key], atol=3e-5, err_msg=f"{name} {key}")
         checked += len(smooth)
         kinks += len(here) - len(smooth)
         closure += (-1 - CLOSURE, -1, -1) in smooth and np.abs(difference[-1 - CLOSURE, -1, -1]).max() > 1e-4
@@ -352,10 +353,10 @@ def test_values_of_the_fixed_rows_by_another_way(name, proposals):
         at, _ = rows_at(q, subject(name))
         tips = tips_by_mujoco(q)
         distance, _, normals = closest_on_mesh(subject(name).hull, tips)
-        np.testing.assert_allclose(at.distances, distance, atol=1e-7)
-        np.testing.assert_allclose(at.contacts, tips - distance[:, None] * normals, atol=1e-6)
-        np.testing.assert_allclose(at.values[:3], distance - bounds.low, atol=1e-7)
-        np.testing.assert_allclose(at.values[3:6], bounds.high - distance, atol=1e-7)
+        assert_allclose(at.distances, distance, atol=1e-7)
+        assert_allclose(at.contacts, tips - distance[:, None] * normals, atol=1e-6)
+        assert_allclose(at.values[:3], distance - bounds.low, atol=1e-7)
+        assert_allclose(at.values[3:6], bounds.high - distance, atol=1e-7)
         margin = conic_margin(at.contacts, at.normals, SETTINGS.friction)
         assert abs(at.margin - margin) < 1e-5
         for i, finger in enumerate(GRASP_FINGERS):
@@ -383,9 +384,9 @@ def test_constraints_and_clearances_are_of_one_compilation(proposals):
             TREE, body_frames(q, TREE), (grasp_target.distance.obstacle, NOTHING), 0.02, True, rows
         )
         at, _ = rows_at(q, grasp_target)
-        np.testing.assert_allclose(at.values[FIXED_ROWS:], rows.values[:n] - SETTINGS.clearance, atol=1e-12)
+        assert_allclose(at.values[FIXED_ROWS:], rows.values[:n] - SETTINGS.clearance, atol=1e-12)
 
 
 def test_tip_positions_follow_the_names():
     assert [BODIES[b] for b in TREE.tip_body] == [f"{finger}_distal" for finger in GRASP_FINGERS]
-    np.testing.assert_allclose(fingertips(HOME, TREE), tips_by_mujoco(HOME), atol=1e-12)
+    assert_allclose(fingertips(HOME, TREE), tips_by_mujoco(HOME), atol=1e-12)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from robots import CELL, HOME, LOWER, UPPER
 
 from dexgrasp.benchmarks.proposals import UniformProposals
@@ -107,7 +108,7 @@ def test_a_feasible_start_is_left_alone_and_a_shaken_one_recovers(solutions):
         shaken = s.q.copy()
         shaken[[*range(15), *range(19, 23)]] += rng.normal(0, 0.02, 19)  # the fingertips by 2 cm
         solution = solve(np.clip(shaken, LOWER, UPPER), PROBLEM)
-        np.testing.assert_array_equal(solution.q[15:19], s.q[15:19])
+        assert_array_equal(solution.q[15:19], s.q[15:19])
         recovered, tried = recovered + solution.feasible, tried + 1
     assert recovered >= 0.8 * tried
 
@@ -127,7 +128,7 @@ def test_same_start_same_solution_bit_for_bit(solutions):
     again = [solve(p.q, PROBLEM) for p in atlas_postures(proposals, PROBLEM)]
     assert len(again) == len(solutions)
     for one, two in zip(solutions, again, strict=True):
-        np.testing.assert_array_equal(one.q, two.q)
+        assert_array_equal(one.q, two.q)
         assert one.iterations == two.iterations
 
 
@@ -136,10 +137,10 @@ def test_plan_is_whole_and_repeats_itself(plan):
     assert plan.reason is None
     assert set(plan.log.seconds) >= {"proposals", "postures", "bilevel", "certificate", "approach"}
     for name in ("q", "contacts", "normals", "forces"):
-        np.testing.assert_array_equal(getattr(plan.grasp, name), getattr(again.grasp, name))
+        assert_array_equal(getattr(plan.grasp, name), getattr(again.grasp, name))
     for name in ("pregrasp", "grasp", "squeeze"):
-        np.testing.assert_array_equal(getattr(plan.grasp.motion, name), getattr(again.grasp.motion, name))
-    np.testing.assert_array_equal(plan.script.targets, again.script.targets)
+        assert_array_equal(getattr(plan.grasp.motion, name), getattr(again.grasp.motion, name))
+    assert_array_equal(plan.script.targets, again.script.targets)
     assert plan.grasp.certificate == again.grasp.certificate
     assert not np.array_equal(plan.grasp.q, other.grasp.q)
 
@@ -169,8 +170,8 @@ def test_a_hand_may_open_upwards(plan):
     ways = (opened(grasp.q, grasp.normals, PROBLEM, 0.018, rise) for rise in (0.0, 0.006))
     level, risen = (grasp_motion(grasp.q, grasp.normals, grasp.forces, PROBLEM, way) for way in ways)
     up = fingertips(risen.pregrasp, TREE) - fingertips(level.pregrasp, TREE)
-    np.testing.assert_allclose(up, np.tile([0.0, 0.0, 0.006], (3, 1)), atol=0.001)
-    np.testing.assert_array_equal(risen.squeeze, level.squeeze)
+    assert_allclose(up, np.tile([0.0, 0.0, 0.006], (3, 1)), atol=0.001)
+    assert_array_equal(risen.squeeze, level.squeeze)
 
 
 def test_a_plan_without_start_has_no_script():
@@ -248,8 +249,8 @@ def test_the_squeeze_presses_with_the_planned_forces(plan):
         torque += J.T @ force
     stiffness = model.actuator_gainprm[7:, 0]
     pressed = stiffness * (plan.grasp.motion.squeeze - plan.grasp.motion.grasp)[7:]
-    np.testing.assert_allclose(pressed, torque[7:], atol=2e-3)
+    assert_allclose(pressed, torque[7:], atol=2e-3)
     surface = BOX.distance.distance_gradient(
         np.array([data.site(f"{finger}_tip").xpos for finger in ("thumb", "index", "middle")])
     )[0]
-    np.testing.assert_allclose(surface, SETTINGS.tip_radius, atol=3e-4)
+    assert_allclose(surface, SETTINGS.tip_radius, atol=3e-4)

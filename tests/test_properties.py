@@ -9,6 +9,7 @@ import trimesh
 from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
+from numpy.testing import assert_allclose, assert_array_equal
 from oracles import box_distance
 from refusals import refused
 from scipy.sparse import coo_matrix
@@ -51,9 +52,9 @@ def quaternions(draw):
 @given(quaternions(), quaternions(), vectors())
 def test_quaternions_are_scipy_rotations(p, q, v):
     first, second = Rotation.from_quat(p[[1, 2, 3, 0]]), Rotation.from_quat(q[[1, 2, 3, 0]])
-    np.testing.assert_allclose(rotate(p, v), first.apply(v), atol=1e-12)
-    np.testing.assert_allclose(quat_to_matrix(quat_multiply(p, q)), (first * second).as_matrix(), atol=1e-12)
-    np.testing.assert_allclose(rotate(quat_conjugate(p), rotate(p, v)), v, atol=1e-12)
+    assert_allclose(rotate(p, v), first.apply(v), atol=1e-12)
+    assert_allclose(quat_to_matrix(quat_multiply(p, q)), (first * second).as_matrix(), atol=1e-12)
+    assert_allclose(rotate(quat_conjugate(p), rotate(p, v)), v, atol=1e-12)
 
 
 @given(quaternions())
@@ -76,8 +77,8 @@ def test_the_margin_knows_no_frame_order_or_scale(n, p, q, order, scale):
 def test_distances_to_a_box_are_the_analytic_ones(points, sides):
     box = trimesh.creation.box(sides)
     expected = box_distance(points, sides)
-    np.testing.assert_allclose(closest_on_mesh(box, points).distances, expected, atol=1e-9)
-    np.testing.assert_allclose(ConvexDistance.from_mesh(box).distance(points), expected, atol=1e-9)
+    assert_allclose(closest_on_mesh(box, points).distances, expected, atol=1e-9)
+    assert_allclose(ConvexDistance.from_mesh(box).distance(points), expected, atol=1e-9)
 
 
 @given(hnp.arrays(np.float64, (40, 3), elements=st.floats(0.0, 0.1)), st.floats(0.005, 0.05))
@@ -86,11 +87,11 @@ def test_neighbours_and_clusters_are_those_of_scipy(points, radius):
     assume(np.abs(near - radius).min() > 1e-12)  # on the radius itself rounding decides
     tree = cKDTree(points)
     counts = tree.query_ball_point(points, radius, return_length=True) - 1
-    np.testing.assert_array_equal(kernels.count_neighbours(points, radius), counts)
+    assert_array_equal(kernels.count_neighbours(points, radius), counts)
     ends = tree.query_pairs(radius, output_type="ndarray").T
     joined = coo_matrix((np.ones(ends.shape[1]), ends), shape=(len(points), len(points)))
     labels = connected_components(joined, directed=False)[1]
-    np.testing.assert_array_equal(kernels.cluster(points, radius)[:, None] == kernels.cluster(points, radius),
+    assert_array_equal(kernels.cluster(points, radius)[:, None] == kernels.cluster(points, radius),
                                   labels[:, None] == labels)  # fmt: skip
 
 

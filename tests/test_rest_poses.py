@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from dexgrasp_env.objects.bottles import revolve
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -24,12 +25,12 @@ def model_of(shape: Shape, name: str = "thing") -> ObjectModel:
 def test_a_box_rests_on_each_face_and_most_often_on_the_largest():
     poses = find_rest_poses(model_of(box((0.06, 0.08, 0.10))))
     heights = np.array([pose.height for pose in poses])
-    np.testing.assert_allclose(heights, [0.03, 0.03, 0.04, 0.04, 0.05, 0.05], atol=1e-6)
+    assert_allclose(heights, [0.03, 0.03, 0.04, 0.04, 0.05, 0.05], atol=1e-6)
     shares = np.array([pose.probability for pose in poses]).reshape(3, 2)
     assert shares.sum() == pytest.approx(1, abs=1e-4)
     assert np.all(np.diff(shares.mean(1)) < 0)
     assert np.ptp(shares, axis=1).max() < 0.05
-    np.testing.assert_allclose(np.abs([pose.up for pose in poses]).max(1), 1, atol=1e-8)
+    assert_allclose(np.abs([pose.up for pose in poses]).max(1), 1, atol=1e-8)
 
 
 def test_a_cylinder_rests_on_its_two_ends_and_on_its_side():
@@ -80,7 +81,7 @@ def test_directions_merge_through_those_between():
 
 def test_bodies_of_revolution_are_known_as_such():
     for name in ("chips", "pear", "castle", "hairspray_bottle"):
-        np.testing.assert_allclose(np.abs(symmetry_axis(load_object(name))), [0, 0, 1], atol=1e-3)
+        assert_allclose(np.abs(symmetry_axis(load_object(name))), [0, 0, 1], atol=1e-3)
     for name in ("lego", "sugar_box", "tetrahedron", "mustard_bottle"):
         assert symmetry_axis(load_object(name)) is None
 

@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from robots import (
     ARM_BODIES,
@@ -109,22 +110,22 @@ def test_arm_kinematics_follow_the_dh_table(model):
         frames = dh_frames(q[:7])
         for i, T in enumerate(frames, start=1):
             body = data.body(f"panda_link{i}")
-            np.testing.assert_allclose(body.xpos, T[:3, 3], atol=1e-9)
-            np.testing.assert_allclose(body.xmat.reshape(3, 3), T[:3, :3], atol=1e-9)
+            assert_allclose(body.xpos, T[:3, 3], atol=1e-9)
+            assert_allclose(body.xmat.reshape(3, 3), T[:3, :3], atol=1e-9)
         flange = frames[-1] @ (0, 0, 0.107, 1)
-        np.testing.assert_allclose(data.site("flange").xpos, flange[:3], atol=1e-9)
+        assert_allclose(data.site("flange").xpos, flange[:3], atol=1e-9)
 
 
 def test_tips_lie_where_the_figures_say(hand):
     data = placed(hand, HAND_ZERO)
     mm = {finger: 1e3 * data.site(f"{finger}_tip").xpos for finger in FINGERS}
-    np.testing.assert_allclose(mm["index"], (0, 55.3, 133.4), atol=0.1)
-    np.testing.assert_allclose(mm["middle"], (0, 0, 136.2), atol=0.1)
-    np.testing.assert_allclose(mm["ring"], (0, -55.3, 133.4), atol=0.1)
-    np.testing.assert_allclose(mm["thumb"], (26, 161, -86), atol=1.0)
+    assert_allclose(mm["index"], (0, 55.3, 133.4), atol=0.1)
+    assert_allclose(mm["middle"], (0, 0, 136.2), atol=0.1)
+    assert_allclose(mm["ring"], (0, -55.3, 133.4), atol=0.1)
+    assert_allclose(mm["thumb"], (26, 161, -86), atol=1.0)
     data.qpos[12] = 1.396
     mujoco.mj_forward(hand, data)
-    np.testing.assert_allclose(1e3 * data.site("thumb_tip").xpos, (132, 38, -75), atol=1.0)
+    assert_allclose(1e3 * data.site("thumb_tip").xpos, (132, 38, -75), atol=1.0)
 
 
 def test_tip_capsules_end_at_the_tip_sites(model):
@@ -148,11 +149,11 @@ def test_fingers_bend_towards_the_palms_face(hand):
 
 def test_masses(model):
     arm = (0.629769, 4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522)
-    np.testing.assert_allclose([model.body(b).mass[0] for b in ARM_BODIES], arm)
+    assert_allclose([model.body(b).mass[0] for b in ARM_BODIES], arm)
     finger = (0.0119, 0.065, 0.0355, 0.0096 + 0.0168)
     thumb = (0.0176, 0.0119, 0.038, 0.0388 + 0.0168)
     masses = [model.body(b).mass[0] for b in HAND_BODIES]
-    np.testing.assert_allclose(masses, (0.4154, *finger * 3, *thumb))
+    assert_allclose(masses, (0.4154, *finger * 3, *thumb))
 
 
 def test_arm_inertia_is_the_identified_one(model):
@@ -166,15 +167,15 @@ def test_arm_inertia_is_the_identified_one(model):
         [-0.003925, 0.02811, 0.000704],
         [0.010254, 0.000704, 0.025995],
     ]
-    np.testing.assert_allclose(inertia, expected, atol=1e-6)
+    assert_allclose(inertia, expected, atol=1e-6)
 
 
 def test_limits_agree_with_the_model(model):
-    np.testing.assert_array_equal(model.jnt_range, np.stack([LOWER, UPPER], 1))
-    np.testing.assert_allclose(model.actuator_ctrlrange, model.jnt_range, atol=1e-12)
+    assert_array_equal(model.jnt_range, np.stack([LOWER, UPPER], 1))
+    assert_allclose(model.actuator_ctrlrange, model.jnt_range, atol=1e-12)
     both = np.stack([-TORQUE, TORQUE], 1)
-    np.testing.assert_array_equal(model.actuator_forcerange, both)
-    np.testing.assert_array_equal(model.jnt_actfrcrange, both)
+    assert_array_equal(model.actuator_forcerange, both)
+    assert_array_equal(model.jnt_actfrcrange, both)
     assert (HOME > LOWER).all()
     assert (HOME < UPPER).all()
     assert VELOCITY.shape == (23,)
@@ -195,13 +196,13 @@ def test_mount_geometry(mount):
     palm, R = data.site("palm").xpos, T[:3, :3].T @ data.site("palm").xmat.reshape(3, 3)
     origin = T[:3, :3].T @ (palm - T[:3, 3])
     if mount == "palm_normal":
-        np.testing.assert_allclose(R[:, 0], (0, 0, 1), atol=1e-9)
-        np.testing.assert_allclose(R[:, 2], (1, 0, 0), atol=1e-9)
-        np.testing.assert_allclose(origin - 0.0475 * R[:, 2], (0, 0, 0.15), atol=1e-9)
+        assert_allclose(R[:, 0], (0, 0, 1), atol=1e-9)
+        assert_allclose(R[:, 2], (1, 0, 0), atol=1e-9)
+        assert_allclose(origin - 0.0475 * R[:, 2], (0, 0, 0.15), atol=1e-9)
     else:
-        np.testing.assert_allclose(R[:, 2], (0, 0, 1), atol=1e-9)
-        np.testing.assert_allclose(origin, (0, 0, 0.215), atol=1e-9)
-        np.testing.assert_allclose(R[:, 0], (np.sqrt(0.5), -np.sqrt(0.5), 0), atol=1e-9)
+        assert_allclose(R[:, 2], (0, 0, 1), atol=1e-9)
+        assert_allclose(origin, (0, 0, 0.215), atol=1e-9)
+        assert_allclose(R[:, 0], (np.sqrt(0.5), -np.sqrt(0.5), 0), atol=1e-9)
 
 
 def test_only_named_geoms_of_group_3_collide(model):
@@ -264,7 +265,7 @@ def test_servo_tracks_a_set_point(model):
     for k in range(1000):
         data.ctrl[:] = HOME + min(k / 300, 1.0) * (goal - HOME)
         mujoco.mj_step(model, data)
-    np.testing.assert_allclose(data.qpos, goal, atol=2e-3)
+    assert_allclose(data.qpos, goal, atol=2e-3)
     assert np.abs(data.qvel).max() < 1e-2
     assert not any(w.number for w in data.warning)
 
@@ -277,7 +278,7 @@ def test_gravity_is_compensated_through_the_actuators(mount):
     mujoco.mj_step(model, data, 500)
     end = np.array([data.site(tip).xpos for tip in TIPS])
     assert np.linalg.norm(end - start, axis=1).max() < 1e-3
-    np.testing.assert_allclose(data.qfrc_actuator, data.qfrc_bias, atol=0.05)
+    assert_allclose(data.qfrc_actuator, data.qfrc_bias, atol=0.05)
     assert np.abs(data.qfrc_actuator).max() > 10.0
     assert model.jnt_actgravcomp.all()
 

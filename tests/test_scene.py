@@ -3,6 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 from robots import CELL, HOME, JOINTS, LOWER, TIPS, TORQUE, UPPER
 
 from dexgrasp_env.objects.load import load_object
@@ -87,7 +88,7 @@ def test_nothing_sticks(scene):
 
 
 def test_gravity_acts_on_the_object_alone_as_it_should(scene):
-    np.testing.assert_allclose(scene.opt.gravity, [0, 0, -GRAVITY])
+    assert_allclose(scene.opt.gravity, [0, 0, -GRAVITY])
     assert scene.body_gravcomp[scene.body("object").id] == 0
     data = mujoco.MjData(scene)
     data.qpos[:23] = data.ctrl[:] = HOME
@@ -98,7 +99,7 @@ def test_gravity_acts_on_the_object_alone_as_it_should(scene):
 
 
 def test_torque_limits_hold(scene):
-    np.testing.assert_allclose(np.abs(scene.actuator_forcerange), np.stack([TORQUE, TORQUE], axis=1))
+    assert_allclose(np.abs(scene.actuator_forcerange), np.stack([TORQUE, TORQUE], axis=1))
     data = mujoco.MjData(scene)
     data.qpos[:23], data.qpos[23:30] = HOME, [0.5, 0.4, 0.3, 1, 0, 0, 0]
     rng = np.random.default_rng(0)
@@ -113,7 +114,7 @@ def test_torque_limits_hold(scene):
 
 
 def test_the_arena_is_what_the_constants_say(scene):
-    np.testing.assert_allclose(2.0 * scene.geom("table").size, TABLE_SIZE)
+    assert_allclose(2.0 * scene.geom("table").size, TABLE_SIZE)
     assert scene.body("table").pos.tolist() == [TABLE_CENTRE_X, 0.0, 0.0]
     assert scene.geom("table").pos[2] == -0.5 * TABLE_SIZE[2]
     assert scene.geom("floor").pos[2] == -TABLE_HEIGHT

@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from robots import CELL, HAND_JOINTS, TIPS
 
@@ -104,7 +105,7 @@ def test_dictionaries_of_arrays_pass_whatever_the_pickle_protocol(tmp_path, prot
     }
     (tmp_path / "d.pkl").write_bytes(pickle.dumps(content, protocol))
     found = read_dictionary(tmp_path / "d.pkl")
-    np.testing.assert_array_equal(found["a"], content["a"])
+    assert_array_equal(found["a"], content["a"])
     assert (found["b"], found["c"], found["d"], found["e"]) == (2.5, "text", [1, (2, None)], b"x")
 
 
@@ -128,11 +129,11 @@ def test_plain_arrays_are_no_dictionary(tmp_path):
 def test_dexgraspbench_layout_frames_and_order(folder):
     (found,) = read_candidates(saved(folder / "g.npy", dictionary()), options(folder))
     # The object's frame goes from the mesh file's origin to the centre of mass.
-    np.testing.assert_allclose(found.T_world_object[:3, 3], OFFSET + np.array([0.3, 0.0, 0.0]), atol=1e-6)
+    assert_allclose(found.T_world_object[:3, 3], OFFSET + np.array([0.3, 0.0, 0.0]), atol=1e-6)
     # Their root's x axis is our palm's z axis: quaternion (0, 1, 0, 1).
-    np.testing.assert_allclose(found.grasp.T_world_hand[:3, 2], [1, 0, 0], atol=1e-12)
-    np.testing.assert_allclose(found.grasp.T_world_hand[:3, 0], [0, 0, 1], atol=1e-12)
-    np.testing.assert_allclose(found.grasp.joints, np.linspace(0.2, 0.5, 16))
+    assert_allclose(found.grasp.T_world_hand[:3, 2], [1, 0, 0], atol=1e-12)
+    assert_allclose(found.grasp.T_world_hand[:3, 0], [0, 0, 1], atol=1e-12)
+    assert_allclose(found.grasp.joints, np.linspace(0.2, 0.5, 16))
     assert found.hand.joint_names == HAND_JOINTS
     assert found.squeeze_for(5.0) is found.squeeze
 
@@ -152,7 +153,7 @@ def test_bodex_layout_gives_the_palm_itself(folder):
     (folder / "crate").mkdir()
     found = read_candidates(saved(folder / "crate" / "b_grasp.npy", content), options(folder))
     assert len(found) == 4
-    np.testing.assert_allclose(found[0].grasp.T_world_hand[:3, :3], np.eye(3), atol=1e-12)
+    assert_allclose(found[0].grasp.T_world_hand[:3, :3], np.eye(3), atol=1e-12)
 
 
 @pytest.mark.parametrize(
@@ -195,11 +196,11 @@ def frogger(folder, **more):
 
 def test_frogger_layout_by_names_and_palm(folder):
     (found,) = read_candidates(frogger(folder), options(folder))
-    np.testing.assert_allclose(found.grasp.joints, 0.1 + 0.01 * np.arange(16))
-    np.testing.assert_allclose(found.grasp.T_world_hand[:3, 3], [0.5, 0.0, 0.3 - 0.095], atol=1e-12)
-    np.testing.assert_allclose(found.T_world_object[:3, 3], OFFSET, atol=1e-6)
+    assert_allclose(found.grasp.joints, 0.1 + 0.01 * np.arange(16))
+    assert_allclose(found.grasp.T_world_hand[:3, 3], [0.5, 0.0, 0.3 - 0.095], atol=1e-12)
+    assert_allclose(found.T_world_object[:3, 3], OFFSET, atol=1e-6)
     press = found.squeeze_for(5.0).joints - found.grasp.joints
-    np.testing.assert_allclose(press, 2.0 * (found.squeeze.joints - found.grasp.joints))
+    assert_allclose(press, 2.0 * (found.squeeze.joints - found.grasp.joints))
 
 
 def test_frogger_mistakes(folder):
@@ -231,8 +232,8 @@ def plain(folder, **more):
 
 def test_plain_json(folder):
     (found,) = read_candidates(plain(folder), options(folder))
-    np.testing.assert_allclose(found.grasp.joints, np.arange(16)[::-1] / 20)
-    np.testing.assert_allclose(found.squeeze_for(2.0).joints - found.grasp.joints, np.full(16, 0.2))
+    assert_allclose(found.grasp.joints, np.arange(16)[::-1] / 20)
+    assert_allclose(found.squeeze_for(2.0).joints - found.grasp.joints, np.full(16, 0.2))
     content = json.loads(plain(folder).read_text())
     del content["grasps"][0]["squeeze"]
     (folder / "plain.json").write_text(json.dumps(content))
@@ -277,10 +278,8 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mo
     mujoco.mj_kinematics(hand, alone)
     T = found.grasp.T_world_hand
     for tip in TIPS:
-        np.testing.assert_allclose(
-            T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9
-        )
-    np.testing.assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
+        assert_allclose(T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9)
+    assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
     record.T_world_object = None
     with refused("T_world_object is missing"):
         ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())
@@ -293,8 +292,8 @@ def test_forces_are_in_balance_and_in_their_cones():
     points = np.array([[0.03, 0.01, 0.0], [0.03, -0.01, 0.0], [-0.03, 0.0, 0.0]])
     inward = np.array([[-1.0, 0, 0], [-1.0, 0, 0], [1.0, 0, 0]])
     forces = balanced_forces(points, inward, np.zeros(3))
-    np.testing.assert_allclose(forces.sum(0), 0.0, atol=1e-3)
-    np.testing.assert_allclose(np.cross(points, forces).sum(0), 0.0, atol=1e-4)
+    assert_allclose(forces.sum(0), 0.0, atol=1e-3)
+    assert_allclose(np.cross(points, forces).sum(0), 0.0, atol=1e-4)
     normal = (forces * inward).sum(1)
     assert normal.max() == pytest.approx(PRESS)
     assert (np.linalg.norm(forces - normal[:, None] * inward, axis=1) <= 0.5 * normal + 1e-6).all()

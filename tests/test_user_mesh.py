@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
+from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 from scipy.spatial import ConvexHull
 
@@ -38,8 +39,8 @@ def test_every_format_gives_the_same_object(tmp_path, suffix):
     model = load_object(saved(tmp_path, moved, f"My thing.{suffix}"))
     assert model.name == "My thing"
     assert model.mesh.is_watertight
-    np.testing.assert_allclose(model.extents, CAPSULE.extents, atol=1e-6)
-    np.testing.assert_allclose(model.mesh.center_mass, 0, atol=1e-6)
+    assert_allclose(model.extents, CAPSULE.extents, atol=1e-6)
+    assert_allclose(model.mesh.center_mass, 0, atol=1e-6)
     assert model.mesh.volume == pytest.approx(CAPSULE.volume, rel=1e-4)
     assert len(model.parts) == 1
     assert model.mass == pytest.approx(400 * CAPSULE.volume, rel=1e-4)
@@ -49,7 +50,7 @@ def test_every_format_gives_the_same_object(tmp_path, suffix):
 def test_scale_and_mass_are_taken(tmp_path):
     path = saved(tmp_path, CAPSULE.copy().apply_scale(1000), "mm.stl")
     model = load_object(path, scale=0.001, mass=0.25)
-    np.testing.assert_allclose(model.extents, CAPSULE.extents, atol=1e-6)
+    assert_allclose(model.extents, CAPSULE.extents, atol=1e-6)
     assert model.mass == 0.25
     assert not any("mass" in note for note in model.notes)
 
@@ -163,7 +164,7 @@ def test_a_broken_surface_is_mended_and_it_is_said(defect, note):
     solid, notes = repair(defective(defect))
     assert is_solid(solid)
     assert solid.volume == pytest.approx(CAPSULE.volume, rel=0.08)
-    np.testing.assert_allclose(solid.extents, CAPSULE.extents, atol=2e-3)
+    assert_allclose(solid.extents, CAPSULE.extents, atol=2e-3)
     assert any(said.startswith(note) for said in notes) if note else notes == ()
 
 
@@ -202,7 +203,7 @@ def test_a_concave_mesh_is_split_the_same_way_every_time_and_cached(tmp_path, mo
     path.write_bytes(b"damaged")
     again, _ = convex_parts(torus)
     for one, other in zip(parts, again, strict=True):
-        np.testing.assert_array_equal(one.vertices, other.vertices)
+        assert_array_equal(one.vertices, other.vertices)
     monkeypatch.setattr(decompose, "decompose", None)
     assert len(convex_parts(torus)[0]) == len(parts)
 
@@ -238,7 +239,7 @@ def test_a_cup_stays_hollow():
     assert 8 <= len(parts) <= decompose.MOST_PARTS
     solid = union([part.surface() for part in parts])
     assert solid.volume < 0.3 * cup.convex_hull.volume
-    np.testing.assert_allclose(solid.extents, cup.extents, atol=1e-3)
+    assert_allclose(solid.extents, cup.extents, atol=1e-3)
     inside = np.array([[x, 0, z] for x in (-0.015, 0.0, 0.015) for z in (0.02, 0.05, 0.085)])
     for part in parts:
         planes = ConvexHull(part.vertices).equations
@@ -255,7 +256,7 @@ def test_rounding_does_not_decide_where_a_round_solid_is_cut(solid):
         near.vertices *= 1.0 + 1e-15 * np.random.default_rng(seed).standard_normal(near.vertices.shape)
         parts, _ = convex_parts(near)
         volumes.append([len(parts), sum(ConvexHull(part.vertices).volume for part in parts)])
-    np.testing.assert_allclose(volumes[1:], volumes[:1] * 2, rtol=1e-4)
+    assert_allclose(volumes[1:], volumes[:1] * 2, rtol=1e-4)
 
 
 def test_doctor_says_what_was_done(tmp_path):
@@ -271,7 +272,7 @@ def test_a_changed_file_is_read_again(tmp_path):
     assert load_object(path) is first
     saved(tmp_path, CAPSULE.copy().apply_scale(0.5), "a.stl")
     os.utime(path, ns=(1, 1))
-    np.testing.assert_allclose(load_object(path).extents, first.extents / 2, atol=1e-6)
+    assert_allclose(load_object(path).extents, first.extents / 2, atol=1e-6)
 
 
 def scan_of(name: str, defect: str) -> trimesh.Trimesh:
@@ -306,7 +307,7 @@ def test_scans_become_sound_solids_of_their_size(name, defect):
     raw = scan_of(name, defect)
     solid, notes = repair(raw)
     assert is_sound(solid)
-    np.testing.assert_allclose(solid.extents, raw.extents, atol=2e-3)
+    assert_allclose(solid.extents, raw.extents, atol=2e-3)
     assert solid.volume == pytest.approx(load_object(name).mesh.volume, rel=0.06), notes
 
 
@@ -344,7 +345,7 @@ def test_a_badly_holed_box_does_not_shrink_to_a_needle():
     )
     assert is_sound(solid)
     assert notes
-    np.testing.assert_allclose(solid.extents, box.extents, rtol=0.06)
+    assert_allclose(solid.extents, box.extents, rtol=0.06)
 
 
 LINE = np.linspace([0, 0, 0], [0.1, 0.1, 0.1], 9) + [[0.0, 0.02 * (k > 3), 0.0] for k in range(9)]
