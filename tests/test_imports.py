@@ -6,10 +6,10 @@ import pytest
 from processes import python
 
 EPISODE = """
-    import gymnasium, dexgrasp_env
-    env = gymnasium.make("DexGrasp/Lift-v2", objects="sugar_box")
-    env.reset(seed=0)
-    env.step(env.action_space.sample())
+import gymnasium, dexgrasp_env
+env = gymnasium.make("DexGrasp/Lift-v2", objects="sugar_box")
+env.reset(seed=0)
+env.step(env.action_space.sample())
 """
 
 

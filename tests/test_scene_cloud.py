@@ -213,7 +213,7 @@ def test_a_unit_is_of_files(rng, tmp_path):
     points = rng.uniform(0.0, 0.5, (50, 3))
     np.save(tmp_path / "mm.npy", 1000.0 * points)
     assert np.abs(read_scan(tmp_path / "mm.npy", "mm").points - points).max() < 1e-9
-    with pytest.raises(InputError, match="depth_scale"):
+    with refused("depth_scale"):
         read_scan(tmp_path, "mm")
 
 
