@@ -194,7 +194,7 @@ def test_drawn_places_stay_in_their_ranges():
 
 def test_short_soak():
     """`scripts/soak.py` is the long one."""
-    found = load_script("soak").run(900, ["sugar_box", "massage_ball", "tetrahedron"], 3, episode=30)
+    found = load_script("soak").run(900, ["sugar_box", "massage_ball", "tetrahedron"], 1, episode=30)
     assert found.steps == 900
     assert found.is_clean, found
     assert found.endings["dropped"] or found.endings["object_lost"]
