@@ -308,7 +308,8 @@ def near_contact(name, proposals, count, seed=0):
 
 
 def rows_at(q, grasp_target, settings=SETTINGS):
-    at = evaluate(q, TREE, (grasp_target.distance.obstacle, NOTHING), bounds_of(settings, 0.5), True)
+    bounds = bounds_of(Problem(grasp_target, CELL, settings), 0.5)
+    at = evaluate(q, TREE, (grasp_target.distance.obstacle, NOTHING), bounds, True)
     keys = [tuple(label) for label in at.labels.tolist()]
     least = {}
     for key, value, row in zip(keys, at.values, at.rows, strict=True):
@@ -348,7 +349,7 @@ def test_gradient_of_every_row_is_its_difference(name, proposals):
 
 @pytest.mark.parametrize("name", ["box", "stone"])
 def test_values_of_the_fixed_rows_by_another_way(name, proposals):
-    bounds = bounds_of(SETTINGS, 0.5)
+    bounds = bounds_of(Problem(subject(name), CELL, SETTINGS), 0.5)
     for q in near_contact(name, proposals, 10, seed=1):
         at, _ = rows_at(q, subject(name))
         tips = tips_by_mujoco(q)

@@ -52,7 +52,8 @@ def plan():
 
 def constraints(q, settings=SETTINGS):
     distance = BOX.distance
-    return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds_of(settings, settings.closure_margin), True)
+    bounds = bounds_of(Problem(BOX, CELL, settings), settings.closure_margin)
+    return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds, True)
 
 
 @pytest.mark.parametrize("height", [0.015, 0.02])

@@ -71,6 +71,13 @@ class Thresholds:
         """Whether an object `top` m high is lower than two tips' radii or so: contacts may be lower than on others."""
         return self.lowest_contact(top) < self.contact_height
 
+    def off_table(self, top: float) -> float:
+        """Return the least clearance of the hand from the table, m, at an object `top` m high.
+
+        Beside a low object tips may touch the table: hands are soft, and level forces need low tips.
+        """
+        return 0.0 if self.is_low(top) else self.clearance
+
     def looser(self) -> list[str]:
         """Return the names of those that ask less than the frozen ones; a tip radius may not differ at all."""
         ours = FROZEN

@@ -76,7 +76,7 @@ def is_clear(q: Array, problem: Problem, least: float) -> bool:
     values, kinds = _clearances(q, problem, least, tips_touch=False)
     needed = np.where(kinds == NEIGHBOUR, min(BESIDE, least), least)
     if problem.settings.is_low(problem.target.top):
-        needed[kinds == TABLE] = problem.settings.clearance
+        needed[kinds == TABLE] = problem.settings.off_table(problem.target.top)
     return not (values < needed).any()
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance_hessian
-from dexgrasp.kinematics.clearance import Rows, clearance_rows
+from dexgrasp.kinematics.clearance import TABLE, Rows, clearance_rows
 from dexgrasp.kinematics.forward import (
     Frames,
     add_turn_row,
@@ -43,6 +43,7 @@ class Bounds(NamedTuple):
     cosine: float  # of tip axis to inward normal
     pad_cosine: float  # of pad direction to inward normal
     clearance: float
+    off_table: float  # the clearance from the table
     friction: float
 
 
@@ -103,7 +104,7 @@ def evaluate(
     beyond = Rows(rows.values[FIXED_ROWS:], rows.gradients[FIXED_ROWS:], rows.labels[FIXED_ROWS:])
     total = FIXED_ROWS + clearance_rows(tree, frames, obstacles, _ACTIVATION, True, beyond)
     for k in range(FIXED_ROWS, total):
-        rows.values[k] -= bounds.clearance
+        rows.values[k] -= bounds.off_table if rows.labels[k, 0] == TABLE else bounds.clearance
     return Evaluation(
         rows.values[:total], rows.gradients[:total], rows.labels[:total],
         touch.contacts, touch.normals, touch.distances, margin, _slide(touch),

@@ -109,7 +109,7 @@ def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generato
     holds, a tip slides off.
     """
     corners, height = target.distance.triangles.reshape(-1, 3), settings.tip_radius + settings.distance[1]
-    least = settings.tip_radius + settings.clearance
+    least = settings.tip_radius + settings.off_table(target.top)
     low, high = corners.min(0) - height, corners.max(0) + height
     low[2], high[2] = least, max(least, target.top)
     tips = rng.uniform(low, high, (_DENSE * settings.surface_points, 3))

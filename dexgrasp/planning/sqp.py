@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from dexgrasp.kinematics.clearance import KINDS
 from dexgrasp.planning.constraints import CLOSURE, FIXED_ROWS, MARGIN_SCALE, Bounds, Evaluation, evaluate
 from dexgrasp.planning.problem import Problem
-from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
 
@@ -51,8 +50,9 @@ class Solution:
     iterations: int
 
 
-def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> Bounds:
+def bounds_of(problem: Problem, margin: float, slack: float = 0.0) -> Bounds:
     """Return the thresholds, tightened by `slack` m so that rounding elsewhere cannot break them."""
+    settings = problem.settings
     low, high = settings.tip_radius + settings.distance[0], settings.tip_radius + settings.distance[1]
     return Bounds(
         low + slack,
@@ -61,6 +61,7 @@ def bounds_of(settings: PlannerSettings, margin: float, slack: float = 0.0) -> B
         settings.tip_cosine,
         settings.pad_cosine,
         settings.clearance + slack,
+        settings.off_table(problem.target.top) + slack,
         settings.friction,
     )
 
@@ -85,9 +86,9 @@ class _Solver:
         self._with_margin = with_margin
         self._low = tree.lower[tree.moved] + settings.joint_margin
         self._high = tree.upper[tree.moved] - settings.joint_margin
-        self._goal = bounds_of(settings, settings.closure_aim, slack=1e-4)
-        self._modest = bounds_of(settings, settings.closure_margin + 0.02, slack=1e-4)
-        self._least = bounds_of(settings, settings.closure_margin)
+        self._goal = bounds_of(problem, settings.closure_aim, slack=1e-4)
+        self._modest = bounds_of(problem, settings.closure_margin + 0.02, slack=1e-4)
+        self._least = bounds_of(problem, settings.closure_margin)
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
         return evaluate(q, self._tree, self._obstacles, bounds, self._with_margin)

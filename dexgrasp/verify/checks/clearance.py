@@ -18,8 +18,12 @@ _ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do n
 
 def clearance_checks(case: Case) -> list[Check]:
     """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it."""
-    bound, found = case.limits.clearance, case.scene.clearances(case.record.q, tips_touch=True)
-    checks = [at_least(f"clearance {kind}", value, bound, "m", _TRUE) for kind, value in found.items()]
+    limits, found = case.limits, case.scene.clearances(case.record.q, tips_touch=True)
+    bounds = {"hand_table": limits.off_table(case.top)}
+    checks = [
+        at_least(f"clearance {kind}", value, bounds.get(kind, limits.clearance), "m", _TRUE)
+        for kind, value in found.items()
+    ]
     claimed = case.record.certificate.min_clearance_m
     if np.isnan(claimed):
         return checks
@@ -35,7 +39,7 @@ def clearance_checks(case: Case) -> list[Check]:
 def pregrasp_checks(case: Case) -> list[Check]:
     """Check that the open hand, tips included, is clear; beside a low object it may stand as low as it grasps."""
     found, limits = case.scene.clearances(case.record.pregrasp, tips_touch=False), case.limits
-    off_table = limits.clearance if limits.is_low(case.top) else OPEN
+    off_table = limits.off_table(case.top) if limits.is_low(case.top) else OPEN
     bounds = {"hand_object": OPEN, "hand_table": off_table, "self": 0.0}
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
