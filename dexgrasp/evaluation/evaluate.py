@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dexgrasp.evaluation.replay import record
+from dexgrasp.evaluation.rows import fell_short
 from dexgrasp.evaluation.sequential import decided_after
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
 from dexgrasp.evaluation.store import Row, TrialStore, check_folder
@@ -41,7 +42,7 @@ def evaluate(
         settings: what to evaluate.
         folder: where trials.jsonl, summary.json and videos go; made if it is not there.
         backend: where trials run; the outcome does not depend on it.
-        videos: how many trials of each agent and object are recorded, or "failures" for those that failed; recording
+        videos: how many trials of each agent and object are recorded, or "failures" for what fell short; recording
             makes a trial again, so that it may be asked for after the fact.
         film: what videos are taken with.
         progress: whether to say on standard error how far it is.
@@ -135,7 +136,7 @@ class _Run:
         chosen = [
             row
             for row in self.store.rows
-            if (not row["success"] if videos == "failures" else row["trial"] < int(videos))
+            if (fell_short(row) if videos == "failures" else row["trial"] < int(videos))
         ]
         with progress_bar("video", "videos", shown=self.progress and bool(chosen)) as show:
             record(self.runner, chosen, self.store.folder, film, self.backend, show)

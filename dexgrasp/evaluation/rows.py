@@ -68,6 +68,7 @@ class _Row:
     clean: bool | None = None
     moved: float | None = None
     hit: int | None = None
+    hit_names: list[str] = field(default_factory=list)
     total_reward: float | None = None
     seconds: float | None = None
 
@@ -79,6 +80,11 @@ def row_fault(row: object) -> str | None:
     except InputError as error:
         return str(error)
     return None
+
+
+def fell_short(row: Mapping[str, Any]) -> bool:
+    """Whether a trial failed, or lifted the object and moved what stood around it."""
+    return not row["success"] or row.get("clean") is False
 
 
 def row_key(row: Mapping[str, Any]) -> Key:

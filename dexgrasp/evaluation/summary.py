@@ -108,7 +108,13 @@ def _neighbours(rows: Sequence[Row]) -> dict[str, Any]:
     clean = [{**row, "success": row["clean"]} for row in among]
     touched = [{**row, "success": row["hit"] > 0} for row in among]
     moved = quantiles(_known(among, "moved"), **_QUARTILES, max=1.0)
-    return {"clean": count(clean), "hit": count(touched), "moved": moved}
+    names = Counter(name for row in among for name in row["hit_names"])
+    return {
+        "clean": count(clean),
+        "hit": count(touched),
+        "moved": moved,
+        "hit_objects": dict(names.most_common()),
+    }
 
 
 def _known(contents: Sequence[Mapping[str, Any]], key: str) -> list[float]:

@@ -49,6 +49,7 @@ class Outcome:
         clean: a success that moved no neighbour by more than 2 cm; None where there are none.
         moved: the farthest that a neighbour's centre has been from where it would be without the robot, m.
         hit: neighbours that the robot has touched.
+        hit_names: theirs.
         planning_seconds: as the agent reports; None if it does not plan.
         seconds: wall time of the trial.
         warnings: of the physics engine.
@@ -68,6 +69,7 @@ class Outcome:
     clean: bool | None = None
     moved: float | None = None
     hit: int | None = None
+    hit_names: list[str] = field(default_factory=list)
     planning_seconds: float | None = None
     seconds: float = 0.0
     warnings: list[str] = field(default_factory=list)
@@ -194,6 +196,7 @@ def _note_neighbours(outcome: Outcome, info: Mapping[str, Any]) -> None:
         outcome.clean, outcome.moved, outcome.hit = (
             jsonable(info[key]) for key in ("is_clean", "neighbours_moved", "neighbours_hit")
         )
+        outcome.hit_names = info["neighbours_hit_names"].split()
 
 
 def _ask(method: Any, *arguments: Any) -> Any:

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.poses import quat_conjugate, rotate
 from dexgrasp_env.tasks.clutter import Clutter
 from dexgrasp_env.tasks.constants import AROUND_POINTS, NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
@@ -121,11 +122,18 @@ class ClutterEpisodes(Episodes):
 
     def info(self, i: int) -> dict[str, Any]:
         """Return the info of episode `i`."""
-        return super().info(i) | {key: values[i].item() for key, values in self._told().items()}
+        told = {key: values[i].item() for key, values in self._told().items()}
+        return super().info(i) | told | {"neighbours_hit_names": self._hit_names(i)}
 
     def more_infos(self) -> dict[str, NDArray[Any]]:
         """Return what `info` has more than that of `Episodes`, of all episodes."""
-        return self._told()
+        names = np.empty(len(self.slots), dtype=object)
+        names[:] = [self._hit_names(i) for i in range(len(self.slots))]
+        return self._told() | {"neighbours_hit_names": names}
+
+    def _hit_names(self, i: int) -> str:
+        hit = np.flatnonzero(self.records[i]["neighbour_hit"])
+        return " ".join(object_name(self.slots[i].neighbours[k]) for k in hit)
 
     def _told(self) -> dict[str, NDArray[Any]]:
         moved = self.records["neighbours_moved"]
@@ -193,7 +201,8 @@ class ClutterEnv(LiftEnv):
 
     `info` has more than that of `LiftEnv`: `is_clean`, `neighbours` (how many), `neighbours_moved` (m, the farthest
     that the centre of any has been from where it would be), `neighbours_hit` (how many the robot has touched, looked
-    at in every physics step), `neighbours_toppled` (how many have turned their vertical by 30 deg).
+    at in every physics step), `neighbours_hit_names` (theirs, with spaces between),
+    `neighbours_toppled` (how many have turned their vertical by 30 deg).
 
     ## Rewards
 

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.replay import video_path
+from dexgrasp.evaluation.rows import fell_short
 from dexgrasp.evaluation.store import read_rows
 
 _MOST = 24
@@ -24,10 +25,7 @@ class Clips(NamedTuple):
 def clips(folders: Sequence[Path]) -> Clips:
     """Return the clips of failures that are there, the first of each agent, object and protocol first."""
     failed = [
-        (row, video_path(folder, row))
-        for folder in folders
-        for row in read_rows(folder)
-        if not row["success"]
+        (row, video_path(folder, row)) for folder in folders for row in read_rows(folder) if fell_short(row)
     ]
     there = sorted(((row, path) for row, path in failed if path.is_file()), key=lambda pair: _rank(pair[0]))
     sizes = accumulate(path.stat().st_size for _, path in there[:_MOST])
@@ -44,4 +42,7 @@ def _rank(row: Mapping[str, Any]) -> tuple[Any, ...]:
 
 def _caption(row: Mapping[str, Any]) -> str:
     protocol = f", {row['protocol']}" if row.get("protocol") else ""
-    return f"{row['agent']}: {row['object']}{protocol}, trial {row['trial']}: {sentence(row['reason'] or '')}"
+    why = sentence(row["reason"]) if row["reason"] else "lifted"
+    hit = f"; hit {', '.join(row['hit_names'])}" if row.get("hit_names") else ""
+    moved = f"; moved a neighbour by {100 * row['moved']:.0f} cm" if row.get("clean") is False else ""
+    return f"{row['agent']}: {row['object']}{protocol}, trial {row['trial']}: {why}{hit}{moved}"

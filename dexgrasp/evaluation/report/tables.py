@@ -18,6 +18,7 @@ Agents = Mapping[str, Mapping[str, Any]]
 
 SETS = ("seen", "familiar", "novel", "ycb6", "meshes")
 """Sets in the order of their columns."""
+_MOST_HIT = 3  # neighbours that are named
 
 
 class Table(NamedTuple):
@@ -87,8 +88,10 @@ def clutter_table(agents: Agents) -> Table:
         for protocol, found in agent["clutter"].items():
             cells = (agent["by_protocol"][protocol], found["clean"], found["hit"])
             moved = f"{100 * found['moved']['median']:.1f} (up to {100 * found['moved']['max']:.1f})"
-            rows.append([protocol, name, *map(rate_words, cells), moved])
-    return Table(("protocol", "agent", "lifted", "clean", "hit a neighbour", "moved, cm, median"), rows)
+            most = ", ".join(f"{what} {n}" for what, n in list(found["hit_objects"].items())[:_MOST_HIT])
+            rows.append([protocol, name, *map(rate_words, cells), moved, most])
+    words = ("lifted", "clean", "hit a neighbour", "moved, cm, median", "hit most often")
+    return Table(("protocol", "agent", *words), rows)
 
 
 def ordered_objects(agents: Agents) -> list[str]:
