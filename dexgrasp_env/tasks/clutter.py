@@ -119,7 +119,7 @@ def _slide_out(shape: Array, standing: Sequence[Array], gap: float, rng: Generat
     for angle in rng.uniform(-np.pi, np.pi, _HEADINGS):
         way, slid = np.array([np.cos(angle), np.sin(angle)]), np.zeros(2)
         while _on_table(shape + slid):
-            short = gap - min(gap_between(shape + slid, other) for other in standing)
+            short = gap - nearest_gap(shape + slid, standing)
             if short <= _NEAR:
                 return slid
             slid += way * short  # a gap grows by no more than what the outline moves
@@ -136,6 +136,25 @@ def outline(corners: Array, pose: Array) -> Array:
 
     flat = (rotate(pose[3:], corners) + pose[:3])[:, :2]
     return flat[ConvexHull(flat).vertices]
+
+
+def nearest_gap(shape: Array, others: Sequence[Array]) -> float:
+    """Return the least of the gaps, m, between an outline and others; only those are measured that may be the least."""
+    (x, y), reach = _circle(shape)
+    bounds = [np.hypot(x - cx, y - cy) - reach - r for (cx, cy), r in map(_circle, others)]
+    least = np.inf
+    for k in np.argsort(bounds):
+        if bounds[k] >= least:
+            break
+        least = min(least, gap_between(shape, others[k]))
+    return least
+
+
+def _circle(shape: Array) -> tuple[Array, float]:
+    """A circle around an outline: its centre (2,) m and radius m."""
+    centre = shape.mean(axis=0)
+    off = shape - centre
+    return centre, float(np.sqrt((off * off).sum(axis=1).max()))
 
 
 def gap_between(a: Array, b: Array) -> float:

@@ -40,7 +40,7 @@ SHORTEST_SKIP, LONGEST_SKIP = 5, 125  # physics steps of a control step: 100 to 
 
 MOST_NEIGHBOURS = 25
 CLUTTER_X, CLUTTER_Y = (0.30, 0.76), (-0.38, 0.38)  # m, where what stands around the object may be
-SCENE_DRAWS = 30  # scenes drawn, at most, until one comes to rest
+SCENE_DRAWS = 60  # scenes drawn, at most, until one comes to rest
 REST_SPAN, REST_SPANS = 250, 12  # physics steps between two looks at whether all is still, and how many looks
 STILL = 1e-4  # of poses, m and parts of a quaternion, by which nothing moves in a span of rest
 CREEP = 1e-3  # the same in a heap, whose contacts give a little for long
