@@ -43,7 +43,7 @@ def test_round_trip(contents, tmp_path):
 
 
 def test_neighbours_and_any_number_of_contacts_are_read_as_they_were_written(contents):
-    """Frames move with the table's height; what nobody looks at yet is read, and not verified."""
+    """Frames move with the table's height; what no model says yet is read, and not verified."""
     content = copy.deepcopy(contents["hammer"])
     pose = np.eye(4)
     pose[:3, 3] = 0.6, 0.1, 0.0
@@ -68,7 +68,6 @@ def test_neighbours_and_any_number_of_contacts_are_read_as_they_were_written(con
         assert_allclose(one, other, atol=1e-12)
     failed = {check.name for check in verify(record, ["conventions"]) if not check.holds}
     assert {
-        "no neighbours, which are not looked at yet",
         "no holds_probability, which no model says yet",
     } < failed
 

@@ -1,5 +1,6 @@
 """`dexgrasp check`: an exported trajectory looked at before a robot moves."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -9,6 +10,7 @@ from dexgrasp_env.valid import Natural
 
 if TYPE_CHECKING:
     from dexgrasp.export.read import Recording
+    from dexgrasp.verify.check import Check as Judged
 
 
 class Check(Command, InCell):
@@ -38,7 +40,7 @@ class Check(Command, InCell):
         from dexgrasp.export.read import read_trajectory
 
         recording = read_trajectory(self.trajectory, self.cell)
-        checks = check_trajectory(recording, self.cell)
+        checks = [*check_trajectory(recording, self.cell), *self._grasp()]
         good = all(check.holds for check in checks)
         held = self._replays(recording) if self.replay else []
         words = coloured("every check holds", "good") if good else coloured("NOT fit to run", "bad")
@@ -49,6 +51,18 @@ class Check(Command, InCell):
             )
         content = {"holds": good, "checks": checks, "replays": len(held), "held": sum(held)}
         return Answer(content, "\n".join(lines), int(not good))
+
+    def _grasp(self) -> "list[Judged]":
+        """What the judge rejects of the grasp beside the trajectory, where there is one."""
+        from dexgrasp.grasp.file import read_grasp
+        from dexgrasp.verify.verify import verify
+
+        folder = self.trajectory if self.trajectory.is_dir() else self.trajectory.parent
+        file = folder / "grasp.json"
+        if not file.is_file():
+            return []
+        checks = verify(read_grasp(file, self.cell))
+        return [replace(check, name=f"grasp.json: {check.name}") for check in checks if not check.holds]
 
     def _replays(self, recording: "Recording") -> list[bool]:
         """Whether the object was held, for each replay."""

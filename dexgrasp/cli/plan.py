@@ -4,33 +4,18 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, Options, Scene, check_mesh_options
+from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import make_folder, note
+from dexgrasp.cli.scan import Scan, as_json, chosen_line, list_lines
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import Count, Positive, check
+from dexgrasp_env.valid import Count, check
 
 if TYPE_CHECKING:
     from dexgrasp.planning.look import Look
     from dexgrasp.planning.result import PlanResult, Progress
     from dexgrasp_env.perception.cloud import Cloud
-
-
-class Scan(Options):
-    """Your own scene, instead of TARGET.
-
-    Attributes:
-        cloud: ply, pcd, xyz, npy or npz in the robot base frame; or a folder with cameras.yaml and depth images.
-        unit: of that file's coordinates.
-        object_near: a point near the object that is meant, m.
-        mass: of the object, kg, where it is known.
-    """
-
-    cloud: File | None = None
-    unit: Literal["m", "cm", "mm"] = "m"
-    object_near: Annotated[tuple[float, float, float] | None, "X", "Y", "Z"] = None
-    mass: Annotated[Positive | None, "KG"] = None
 
 
 class Plan(Command, Scan, Scene):
@@ -42,12 +27,15 @@ class Plan(Command, Scan, Scene):
       dexgrasp plan pear --seed 3 --out grasps/pear       writes grasp.json and grasp.png
       dexgrasp plan pear --json | jq .certificate
       dexgrasp plan --cloud scene.ply --out out/scene     your own point cloud, in the robot base frame, metres
+      dexgrasp plan --cloud scene.ply --objects           what is seen there; point at one of them:
+      dexgrasp plan --cloud scene.ply --object-near 0.5 0.1 0.03
       dexgrasp plan pear --count 20 --out grasps/pear     20 grasps that differ: grasp_000.json is the firmest
       dexgrasp plan pear --friction 0.35                  a slippery one, and a planner that knows it: it counts on 5/7
                                                           of MU for closure, 6/7 for the forces (never over 0.5 and 0.6)
 
     The object is put on the table in a pose drawn from --seed, seen with the default sensor noise, and planned for
-    without knowledge of its pose or mass. Exit code 1 says that there is no grasp; the reason is printed.
+    without knowledge of its pose or mass. Exit code 1 says that there is no grasp, or none that
+    bears the assumed weight; the reason is printed.
 
     Attributes:
         target: object of the catalogue or mesh file (obj, stl, ply, glb).
@@ -69,10 +57,13 @@ class Plan(Command, Scan, Scene):
         scan = self._read()
         if self.out is not None:
             make_folder(self.out)
+        if scan is not None and self.objects:
+            return self._list(scan)
         several = self.count is not None
         with progress_bar("step", "grasps", shown=several, delay=3, leave=False) as progress:
             found, content = self._plan(progress) if scan is None else self._plan_scan(scan, progress)
-        answer = Answer(content, describe(content, found.sentence), int(not found.success))
+        good = found.success and all(grasp.certificate.holds for grasp in found.grasps)
+        answer = Answer(content, describe(content, found.sentence), int(not good))
         if self.out is not None and (found.success or several):
             try:
                 note(write_results(self.out, found, content))
@@ -91,9 +82,9 @@ class Plan(Command, Scan, Scene):
                 raise InputError(
                     "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
                 )
-            if (self.mass, self.object_near, self.unit) != (None, None, "m"):
+            if self.of_cloud:
                 raise InputError(
-                    "--mass, --object-near and --unit are of --cloud: of a TARGET the planner is told nothing "
+                    f"{', '.join(self.of_cloud)}: of --cloud; of a TARGET the planner is told nothing "
                     "(--mesh-mass is a mesh's)"
                 )
             check_target(self.target, self.agent, self)
@@ -117,15 +108,39 @@ class Plan(Command, Scan, Scene):
         """Plan on a cloud; return what came of it, and the same as JSON."""
         from dexgrasp.planning.seen import default_planner, plan_scene, scene_of
         from dexgrasp.planning.settings import PlannerSettings
+        from dexgrasp_env.perception.objects import listed
+        from dexgrasp_env.perception.recorded import SEVERAL
 
         settings = None if self.friction is None else PlannerSettings.for_friction(self.friction)
         planner = default_planner(self.cell, settings)
-        scene = scene_of(scan, near=self.object_near, seed=self.seed, cell=self.cell)
-        home = self.cell.robot.home
+        scene, home = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell), self.cell.robot.home
+        seen = listed(scene, self.cell.base)
+        if scene.reason == SEVERAL:
+            stand = "; ".join(line.strip() for line in list_lines(seen))
+            raise InputError(
+                f"several objects stand in reach: {stand}: point at one by --object-near, --box, --mask or --pixel"
+            )
+        if scene.reason is None:
+            note(chosen_line(seen))
         found = plan_scene(
             planner, scene, self.seed, home, mass=self.mass, count=self.count, progress=progress
         )
-        return found, found.as_json(scan_name(Path(str(self.cloud))))
+        return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": as_json(seen)}
+
+    def _list(self, scan: "Cloud") -> Answer:
+        """Say which objects are seen, with a picture where there is a folder for it."""
+        from dexgrasp.planning.seen import scene_of
+        from dexgrasp_env.perception.objects import listed
+        from dexgrasp_env.perception.picture import objects_picture
+
+        scene = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell)
+        seen = listed(scene, self.cell.base)
+        lines = [f"{len(seen)} objects (middles in the frame of the robot's base, m):", *list_lines(seen)]
+        if not seen:
+            lines = [f"no object: {scene.sentence or scene.reason}"]
+        elif self.out is not None:
+            lines.append(f"wrote {objects_picture(self.out / 'objects.png', scene, seen)}")
+        return Answer({"objects": as_json(seen)}, "\n".join(lines), int(not seen))
 
 
 def check_target(target: str, agent: str, scene: Scene) -> None:

@@ -36,6 +36,7 @@ _MAKERS: dict[str, dict[str, tuple[float, ...]]] = {
 _PERIODS = {"arm": 0.001, "hand": 0.003}  # s: the arm takes 1 kHz, the hand 333 Hz
 _TIME = 1e-9  # s
 _STEP = 0.02  # s between states that are looked at for collisions
+_DEEPER = 0.002  # m that the object may get deeper into a neighbour than it seems to lie in it
 _CLEAR = 1e-4  # m: deeper than this is a collision
 
 
@@ -59,7 +60,18 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
         *_limits("arm", arm, _tighter(cell.robot.arm.name, cell.robot.arm.joints)),
         *_limits("hand", hand, _tighter(cell.robot.hand.name, cell.robot.hand.joints)),
         *_collisions(recording, cell),
+        *_grasp(recording),
     ]  # fmt: skip
+
+
+def _grasp(recording: Recording) -> list[Check]:
+    """What the files say of a grasp that was written though the judge rejects it."""
+    rejected = recording.facts.get("rejected")
+    if not isinstance(rejected, list) or not rejected:
+        return []
+    return [
+        Check("grasp: checks of verify that fail", float(len(rejected)), ", ".join(map(str, rejected)), False)
+    ]
 
 
 def _timing(name: str, rows: Rows) -> list[Check]:
@@ -91,14 +103,19 @@ def _limits(name: str, rows: Rows, limits: dict[str, Array]) -> list[Check]:
 
 
 def _collisions(recording: Recording, cell: Cell) -> list[Check]:
-    """Distances of the true collision shapes: robot to itself and to the table, and to the object while approaching."""
-    scene = Scene(cell, [part + cell.base for part in _parts(recording.facts)], ())
+    """Distances of the true collision shapes: robot to itself, table, neighbours, and the object that it approaches."""
+    parts, around = (
+        [part + cell.base for part in _parts(recording.facts, key)] for key in ("parts", "around")
+    )
+    scene = Scene(cell, parts, (), around)
     words = {"self": "robot to itself", "hand_table": "robot to the table",
-             "hand_object": "robot to the object on the approach"}  # fmt: skip
-    if not scene.parts:
-        del words["hand_object"]
+             "hand_object": "robot to the object on the approach",
+             "hand_neighbour": "robot to what stands around"}  # fmt: skip
+    for kind, shapes in (("hand_object", parts), ("hand_neighbour", around)):
+        if not shapes:
+            del words[kind]
     least = dict.fromkeys(words, np.inf)
-    end = _end_of_approach(recording)
+    end = _time_of(recording, "approach", "end")
     times = np.arange(0.0, recording.arm.times[-1] + _STEP, _STEP)
     rows = [
         np.interp(times, part.times, column)
@@ -109,22 +126,29 @@ def _collisions(recording: Recording, cell: Cell) -> list[Check]:
         for kind, value in scene.clearances(q, tips_touch=False).items():
             if kind in least and (kind != "hand_object" or time <= end):
                 least[kind] = min(least[kind], value)
-    return [at_least(f"{words[kind]} (m)", value, 0.0, "", _CLEAR) for kind, value in least.items()]
+    checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", _CLEAR) for kind, value in least.items()]
+    if parts and around:
+        lift = np.stack(rows, axis=1)[times >= _time_of(recording, "lift", "start")]
+        lying, nearest = scene.carried(lift)
+        checks.append(
+            at_least("object to what stands around, once lifted (m)", nearest, min(lying, 0.0), "", _DEEPER)
+        )
+    return checks
 
 
-def _parts(facts: dict[str, Any]) -> tuple[Array, ...]:
-    """Corners of the object's convex parts; none where senseless."""
+def _parts(facts: dict[str, Any], key: str) -> tuple[Array, ...]:
+    """Corners of convex parts, of the object or of what stands around; none where senseless."""
     try:
-        return tuple(CONVEX.admit(facts.get("parts")))
+        return tuple(part for one in facts.get(key) or [] for part in CONVEX.admit([one]))
     except (TypeError, ValueError, OverflowError):
         return ()
 
 
-def _end_of_approach(recording: Recording) -> float:
-    """When the approach ends, s; with the trajectory where the files do not say."""
+def _time_of(recording: Recording, name: str, which: str) -> float:
+    """When a segment starts or ends, s; the end of the trajectory where the files do not say."""
     for segment in recording.facts.get("segments") or []:
-        if isinstance(segment, dict) and segment.get("name") == "approach":
-            end = segment.get("end")
-            if isinstance(end, int | float):
-                return float(end)
+        if isinstance(segment, dict) and segment.get("name") == name:
+            time = segment.get(which)
+            if isinstance(time, int | float):
+                return float(time)
     return float(recording.arm.times[-1])

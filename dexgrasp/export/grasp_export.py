@@ -1,5 +1,6 @@
 """A grasp file as a trajectory with what a robot's programmer has to know of it."""
 
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +25,9 @@ from dexgrasp_env.robot.robot import Robot
 FORMATS = ("csv", "json", "ros2", "mjcf")
 
 
-def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float | None = None) -> list[Path]:
+def export_grasp(
+    record: GraspRecord, folder: Path, kind: str, stiffness: float | None = None, rejected: Sequence[str] = ()
+) -> list[Path]:
     """Write a grasp's trajectory, or its scene, into a folder.
 
     Args:
@@ -33,6 +36,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
         kind: one of `FORMATS`; `mjcf` and `ros2` have the csv beside them, so that it can be checked and, with a scene,
             replayed. Where only a cloud was seen, the scene's object is what was planned on.
         stiffness: Nm/rad of the hand's joint servos, for the squeeze as position offsets; None for the cell's.
+        rejected: checks that the grasp fails, which the files are to say.
 
     Returns:
         The files.
@@ -47,6 +51,7 @@ def export_grasp(record: GraspRecord, folder: Path, kind: str, stiffness: float 
     if not (np.isfinite(stiffness) and stiffness > 0.0):
         raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
     trajectory, facts = trajectory_of(record, cell.robot), grasp_facts(record, cell, stiffness)
+    facts["rejected"] = list(rejected)
     if kind == "json":
         return write_json(folder, trajectory, facts)
     scene = _scene(record, cell, folder) if kind == "mjcf" else []
@@ -92,6 +97,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, 
         "quality": record.certificate.closure_margin,
         "lift_height": 0.0 if record.script is None else record.script.lift_height,
         "parts": [part - base for part in record.parts],
+        "around": [part - base for part in record.around],
         "note": "open loop: nothing here reacts to what the fingers meet; certified, where it is, is the grasp alone",
     }
     return dict(jsonable(facts))

@@ -185,6 +185,11 @@ class GraspRecord:
         return np.array([contact.force for contact in self.contacts])
 
     @property
+    def around(self) -> list[Array]:
+        """Corners (V, 3) m of the convex parts of all neighbours, world frame."""
+        return [part @ n.pose[:3, :3].T + n.pose[:3, 3] for n in self.neighbours for part in n.parts]
+
+    @property
     def hull(self) -> Array:
         """(V, 3) m, vertices whose convex hull is that of all parts."""
         return np.concatenate(self.parts)

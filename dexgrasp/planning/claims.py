@@ -64,8 +64,12 @@ def certificate_of(q: Array, forces: Array, problem: Problem, *, with_capacity: 
 
 
 def least_clearance(q: Array, problem: Problem) -> float:
-    """Return the least clearance, m, at most `FAR`; a lower bound, as spheres cover the robot from outside."""
-    return float(min(_clearances(q, problem, FAR, tips_touch=True)[0], default=FAR))
+    """Return the least clearance from object, table and itself, m, at most `FAR`.
+
+    It is a lower bound, as spheres cover the robot from outside.
+    """
+    values, kinds = _clearances(q, problem, FAR, tips_touch=True)
+    return float(min(values[kinds != NEIGHBOUR], default=FAR))
 
 
 def is_clear(q: Array, problem: Problem, least: float) -> bool:

@@ -19,7 +19,7 @@ from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
-from dexgrasp_env.perception.objects import Pointing
+from dexgrasp_env.perception.pointing import Pointing, mask_of
 from dexgrasp_env.perception.recorded import find_object
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scan import cloud_of
@@ -89,6 +89,9 @@ def plan_cloud(
     points: Any,
     *,
     near: Sequence[float] | None = None,
+    box: Sequence[float] | None = None,
+    mask: Any = None,
+    label: int | None = None,
     mass: float | None = None,
     seed: int = 0,
     start: Array | None = None,
@@ -96,7 +99,7 @@ def plan_cloud(
     robot: Given = None,
     count: int | None = None,
 ) -> PlanResult:
-    """Plan a grasp of the object in a cloud of the scene, or several that differ.
+    """Plan a grasp of an object in a cloud, or several that differ; what else stands there is kept clear of.
 
     The scene stands on a table at the height that the cell has; the table, and the robot where it stands at `start`,
     may be in the cloud. Points are given in the frame of the robot's base; the plan is in the world, whose z = 0 is the
@@ -104,7 +107,10 @@ def plan_cloud(
 
     Args:
         points: (N, 3) m in the frame of the robot's base, z up, or a `Cloud` as `read_scan` returns it.
-        near: (3,) m, a point near the object that is meant; None takes the only one in the workspace.
+        near: (3,) m, a point near the object that is meant; with nothing pointed at, the only one in the workspace.
+        box: (6,) m, instead: x, y, z of the lowest and of the highest corner of a box that holds it.
+        mask: instead: one bool, or one whole number, for each point, or for each pixel that the cloud was made from.
+        label: the object's number in such a mask; None where it has but one.
         mass: kg where it is known; None assumes one from the volume.
         seed: of everything that is drawn; the same cloud and seed give the same grasp.
         start: (n,) rad, where the robot stands; its home posture by default.
@@ -116,35 +122,37 @@ def plan_cloud(
         A plan with `.grasp`, or with `.reason` why there is none; with a count, `.found` are all, firmest first.
 
     Raises:
-        InputError: for something that is no cloud, a point, a mass or a count that is none.
+        InputError: for something that is no cloud, a point, box, mask, mass or count that is none.
     """
     if mass is not None and not (isinstance(mass, int | float) and np.isfinite(mass) and mass > 0):
         raise InputError(f"mass is {mass!r}: valid is a positive number of kilograms")
     planner = planner or default_planner(make_cell(robot))
     home = planner.cell.robot.home
     q = _checked("start", home if start is None else start, len(home))
-    scene = scene_of(points, near=near, seed=seed, start=q, cell=planner.cell)
+    corners = None if box is None else _checked("box", box, 6).reshape(2, 3)
+    where = None if near is None else _checked("near", near, 3)
+    pointing = Pointing(where, corners, None if mask is None else mask_of(mask, label))
+    scene = scene_of(points, pointing, seed=seed, start=q, cell=planner.cell)
     return plan_scene(planner, scene, seed, q, mass=mass, count=count)
 
 
 def scene_of(
     points: Any,
+    pointing: Pointing | None = None,
     *,
-    near: Sequence[float] | None = None,
     seed: int = 0,
     start: Array | None = None,
     cell: Cell | None = None,
 ) -> Scene:
     """Return the scene of a cloud without the robot of a cell; the rest is as in `plan_cloud`."""
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
-    where = None if near is None else _checked("near", near, 3)
     cell = cell or default_cell()
     model = compiled_robot(cell)
     data = mujoco.MjData(model)
     data.qpos[:] = cell.robot.home if start is None else start
     mujoco.mj_kinematics(model, data)
     rng = np.random.default_rng(seed)
-    return find_object(cloud, rng, cell, pointing=Pointing(near=where), own=RobotShape(model).at(data))
+    return find_object(cloud, rng, cell, pointing=pointing, own=RobotShape(model).at(data))
 
 
 def default_planner(

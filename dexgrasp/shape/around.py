@@ -4,7 +4,7 @@ import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.shape.completion import completed_corners
-from dexgrasp.shape.target import PART_FACES, Parts
+from dexgrasp.shape.target import PART_FACES, Parts, corners_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
@@ -40,7 +40,7 @@ def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
         distance = None
     if corners is None or distance is None or distance.distance(scene.target.points).min() < -_INSIDE:
         return columns(cloud.points)
-    return (corners,)
+    return (corners_of(distance.triangles),)
 
 
 def _grown(corners: Array, cloud: ObjectCloud) -> Array:

@@ -42,29 +42,35 @@ class Touch:
 
 
 class Scene:
-    """Robot, object and table in the world frame."""
+    """Robot, object, neighbours and table in the world frame."""
 
-    def __init__(self, cell: Cell, parts: Sequence[Array], fingers: Sequence[str]) -> None:
+    def __init__(
+        self, cell: Cell, parts: Sequence[Array], fingers: Sequence[str], around: Sequence[Array] = ()
+    ) -> None:
         """Compile them; the geoms of the object's parts bear the names `object0` on, the table's `table`.
 
         Args:
             cell: with the mount in use.
             parts: vertices (V, 3) m of the object's convex parts; there may be none.
             fingers: whose tips make the contacts.
+            around: the same of convex parts of neighbours, `around0` on.
         """
         self.cell, self.robot, self.parts = cell, cell.robot, [_hull(vertices) for vertices in parts]
         self._fingers = [self.robot.hand.finger(name) for name in fingers]
         spec = _bare(robot_spec(cell))
-        for k, part in enumerate(self.parts):
-            mesh = spec.add_mesh(name=f"part{k}")
+        named = [(f"object{k}", part) for k, part in enumerate(self.parts)]
+        named += [(f"around{k}", _hull(vertices)) for k, vertices in enumerate(around)]
+        for name, part in named:
+            mesh = spec.add_mesh(name=name)
             mesh.uservert = np.asarray(part.vertices).ravel()
             mesh.userface = np.asarray(part.faces).ravel()
             mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
-            spec.worldbody.add_geom(name=f"object{k}", type=mujoco.mjtGeom.mjGEOM_MESH, meshname=f"part{k}")
+            spec.worldbody.add_geom(name=name, type=mujoco.mjtGeom.mjGEOM_MESH, meshname=name)
         spec.worldbody.add_geom(name="table", type=mujoco.mjtGeom.mjGEOM_PLANE, size=[0, 0, 1])
         self.model: mujoco.MjModel = spec.compile()
         self.data = mujoco.MjData(self.model)
         self.object = {self.model.geom(f"object{k}").id for k in range(len(self.parts))}
+        self.around = {self.model.geom(f"around{k}").id for k in range(len(around))}
         self.table = self.model.geom("table").id
         self._tip_geoms = {self.model.geom(finger.tip).id for finger in self._fingers}
 
@@ -110,7 +116,9 @@ class Scene:
         return site.xpos.copy(), site.xmat.reshape(3, 3).copy()
 
     def clearances(self, q: Array, tips_touch: bool) -> dict[str, float]:
-        """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves."""
+        """Return the least distances, m, of the true collision shapes: hand and arm to object, table, themselves, and
+        `hand_neighbour` where there are neighbours.
+        """
         self.place(q)
         return {
             kind: self._least([pair for pair in pairs if not (tips_touch and self._is_touch(pair))])
@@ -125,11 +133,16 @@ class Scene:
         """Geoms that may meet in the simulation, by what they are of."""
         model = self.model
         robot = [
-            g for g in range(model.ngeom) if model.geom_contype[g] and g not in self.object | {self.table}
+            g
+            for g in range(model.ngeom)
+            if model.geom_contype[g] and g not in self.object | self.around | {self.table}
         ]
         moving = [g for g in robot if model.body_weldid[model.geom_bodyid[g]] != 0]
         excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature}
-        return {
+        beside = (
+            {"hand_neighbour": [(g, part) for g in moving for part in self.around]} if self.around else {}
+        )
+        return beside | {
             "hand_object": [(g, part) for g in moving for part in self.object],
             "hand_table": [(g, self.table) for g in moving if not self._on_plinth(g)],
             "self": [pair for pair in combinations(robot, 2) if self._may_meet(*pair, excluded)],
@@ -142,6 +155,24 @@ class Scene:
         one, two = (int(model.body_weldid[body]) for body in bodies)
         above = [int(model.body_weldid[model.body_parentid[weld]]) for weld in (one, two)]
         return one not in (two, above[1]) and two != above[0] and frozenset(bodies) not in excluded
+
+    def carried(self, path: Array) -> tuple[float, float]:
+        """Return how far, m, the object lies from its neighbours, and how near it comes to them in the hand.
+
+        Args:
+            path: (T, n), the first row where the hand takes it; overlaps are negative.
+        """
+        places = {g: (self.data.geom_xpos[g].copy(), self.data.geom_xmat[g].copy()) for g in self.object}
+        pairs, (p, R) = [(g, other) for g in self.object for other in self.around], self.palm(path[0])
+        found = []
+        for q in path:
+            at, now = self.palm(q)
+            for g, (centre, axes) in places.items():
+                turn = now @ R.T
+                self.data.geom_xpos[g] = turn @ (centre - p) + at
+                self.data.geom_xmat[g] = (turn @ axes.reshape(3, 3)).ravel()
+            found.append(self._least(pairs))
+        return found[0], min(found)
 
     def first_contact(self, path: Array, with_object: bool = True) -> tuple[int, float]:
         """Return the first row of a path (T, n) in which anything touches, or -1, and the deepest penetration, m."""
@@ -157,9 +188,11 @@ class Scene:
         return -1, 0.0
 
     def _is_collision(self, pair: set[int], with_object: bool) -> bool:
-        """Object and table belong together, and so do the table and what stands on its plinth."""
+        """Object, neighbours and table belong together, and so do the table and what stands on its plinth."""
+        if pair <= self.object | self.around | {self.table}:
+            return False
         if pair & self.object:
-            return with_object and not pair <= self.object | {self.table}
+            return with_object
         return self.table not in pair or not any(map(self._on_plinth, pair - {self.table}))
 
     def _on_plinth(self, geom: int) -> bool:

@@ -1,66 +1,20 @@
 """What stands on a table told apart: objects, each by itself, and what belongs to none."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud, clusters, downsample
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.plane import Plane
-from dexgrasp_env.perception.scene import ObjectCloud
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 LEAST_POINTS, LEAST_EXTENT = 50, 0.02
 """Points, and m of the longest side of a box around them, from which on a cluster is an object."""
 MOST_EXTENT = 0.35
 """m of the longest side: what is longer is a wall, a bin, furniture."""
-
-
-@dataclass(frozen=True, eq=False)
-class Pointing:
-    """Which object is meant; with nothing said, the only one.
-
-    Attributes:
-        near: (3,) m, a point near it.
-        box: (2, 3) m, lowest and highest corner of a box around it.
-        mask: one bool for each row or pixel that the cloud was made from: where it is seen.
-    """
-
-    near: Array | None = None
-    box: Array | None = None
-    mask: NDArray[np.bool_] | None = None
-
-    def __post_init__(self) -> None:
-        if sum(value is not None for value in (self.near, self.box, self.mask)) > 1:
-            raise InputError("point at the object in one way: near it, by a box, by a mask or by a pixel")
-        if self.box is not None and not (self.box[0] < self.box[1]).all():
-            raise InputError(
-                "the box is empty: valid is X0 Y0 Z0 X1 Y1 Z1 with each of the first below its second"
-            )
-
-    def moved(self, by: Array) -> "Pointing":
-        """Return it in a frame in which points lie `by` (3,) m elsewhere."""
-        near, box = (None if place is None else place + by for place in (self.near, self.box))
-        return replace(self, near=near, box=box)
-
-    def marks(self, cloud: Cloud) -> NDArray[np.bool_] | None:
-        """Return which points of a cloud are marked by box or mask (M,); None where neither is given.
-
-        Raises:
-            InputError: for a mask of another shape than the cloud's images or rows.
-        """
-        if self.mask is not None:
-            rows = " x ".join(map(str, cloud.shape))
-            if np.size(self.mask) != np.prod(cloud.shape, dtype=int):
-                raise InputError(
-                    f"the mask has shape {np.shape(self.mask)}: valid is one value each of {rows}"
-                )
-            return np.asarray(self.mask, dtype=bool).ravel()[cloud.pixel]
-        if self.box is not None:
-            return ((cloud.points >= self.box[0]) & (cloud.points <= self.box[1])).all(axis=1)
-        return None
 
 
 def told_apart(cloud: Cloud, link: float) -> tuple[list[Cloud], Cloud]:
@@ -100,3 +54,43 @@ def seen_from_outside(cloud: Cloud) -> Cloud:
     out = cloud.points - 0.5 * (cloud.points.min(0) + cloud.points.max(0))
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
     return replace(cloud, views=out)
+
+
+@dataclass(frozen=True, eq=False)
+class Seen:
+    """An object on the table, for people who point at one.
+
+    Attributes:
+        number: from 1 on; the one that is meant comes first.
+        place: (3,) m, the middle of the box around it, in the frame of the robot's base.
+        extents: (3,) m, the sides of that box.
+        next: m to the nearest of the others; infinity where there is none.
+        apart: m to the one that comes first.
+    """
+
+    number: int
+    place: Array
+    extents: Array
+    next: float
+    apart: float
+
+    def __str__(self) -> str:
+        size = " x ".join(f"{100 * side:.0f}" for side in self.extents)
+        return f"{size} cm at ({', '.join(f'{x:.2f}' for x in self.place)})"
+
+
+def listed(scene: Scene, base: Array) -> list[Seen]:
+    """Return the objects that a scene shows, `base` (3,) m being where the robot's base is in the world."""
+    clouds: Sequence[Array] = [one.points for one in (scene.target, *scene.neighbours) if len(one)]
+    gaps = np.array([[_gap(a, b) if a is not b else np.inf for b in clouds] for a in clouds])
+    middles = [0.5 * (points.min(0) + points.max(0)) - base for points in clouds]
+    return [
+        Seen(k + 1, middles[k], extents(points), float(gaps[k].min()), float(gaps[0, k]))
+        for k, points in enumerate(clouds)
+    ]
+
+
+def _gap(a: Array, b: Array) -> float:
+    from scipy.spatial import cKDTree
+
+    return float(cKDTree(a).query(b)[0].min())

@@ -11,6 +11,9 @@ from dexgrasp_env.arrays import Array
 if TYPE_CHECKING:
     import trimesh
 
+    from dexgrasp_env.perception.objects import Seen
+    from dexgrasp_env.perception.scene import Scene
+
 _VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("from above", 89, -90))
 
 
@@ -48,6 +51,23 @@ def cloud_picture(
     figure.subplots_adjust(left=0.01, right=0.97, bottom=0.10, top=0.88, wspace=0.08)
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=110)
+    return path
+
+
+def objects_picture(path: Path, scene: "Scene", seen: "list[Seen]") -> Path:
+    """Draw the objects of a scene from above with their numbers, the robot to the left, and write them as PNG."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(8.0, 8.0))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot(xlabel="x, m", ylabel="y, m", aspect="equal")
+    axes.plot(*scene.rest.points[:, :2].T, ".", markersize=2, color="0.7")
+    for one, cloud in zip(seen, [c for c in (scene.target, *scene.neighbours) if len(c)], strict=True):
+        axes.plot(*cloud.points[:, :2].T, ".", markersize=2)
+        x, y, _ = cloud.points.mean(0)
+        axes.text(x, y, str(one.number), fontsize=16, ha="center", va="center")
     figure.savefig(path, dpi=110)
     return path
 

@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud, crop
-from dexgrasp_env.perception.objects import Pointing, extents, object_cloud, seen_from_outside, told_apart
+from dexgrasp_env.perception.objects import extents, object_cloud, seen_from_outside, told_apart
 from dexgrasp_env.perception.plane import Plane, fit_plane
+from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, divided, isolate
@@ -38,7 +39,7 @@ WORDS = {
     NO_OBJECT: "nothing stands on the table within the workspace",
     NOTHING_NEAR: "no object near the point that was named",
     NOTHING_MARKED: "nothing that stands on the table is in the box or the mask",
-    SEVERAL: "several objects are in the workspace: point at the one that is meant",
+    SEVERAL: "several objects are in the workspace: point at the one that is meant by a point near it, a box or a mask",
     OUT_OF_REACH: "the object stands outside the workspace of the arm",
 }
 """Reason -> what it means and what to do."""

@@ -20,7 +20,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
-from dexgrasp_env.perception.objects import Pointing, object_cloud, seen_from_outside, told_apart
+from dexgrasp_env.perception.objects import object_cloud, seen_from_outside, told_apart
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -29,6 +29,7 @@ from dexgrasp_env.perception.plane import (
     remove_plane,
     table_clearance,
 )
+from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.camera import Camera

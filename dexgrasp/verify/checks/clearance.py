@@ -9,7 +9,7 @@ from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
-OPEN = 0.004  # m between the open hand and the object, the table
+OPEN, BESIDE = 0.004, 0.002  # m between the open hand and the object, the table; and what stands around
 _TRUE = 2e-5  # m, of MuJoCo's distances
 _TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 _EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
@@ -17,7 +17,10 @@ _ALWAYS_APART = 0.003  # m: links that the joint ranges keep this far apart do n
 
 
 def clearance_checks(case: Case) -> list[Check]:
-    """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it."""
+    """Check the grasp's clearances, tips apart, and the claim: no more than there is, and as the spheres have it.
+
+    The claim is of object, table and the robot itself; neighbours are held to the same bound.
+    """
     limits, found = case.limits, case.scene.clearances(case.record.q, tips_touch=True)
     bounds = {"hand_table": limits.off_table(case.top)}
     checks = [
@@ -27,6 +30,7 @@ def clearance_checks(case: Case) -> list[Check]:
     claimed = case.record.certificate.min_clearance_m
     if np.isnan(claimed):
         return checks
+    found.pop("hand_neighbour", None)
     counted = [value for kind, value in found.items() if kind != "self" or value < _ALWAYS_APART]
     off = abs(claimed - cover_clearance(case))
     return [
@@ -40,7 +44,7 @@ def pregrasp_checks(case: Case) -> list[Check]:
     """Check that the open hand, tips included, is clear; beside a low object it may stand as low as it grasps."""
     found, limits = case.scene.clearances(case.record.pregrasp, tips_touch=False), case.limits
     off_table = limits.off_table(case.top) if limits.is_low(case.top) else OPEN
-    bounds = {"hand_object": OPEN, "hand_table": off_table, "self": 0.0}
+    bounds = {"hand_object": OPEN, "hand_table": off_table, "self": 0.0, "hand_neighbour": BESIDE}
     return [
         at_least(f"pregrasp clearance {kind}", value, bounds[kind], "m", _TRUE)
         for kind, value in found.items()

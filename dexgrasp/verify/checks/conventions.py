@@ -21,7 +21,6 @@ def convention_checks(case: Case) -> list[Check]:
         *threshold_checks(case),
         *_exact_thresholds(case.limits),
         _flag("agent", _AGENT.fullmatch(record.agent) is not None),
-        _flag("no neighbours, which are not looked at yet", not record.neighbours),
         _flag("no holds_probability, which no model says yet", record.holds_probability is None),
     ]
 

@@ -19,6 +19,7 @@ BEND = 2.5e-3  # rad that a set-point may stand out of its neighbours' plane
 STRAY = 0.01  # m that the palm may stray on the way up
 JERK = 4e-3  # rad that a set-point of the lift may lie from its neighbours' cubic
 RISE = 5e-4  # m that the lift may miss its height by
+DEEPER = 0.002  # m: hulls of a cloud may touch, and are not the objects
 _SAME_BEND, _SAME_STRAY = 1e-8, 2e-6  # rad, m
 _DENSE = 0.02  # rad of any joint between two states checked for collisions
 
@@ -90,7 +91,16 @@ def lift_checks(case: Case) -> list[Check]:
         same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
         at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
         at_most("lift: collision", depth if row >= 0 else 0.0, 0.0, "m"),
+        *_carried_checks(case, rows),
     ]  # fmt: skip
+
+
+def _carried_checks(case: Case, rows: Array) -> list[Check]:
+    """Check that the object goes no farther into its neighbours than it seems to lie in them."""
+    if not case.scene.around:
+        return []
+    lying, nearest = case.scene.carried(rows)
+    return [at_least("lift: object from its neighbours", nearest, min(lying, 0.0) - DEEPER, "m")]
 
 
 def _phase_checks(phase: Phase, robot: Robot) -> list[Check]:
