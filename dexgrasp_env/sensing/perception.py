@@ -7,7 +7,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.perception.cloud import deproject, is_valid
-from dexgrasp_env.perception.objects import Pointing
+from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import SegmentationSettings, segment
