@@ -84,7 +84,7 @@ class Plan(Command, Scan, Scene):
                 )
             if self.of_cloud:
                 raise InputError(
-                    f"{', '.join(self.of_cloud)}: of --cloud; of a TARGET the planner is told nothing "
+                    f"{', '.join(self.of_cloud)} are of --cloud: of a TARGET the planner is told nothing "
                     "(--mesh-mass is a mesh's)"
                 )
             check_target(self.target, self.agent, self)
