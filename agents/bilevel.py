@@ -1,6 +1,7 @@
 """Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel optimisation -> certified grasp -> actions."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -19,7 +20,7 @@ from dexgrasp.planning.seen import default_planner, plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import Cell, default_cell
 
 
@@ -98,7 +99,7 @@ class BilevelAgent(Agent):
         """
         if (cell := cell_of(info, self._planner.cell)) != self._planner.cell:
             self._planner = self._make(cell)
-        scene, start = Scene.of_observation(observation, info), self._start(observation)
+        scene, start = self._scene(observation, info), self._start(observation)
         return plan_scene(self._planner, scene, self._seed, start, count=count, progress=progress)
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
@@ -134,6 +135,9 @@ class BilevelAgent(Agent):
                 return self._look_again(state, observation)
         return state
 
+    def _scene(self, observation: Observation, info: Mapping[str, Any] | None = None) -> Scene:
+        return Scene.of_observation(observation, info)
+
     def _start(self, observation: Observation) -> Array:
         return start_of(observation, self._planner.cell.robot)
 
@@ -160,7 +164,7 @@ class BilevelAgent(Agent):
         """Plan from what the cameras see now that the hand is out of their way; without a grasp, stay."""
         looks = state.looks - 1
         tries = self._regrasps - looks
-        scene, start = Scene.of_observation(observation), self._start(observation)
+        scene, start = self._scene(observation), self._start(observation)
         plan = plan_scene(self._planner, scene, self._seed + tries, start)
         self.report.details["regrasps"] = tries
         if self.report.failure:  # the first grasp is still to be found
@@ -170,3 +174,10 @@ class BilevelAgent(Agent):
             if plan.found:
                 self.report.failure, self.result = None, plan
         return State(self._grasp(plan) if plan.found else state.motion, plan, looks)
+
+
+class AloneAgent(BilevelAgent):
+    """The same, blind to what stands around the object: what knowing of neighbours is worth."""
+
+    def _scene(self, observation: Observation, info: Mapping[str, Any] | None = None) -> Scene:
+        return replace(super()._scene(observation, info), neighbours=(), rest=ObjectCloud())

@@ -17,6 +17,7 @@ AGENTS: dict[str, str] = {
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",
     "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
     "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",
+    "bilevel_alone": "dexgrasp.agents.bilevel:AloneAgent",
     "bc": "dexgrasp.agents.learned:BcAgent",
     "bc_cloud": "dexgrasp.agents.learned:BcCloudAgent",
     "rl": "dexgrasp.agents.learned:RlAgent",

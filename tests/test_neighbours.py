@@ -16,9 +16,11 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
-from dexgrasp.planning.claims import is_clear
+from dexgrasp.planning.claims import is_clear, overlap
 from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.postures import _has_room
 from dexgrasp.planning.problem import Problem
+from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.around import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.shape.target import GraspTarget
@@ -79,6 +81,23 @@ def test_tips_may_touch_the_object_and_no_neighbour(plans):
     assert set(tips) <= set(rows.labels[:count, 1][rows.labels[:count, 0] == NEIGHBOUR])
     far = replace(ALONE, neighbours=SIDES)
     assert is_clear(plans[1].found[0].grasp.motion.pregrasp, Problem(far, CELL, PlannerSettings()), 0.004)
+
+
+def test_tips_are_proposed_where_they_fit_and_idle_fingers_fold():
+    settings, rng = PlannerSettings(), np.random.default_rng(0)
+    close = replace(ALONE, neighbours=((box(0.5, 0.06, (0.05, 0.04, 0.2)),),))  # 5 mm from one side
+    found = SurfaceProposals().propose(close, settings, rng)
+    tips = (found.contacts + settings.tip_height * found.normals).reshape(-1, 3)
+    assert len(tips) > 30
+    assert close.around.distance(tips).min() > settings.tip_radius
+    open_hand, beside = HOME.copy(), np.setdiff1d(np.arange(23), TREE.moved)
+    tip = body_frames(open_hand, TREE).p[CELL.robot.bodies.index("ring_distal")]
+    in_the_way = replace(ALONE, neighbours=((box(*tip[:2], (0.02, 0.02, 0.06), tip[2] - 0.05),),))
+    problem = Problem(in_the_way, CELL, settings)
+    assert overlap(open_hand, problem) > 0.005
+    assert _has_room(open_hand, problem)
+    assert overlap(open_hand, problem) < 0.005
+    assert np.flatnonzero(open_hand != HOME).tolist() == [k for k in beside if open_hand[k] != HOME[k]]
 
 
 def test_approach_and_lift_through_a_neighbour_are_refused(plans):

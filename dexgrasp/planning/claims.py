@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.kinematics.clearance import NEIGHBOUR, TABLE, clearance_rows, empty_rows
+from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.margin import margins
@@ -82,6 +82,12 @@ def is_clear(q: Array, problem: Problem, least: float) -> bool:
     if problem.settings.is_low(problem.target.top):
         needed[kinds == TABLE] = problem.settings.off_table(problem.target.top)
     return not (values < needed).any()
+
+
+def overlap(q: Array, problem: Problem) -> float:
+    """Return how deep, m, the robot lies in neighbours or in itself; 0 or less where it is clear of both."""
+    values, kinds = _clearances(q, problem, 0.0, tips_touch=True)
+    return float(-min(values[(kinds == NEIGHBOUR) | (kinds == SELF)], default=0.0))
 
 
 def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, NDArray[np.int64]]:

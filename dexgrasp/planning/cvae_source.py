@@ -8,7 +8,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp.planning.decoder import CROPPED, SCALE, Decoder, centre_of, read_decoder
-from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource
+from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, fits
 from dexgrasp.planning.ranking import most_robust
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
@@ -103,7 +103,7 @@ def on_surface(
 
     Returns:
         Contacts (K, 3, 3), normals (K, 3, 3) as a fingertip feels them (smooth over edges), and which are usable: above
-        the table and apart from each other.
+        the table, apart from each other, and clear of neighbours.
     """
     flat = tips.reshape(-1, 3)
     away, out = target.distance.distance_gradient(flat)
@@ -113,7 +113,8 @@ def on_surface(
     height = contacts[:, :, 2].min(1), centres.reshape(tips.shape)[:, :, 2].min(1)
     usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
-    return contacts, normals.reshape(tips.shape), usable & (sides.min(1) > LEAST_DISTANCE)
+    usable &= (sides.min(1) > LEAST_DISTANCE) & fits(centres, target, settings).reshape(-1, 3).all(1)
+    return contacts, normals.reshape(tips.shape), usable
 
 
 def shipped_weights() -> Path:

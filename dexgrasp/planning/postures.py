@@ -24,6 +24,7 @@ from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.planning.atlas import hand_atlas
+from dexgrasp.planning.claims import overlap
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
 from dexgrasp.planning.placement import ASSIGNMENTS, Placements, place_on_atlas
 from dexgrasp.planning.problem import Problem
@@ -32,6 +33,11 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
+_FOLDED, _SPREADS = (
+    0.85,
+    0.3,
+)  # share of the range that a folded joint has turned; rad below 0 of one that spreads
+_DEEPEST = 0.02  # m in a neighbour from which the optimiser seldom finds out
 _POSE = 0.2  # load that a unit of a placement's score is worth
 
 
@@ -69,9 +75,27 @@ def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
         tried.add(placed.triple[k])
         q = tree.home.copy()
         q[tree.arm :] = hand_atlas(problem.cell).joints[placed.which[k]]
-        if reach_palm(q, placed.rotations[k], placed.positions[k], problem.tree):
+        if reach_palm(q, placed.rotations[k], placed.positions[k], problem.tree) and _has_room(q, problem):
             found += 1
             yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(merit[k]))
+
+
+def _has_room(q: Array, problem: Problem) -> bool:
+    """Whether neighbours leave a posture room that the optimiser can find.
+
+    Idle fingers that lack it are folded: `q` (n,) is changed in place.
+    """
+    if problem.target.around is None:
+        return True
+    deep = overlap(q, problem)
+    if deep > 0.0:
+        folded, tree = q.copy(), problem.tree
+        idle = np.setdiff1d(np.arange(len(q)), tree.moved)
+        folded[idle] = tree.lower[idle] + _FOLDED * (tree.upper[idle] - tree.lower[idle])
+        folded[idle] = np.where(tree.lower[idle] < -_SPREADS, tree.home[idle], folded[idle])
+        if (other := overlap(folded, problem)) < deep:
+            q[:], deep = folded, other
+    return deep < _DEEPEST
 
 
 def loads_on(placed: Placements, problem: Problem, friction: Array | None = None) -> Array:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.physics.closure import closure_sweep
@@ -83,7 +84,8 @@ class SurfaceProposals(ProposalSource):
 def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
     """Sample points (N, 3) m and outward normals (N, 3) that a fingertip can reach above the table.
 
-    On a low object hardly any point of an even sample can be reached: tips are placed beside it instead.
+    Where neighbours leave a fingertip no room, there is none. On a low object hardly any point of an even sample can be
+    reached: tips are placed beside it instead.
 
     The normal is the gradient of the distance at the centre of the touching fingertip: smooth over edges. Where another
     part is nearer to the fingertip than the point is, it cannot touch there.
@@ -96,7 +98,7 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
         centres[:, 2] > settings.tip_radius + settings.clearance
     )
     distance, gradient = target.distance.distance_gradient(centres[above])
-    touching = distance > settings.tip_height - _ROUNDING
+    touching = (distance > settings.tip_height - _ROUNDING) & fits(centres[above], target, settings)
     centres, distance, gradient = centres[above][touching], distance[touching], gradient[touching]
     return centres - distance[:, None] * gradient, gradient
 
@@ -121,6 +123,14 @@ def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generato
     distance, normals = target.distance.distance_gradient(tips)
     contacts = tips - distance[:, None] * normals
     usable = (np.abs(distance - height) < _ROUNDING) & (contacts[:, 2] > settings.lowest_contact(target.top))
+    usable &= fits(tips, target, settings)
     usable &= normals[:, 2] < np.sin(np.arctan(settings.friction))
     kept = np.flatnonzero(usable)[: settings.surface_points // 2]
     return contacts[kept], normals[kept]
+
+
+def fits(centres: Array, target: GraspTarget, settings: PlannerSettings) -> NDArray[np.bool_]:
+    """Return where the centre of a fingertip (N, 3) m may be, so that it touches no neighbour (N,)."""
+    if target.around is None:
+        return np.ones(len(centres), bool)
+    return target.around.distance(centres) > settings.tip_radius + settings.clearance

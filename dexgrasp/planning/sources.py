@@ -24,7 +24,8 @@ class LearnedFirst(ProposalSource):
         """Return proposals; the reason for none is the surface's."""
         if target.is_convex:
             found = self._learned.propose(target, settings, rng)
-            if len(found.contacts):
+            # It knows no neighbours: where they leave little of what it says, the surface has more.
+            if len(found.contacts) > (settings.triples // 2 if target.neighbours else 0):
                 return found
         return self._surface.propose(target, settings, rng)
 
