@@ -149,7 +149,7 @@ class BilevelAgent(Agent):
     def _carry(self, held: GuardedGrasp, plan: PlanResult) -> GuardedCarry:
         turn = None
         if self.turns and plan.target is not None:
-            turn = plan_turn(held.grasp, held.script, Problem(plan.target, held.grasp.cell, self.settings))
+            turn = plan_turn(held.grasp, held.script, Problem(plan.target, held.grasp.cell, plan.settings))
         return GuardedCarry(held, turn)
 
     def _way_home(self, observation: Observation, plan: PlanResult) -> Retreat | None:

@@ -96,8 +96,9 @@ class InCell(Options):
     """Your cell.
 
     Attributes:
-        robot: file of your cell (robot, table, mounts, limits, gains, torques and cameras), or of a robot alone
-            (default: the simulated cell; on the command line $DEXGRASP_CELL, where it is set).
+        robot: file of your cell (robot, table, mounts, limits, gains, torques and cameras), or of a robot alone, or
+            the name of one of ours, see dexgrasp robot list (default: the simulated cell; on the command line
+            $DEXGRASP_CELL, where it is set).
     """
 
     robot: CellFile = None

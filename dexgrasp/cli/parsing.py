@@ -85,10 +85,10 @@ def _add(place: Any, path: str, field: "Field[Any]", hint: Hint, line: str) -> N
         place.add_argument(path, **settings)
     else:
         flags = [mark for mark in hint.marks if str(mark).startswith("--")]
-        flag = flags[0] if flags else f"--{field.name.replace('_', '-')}"
+        flags = flags or [f"--{field.name.replace('_', '-')}"]
         other = settings.pop("instead_of", path)
         settings["default"] = os.environ.get(settings.pop("variable", ""), argparse.SUPPRESS)
-        place.add_argument(flag, dest=path, required=default is MISSING, **settings)
+        place.add_argument(*flags, dest=path, required=default is MISSING, **settings)
         if other != path:
             both = [action for action in place._actions if action.dest in (path, other)]
             place.add_mutually_exclusive_group()._group_actions += both

@@ -78,7 +78,7 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     grasp_target = GraspTarget.of(mesh, mass=model.mass, centre=T[:3, 3].copy())
     rng = rng_of(settings, name, pose)
     points, normals = graspable_points(grasp_target, settings.planner, rng)
-    tips = points + settings.planner.tip_height * normals
+    tips = points + settings.planner.for_hand(settings.cell.robot.hand).tip_height * normals
     friction = narrowed_friction(tips, normals, grasp_target, settings.planner)
     triples = np.zeros((0, 3), np.int32)
     if len(points) >= 3:

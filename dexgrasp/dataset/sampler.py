@@ -98,7 +98,7 @@ class _Sampler:
     def __init__(self, scene: RestScene, settings: DatasetSettings, rng: np.random.Generator) -> None:
         self._scene, self._settings, self._rng = scene, settings, rng
         self._planner, self._found = Planner(settings.planner, cell=settings.cell), Found()
-        self._problem = Problem(scene.grasp_target, self._planner.cell, settings.planner)
+        self._problem = Problem(scene.grasp_target, self._planner.cell, self._planner.settings)
         self._use = np.zeros(len(scene.points))
 
     def run(self, own: NDArray[np.int32], quota: int) -> Found:
@@ -148,7 +148,7 @@ class _Sampler:
 
     def _add(self, candidate: Candidate[Placed]) -> None:
         start, solution, hold = candidate
-        (x, y, yaw), settings, tree = start.placement, self._settings.planner, self._planner.tree
+        (x, y, yaw), settings, tree = start.placement, self._planner.settings, self._planner.tree
         at, back, shift = solution.evaluation, turn(-yaw), np.array([x, y, 0.0])
         palm_R, palm_p = palm_frame(solution.q, tree)
         level = level_of(load_of(hold.contacts, hold.forces), settings)
@@ -180,7 +180,8 @@ def _draw(
 
 def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSettings) -> NDArray[np.int32]:
     """Return the triples that have the margin asked for, and at which some forces of `MOST_FORCE` bear the object."""
-    target, least, planner = scene.grasp_target, settings.least_load, settings.planner
+    target, least = scene.grasp_target, settings.least_load
+    planner = settings.planner.for_hand(settings.cell.robot.hand)
     gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
     loads = _free_loads(scene.points, scene.normals, scene.friction, triples, target.centre, gravity, least)
     firm = triples[loads >= least]

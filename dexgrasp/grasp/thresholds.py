@@ -78,11 +78,11 @@ class Thresholds:
         """
         return 0.0 if self.is_low(top) else self.clearance
 
-    def looser(self) -> list[str]:
-        """Return the names of those that ask less than the frozen ones; a tip radius may not differ at all."""
+    def looser(self, tip_radius: float) -> list[str]:
+        """Return the names of those that ask less than the frozen ones; the tip radius may be the hand's alone."""
         ours = FROZEN
         low, high = self.distance[0] < ours.distance[0], self.distance[1] > ours.distance[1]
-        found = {"distance": low or high, "tip_radius": self.tip_radius != ours.tip_radius}
+        found = {"distance": low or high, "tip_radius": self.tip_radius != tip_radius}
         found |= {name: getattr(self, name) > getattr(ours, name) for name in _AT_MOST}
         found |= {name: getattr(self, name) < getattr(ours, name) for name in _AT_LEAST}
         return [name for name, worse in found.items() if worse]
@@ -100,11 +100,11 @@ def planned_friction(mu: float) -> tuple[float, float]:
     return min(FROZEN.friction, FRICTION_SHARE * mu), min(FROZEN.friction_hold, HOLD_SHARE * mu)
 
 
-def thresholds_for(settings: Thresholds) -> Thresholds:
-    """Return what a grasp planned under `settings` is to be judged by.
+def thresholds_for(settings: Thresholds, tip_radius: float) -> Thresholds:
+    """Return what a grasp planned under `settings` for tips of a radius, m, is to be judged by.
 
     That is the frozen thresholds; but the friction planned with, where it is less, and whatever the settings ask
     less of than the frozen ones, so that `verify` can refuse it by name.
     """
-    own = {"friction", "friction_hold", *settings.looser()}
-    return replace(FROZEN, **{name: getattr(settings, name) for name in own})
+    own = {"friction", "friction_hold", *settings.looser(tip_radius)} - {"tip_radius"}
+    return replace(FROZEN, tip_radius=settings.tip_radius, **{name: getattr(settings, name) for name in own})

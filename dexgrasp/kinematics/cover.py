@@ -5,11 +5,13 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial import ConvexHull
 
 from dexgrasp_env.arrays import Array
 
 _COLLISION_GROUP = 3
 _LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
+_TIP_CELL, _LINK_CELL = 0.0045, 0.006  # m: cells of meshes, which are no smaller
 
 
 @dataclass(frozen=True)
@@ -29,15 +31,22 @@ class Spheres:
 
 
 def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) -> Spheres:
-    """Cover the collision geoms (boxes, capsules, spheres, cylinders) of a body; what `touching` names may touch."""
+    """Cover the collision geoms (primitives and convex meshes) of a body; what `touching` names may touch."""
     centres, radii, tips = [np.zeros((0, 3))], [np.zeros(0)], [np.zeros(0, bool)]
     for geom in range(model.body_geomadr[body], model.body_geomadr[body] + model.body_geomnum[body]):
         if model.geom_group[geom] != _COLLISION_GROUP:
             continue
-        local, radius = _cover(model, geom)
-        centres.append(local @ rotation_matrix(model.geom_quat[geom]).T + model.geom_pos[geom])
-        radii.append(np.full(len(local), radius))
-        tips.append(np.full(len(local), model.geom(geom).name in touching))
+        is_tip, R = model.geom(geom).name in touching, rotation_matrix(model.geom_quat[geom])
+        if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
+            corners = mesh_points(model, geom) @ R.T + model.geom_pos[geom]
+            cell = _TIP_CELL if is_tip else max(_LINK_CELL, 0.35 * float(np.ptp(corners, axis=0).min()))
+            placed, radius = hull_cells(corners, cell)
+        else:
+            local, equal = _cover(model, geom)
+            placed, radius = local @ R.T + model.geom_pos[geom], np.full(len(local), equal)
+        centres.append(placed)
+        radii.append(radius)
+        tips.append(np.full(len(placed), is_tip))
     return Spheres(np.concatenate(centres), np.concatenate(radii), np.concatenate(tips))
 
 
@@ -81,6 +90,45 @@ def _cells(half: Array) -> tuple[Array, float]:
     axes = [np.linspace(-h + 0.5 * s, h - 0.5 * s, n) for h, s, n in zip(half, step, counts, strict=True)]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     return grid, float(0.5 * np.linalg.norm(step))
+
+
+def mesh_points(model: mujoco.MjModel, geom: int) -> Array:
+    """Return the corners (n, 3) m of a geom's mesh, in the frame of the geom."""
+    mesh = int(model.geom_dataid[geom])
+    first = int(model.mesh_vertadr[mesh])
+    return model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])].astype(float)
+
+
+def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
+    """Divide the box around a convex hull; each sphere goes around what its cell has of the hull.
+
+    Args:
+        corners: (n, 3) m of the hull.
+        cell: m, length of the cells.
+
+    Returns:
+        Centres (k, 3) and radii (k,) m, without cells deep inside.
+    """
+    low, size = corners.min(0), np.ptp(corners, axis=0)
+    counts = np.ceil(6.0 * size / cell).astype(int) + 1
+    axes = [np.linspace(0.0, s, n) for s, n in zip(size, counts, strict=True)]
+    grid = low + np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    planes = ConvexHull(corners).equations
+    outside = (grid @ planes[:, :3].T + planes[:, 3]).max(1)
+    apart = 0.5 * float(
+        np.linalg.norm(size / (counts - 1))
+    )  # m at most from a point of the hull to one of the grid
+    grid, outside = grid[outside < apart], outside[outside < apart]
+    cells = np.maximum(1, np.ceil(size / cell)).astype(int)
+    number = np.minimum(((grid - low) / size * cells).astype(int), cells - 1) @ [
+        cells[1] * cells[2],
+        cells[2],
+        1,
+    ]
+    groups = [grid[number == k] for k in np.unique(number) if outside[number == k].max() > -0.5 * cell]
+    centres = np.array([0.5 * (group.min(0) + group.max(0)) for group in groups])
+    radii = [np.linalg.norm(g - c, axis=1).max() + apart for g, c in zip(groups, centres, strict=True)]
+    return centres, np.array(radii)
 
 
 def box_edges(centre: Array, half: Array, spacing: float = 0.0015) -> Array:

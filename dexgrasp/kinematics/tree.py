@@ -7,7 +7,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.kinematics.cover import body_spheres, box_edges, rotation_matrix
+from dexgrasp.kinematics.cover import Spheres, body_spheres, box_edges, rotation_matrix
+from dexgrasp.kinematics.pairs import meeting_pairs, told_apart
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot
@@ -53,6 +54,7 @@ class RobotTree(NamedTuple):
     fingers: Index  # (g, 2) columns of the grasping fingers: first, and one past the last
     torque: Array  # (n - arm,) Nm, limits of the hand
     stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos
+    tip_radius: float  # m
     arm: int
     base: int  # bodies from the base on that may be near the table beside it
 
@@ -70,6 +72,7 @@ def robot_tree(cell: Cell) -> RobotTree:
     palm = robot.hand.palm
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
     beside, edges = _beside_palm(model, robot)
+    box = _palm_box(model, robot, spheres[robot.bodies.index(palm)])
     return RobotTree(
         parent=np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
@@ -89,9 +92,9 @@ def robot_tree(cell: Cell) -> RobotTree:
         sphere_is_tip=np.concatenate([s.is_tip for s in spheres]),
         bound_centre=np.array([centre for centre, _ in bounds]),
         bound_radius=np.array([radius for _, radius in bounds]),
-        pairs=_body_pairs(robot),
-        palm_box_centre=model.geom(palm).pos.copy(),
-        palm_box_half=model.geom(palm).size.copy(),
+        pairs=_body_pairs(robot, model, spheres),
+        palm_box_centre=box[0],
+        palm_box_half=box[1],
         beside=beside,
         beside_edges=edges,
         lower=robot.lower.copy(),
@@ -103,6 +106,7 @@ def robot_tree(cell: Cell) -> RobotTree:
         fingers=np.array([[own.start, own.stop] for own in (robot.columns[f.name] for f in robot.grasping)]),
         torque=robot.torque[robot.hand_columns].copy(),
         stiffness=robot.stiffness[robot.hand_columns].copy(),
+        tip_radius=robot.hand.tip_radius,
         arm=robot.arm_dof,
         base=_BASE_BODIES,
     )
@@ -126,14 +130,24 @@ def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:
     return robot.bodies.index(name), box_edges(model.geom(name).pos, model.geom(name).size)
 
 
-def _body_pairs(robot: Robot) -> Index:
+def _palm_box(model: mujoco.MjModel, robot: Robot, spheres: Spheres) -> tuple[Array, Array]:
+    """Return centre and half lengths (3,) m of the palm's box, or of one around the palm where it is none."""
+    palm = robot.hand.palm
+    if robot.hand.frame is None:
+        return model.geom(palm).pos.copy(), model.geom(palm).size.copy()
+    low, high = ((spheres.centre + sign * spheres.radius[:, None]) for sign in (-1.0, 1.0))
+    return 0.5 * (low.min(0) + high.max(0)), 0.5 * (high.max(0) - low.min(0))
+
+
+def _body_pairs(robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Index:
     """Pairs that a motion of the arm or of a finger can bring together; neighbours in the chain cannot collide."""
     number = robot.bodies.index
-    pairs = [(number(a), number(b)) for a, b in robot.hand.self_pairs]
+    pairs = [(number(a), number(b)) for a, b in robot.hand.self_pairs or meeting_pairs(robot, model)]
     arm = [number(name) for name in robot.arm.bodies]
     hand = [number(name) for name in robot.hand.bodies]
     low, elbow, wrist = arm[:-3], arm[-3], arm[-2:]
     pairs += [(a, b) for a in low for b in hand]
     pairs += [(a, b) for a in low[:3] for b in wrist]
     pairs += [(elbow, b) for b in [*hand, *low[:3]]]
-    return np.array(pairs)
+    foreign = robot.hand.frame is not None or robot.arm.frame is not None
+    return np.array(told_apart(pairs, robot, model, spheres) if foreign else pairs)

@@ -24,7 +24,7 @@ _OVERTRAVEL = 0.016  # m past where the surface is believed to be
 _CLOSE_STEPS, _SETTLE_STEPS = 60, 3  # control steps at most, and after contact
 _RAMP_STEPS, _SQUEEZE_STEPS = 8, 16  # control steps until the torque is asked for in full, and until the lift
 _GAIN = 0.6  # of the way to the wanted torque, per control step: less than 1, as the joints move on meanwhile
-_TIP_DEPTH = 0.0105  # m from a tip's centre to where it touches
+_TIP_DEPTH = 0.75  # of a tip's radius: how far from its centre it touches
 
 
 class GuardedGrasp(Motion):
@@ -112,7 +112,9 @@ def lag_of(torques: Array, tree: RobotTree) -> Array:
 def pressing_torques(q: Array, normals: Array, forces: Array, tree: RobotTree) -> Array:
     """Return the torques (n,) Nm with which fingers at `q` (n,) press with forces (g, 3) N; 0 for the arm."""
     frames = body_frames(q, tree)
-    J = tip_jacobian(tree, frames, fingertips(q, tree) - _TIP_DEPTH * normals)[:, :, tree.arm :]
+    J = tip_jacobian(tree, frames, fingertips(q, tree) - _TIP_DEPTH * tree.tip_radius * normals)[
+        :, :, tree.arm :
+    ]
     torque = np.einsum("frj,fr->j", J, forces)
     return np.concatenate([np.zeros(tree.arm), np.clip(torque, -tree.torque, tree.torque)])
 

@@ -44,7 +44,8 @@ class Planner:
             cell: of the robot; the simulated one by default.
             with_closure: False leaves force closure out (the ablation CVAE + kinematics).
         """
-        self.settings, self.cell = settings or PlannerSettings(), cell or default_cell()
+        self.cell = cell or default_cell()
+        self.settings = (settings or PlannerSettings()).for_hand(self.cell.robot.hand)
         self.tree: RobotTree = robot_tree(self.cell)
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
 

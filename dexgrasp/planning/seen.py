@@ -159,7 +159,8 @@ def default_planner(
     cell: Cell | None = None, settings: PlannerSettings | None = None, proposals: str = "auto"
 ) -> Planner:
     """Return the planner of agent `bilevel`, its compiled code loaded; `proposals` are of a source of that name."""
-    source, cell = make_source(proposals), cell or default_cell()
+    cell = cell or default_cell()
+    source = make_source(proposals, cell.robot)
     warm_up(cell, source)
     return Planner(settings, source, cell)
 

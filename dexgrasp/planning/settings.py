@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 
 from dexgrasp.grasp.thresholds import Thresholds, planned_friction
 from dexgrasp.shape.parts import MOST_PARTS
+from dexgrasp_env.robot.robot import Hand
 from dexgrasp_env.valid import number
 
 MOST = 10_000
@@ -63,6 +64,10 @@ class PlannerSettings(Thresholds):
         """Return settings that keep the usual reserve on surfaces of coefficient `mu`; see `planned_friction`."""
         friction, friction_hold = planned_friction(mu)
         return cls(friction=friction, friction_hold=friction_hold)
+
+    def for_hand(self, hand: Hand) -> "PlannerSettings":
+        """Return settings for the tips of a hand."""
+        return replace(self, tip_radius=hand.tip_radius)
 
     @property
     def tip_height(self) -> float:

@@ -6,7 +6,9 @@ from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.errors import unknown_name
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.robot.robot import Robot
 
 
 class LearnedFirst(ProposalSource):
@@ -33,12 +35,23 @@ class LearnedFirst(ProposalSource):
 SOURCES = {"auto": LearnedFirst, "surface": SurfaceProposals, "cvae": CvaeProposals}
 
 
-def make_source(name: str) -> ProposalSource:
-    """Return a source of proposals by its name.
+def make_source(name: str, robot: Robot | None = None) -> ProposalSource:
+    """Return a source of proposals by its name; of a hand that the network has not learned, `auto` is the surface.
+
+    Args:
+        name: of the source.
+        robot: whose hand is to grasp; ours by default.
 
     Raises:
-        InputError: for an unknown name, or for `auto` and `cvae` without weights.
+        InputError: for an unknown name, for `auto` and `cvae` without weights, or for `cvae` of another hand.
     """
     if name not in SOURCES:
         raise unknown_name("proposals", name, SOURCES)
+    learned = default_cell().robot.hand
+    if robot is not None and robot.hand.mjcf != learned.mjcf and name != "surface":
+        if name == "cvae":
+            raise InputError(
+                f"the weights are of the hand {learned.name!r}, not of {robot.hand.name!r}: valid is surface"
+            )
+        return SurfaceProposals()
     return SOURCES[name]()

@@ -216,6 +216,8 @@ def _bare(spec: mujoco.MjSpec) -> mujoco.MjSpec:
     for geom in list(spec.geoms):
         if geom.contype == 0 and geom.conaffinity == 0:
             spec.delete(geom)
+    needed = {geom.meshname for geom in spec.geoms}
     for mesh in list(spec.meshes):
-        spec.delete(mesh)
+        if mesh.name not in needed:
+            spec.delete(mesh)
     return spec

@@ -102,7 +102,8 @@ class Cell:
 
 
 Given = Cell | Robot | str | os.PathLike[str] | None
-"""What `robot=` may be: a cell, a robot, the path of a file of either, or None for the simulated cell."""
+"""What `robot=` may be: a cell, a robot, the path of a file of either, the name of a robot of ours, or None for the
+simulated cell."""
 
 
 @lru_cache(maxsize=1)
@@ -134,14 +135,20 @@ def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
         mount: of the hand, None for the robot's own.
 
     Raises:
-        InputError: for a file that is neither a cell nor a robot, or an unknown mount.
+        InputError: for a file that is neither a cell nor a robot, an unknown name, or an unknown mount.
     """
     if isinstance(robot, str | os.PathLike):
-        path = expand(robot)
+        path = robot_files().get(str(robot)) or expand(robot)
         robot = _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_cell(path)
     if isinstance(robot, Robot):
         robot = replace(default_cell(), name=robot.name, robot=robot)
     return (robot or default_cell()).mounted(mount)
+
+
+def robot_files() -> dict[str, Path]:
+    """Return the robot files of ours, by the robot's name."""
+    files = asset_path("robot").glob("*.yaml")
+    return {f.stem: f for f in sorted(files) if read_content(f, "robot file").get("kind") == "robot"}
 
 
 @lru_cache(maxsize=16)

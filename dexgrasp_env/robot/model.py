@@ -6,6 +6,7 @@ from functools import lru_cache
 import mujoco
 
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.foreign import described
 from dexgrasp_env.robot.robot import Adapter, Robot
 
 
@@ -16,8 +17,7 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
         A specification that can be compiled as it is or attached to a scene.
     """
     robot = cell.robot
-    arm = mujoco.MjSpec.from_file(str(robot.arm.mjcf))
-    hand = mujoco.MjSpec.from_file(str(robot.hand.mjcf))
+    arm, hand = described(robot.arm), described(robot.hand)
     arm.modelname = robot.name
     _attach_hand(arm, hand, robot)
     arm.body(robot.arm.bodies[0]).pos = cell.base

@@ -23,6 +23,31 @@ Names = Annotated[tuple[str, ...], NAMES]
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
 
 
+def _near(value: Any) -> Numbers:
+    position: Numbers = several(number(), 3).admit(value)
+    if np.linalg.norm(position) > _FARTHEST:
+        raise ValueError
+    return position
+
+
+def _unit(value: Any) -> Numbers:
+    quat: Numbers = several(number(), 4).admit(value)
+    if abs(np.linalg.norm(quat) - 1.0) > 1e-6:
+        raise ValueError
+    return quat
+
+
+Quaternion = Annotated[Numbers, Rule("a unit quaternion w, x, y, z", _unit)]
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame in that of a body: position (3,) m and quaternion wxyz (4,)."""
+
+    position: Vector
+    quat_wxyz: Quaternion = (1.0, 0.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True)
 class Joints:
     """Names, limits and gains of joints: rad, s, Nm; gains Nm/rad and Nm s/rad."""
@@ -63,6 +88,7 @@ class Arm:
         reach: m.
         shaken: the two joints that a shaking turns.
         adapter: the plate under the hand, if any.
+        frame: of the flange in the last body of an MJCF that has frames of its own; see `foreign`.
     """
 
     name: Word
@@ -74,6 +100,7 @@ class Arm:
     reach: Positive
     shaken: Annotated[tuple[int, int], several(NATURAL, 2)]
     adapter: Adapter | None = None
+    frame: Frame | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -87,28 +114,16 @@ class Finger:
         tip: name of the site at the centre of the tip's sphere, and of the tip's collision geom.
         pad: (3,) outward normal of the soft side, frame of the last body.
         aside: rad, its posture where it takes no part in a grasp.
+        frame: of the tip in the last body, z out of the tip and x out of its pad, where the hand states its own.
     """
 
     name: Word
     joints: Names
     bodies: Names
     tip: Word
-    pad: Vector
+    pad: Vector = (1.0, 0.0, 0.0)
     aside: Numbers = ()
-
-
-def _near(value: Any) -> Numbers:
-    position: Numbers = several(number(), 3).admit(value)
-    if np.linalg.norm(position) > _FARTHEST:
-        raise ValueError
-    return position
-
-
-def _unit(value: Any) -> Numbers:
-    quat: Numbers = several(number(), 4).admit(value)
-    if abs(np.linalg.norm(quat) - 1.0) > 1e-6:
-        raise ValueError
-    return quat
+    frame: Frame | None = field(default=None, repr=False)
 
 
 @dataclass(frozen=True)
@@ -117,7 +132,7 @@ class Mount:
 
     name: Word
     position: Annotated[Numbers, Rule(f"three numbers, within {_FARTHEST} m of the last link", _near)]
-    quat_wxyz: Annotated[Numbers, Rule("a unit quaternion w, x, y, z", _unit)]
+    quat_wxyz: Quaternion
 
 
 def _fingers(value: Any) -> tuple[Finger, ...]:
@@ -148,7 +163,9 @@ class Hand:
         open: rad, the pre-shape of a grasp.
         mounts: how the hand may sit on an arm.
         beside_palm: the link that works closer to the palm than spheres can tell; empty where there is none.
-        self_pairs: bodies that the hand's own motion can bring together.
+        self_pairs: bodies that the hand's own motion can bring together; found by sampling where none is named.
+        frame: of the palm in its body, of an MJCF that has frames of its own.
+        tip_radius: m, of the spheres that the tips are like.
     """
 
     name: Word
@@ -161,6 +178,8 @@ class Hand:
     mounts: Annotated[tuple[Mount, ...], Rule("a mapping of mounts", _mounts)]
     beside_palm: str = ""
     self_pairs: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = ()
+    frame: Frame | None = field(default=None, repr=False)
+    tip_radius: Positive = field(default=0.014, repr=False)
 
     @property
     def bodies(self) -> Names:
@@ -263,7 +282,10 @@ class Robot:
     @cached_property
     def hash(self) -> str:
         """A hash of all that the files say, the descriptions in MJCF with their meshes' names among it."""
-        return content_hash(repr(self), self.arm.mjcf.read_text(), self.hand.mjcf.read_text())[:8]
+        hand = self.hand
+        frames = (self.arm.frame, hand.frame, *(finger.frame for finger in hand.fingers), hand.tip_radius)
+        own = () if set(frames) == {None, Hand.tip_radius} else frames
+        return content_hash(repr(self), self.arm.mjcf.read_text(), hand.mjcf.read_text(), *own)[:8]
 
 
 def _fixed(*values: float) -> Array:

@@ -49,8 +49,8 @@ def read_robot(path: Path) -> Robot:
     """
     with said_of(path):
         file = read(_RobotFile, _body(path), "robot")
-        arm = _in(path.parent, file.arm, _arm)
-        hand = _in(path.parent, file.hand, _hand)
+        arm = _in(path.parent, file.arm, make_arm)
+        hand = _in(path.parent, file.hand, make_hand)
         twice = set(arm.joints.names + arm.bodies) & set(hand.joints.names + hand.bodies)
         if twice:
             raise InputError(f"arm and hand share the names {', '.join(sorted(twice))}")
@@ -98,7 +98,12 @@ def _split(entry: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
     return limits, {key: value for key, value in entry.items() if key not in limits}
 
 
-def _arm(entry: dict[str, Any]) -> Arm:
+def make_arm(entry: dict[str, Any]) -> Arm:
+    """Return an arm of what its file says.
+
+    Raises:
+        InputError: one line: what is wrong, and what is valid.
+    """
     limits, rest = _split(entry)
     joints = read_joints("arm", limits, check("joints", entry.get("joints"), NAMES))
     arm = read(Arm, rest | {"joints": joints}, "arm")
@@ -108,13 +113,20 @@ def _arm(entry: dict[str, Any]) -> Arm:
     return arm
 
 
-def _hand(entry: dict[str, Any]) -> Hand:
+def make_hand(entry: dict[str, Any]) -> Hand:
+    """Return a hand of what its file says.
+
+    Raises:
+        InputError: one line: what is wrong, and what is valid.
+    """
     limits, rest = _split(entry)
     fingers = check("fingers", entry.get("fingers"), FINGERS)
     joints = read_joints("hand", limits, tuple(name for finger in fingers for name in finger.joints))
     hand = read(Hand, rest | {"joints": joints, "fingers": fingers}, "hand")
     check_home("hand", joints, hand.open)
     _check_names(hand)
+    if hand.frame is not None and any(finger.frame is None for finger in hand.fingers):
+        raise InputError("a finger has no frame: valid is one of each tip, where the palm has one")
     return hand
 
 

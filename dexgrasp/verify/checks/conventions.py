@@ -1,7 +1,7 @@
 """Names, units, orders and thresholds: what a file must state in the words that everybody reads it by."""
 
 import re
-from dataclasses import fields
+from dataclasses import fields, replace
 
 from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, FROZEN, HOLD_SHARE, Thresholds
@@ -19,7 +19,7 @@ def convention_checks(case: Case) -> list[Check]:
     return [
         *(_flag(name, getattr(record, name) == stated) for name, stated in here.items()),
         *threshold_checks(case),
-        *_exact_thresholds(case.limits),
+        *_exact_thresholds(case.limits, replace(FROZEN, tip_radius=case.robot.hand.tip_radius)),
         _flag("agent", _AGENT.fullmatch(record.agent) is not None),
         _flag("no holds_probability, which no model says yet", record.holds_probability is None),
     ]
@@ -27,14 +27,14 @@ def convention_checks(case: Case) -> list[Check]:
 
 def threshold_checks(case: Case) -> list[Check]:
     """The file's own thresholds must be no looser than the frozen ones: a grasp cannot move the bar it is held to."""
-    looser = case.limits.looser()
+    looser = case.limits.looser(case.robot.hand.tip_radius)
     return [Check("thresholds looser than ours", float(len(looser)), ", ".join(looser) or "none", not looser)]
 
 
-def _exact_thresholds(stated: Thresholds) -> list[Check]:
+def _exact_thresholds(stated: Thresholds, frozen: Thresholds) -> list[Check]:
     """All but friction are the frozen ones to the letter, and both coefficients are of one surface."""
     names = [f.name for f in fields(Thresholds) if f.name not in _OF_FRICTION]
-    others = [name for name in names if getattr(stated, name) != getattr(FROZEN, name)]
+    others = [name for name in names if getattr(stated, name) != getattr(frozen, name)]
     of_one = abs(stated.friction / FRICTION_SHARE - stated.friction_hold / HOLD_SHARE) < ROUNDING
     return [
         Check("thresholds as frozen", float(len(others)), ", ".join(others) or "none others", not others),

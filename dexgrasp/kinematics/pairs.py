@@ -1,0 +1,85 @@
+"""Which bodies a robot's own motion can bring together, where its files do not say: found by sampling."""
+
+from itertools import combinations
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.kinematics.cover import Spheres
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.files import cached_arrays, content_hash
+from dexgrasp_env.robot.robot import Robot
+
+_SAMPLES = 300
+_NEAR = 0.01  # m between two bodies: covering spheres exceed the shapes by less
+_LOOKS, _MOSTLY = 60, 0.6  # covering spheres that overlap in so many postures can tell nothing of a pair
+_APART = 0.002  # m that they leave where fingers are open or idle, or they cannot either
+
+Pairs = list[tuple[int, int]]
+
+
+def meeting_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[str, str]]:
+    """Return the pairs of the hand's bodies that come near each other in random postures.
+
+    Args:
+        robot: whose hand it is.
+        model: of the robot, compiled.
+
+    Returns:
+        Names; without neighbours along a chain, and without what the description excludes.
+    """
+    numbers = [model.body(name).id for name in robot.hand.bodies]
+    excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature}
+    pairs = [
+        (a, b)
+        for a, b in combinations(numbers, 2)
+        if model.body_parentid[b] != a and frozenset((a, b)) not in excluded
+    ]
+    key = content_hash(_SAMPLES, _NEAR, robot.hash)
+    near = cached_arrays(f"pairs_{key}.npy", lambda: {"near": _come_near(pairs, robot, model)})["near"]
+    return [(model.body(a).name, model.body(b).name) for a, b in np.array(pairs)[near]]
+
+
+def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
+    data, near, nothing = mujoco.MjData(model), np.zeros(len(pairs), bool), np.zeros(6)
+    solid = {b: _solid(model, b) for pair in pairs for b in pair}
+    for q in _postures(robot, _SAMPLES):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        for k in np.flatnonzero(~near):
+            a, b = pairs[k]
+            apart = (
+                mujoco.mj_geomDistance(model, data, g, h, _NEAR, nothing) for g in solid[a] for h in solid[b]
+            )
+            near[k] = min(apart, default=_NEAR) < _NEAR
+    return near
+
+
+def _postures(robot: Robot, count: int) -> Array:
+    return np.random.default_rng(0).uniform(robot.lower, robot.upper, (count, robot.dof))
+
+
+def _solid(model: mujoco.MjModel, body: int) -> list[int]:
+    first = int(model.body_geomadr[body])
+    return [g for g in range(first, first + int(model.body_geomnum[body])) if model.geom_contype[g]]
+
+
+def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Pairs:
+    """Return the pairs, numbers of the robot's bodies, of which their covering spheres can tell something."""
+    data, inside = mujoco.MjData(model), np.zeros(len(pairs))
+    idle = robot.home.copy()
+    for finger in robot.hand.fingers:
+        if finger.aside:
+            idle[robot.columns[finger.name]] = finger.aside
+    weights, postures = [_LOOKS, _LOOKS] + [1] * _LOOKS, [robot.home, idle, *_postures(robot, _LOOKS)]
+    for weight, q in zip(weights, postures, strict=True):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        bodies = [data.body(name) for name in robot.bodies]
+        centres = [s.centre @ b.xmat.reshape(3, 3).T + b.xpos for s, b in zip(spheres, bodies, strict=True)]
+        for k, (a, b) in enumerate(pairs):
+            apart = np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
+            room = _APART if weight > 1 else 0.0
+            inside[k] += weight * bool((apart < spheres[a].radius[:, None] + spheres[b].radius + room).any())
+    return [pair for pair, often in zip(pairs, inside, strict=True) if often < _MOSTLY * _LOOKS]

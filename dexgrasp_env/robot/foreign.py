@@ -1,0 +1,316 @@
+"""A part of a robot from an MJCF of somebody else's, rebuilt in the conventions that everything here relies on.
+
+Bodies without a joint become one with what they hang on; frames are turned so that an arm's joints turn about z, the
+palm's body is the palm frame, and a fingertip's z points out of the tip and x out of its pad. Shapes, masses, ranges,
+excluded pairs stay as they are; what collides of a mesh is its convex hull, as in the simulation.
+"""
+
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.hulls import cut, hull_of
+from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
+
+FLANGE = 0.107
+"""m from the frame of an arm's last link to its flange, along z: mounts count on it."""
+_ROTOR = {"arm": 0.1, "hand": 0.001}  # kg m2 of joints whose description has none: they are geared
+_GEOM = mujoco.mjtGeom
+_SHAPES = (
+    _GEOM.mjGEOM_SPHERE,
+    _GEOM.mjGEOM_CAPSULE,
+    _GEOM.mjGEOM_CYLINDER,
+    _GEOM.mjGEOM_BOX,
+    _GEOM.mjGEOM_MESH,
+)
+
+
+def compile_file(path: Path) -> mujoco.MjModel:
+    """Return what an MJCF file describes.
+
+    Raises:
+        InputError: in one line, where MuJoCo cannot read it.
+    """
+    try:
+        return mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, OSError, MemoryError) as error:
+        raise InputError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())[:200]}") from None
+
+
+def described(part: Arm | Hand) -> mujoco.MjSpec:
+    """Return the description of a part: as its file has it, or rebuilt where its frames are stated apart.
+
+    Raises:
+        InputError: for a description that MuJoCo cannot read, or that is not of this part.
+    """
+    if part.frame is None:
+        return mujoco.MjSpec.from_file(str(part.mjcf))
+    return _Rebuilt(part).spec
+
+
+class _Rebuilt:
+    """A description as it is rebuilt; W are the new frames of bodies in the world of the file, joints at 0."""
+
+    def __init__(self, part: Arm | Hand) -> None:
+        self.part, self.model = part, compile_file(part.mjcf)
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[:] = 0.0
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        self.spec = mujoco.MjSpec()
+        self.spec.compiler.degree = False
+        names = part.bodies
+        self._check(names)
+        self.owner = {b: self._owner(b, names) for b in range(1, self.model.nbody)}
+        self.W = self._frames()
+        self._add_bodies(names)
+        self._add_excludes()
+
+    def _check(self, names: Iterable[str]) -> None:
+        """Refuse a file that is not of the part, or has joints that the part does not name."""
+        own = {self.model.joint(j).name for j in range(self.model.njnt)}
+        bodies = {self.model.body(b).name for b in range(self.model.nbody)}
+        for what, given, known in (("joint", self.part.joints.names, own), ("body", names, bodies)):
+            if missing := [name for name in given if name not in known]:
+                raise InputError(f"{self.part.mjcf} has no {what} {missing[0]!r}")
+        if more := sorted(own - set(self.part.joints.names)):
+            raise InputError(f"joint {more[0]!r} of {self.part.mjcf} is not named: every joint has to be")
+        if any(kind != mujoco.mjtJoint.mjJNT_HINGE for kind in self.model.jnt_type):
+            raise InputError(f"{self.part.mjcf} has joints that are no hinges: they are not supported yet")
+        if self.model.neq or self.model.ntendon:
+            raise InputError(f"{self.part.mjcf} couples joints (equality, tendon): that is not supported yet")
+
+    def _owner(self, body: int, names: Iterable[str]) -> str:
+        """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
+        while body and self.model.body(body).name not in names:
+            if self.model.body_jntnum[body]:
+                raise InputError(f"body {self.model.body(body).name!r} of {self.part.mjcf} is not named")
+            body = int(self.model.body_parentid[body])
+        return str(self.model.body(body).name) if body else self.part.bodies[0]
+
+    def _frames(self) -> dict[str, Array]:
+        part, W = self.part, {name: _pose(self.data.body(name)) for name in self.part.bodies}
+        assert part.frame is not None
+        end = W[part.bodies[-1] if isinstance(part, Arm) else part.palm] @ matrix(part.frame)
+        if isinstance(part, Hand):
+            W[part.palm] = end
+            for finger in part.fingers:
+                assert finger.frame is not None
+                W[finger.bodies[-1]][:3, :3] = (W[finger.bodies[-1]] @ matrix(finger.frame))[:3, :3]
+            return W
+        W[part.bodies[0]] = np.eye(4)
+        for name, joint in zip(part.bodies[1:], part.joints.names, strict=True):
+            at = self.data.joint(joint)
+            W[name] = about(at.xanchor, at.xaxis, W[name][:3, 0])
+        axis = W[name][:3, 2]
+        if axis @ end[:3, 2] < 1.0 - 1e-6:
+            raise InputError(
+                f"frame of arm {part.name!r}: the flange's z has to be the axis of the last joint"
+            )
+        W[name] = about(end[:3, 3] - FLANGE * axis, axis, end[:3, 0])
+        return W
+
+    def _add_bodies(self, names: tuple[str, ...]) -> None:
+        built: dict[str, Any] = {}
+        for name in names:
+            above = self._above(name)
+            parent = built[above] if above else self.spec.worldbody
+            local = np.linalg.inv(self.W[above]) @ self.W[name] if above else np.eye(4)
+            body = parent.add_body(name=name, gravcomp=1.0, **placed(local))
+            built[name] = body
+            self._add_inertia(body)
+            self._add_joint(body)
+            self._add_geoms(body)
+        if isinstance(self.part, Hand):
+            built[self.part.palm].add_site(name=self.part.palm, group=4, size=[0.005] * 3)
+
+    def _above(self, name: str) -> str:
+        parent = int(self.model.body(name).parentid[0])
+        return self.owner[parent] if name != self.part.bodies[0] else ""
+
+    def _add_inertia(self, body: Any) -> None:
+        """Give a body the mass and the inertia of all that hangs on it without a joint."""
+        own = [b for b, owner in self.owner.items() if owner == body.name]
+        mass = self.model.body_mass[own]
+        if not mass.sum() > 0:
+            return
+        centre = mass @ self.data.xipos[own] / mass.sum()
+        inertia = np.zeros((3, 3))
+        for b, m in zip(own, mass, strict=True):
+            R, away = self.data.ximat[b].reshape(3, 3), self.data.xipos[b] - centre
+            inertia += R @ np.diag(self.model.body_inertia[b]) @ R.T
+            inertia += m * (away @ away * np.eye(3) - np.outer(away, away))
+        R, p = self.W[body.name][:3, :3], self.W[body.name][:3, 3]
+        inertia = R.T @ inertia @ R
+        body.explicitinertial, body.mass, body.ipos = True, mass.sum(), R.T @ (centre - p)
+        body.fullinertia = [*np.diag(inertia), inertia[0, 1], inertia[0, 2], inertia[1, 2]]
+
+    def _add_joint(self, body: Any) -> None:
+        old = self.model.body(body.name)
+        if not old.jntnum[0] or body.name == self.part.bodies[0]:
+            return
+        joint = self.model.joint(int(old.jntadr[0]))
+        R, p = self.W[body.name][:3, :3], self.W[body.name][:3, 3]
+        at, dof = self.data.joint(joint.id), int(joint.dofadr[0])
+        rotor = self.model.dof_armature[dof] or _ROTOR["arm" if isinstance(self.part, Arm) else "hand"]
+        body.add_joint(
+            name=joint.name, axis=_rounded(R.T @ at.xaxis), pos=_rounded(R.T @ (at.xanchor - p)), range=joint.range,
+            damping=self.model.dof_damping[dof], frictionloss=self.model.dof_frictionloss[dof],
+            limited=True, armature=rotor, actgravcomp=True,
+        )  # fmt: skip
+        servo = self.spec.add_actuator(
+            name=joint.name, target=joint.name, trntype=mujoco.mjtTrn.mjTRN_JOINT, inheritrange=1.0
+        )
+        servo.set_to_position(kp=1.0, dampratio=1.0)
+
+    def _add_geoms(self, body: Any) -> None:
+        own = [
+            g for g in range(self.model.ngeom) if self.owner.get(int(self.model.geom_bodyid[g])) == body.name
+        ]
+        solid = [g for g in own if self.model.geom_contype[g] or self.model.geom_conaffinity[g]]
+        for k, g in enumerate([*solid, *(solid if len(solid) == len(own) else set(own) - set(solid))]):
+            if _GEOM(self.model.geom_type[g]) not in _SHAPES:
+                raise InputError(f"{self.part.mjcf}: body {body.name!r} has a shape that is no solid")
+            self._add_geom(body, g, f"{body.name}_{k}", k < len(solid))
+        if isinstance(self.part, Hand):
+            for finger in self.part.fingers:
+                if finger.bodies[-1] == body.name:
+                    self._add_tip(body, finger, self.part.tip_radius)
+
+    def _add_geom(self, body: Any, g: int, name: str, collides: bool) -> None:
+        local = np.linalg.inv(self.W[body.name]) @ _geom_pose(self.data, g)
+        look = {"name": name, "rgba": self._colour(g), **_LOOK[collides]}
+        if self.model.geom_type[g] != _GEOM.mjGEOM_MESH:
+            body.add_geom(
+                type=_GEOM(self.model.geom_type[g]), size=self.model.geom_size[g], **placed(local), **look
+            )
+            return
+        points, faces = self._mesh(g)
+        add_mesh_geom(self.spec, body, *((hull_of(points)) if collides else (points, faces)), local, look)
+
+    def _mesh(self, g: int) -> tuple[Array, Any]:
+        m, k = self.model, int(self.model.geom_dataid[g])
+        vertices = m.mesh_vert[m.mesh_vertadr[k] : m.mesh_vertadr[k] + m.mesh_vertnum[k]]
+        return vertices, m.mesh_face[m.mesh_faceadr[k] : m.mesh_faceadr[k] + m.mesh_facenum[k]]
+
+    def _colour(self, g: int) -> Array:
+        material = int(self.model.geom_matid[g])
+        colour: Array = self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
+        return colour
+
+    def _add_tip(self, body: Any, finger: Finger, radius: float) -> None:
+        """Name the shape that reaches farthest the tip; of a long one, what is before the middle of its sphere."""
+        assert finger.frame is not None
+        old = _pose(self.data.body(body.name)) @ matrix(finger.frame)
+        centre = np.linalg.inv(self.W[body.name]) @ old[:, 3]
+        body.add_site(name=finger.tip, pos=centre[:3], group=4, size=[0.005] * 3)
+        solid = [geom for geom in body.geoms if geom.contype]
+        if not solid:
+            raise InputError(
+                f"{self.part.mjcf}: nothing of body {body.name!r} collides: tip {finger.tip!r} has no shape"
+            )
+        tip = max(solid, key=lambda geom: self._reach(geom)[:, 2].max())
+        if tip.type not in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
+            tip.name = finger.tip
+            return
+        before, behind = cut(self._reach(tip), centre[2] - radius)
+        look = {"rgba": tip.rgba.copy(), **_LOOK[True]}
+        rest = f"{tip.name}_rest"
+        self.spec.delete(tip)
+        add_mesh_geom(self.spec, body, *hull_of(before), np.eye(4), {"name": finger.tip, **look})
+        if len(behind) > 3:
+            add_mesh_geom(self.spec, body, *hull_of(behind), np.eye(4), {"name": rest, **look})
+
+    def _reach(self, geom: Any) -> Array:
+        """Points (n, 3) m of a shape's hull, or around it, in the frame of its body."""
+        R = np.zeros(9)
+        mujoco.mju_quat2Mat(R, geom.quat)
+        if geom.type == _GEOM.mjGEOM_MESH:
+            points = np.reshape(self.spec.mesh(geom.meshname).uservert, (-1, 3))
+        else:
+            round_ = geom.type in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE)
+            half = np.full(3, geom.size[0]) if round_ else geom.size
+            if geom.type == _GEOM.mjGEOM_CAPSULE:
+                half = half + np.array([0.0, 0.0, geom.size[1]])
+            points = half * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
+        return np.asarray(points) @ R.reshape(3, 3).T + geom.pos
+
+    def _add_excludes(self) -> None:
+        for k, signature in enumerate(self.model.exclude_signature):
+            a, b = (self.owner.get(int(signature) >> shift & 0xFFFF) for shift in (16, 0))
+            if a and b and a != b:
+                self.spec.add_exclude(name=f"{self.part.name}_exclude{k}", bodyname1=a, bodyname2=b)
+
+
+_LOOK: dict[bool, dict[str, Any]] = {
+    True: {
+        "group": 3,
+        "contype": 1,
+        "conaffinity": 1,
+        "condim": 3,
+        "friction": [0.7, 0.005, 0.0001],
+        "mass": 0.0,
+    },
+    False: {"group": 2, "contype": 0, "conaffinity": 0, "mass": 0.0},
+}
+"""Of what collides, and of what is seen."""
+
+
+def add_mesh_geom(
+    spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, pose: Array, look: dict[str, Any]
+) -> None:
+    """Add a mesh of points (n, 3) m in the frame of a body after `pose` (4, 4), named like its geom."""
+    mesh = spec.add_mesh(name=look["name"])
+    mesh.uservert = (points @ pose[:3, :3].T + pose[:3, 3]).ravel()
+    mesh.userface = np.asarray(faces).ravel()
+    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
+    body.add_geom(type=_GEOM.mjGEOM_MESH, meshname=mesh.name, **look)
+
+
+def matrix(frame: Frame) -> Array:
+    """Return a frame as a transform (4, 4)."""
+    T, R = np.eye(4), np.zeros(9)
+    mujoco.mju_quat2Mat(R, np.array(frame.quat_wxyz))
+    T[:3, :3], T[:3, 3] = R.reshape(3, 3), frame.position
+    return T
+
+
+def placed(T: Array) -> dict[str, Array]:
+    """Return a transform (4, 4) as position and quaternion, as specifications take them."""
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
+    return {"pos": T[:3, 3].copy(), "quat": quat}
+
+
+def about(origin: Array, z: Array, x: Array) -> Array:
+    """Return the frame (4, 4) at `origin` with axis `z`, and x as near to `x` as can be."""
+    across = x - z * (x @ z)
+    if np.linalg.norm(across) < 1e-3:
+        across = np.eye(3)[int(np.argmin(np.abs(z)))]
+        across = across - z * (across @ z)
+    across = across / np.linalg.norm(across)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = np.stack([across, np.cross(z, across), z], axis=1), origin
+    return T
+
+
+def _pose(body: Any) -> Array:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = body.xmat.reshape(3, 3), body.xpos
+    return T
+
+
+def _geom_pose(data: mujoco.MjData, g: int) -> Array:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g]
+    return T
+
+
+def _rounded(vector: Array) -> Array:
+    """Take the rounding out of a vector, so that an axis along z is one."""
+    return np.round(vector, 12)

@@ -1,0 +1,119 @@
+"""Postures that a robot file needs and an MJCF has not: a hand's open one, an arm's home; found by search."""
+
+from typing import Any
+
+import mujoco
+import numpy as np
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.foreign import FLANGE
+from dexgrasp_env.robot.robot import Arm, Hand
+
+_DRAWS = 20_000
+_SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
+_INSIDE = 0.85  # share of a joint's range that is drawn from
+_FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down
+_STARTS, _STEPS = 300, 60
+
+
+def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
+    """Return the posture (h,) rad in which the tips of a grasp face each other best in front of the palm.
+
+    Args:
+        hand: whose limits, fingers and grasp count.
+        model: of the hand alone, frames as here.
+    """
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    low, high = np.array(hand.joints.lower), np.array(hand.joints.upper)
+    drawn = 0.5 * (low + high) + 0.5 * _INSIDE * (high - low) * rng.uniform(-1.0, 1.0, (_DRAWS, len(low)))
+    _together(hand, drawn)
+    drawn = np.clip(drawn, low, high)
+    merits = np.array([_merit(hand, model, data, q) - 2.0 * _strain(q, low, high) for q in drawn])
+    for k in np.argsort(-merits)[:200]:
+        data.qpos[:] = drawn[k]
+        mujoco.mj_forward(model, data)
+        if not data.ncon:
+            return list(np.round(drawn[k], 4).tolist())
+    return list(np.round(drawn[np.argmax(merits)], 4).tolist())
+
+
+def _together(hand: Hand, drawn: Array) -> None:
+    """Let all fingers but the opposing one bend alike, as far as they are alike."""
+    names = list(hand.joints.names)
+    first = hand.finger(hand.grasp[1])
+    source = [names.index(name) for name in first.joints]
+    for finger in hand.fingers:
+        if finger.name != hand.grasp[0] and len(finger.joints) == len(source):
+            drawn[:, [names.index(name) for name in finger.joints]] = drawn[:, source]
+
+
+def _strain(q: Array, low: Array, high: Array) -> float:
+    return float(np.mean(((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2))
+
+
+def _merit(hand: Hand, model: mujoco.MjModel, data: mujoco.MjData, q: Array) -> float:
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    sites = [data.site(hand.finger(name).tip) for name in hand.grasp]
+    tips, frames = np.array([s.xpos for s in sites]), np.array([s.xmat.reshape(3, 3) for s in sites])
+    between = tips[1:].mean(0) - tips[0]
+    span = float(np.linalg.norm(between))
+    pads = frames[:, :, 0] @ (between / max(span, 1e-6))
+    facing = pads[0] - pads[1:].mean()
+    level = np.ptp(tips[:, 0]) / _LENGTH
+    return float(
+        facing
+        + frames[:, 0, 2].min()
+        - abs(span - _SPAN) / _LENGTH
+        - level
+        - 20.0 * (tips[:, 0].min() < 0.02)
+    )
+
+
+def home_posture(arm: Arm, model: mujoco.MjModel) -> list[float]:
+    """Return the posture (a,) rad with the flange over the table, looking down, that is farthest from its limits.
+
+    Args:
+        arm: whose limits count.
+        model: of the arm alone, frames as here.
+    """
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    low, high = np.array(arm.joints.lower), np.array(arm.joints.upper)
+    low, high = np.maximum(low, -np.pi), np.minimum(high, np.pi)
+    best, found = -np.inf, 0.5 * (low + high)
+    for start in rng.uniform(low, high, (_STARTS, len(low))):
+        q = _flange_down(arm, model, data, start, (low, high))
+        if q is None:
+            continue
+        merit = _room(arm, model, data) - _strain(q, low, high)
+        if merit > best:
+            best, found = merit, q
+    return list(np.round(found, 4).tolist())
+
+
+def _flange_down(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, q: Array, limits: Any) -> Array | None:
+    """Return where damped least squares lead from `q`, None where that is not the goal."""
+    body, J = model.body(arm.bodies[-1]).id, np.zeros((6, model.nv))
+    goal = _FLANGE + np.array([0.0, 0.0, FLANGE])
+    for _ in range(_STEPS):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        z = data.xmat[body].reshape(3, 3)[:, 2]
+        error = np.r_[goal - data.xpos[body], np.cross(z, [0.0, 0.0, -1.0])]
+        if np.linalg.norm(error) < 1e-4 and z[2] < 0:
+            return q
+        mujoco.mj_jacBody(model, data, J[:3], J[3:], body)
+        q = np.clip(q + J.T @ np.linalg.solve(J @ J.T + 1e-3 * np.eye(6), error), *limits)
+    return None
+
+
+def _room(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData) -> float:
+    """How high the lowest joint is and how freely the flange moves; much less where bodies touch."""
+    mujoco.mj_forward(model, data)
+    heights = [data.body(name).xpos[2] for name in arm.bodies[2:]]
+    J = np.zeros((6, model.nv))
+    mujoco.mj_jacBody(model, data, J[:3], J[3:], model.body(arm.bodies[-1]).id)
+    freedom = float(np.linalg.svd(J)[1][-1])
+    straight = abs(np.arctan2(*data.body(arm.bodies[3]).xpos[1::-1]))
+    return min(min(heights), 0.4) + 5.0 * freedom - straight - 10.0 * bool(data.ncon)
