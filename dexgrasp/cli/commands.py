@@ -35,6 +35,7 @@ COMMANDS = {
     "doctor": "what works on this machine, and whether a mesh is fit to use",
     "export": "a grasp as a trajectory for a robot, or its scene as MJCF",
     "check": "limits, timing and collisions of an exported trajectory",
+    "robot": "robot files: what there is, one made of MJCF, one tested",
     "view": "a grasp in the browser, from approach to hold",
     "warmup": "compile what plans and environments need, once",
     "completion": "a script that completes commands in bash or zsh",

@@ -46,11 +46,12 @@ class Doctor(Command):
             note(f"checking {mesh} (a first look can take a minute)")
             found[str(mesh)] = checks.check_mesh(mesh, self.mesh_scale)
         wrong = any(finding.level == "error" for part in found.values() for finding in part)
-        text = "\n".join("\n".join([part, *map(_line, findings)]) for part, findings in found.items())
+        text = "\n".join("\n".join([part, *map(finding_line, findings)]) for part, findings in found.items())
         return Answer({"ok": not wrong, "findings": found}, text, int(wrong))
 
 
-def _line(finding: Finding) -> str:
+def finding_line(finding: Finding) -> str:
+    """Return what is printed of a finding: its mark, what is the matter, and what to do about it."""
     remedy = f" -> {finding.remedy}" if finding.remedy not in ("", "nothing to do") else ""
     return f"  {coloured(*_MARKS[finding.level])} {finding.problem}{remedy}"
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import content_hash, expand
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.cell_file import CellCamera, read_cell_fields
@@ -139,12 +139,17 @@ def make_cell(robot: Given = None, mount: str | None = None) -> Cell:
     """
     if isinstance(robot, str | os.PathLike):
         path = robot_files().get(str(robot)) or expand(robot)
+        if not path.suffix and not path.exists():
+            raise unknown_name(
+                "robot", str(robot), [*robot_files(), "the path of a robot's or a cell's file"]
+            )
         robot = _read(path.resolve(), path.stat().st_mtime_ns) if path.is_file() else read_cell(path)
     if isinstance(robot, Robot):
         robot = replace(default_cell(), name=robot.name, robot=robot)
     return (robot or default_cell()).mounted(mount)
 
 
+@lru_cache(maxsize=1)
 def robot_files() -> dict[str, Path]:
     """Return the robot files of ours, by the robot's name."""
     files = asset_path("robot").glob("*.yaml")
