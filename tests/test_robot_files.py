@@ -186,7 +186,7 @@ FRAME = {"position": [0.0, 0.0, 0.0]}
         ({"frame": {"position": [0.0, 0.0]}}, "list of 3"),
         ({"frame": {**FRAME, "quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}, "unit quaternion"),
         ({"frame": FRAME}, "a finger has no frame"),
-        ({"frame": FRAME, "fingers": [f | {"frame": FRAME, "bodies": [*"abcd"]} for f in HAND["fingers"]]}, "no body|shares|self_pairs"),
+        ({"palm": "hand"}, "name palm: no body"),
         ({"self_pairs": [["palm", "nose"]]}, "no body of the hand"),
         ({"mounts": {}}, "unknown mount"),
     ],
