@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import solve_palm
@@ -17,6 +18,7 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.planning.seen import start_of
 from dexgrasp.runs.compiling import ensure_compiled
+from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
@@ -41,6 +43,7 @@ _U, _V = 0.010, -0.028  # from the cloud's mean
 _ABOVE = 0.045  # above the cloud's highest point
 _LEAST_Z = 0.137  # above the table, which the fingertips must clear
 _MIN_POINTS = 20
+_COMPLETED_POINTS = 512
 _HULL_FACES = 80
 _IK_ERROR = 0.003  # m
 
@@ -74,7 +77,7 @@ class HardcodedAgent(Agent):
         start = start_of(observation, self._cell.robot)
         self._step, self._script, self._rest = 0, None, self._action(start)
         self.report = Report()
-        points = Scene.of_observation(observation).target.points
+        points = self._points(Scene.of_observation(observation, info))
         if len(points) < _MIN_POINTS:
             self.report.failure = "no_cloud"
             return
@@ -94,6 +97,10 @@ class HardcodedAgent(Agent):
         action = self._action(self._script.at(self._step))
         self._step += 1
         return action
+
+    def _points(self, scene: Scene) -> Array:
+        """Return the points (N, 3) m that stand for the object: those that are seen."""
+        return scene.target.points
 
     def _action(self, targets: Array) -> NDArray[np.float32]:
         return normalise(targets, self._cell.robot).astype(np.float32)
@@ -151,6 +158,21 @@ class HardcodedAgent(Agent):
         position = points.mean(axis=0) + _U * axis + _V * y
         position[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
         return np.stack([x, y, z], axis=1), position
+
+
+class HardcodedCompletedAgent(HardcodedAgent):
+    """Agent `hardcoded_completed`: the same posture over the object as the planner takes it to be.
+
+    It is given evenly spread points of the hull or parts that `bilevel` plans on, the unseen side completed.
+    """
+
+    def _points(self, scene: Scene) -> Array:
+        """Return points (N, 3) m of the planner's target; none where it sees nothing to grasp."""
+        try:
+            target = target_of(scene)
+        except NoTarget:
+            return np.empty((0, 3))
+        return triangle_samples(np.concatenate(target.distance.parts), _COMPLETED_POINTS, 0).points
 
 
 def short_axis(points: Array) -> Array:

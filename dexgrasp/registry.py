@@ -14,6 +14,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 AGENTS: dict[str, str] = {
     "random": "dexgrasp.agents.random:RandomAgent",
     "hardcoded": "dexgrasp.agents.hardcoded:HardcodedAgent",
+    "hardcoded_completed": "dexgrasp.agents.hardcoded:HardcodedCompletedAgent",
     "cvae": "dexgrasp.agents.ablations:CvaeAgent",
     "cvae_kinematics": "dexgrasp.agents.ablations:CvaeKinematicsAgent",
     "bilevel": "dexgrasp.agents.bilevel:BilevelAgent",
