@@ -109,7 +109,9 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         "friction": FRICTION,
         "grasps": sum(row["planned"] for row in rows),
         "not_lifted": sum(row["planned"] and not row["pushes"] for row in rows),
-        "load_p5_median_p95": np.quantile([row["load"] for row in rows if row["planned"]], [0.05, 0.5, 0.95]).tolist(),
+        "load_p5_median_p95": np.quantile(
+            [row["load"] for row in rows if row["planned"]], [0.05, 0.5, 0.95]
+        ).tolist(),
     }
     for share, ramp in product(SHARES, (None, *RAMPS)):
         failed = [
@@ -117,7 +119,11 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
             if push["share"] == share and ramp in (None, push["ramp"])
         ]  # fmt: skip
         name = f"at_{share}" + ("" if ramp is None else f"_ramp_{ramp / 20}_s")
-        found[name] = {"pushes": len(failed), "failed": sum(failed), "ci95": wilson_interval(sum(failed), len(failed))}
+        found[name] = {
+            "pushes": len(failed),
+            "failed": sum(failed),
+            "ci95": wilson_interval(sum(failed), len(failed)),
+        }
     return found
 
 

@@ -119,3 +119,23 @@ def test_directions_are_26_units():
     assert d.shape == (26, 3)
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1.0)
     assert len(np.unique(d.round(6), axis=0)) == 26
+
+
+def test_joints_whose_set_points_stand_still_answer_with_the_least_energy():
+    c, stiffness = contacts(), np.repeat([20.0, 4.0, 4.0], 3)  # the stiff finger answers most of a push
+    forces, G = pressing(c, 5.0), grasp_matrix(c)
+    give = np.diag(0.08**2 / stiffness + 1e-6)
+    system = np.block([[give, G.T], [G, np.zeros((6, 6))]])
+    answer = np.linalg.solve(system, np.r_[np.zeros((9, 3)), np.eye(6, 3)])[:9]
+    pushes = np.random.default_rng(0).normal(size=(20000, 3))
+    pushes /= np.linalg.norm(pushes, axis=1, keepdims=True)
+    load = load_of(c, forces, stiffness)
+
+    def borne(size):
+        after = forces - size * c.weight * np.einsum("ij,kj->ki", answer, pushes).reshape(-1, 3, 3)
+        return in_cone(after, c.normals)
+
+    assert 1.5 < load < load_of(c, forces) - 0.01
+    assert borne(load - 1.0 - 1e-9).all()
+    assert not borne((load - 1.0) * 1.002).all()
+    assert load_of(c, forces, np.full(9, 7.0)) == pytest.approx(load_of(c, forces), rel=1e-3)

@@ -1,7 +1,9 @@
 """How strong a grasp is: the push that planned forces bear, and the push that any forces could.
 
 A push is a force w through the centre of mass. The contacts answer it by df = -G^+ (w, 0), the least forces that do, G
-the grasp matrix about the centre of mass with torques over the contacts' rms radius.
+the grasp matrix about the centre of mass with torques over the contacts' rms radius: as they do where all give way
+alike. Joints whose set-points stand still give way as their servos are stiff, C = J diag(1/k) J^T m/N at a contact;
+they answer by the forces with the least f^T C f, df = -C^-1 G^T (G C^-1 G^T)^-1 (w, 0).
 """
 
 import numpy as np
@@ -27,6 +29,7 @@ _FACES, _ROUNDS = 8, 24  # planes of each cone at first, and rounds of further o
 _IN_CONE = 2e-7  # N of friction that forces may be beyond their cones
 _FAR = 1e6  # weights: no push is larger
 _UNKNOWNS = (0, 0, 0, 0)  # internal forces of three contacts, and the push
+_GIVES = 1e-6  # m/N that a contact gives way besides its joints, in every direction: hardly, but not nothing
 
 
 def directions() -> Array:
@@ -54,11 +57,17 @@ def _grasp_matrix(contacts: Contacts) -> Array:
     return grasp_map(contacts.points, contacts.centre, rms_radius(contacts.points))
 
 
-def load_of(contacts: Contacts, forces: Array) -> float:
-    """Return 1 + the largest push, in weights, that forces (N, 3) bear in any direction with the answer G^+.
+def load_of(contacts: Contacts, forces: Array, stiffness: Array | None = None) -> float:
+    """Return 1 + the largest push, in weights, that forces (N, 3) bear in any direction.
 
     Forces that balance a share below 1 of the weight have that share as their load; forces that balance none of it,
     leave a cone or exceed a torque limit have 0.
+
+    Args:
+        contacts: any number.
+        forces: (N, 3) N on the object.
+        stiffness: (joints,) Nm/rad of servos whose set-points stand still: the push is borne with their answer as well
+            as with the least; None asks for the least answer alone.
     """
     contacts = checked(contacts)
     forces = check_array("forces", forces, (len(contacts.points), 3))
@@ -69,13 +78,33 @@ def load_of(contacts: Contacts, forces: Array) -> float:
     strayed = float(np.linalg.norm(wrench)) > BALANCED * contacts.weight
     if strayed or share <= 0.0 or torque_fraction(contacts, forces) > 1.0 + _ROUNDING:
         return 0.0
-    answer: Array = np.asarray(np.linalg.pinv(G, rcond=1e-9)[:, :3], dtype=np.float64)
-    answered = bool(np.abs(G @ answer - np.eye(6, 3)).max() < 1e-6)
-    answer *= contacts.weight * answered  # some direction cannot be answered at all: no push is
-    push = _borne(contacts, forces, answer.reshape(-1, 3, 3))
+    push = _push(contacts, forces, np.asarray(np.linalg.pinv(G, rcond=1e-9)[:, :3], dtype=np.float64))
     if push < -_ROUNDING:
         return 0.0
-    return 1.0 + max(push, 0.0) * answered if share > 1.0 - BALANCED else share
+    if share <= 1.0 - BALANCED:
+        return share
+    if push > 0.0 and stiffness is not None:
+        push = min(push, _push(contacts, forces, _servo_answers(contacts, G, stiffness)))
+    return 1.0 + max(push, 0.0)
+
+
+def _servo_answers(contacts: Contacts, G: Array, stiffness: Array) -> Array:
+    """Return (3 N, 3) N, what joints of stiffness (joints,) Nm/rad answer a force of 1 N along each axis with."""
+    J, n = contacts.jacobians, len(contacts.points)
+    compliance, yields = J / stiffness @ J.transpose(0, 2, 1) + _GIVES * np.eye(3), np.zeros((3 * n, 6))
+    for i in range(n):
+        own = slice(3 * i, 3 * i + 3)
+        yields[own] = np.linalg.solve(compliance[i], G[:, own].T)
+    answers: Array = yields @ np.linalg.solve(G @ yields, np.eye(6, 3))
+    return answers
+
+
+def _push(contacts: Contacts, forces: Array, answers: Array) -> float:
+    """Return the push, in weights, that forces (N, 3) bear with answers (3 N, 3) N to 1 N; 0 if they are none."""
+    if np.abs(_grasp_matrix(contacts) @ answers - np.eye(6, 3)).max() > 1e-6:
+        answers = np.zeros_like(answers)  # some direction cannot be answered at all: no push is
+        return min(_borne(contacts, forces, answers.reshape(-1, 3, 3)), 0.0)
+    return _borne(contacts, forces, contacts.weight * answers.reshape(-1, 3, 3))
 
 
 @njit

@@ -10,8 +10,7 @@ import numpy as np
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
 from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.physics.strength import capacity_of
-from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear
+from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear, with_capacity
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.problem import Problem
@@ -77,15 +76,14 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
 def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:
     """Return the grasp of a configuration that presses with forces (3, 3) N, with its certificate."""
     problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
-    certificate = certificate_of(q, forces, problem, with_capacity=False)
+    certificate = certificate_of(q, forces, problem)
     return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
 
 
 def completed(grasp: Grasp, problem: Problem) -> Grasp:
     """Return a grasp that was chosen with what is not worth computing for those that are not."""
     contacts, _ = contacts_of(grasp.q, problem, problem.settings.friction_hold)
-    certificate = replace(grasp.certificate, capacity=capacity_of(contacts))
-    return replace(grasp, certificate=certificate)
+    return replace(grasp, certificate=with_capacity(grasp.certificate, contacts))
 
 
 def opened(q: Array, normals: Array, problem: Problem, opening: Opening, rise: float = 0.0) -> Array:

@@ -1,5 +1,7 @@
 """What the planner claims of a grasp: the certificate, from configuration, forces and object alone."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -31,20 +33,19 @@ def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, 
     return Contacts(points, normals, jacobians, tree.torque, mu, target.centre, gravity), distance
 
 
-def certificate_of(q: Array, forces: Array, problem: Problem, *, with_capacity: bool = True) -> Certificate:
-    """Return what is true of a grasp, however its configuration and forces were found.
+def certificate_of(q: Array, forces: Array, problem: Problem) -> Certificate:
+    """Return what is true of a grasp, however its configuration and forces were found, but for `capacity`.
 
     Args:
         q: (n,) rad.
         forces: (3, 3) N on the object, thumb, index, middle.
         problem: object and robot; of the settings friction coefficients and tip radius.
-        with_capacity: False leaves `capacity` at NaN, for grasps still to be chosen among (26 conic programmes).
     """
     target, tree, settings = problem.target, problem.tree, problem.settings
     contacts, distances = contacts_of(q, problem, settings.friction_hold)
     internal = solve_wrench_qp(contacts.points, contacts.normals, settings.friction)
     ratios = wrench_ratios(contacts.points, internal.forces, target.centre)
-    load = load_of(contacts, forces)
+    load = load_of(contacts, forces, tree.stiffness)
     return Certificate(
         distances_cm=tuple(float(d) for d in 100.0 * (distances - settings.tip_radius)),
         force_ratio_percent=ratios.force,
@@ -58,9 +59,15 @@ def certificate_of(q: Array, forces: Array, problem: Problem, *, with_capacity: 
         hold_residual=hold_residual(contacts, forces),
         mass=target.mass,
         load=load,
-        capacity=capacity_of(contacts) if with_capacity else float("nan"),
+        capacity=float("nan"),
         friction=settings.friction,
     )
+
+
+def with_capacity(certificate: Certificate, contacts: Contacts) -> Certificate:
+    """Return a certificate with its capacity, 26 programmes, which its load does not exceed."""
+    capacity = capacity_of(contacts)
+    return replace(certificate, capacity=capacity, load=min(certificate.load, capacity))
 
 
 def least_clearance(q: Array, problem: Problem) -> float:

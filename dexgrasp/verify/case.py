@@ -9,6 +9,7 @@ from dexgrasp.verify.cones import wrench_map
 from dexgrasp.verify.scene import Scene
 
 GRAVITY = 9.81  # m/s^2
+_GIVES = 1e-6  # m/N that a contact gives way besides its joints
 
 
 class Case:
@@ -48,7 +49,10 @@ class Case:
 
 
 class Hold:
-    """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use."""
+    """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use.
+
+    `compliance` (3 N, 3 N) m/N is how contacts give way to forces where set-points stand still.
+    """
 
     def __init__(self, case: Case) -> None:
         """Compute it."""
@@ -60,6 +64,9 @@ class Hold:
         self.press = -(self.forces * self.normals).sum(1)
         sliding = np.linalg.norm(self.forces + self.press[:, None] * self.normals, axis=1)
         self.friction_use = (sliding / np.maximum(self.mu * self.press, 1e-9)).max()
-        most = case.robot.torque[case.robot.hand_columns]
+        hand = case.robot.hand_columns
+        most, stiffness = case.robot.torque[hand], case.robot.stiffness[hand]
         self.torques = case.touch.jacobians.transpose(2, 0, 1).reshape(len(most), -1) / most[:, None]
+        bend = self.torques * most[:, None]
+        self.compliance = bend.T @ (bend / stiffness[:, None]) + _GIVES * np.eye(self.forces.size)
         self.torque_use = np.abs(self.torques @ self.forces.ravel()).max()

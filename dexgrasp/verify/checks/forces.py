@@ -64,29 +64,39 @@ def force_checks(case: Case) -> list[Check]:
 
 def strength_checks(case: Case) -> list[Check]:
     """Check `load` and `capacity`, and that `holds` says what they say."""
-    found, claimed = _load(case.hold), case.record.certificate.holds
+    capacity, claimed = _capacity(case.hold), case.record.certificate.holds
+    found = min(_load(case.hold), capacity)
     bears = found >= 1.0 - LOAD
     return [
         at_least("load", found, 1.0, "", LOAD),
         *claim(case, "load", found, 0.0, LOAD),
-        *claim(case, "capacity", _capacity(case.hold), 0.0, CAPACITY),
+        *claim(case, "capacity", capacity, 0.0, CAPACITY),
         Check("holds as claimed", float(claimed), str(bears), claimed == bears),
     ]
 
 
 def _load(hold: Hold) -> float:
-    """Return `load` (interface: 1 + D, or the share below 1) by following pushes until a force leaves its cone."""
+    """Return 1 + D, or the share below 1, by following pushes until a force leaves its cone, with either answer."""
     share = float(hold.wrench[2])
     unbalanced = np.linalg.norm(np.delete(hold.wrench, 2)) > BALANCE or share <= 0.0
     if unbalanced or hold.torque_use > 1.0 + TORQUE or not 0.0 <= hold.friction_use <= 1.0 + CONE:
         return 0.0
     if share < 1.0 - BALANCE:
         return share
+    alike = np.eye(hold.forces.size)
+    return 1.0 + min(_way(hold, alike), _way(hold, hold.compliance))
+
+
+def _way(hold: Hold, compliance: Array) -> float:
+    """Return the least way of a push where contacts give way by `compliance` (3 N, 3 N), by Lagrange multipliers."""
     wanted = -hold.weight * np.eye(6, 3)
-    answer: Array = np.asarray(np.linalg.lstsq(hold.G, wanted, rcond=1e-9)[0], dtype=np.float64)
+    scaled, n = compliance / np.abs(compliance).max(), len(compliance)
+    system = np.block([[scaled, hold.G.T], [hold.G, np.zeros((6, 6))]])
+    found = np.linalg.lstsq(system, np.concatenate([np.zeros((n, 3)), wanted]), rcond=1e-12)[0]
+    answer: Array = np.asarray(found[:n], dtype=np.float64)
     if np.abs(hold.G @ answer - wanted).max() > 1e-6 * hold.weight:
-        return 1.0
-    return 1.0 + least_way(hold.forces, answer, hold.normals, hold.mu)
+        return 0.0
+    return least_way(hold.forces, answer, hold.normals, hold.mu)
 
 
 def _capacity(hold: Hold) -> float:
