@@ -20,6 +20,7 @@ from robots import HOME, ROBOT
 import dexgrasp_env  # noqa: F401
 from dexgrasp import Agent, make_agent
 from dexgrasp.agents.hardcoded import HardcodedAgent, short_axis
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.tasks.control import normalise
 
@@ -52,6 +53,18 @@ def test_hardcoded_lifts_boxes_and_cans(name):
     assert all(outcomes)
     assert agent.report.failure is None
     assert agent.report.planning_seconds < 10
+
+
+def test_hardcoded_completed_is_given_the_side_that_no_camera_saw():
+    agent = make_agent("hardcoded_completed")
+    env = gym.make("DexGrasp/LiftOneView-v2", objects="sugar_box", **agent.env_settings)
+    observation, _ = env.reset(seed=0)
+    scene, middle = Scene.of_observation(observation), env.unwrapped.simulation.object_pose()[:2]
+    seen, completed = (points[:, :2].mean(0) for points in (scene.target.points, agent._points(scene)))
+    agent.reset(observation, {})
+    env.close()
+    assert np.linalg.norm(completed - middle) < 0.5 * np.linalg.norm(seen - middle)
+    assert agent.report.failure is None
 
 
 def cloud_of_box(size, yaw=0.0, at=(0.5, 0.0)):
