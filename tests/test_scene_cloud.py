@@ -81,6 +81,18 @@ def test_what_is_wrong_is_named(rng):
         assert recorded.WORDS[reason] in found.sentence
 
 
+def test_a_tilted_table_and_none_are_said(rng):
+    good = scene_points(rng, (0.5, 0.1))
+    for degrees in (10.0, 20.0):
+        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+        found = find(good @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]]))
+        assert found.reason == recorded.TILTED
+        assert f"({degrees:.0f} degrees)" in found.sentence
+    alone = box(rng, (0.5, 0.1))
+    low = alone[alone[:, 2] < 0.008]
+    assert find(np.concatenate([alone, low, low])).reason == recorded.NO_TABLE
+
+
 def test_a_table_at_another_height_is_where_the_cell_has_it(rng):
     points, up = scene_points(rng, (0.5, 0.15), (0.5, -0.15)), np.array([0.0, 0.0, 0.08])
     beside = find(points, near=(0.5, -0.15, 0.03))

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _COLOURS = ((214, 84, 60), (58, 120, 190), (60, 150, 90), (143, 90, 168), (184, 134, 11))  # of the contacts
 _TABLE = (168, 140, 106)
-_OBJECT, _HULL, _CLOUD = (222, 168, 84), (90, 90, 110), (40, 40, 60)
+_OBJECT, _HULL, _CLOUD, _NEIGHBOUR = (222, 168, 84), (90, 90, 110), (40, 40, 60), (150, 150, 150)
 _FORCE_SCALE = 0.008  # m a newton
 _CONE, _RAYS = 0.03, 24  # m, height of the cones that are drawn
 _VISUAL = 2  # group of the geoms that are shown
@@ -86,7 +86,7 @@ class Stage:
         self._scene.add_box(f"{self._root}/table", dimensions=TABLE_SIZE, color=_TABLE, position=place)
 
     def _add_seen(self) -> None:
-        """The object, or in its place what was planned on; that as a wire frame; the cloud."""
+        """The object, or in its place what was planned on; that as a wire frame; neighbours; the cloud."""
         import trimesh
 
         film, T = self.film, self.film.object_poses[0]
@@ -96,6 +96,8 @@ class Stage:
         self._mesh(
             f"{self._root}/hull planned on", seen, _HULL, wireframe=True, visible=film.object is not None
         )
+        for k, part in enumerate(film.record.around):
+            self._mesh(f"{self._root}/neighbours/{k}", trimesh.convex.convex_hull(part), _NEIGHBOUR)
         if film.cloud is not None:
             points = film.cloud.astype(np.float32)
             self._scene.add_point_cloud(f"{self._root}/cloud", points, _CLOUD, point_size=0.002)

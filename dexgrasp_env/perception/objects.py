@@ -13,8 +13,21 @@ from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 LEAST_POINTS, LEAST_EXTENT = 50, 0.02
 """Points, and m of the longest side of a box around them, from which on a cluster is an object."""
+_LINKS, _SPACINGS = (0.008, 0.015), 4.0  # m, least and most of a link; spacings of the points that it is long
+_JUDGED = 2000  # points whose spacing is looked at
 MOST_EXTENT = 0.35
 """m of the longest side: what is longer is a wall, a bin, furniture."""
+
+
+def link_of(cloud: Cloud) -> float:
+    """Return the steps, m, that link the points of an object: as short as they lie close, so that gaps are gaps."""
+    if len(cloud) < 2:
+        return _LINKS[1]
+    from scipy.spatial import cKDTree
+
+    few = cloud.points[:: max(1, len(cloud) // _JUDGED)]
+    spacing = float(np.median(cKDTree(cloud.points).query(few, k=2)[0][:, 1]))
+    return float(np.clip(_SPACINGS * spacing, *_LINKS))
 
 
 def told_apart(cloud: Cloud, link: float) -> tuple[list[Cloud], Cloud]:

@@ -48,7 +48,12 @@ class Plane:
 
 
 def fit_plane(
-    points: Array, rng: np.random.Generator, *, off: float = 0.05, min_inliers: int = 200
+    points: Array,
+    rng: np.random.Generator,
+    *,
+    off: float = 0.05,
+    min_inliers: int = 200,
+    tilt: float = _TILT,
 ) -> Plane | None:
     """Fit the table by RANSAC (Fischler and Bolles 1981) and least squares on its inliers.
 
@@ -57,6 +62,7 @@ def fit_plane(
         rng: draws the subsample and the triples.
         off: points farther above or below have no say, metres.
         min_inliers: fewer inliers are no table.
+        tilt: rad from level up to which planes are looked at.
 
     Returns:
         The plane, or None if there is none.
@@ -68,7 +74,7 @@ def fit_plane(
     triples = pool[rng.integers(_SAMPLES, size=(_HYPOTHESES, 3))]
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     length = np.sqrt((normals * normals).sum(-1))
-    fit = np.abs(normals[:, 2]) > np.cos(_TILT) * np.maximum(length, 1e-12)
+    fit = np.abs(normals[:, 2]) > np.cos(tilt) * np.maximum(length, 1e-12)
     if not fit.any():
         return None
     normals = normals[fit] / (length * np.sign(normals[:, 2]))[fit, None]

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud, crop
-from dexgrasp_env.perception.objects import extents, object_cloud, seen_from_outside, told_apart
-from dexgrasp_env.perception.plane import Plane, fit_plane
+from dexgrasp_env.perception.objects import extents, link_of, object_cloud, seen_from_outside, told_apart
+from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import Scene
@@ -23,6 +23,7 @@ EMPTY = "empty_cloud"
 UNIT = "unit_is_not_metres"
 NO_TABLE = "plane_not_found"
 UPSIDE_DOWN = "upside_down"
+TILTED = "table_tilted"
 TABLE_HEIGHT = "table_not_at_base_height"
 NO_OBJECT = "no_object_on_the_table"
 NOTHING_NEAR = "nothing_near_the_point"
@@ -35,6 +36,7 @@ WORDS = {
     UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001, or say --unit mm",
     NO_TABLE: "no level plane that could be the table: is the cloud in the robot base frame, z up?",
     UPSIDE_DOWN: "the points lie below the table: z must point up in the robot base frame",
+    TILTED: "the table is not level in the frame of the robot's base: is the cloud in that frame, z up?",
     TABLE_HEIGHT: "the table is not at the height above the robot's base that the cell has it at (table_height)",
     NO_OBJECT: "nothing stands on the table within the workspace",
     NOTHING_NEAR: "no object near the point that was named",
@@ -50,6 +52,16 @@ _ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
 _HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, to say where it is
 _TABLE_OFF = 0.02  # m that the table may be off the cell's
+_TILTED, _STEEPEST, _MOST = (
+    np.radians(3.0),
+    np.radians(40.0),
+    0.3,
+)  # of a table; share of the cloud that it holds
+_BESIDE, _JUDGED = (
+    0.1,
+    2000,
+)  # share of a table's points that are beside what stands on it; points that are looked at
+_WIDE = 0.14  # m, both ways, of a table that is seen
 _BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
 _AROUND = 0.25  # m beyond the workspace within which things stand in the way
 _NEAR = 0.08  # m from the named point to the object
@@ -90,7 +102,7 @@ def find_object(
         plane = _find_table(cloud, rng, cell)
         above = isolate(cloud, plane, max(0.004, _S.clearance_sigmas * plane.rms), _S, own)
         above = crop(above, np.array(_S.crop_low) - _AROUND, np.array(_S.crop_high) + _AROUND)
-        objects = told_apart(above, _S.link)[0]
+        objects = told_apart(above, link_of(above))[0]
         meant = _meant(above, objects, pointing, cell.base)
     except _NoObjectError as refused:
         reason, detail = refused.args
@@ -119,12 +131,15 @@ def _in_metres(cloud: Cloud) -> Cloud:
 def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
     local = crop(cloud, (*_S.crop_low[:2], -np.inf), (*_S.crop_high[:2], np.inf))
     pool = local if len(local) > _S.min_points else cloud
+    _refuse_tilted(pool)
     plane = fit_plane(pool.points, rng, min_inliers=100)
     if plane is None or _below(pool, plane) > _BELOW:
         # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
         plane = fit_plane(pool.points, rng, off=_HEIGHTS, min_inliers=100)
     if plane is None:
         raise _NoObjectError(NO_TABLE, "")
+    if not _is_wide(pool, plane) or not _reaches_beyond(pool, plane):
+        raise _NoObjectError(NO_TABLE, "what is level is an object's")
     below = _below(pool, plane)
     if below > _BELOW:
         raise _NoObjectError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
@@ -132,6 +147,35 @@ def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
         found = f"found at z = {plane.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
         raise _NoObjectError(TABLE_HEIGHT, found)
     return plane
+
+
+def _refuse_tilted(cloud: Cloud) -> None:
+    """Raise where a plane that holds most of a cloud is not level."""
+    plane = fit_plane(cloud.points, np.random.default_rng(0), off=_HEIGHTS, min_inliers=100, tilt=_STEEPEST)
+    if plane is None or plane.normal[2] > np.cos(_TILTED) or plane.inliers < _MOST * len(cloud):
+        return
+    if _is_wide(cloud, plane):
+        raise _NoObjectError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
+
+
+def _is_wide(cloud: Cloud, plane: Plane) -> bool:
+    """Whether what a plane holds is larger than faces of objects."""
+    held = cloud.points[np.abs(plane.heights(cloud.points)) < TOLERANCE, :2]
+    return bool(np.ptp(held, axis=0).min() > _WIDE)
+
+
+def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
+    """Whether a plane is seen beside what stands on it, as a table is; the rim of an object's underside is not."""
+    from scipy.spatial import cKDTree
+
+    heights = plane.heights(cloud.points)
+    level, above = (
+        cloud.points[where, :2] for where in (np.abs(heights) < TOLERANCE, heights > 2.0 * TOLERANCE)
+    )
+    if not len(level) or not len(above):
+        return True
+    few = level[:: max(1, len(level) // _JUDGED)]
+    return bool((cKDTree(above).query(few)[0] > 2.0 * TOLERANCE).mean() > _BESIDE)
 
 
 def _below(cloud: Cloud, plane: Plane) -> float:

@@ -20,7 +20,7 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
-from dexgrasp_env.perception.objects import object_cloud, seen_from_outside, told_apart
+from dexgrasp_env.perception.objects import link_of, object_cloud, seen_from_outside, told_apart
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -128,9 +128,10 @@ def _meant(cloud: Cloud, pointing: Pointing, link: float) -> NDArray[np.bool_]:
     marked = pointing.marks(cloud)
     if marked is not None or not len(cloud):
         return np.zeros(0, bool) if marked is None else marked
-    labels = clusters(cloud, link)
     if pointing.near is not None:
+        labels = clusters(cloud, link_of(cloud))
         return labels == labels[((cloud.points - pointing.near) ** 2).sum(1).argmin()]
+    labels = clusters(cloud, link)
     return labels == np.bincount(labels).argmax()
 
 
@@ -149,7 +150,7 @@ def divided(
     cameras_known: bool = True,
 ) -> Scene:  # fmt: skip
     """Return the scene in which some points (M,) of an isolated cloud are the target, and the others stand around."""
-    objects, rest = told_apart(cloud.select(~meant), s.link)
+    objects, rest = told_apart(cloud.select(~meant), link_of(cloud))
     pieces = [cloud.select(meant), *objects, rest]
     if not cameras_known:
         pieces = [seen_from_outside(piece) if len(piece) else piece for piece in pieces]
