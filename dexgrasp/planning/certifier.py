@@ -1,6 +1,5 @@
 """A feasible configuration made a grasp: set-points that open around it, touch and press, and the certificate."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from itertools import product
 from typing import Generic, NamedTuple, TypeVar
@@ -8,9 +7,10 @@ from typing import Generic, NamedTuple, TypeVar
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
+from dexgrasp.kinematics.clearance import SELF
 from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
 from dexgrasp.kinematics.tip_ik import solve_tips
-from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear, with_capacity
+from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear, too_near, with_capacity
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.problem import Problem
@@ -20,7 +20,7 @@ from dexgrasp_env.arrays import Array
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
-_EACH = sorted(product((0.03, 0.02, 0.012, 0.006), repeat=3), key=sum, reverse=True)
+_EACH = (0.03, 0.02, 0.012, 0.006)
 """m of each fingertip, where neighbours leave them unequal room, widest first."""
 _TIPS_MEET = (
     2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify` allows 3e-4
@@ -28,7 +28,6 @@ _TIPS_MEET = (
 _OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 
 
-Opening = float | tuple[float, ...]
 Start = TypeVar("Start", bound=Posture)
 
 
@@ -59,9 +58,11 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
         return None
     # Firm grasps are many. One that is not is worth another way to open.
     rises = settings.rises[:1] if hold.merit >= settings.firm_load else settings.rises
-    openings: Sequence[Opening] = [*OPENINGS, *_EACH] if problem.target.neighbours else OPENINGS
-    ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, openings))
+    ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
     pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
+    if pregrasp is None and problem.target.neighbours:
+        ways = (_opened_each(q, at.normals, problem, rise) for rise in rises)
+        pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
     if pregrasp is None:
         log.block("pregrasp_clearance")
         return None
@@ -86,14 +87,14 @@ def completed(grasp: Grasp, problem: Problem) -> Grasp:
     return replace(grasp, certificate=with_capacity(grasp.certificate, contacts))
 
 
-def opened(q: Array, normals: Array, problem: Problem, opening: Opening, rise: float = 0.0) -> Array:
+def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: float = 0.0) -> Array:
     """Return the configuration (n,) rad that a grasp closes from.
 
     Args:
         q: (n,) rad, the grasp.
         normals: (3, 3) out of the object.
         problem: object and robot.
-        opening: m that the tips back off before they close, all or each.
+        opening: m that the tips back off before they close.
         rise: m that they come down as they close.
     """
     (_, goals), pregrasp, out = _touching(q, normals, problem), q.copy(), normals
@@ -102,6 +103,25 @@ def opened(q: Array, normals: Array, problem: Problem, opening: Opening, rise: f
         out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
     goals = goals + np.reshape(opening, (-1, 1)) * out + [0.0, 0.0, rise]
     solve_tips(pregrasp, goals, problem.tree, 40, 1e-4, True)
+    return pregrasp
+
+
+def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Array:
+    """Return a configuration (n,) rad in which each finger is open as wide as there is room for it.
+
+    Those that have none stay where they grasp.
+    """
+    robot, pregrasp = problem.cell.robot, q.copy()
+    bodies = [{robot.bodies.index(name) for name in finger.bodies} for finger in robot.grasping]
+    left = dict(enumerate(bodies))
+    for opening in _EACH:
+        way = opened(q, normals, problem, opening, rise)
+        near = too_near(way, problem, _OPEN_CLEARANCE)
+        blocked = set(near[near[:, 0] != SELF, 1].tolist())
+        for finger in [finger for finger, own in left.items() if not own & blocked]:
+            first, end = problem.tree.fingers[finger]
+            pregrasp[first:end] = way[first:end]
+            del left[finger]
     return pregrasp
 
 

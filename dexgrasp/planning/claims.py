@@ -75,30 +75,35 @@ def least_clearance(q: Array, problem: Problem) -> float:
 
     It is a lower bound, as spheres cover the robot from outside.
     """
-    values, kinds = _clearances(q, problem, FAR, tips_touch=True)
-    return float(min(values[kinds != NEIGHBOUR], default=FAR))
+    values, labels = _clearances(q, problem, FAR, tips_touch=True)
+    return float(min(values[labels[:, 0] != NEIGHBOUR], default=FAR))
 
 
 def is_clear(q: Array, problem: Problem, least: float) -> bool:
-    """Whether every clearance is `least`, m, or more, the tips' from the object too; from neighbours `BESIDE`.
+    """Whether every clearance is `least`, m, or more, the tips' from the object too; see `too_near`."""
+    return not len(too_near(q, problem, least))
+
+
+def too_near(q: Array, problem: Problem, least: float) -> NDArray[np.int64]:
+    """Return the labels (K, 3), kind and bodies, of clearances below `least` m; of neighbours, below `BESIDE`.
 
     Beside a low object tips may be as near the table as they grasp.
     """
-    values, kinds = _clearances(q, problem, least, tips_touch=False)
-    needed = np.where(kinds == NEIGHBOUR, min(BESIDE, least), least)
+    values, labels = _clearances(q, problem, least, tips_touch=False)
+    needed = np.where(labels[:, 0] == NEIGHBOUR, min(BESIDE, least), least)
     if problem.settings.is_low(problem.target.top):
-        needed[kinds == TABLE] = problem.settings.off_table(problem.target.top)
-    return not (values < needed).any()
+        needed[labels[:, 0] == TABLE] = problem.settings.off_table(problem.target.top)
+    return labels[values < needed]
 
 
 def overlap(q: Array, problem: Problem) -> float:
     """Return how deep, m, the robot lies in neighbours or in itself; 0 or less where it is clear of both."""
-    values, kinds = _clearances(q, problem, 0.0, tips_touch=True)
-    return float(-min(values[(kinds == NEIGHBOUR) | (kinds == SELF)], default=0.0))
+    values, labels = _clearances(q, problem, 0.0, tips_touch=True)
+    return float(-min(values[np.isin(labels[:, 0], (NEIGHBOUR, SELF))], default=0.0))
 
 
 def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, NDArray[np.int64]]:
-    """Return the clearances (K,) that are below `far` m, and of what kind they are."""
+    """Return the clearances (K,) that are below `far` m, and their labels (K, 3)."""
     tree, rows = problem.tree, empty_rows(160, problem.tree)
     n = clearance_rows(tree, body_frames(q, tree), problem.obstacles, far, tips_touch, rows)
-    return rows.values[:n], rows.labels[:n, 0]
+    return rows.values[:n], rows.labels[:n]

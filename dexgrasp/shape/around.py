@@ -9,7 +9,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
-SEEN, UNSEEN = 0.002, 0.006
+SEEN, UNSEEN = 0.003, 0.006
 """m by which a neighbour's sides are taken to lie farther out: those that were seen, as hulls are trimmed of noise,
 and those that no camera saw."""
 _FACING = 0.5  # cosine of the angle to a side within which a normal shows that it was seen

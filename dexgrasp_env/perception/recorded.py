@@ -52,15 +52,12 @@ _ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
 _HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, to say where it is
 _TABLE_OFF = 0.02  # m that the table may be off the cell's
-_TILTED, _STEEPEST, _MOST = (
-    np.radians(3.0),
-    np.radians(40.0),
-    0.3,
-)  # of a table; share of the cloud that it holds
-_BESIDE, _JUDGED = (
+_TILTED, _STEEPEST = np.radians(3.0), np.radians(40.0)  # of a table that is not level, least and most
+_MOST, _UNDER = (
+    1.5,
     0.1,
-    2000,
-)  # share of a table's points that are beside what stands on it; points that are looked at
+)  # points that it holds to one that the best level plane does; share under it, at most
+_BESIDE, _JUDGED = 0.1, 2000  # share of a table that is seen beside what stands on it; of so many points
 _WIDE = 0.14  # m, both ways, of a table that is seen
 _BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
 _AROUND = 0.25  # m beyond the workspace within which things stand in the way
@@ -131,11 +128,11 @@ def _in_metres(cloud: Cloud) -> Cloud:
 def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
     local = crop(cloud, (*_S.crop_low[:2], -np.inf), (*_S.crop_high[:2], np.inf))
     pool = local if len(local) > _S.min_points else cloud
-    _refuse_tilted(pool)
     plane = fit_plane(pool.points, rng, min_inliers=100)
     if plane is None or _below(pool, plane) > _BELOW:
         # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
         plane = fit_plane(pool.points, rng, off=_HEIGHTS, min_inliers=100)
+    _refuse_tilted(pool, 0 if plane is None else plane.inliers)
     if plane is None:
         raise _NoObjectError(NO_TABLE, "")
     if not _is_wide(pool, plane) or not _reaches_beyond(pool, plane):
@@ -149,12 +146,12 @@ def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
     return plane
 
 
-def _refuse_tilted(cloud: Cloud) -> None:
-    """Raise where a plane that holds most of a cloud is not level."""
+def _refuse_tilted(cloud: Cloud, level: int) -> None:
+    """Raise where a plane that is not level holds far more of a cloud than the best level one, and nothing is under it."""
     plane = fit_plane(cloud.points, np.random.default_rng(0), off=_HEIGHTS, min_inliers=100, tilt=_STEEPEST)
-    if plane is None or plane.normal[2] > np.cos(_TILTED) or plane.inliers < _MOST * len(cloud):
+    if plane is None or plane.normal[2] > np.cos(_TILTED) or plane.inliers < _MOST * level:
         return
-    if _is_wide(cloud, plane):
+    if _is_wide(cloud, plane) and _below(cloud, plane) < _UNDER:
         raise _NoObjectError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
 
 

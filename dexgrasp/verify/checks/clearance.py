@@ -9,7 +9,7 @@ from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
-OPEN, BESIDE = 0.004, 0.002  # m between the open hand and the object, the table; and what stands around
+OPEN, BESIDE = 0.004, 0.001  # m between the open hand and the object, the table; and what stands around
 _TRUE = 2e-5  # m, of MuJoCo's distances
 _TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 _EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
