@@ -147,7 +147,7 @@ def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
 
 
 def _refuse_tilted(cloud: Cloud, level: int) -> None:
-    """Raise where a plane that is not level holds far more of a cloud than the best level one, with nothing under it."""
+    """Raise where a plane that is not level holds more of a cloud than the best level one, with nothing under it."""
     plane = fit_plane(cloud.points, np.random.default_rng(0), off=_HEIGHTS, min_inliers=100, tilt=_STEEPEST)
     if plane is None or plane.normal[2] > np.cos(_TILTED) or plane.inliers < _MOST * level:
         return

@@ -150,7 +150,8 @@ def divided(
     cameras_known: bool = True,
 ) -> Scene:  # fmt: skip
     """Return the scene in which some points (M,) of an isolated cloud are the target, and the others stand around."""
-    objects, rest = told_apart(cloud.select(~meant), link_of(cloud))
+    others = cloud.select(~meant)
+    objects, rest = told_apart(others, link_of(others))
     pieces = [cloud.select(meant), *objects, rest]
     if not cameras_known:
         pieces = [seen_from_outside(piece) if len(piece) else piece for piece in pieces]
