@@ -37,7 +37,7 @@ from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.valid import Rule, number, pair
 
 _LOW, _HIGH = np.array([CLUTTER_X, CLUTTER_Y]).T
-_HEADINGS = 30  # ways outwards that are tried for a neighbour
+_HEADINGS, _TURNS = 30, 4  # ways outwards that are tried for a neighbour, and how often
 _NEAR = 1e-4  # m that a gap may be short of what was drawn
 _SKY = 1000.0  # m: what waits to be dropped falls freely from here, and meets nothing
 _COUNT = number(ge=0, le=MOST_NEIGHBOURS, whole=True)
@@ -115,14 +115,31 @@ def _surround(
 
 
 def _slide_out(shape: Array, standing: Sequence[Array], gap: float, rng: Generator) -> Array | None:
-    """Return how far an outline slides, (2,) m, along a drawn way to the first place free of all that stands."""
-    for angle in rng.uniform(-np.pi, np.pi, _HEADINGS):
-        way, slid = np.array([np.cos(angle), np.sin(angle)]), np.zeros(2)
-        while _on_table(shape + slid):
-            short = gap - nearest_gap(shape + slid, standing)
-            if short <= _NEAR:
-                return slid
-            slid += way * short  # a gap grows by no more than what the outline moves
+    """Return how far an outline slides, (2,) m, along a drawn way to the first place free of all that stands.
+
+    Ways begin at the object; where none of these ends on the table, at whatever stands there.
+    """
+    angles, begin = rng.uniform(-np.pi, np.pi, _HEADINGS), np.zeros((_HEADINGS, 2))
+    for turn in range(_TURNS):
+        if turn:
+            angles = rng.uniform(-np.pi, np.pi, _HEADINGS)
+            middles = np.array([other.mean(axis=0) for other in standing])
+            begin = (middles - middles[0])[rng.integers(len(standing), size=_HEADINGS)]
+        for angle, slid in zip(angles, begin, strict=True):
+            free = _slide(shape, standing, gap, (np.array([np.cos(angle), np.sin(angle)]), slid.copy()))
+            if free is not None:
+                return free
+    return None
+
+
+def _slide(shape: Array, standing: Sequence[Array], gap: float, way: tuple[Array, Array]) -> Array | None:
+    """Slide an outline along a direction from a begin, (2,) m both; None where it leaves the table."""
+    direction, slid = way
+    while _on_table(shape + slid):
+        short = gap - nearest_gap(shape + slid, standing)
+        if short <= _NEAR:
+            return slid
+        slid += direction * short  # a gap grows by no more than what the outline moves
     return None
 
 
