@@ -171,8 +171,8 @@ def test_a_grasp_is_planned_verified_and_exported_in_its_cell_alone(lab, tmp_pat
     assert np.abs(exported - [c["point"] for c in json.loads(grasp.read_text())["contacts"]]).max() < 1e-12
     assert run_command(["verify", str(grasp)]) == 1
     assert "FAIL  cell" in capsys.readouterr().out
-    assert typed(f"export {grasp} --out {tmp_path / 'other'}") == 2
-    assert "our lab" in capsys.readouterr().err
+    assert typed(f"export {grasp} --out {tmp_path / 'other'}") == 1
+    assert "NOT exported: verify rejects it (cell" in capsys.readouterr().out
     assert typed(f"view {grasp} --html {tmp_path / 'page.html'}") == 2
     assert run_command(["check", str(robot)]) == 1
 

@@ -1,6 +1,7 @@
 """Ways that `verify` would refuse are refused when they are planned."""
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -9,6 +10,9 @@ from robots import CELL, HOME
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way
+from dexgrasp.shape.target import GraspTarget
+
+TARGET = GraspTarget.of_corners([np.array(list(product((0.50, 0.55), (0.30, 0.35), (0.0, 0.05))))])
 
 
 def script(targets):
@@ -22,14 +26,14 @@ def still():
 
 
 def test_a_sound_way_passes(still):
-    check_way(still, CELL)
+    check_way(still, CELL, TARGET)
 
 
 def test_a_set_point_that_stands_out_is_refused(still):
     targets = still.targets.copy()
     targets[9, 3] += 0.01
     with pytest.raises(NoPath, match="approach_bends"):
-        check_way(replace(still, targets=targets), CELL)
+        check_way(replace(still, targets=targets), CELL, TARGET)
 
 
 def test_a_hand_that_meets_itself_on_the_way_up_is_refused(still):
@@ -37,4 +41,4 @@ def test_a_hand_that_meets_itself_on_the_way_up_is_refused(still):
     targets[24:34, 7:] = np.tile([0.0, 1.6, 1.6, 1.5], 4)  # a fist
     targets[24:34, 19:] = [1.35, 1.1, 1.6, 1.6]
     with pytest.raises(NoPath, match="lift_blocked"):
-        check_way(replace(still, targets=targets), CELL)
+        check_way(replace(still, targets=targets), CELL, TARGET)
