@@ -43,7 +43,7 @@ def meeting_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[str, str]]:
 
 def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
     data, near, nothing = mujoco.MjData(model), np.zeros(len(pairs), bool), np.zeros(6)
-    solid = {b: _solid(model, b) for pair in pairs for b in pair}
+    solid = {b: solid_geoms(model, b) for pair in pairs for b in pair}
     for q in _postures(robot, _SAMPLES):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
@@ -60,7 +60,8 @@ def _postures(robot: Robot, count: int) -> Array:
     return np.random.default_rng(0).uniform(robot.lower, robot.upper, (count, robot.dof))
 
 
-def _solid(model: mujoco.MjModel, body: int) -> list[int]:
+def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the geoms of a body that collide."""
     first = int(model.body_geomadr[body])
     return [g for g in range(first, first + int(model.body_geomnum[body])) if model.geom_contype[g]]
 

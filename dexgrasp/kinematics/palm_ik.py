@@ -70,7 +70,7 @@ def solve_palm(
 
 def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
     """Solve the arm's part of `q` for a palm pose, in place, from a few starts; tell whether it is reached."""
-    toward = np.arctan2(p[1], p[0])
+    toward = np.arctan2(p[1], p[0]) + tree.heading
     for swing, twist in _ELBOWS:
         q[: tree.arm] = tree.home[: tree.arm]
         q[0] = np.clip(toward + swing, tree.lower[0], tree.upper[0])

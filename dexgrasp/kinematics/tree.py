@@ -55,6 +55,7 @@ class RobotTree(NamedTuple):
     torque: Array  # (n - arm,) Nm, limits of the hand
     stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos
     tip_radius: float  # m
+    heading: float  # rad of the arm's first joint at home, less the direction in which the arm then stands
     arm: int
     base: int  # bodies from the base on that may be near the table beside it
 
@@ -107,9 +108,18 @@ def robot_tree(cell: Cell) -> RobotTree:
         torque=robot.torque[robot.hand_columns].copy(),
         stiffness=robot.stiffness[robot.hand_columns].copy(),
         tip_radius=robot.hand.tip_radius,
+        heading=_heading(model, robot),
         arm=robot.arm_dof,
         base=_BASE_BODIES,
     )
+
+
+def _heading(model: mujoco.MjModel, robot: Robot) -> float:
+    data = mujoco.MjData(model)
+    data.qpos[:] = robot.home
+    mujoco.mj_kinematics(model, data)
+    x, y, _ = data.body(robot.arm.bodies[-1]).xpos
+    return round(float(robot.home[0] - np.arctan2(y, x)), 9) + 0.0
 
 
 def _joint_column(model: mujoco.MjModel, body: int, robot: Robot) -> int:

@@ -9,6 +9,7 @@ import numpy as np
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.kinematics.clearance import SELF
 from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
+from dexgrasp.kinematics.shapes import shapes_apart
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear, too_near, with_capacity
 from dexgrasp.planning.holding import UNBALANCED, Hold
@@ -58,11 +59,14 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
         return None
     # Firm grasps are many. One that is not is worth another way to open.
     rises = settings.rises[:1] if hold.merit >= settings.firm_load else settings.rises
+    if not shapes_apart(q, problem.cell):
+        log.block("clearance_self", 0.0)
+        return None
     ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
-    pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
+    pregrasp = next((way for way in ways if _is_open(way, problem)), None)
     if pregrasp is None and problem.target.neighbours:
         ways = (_opened_each(q, at.normals, problem, rise) for rise in rises)
-        pregrasp = next((way for way in ways if is_clear(way, problem, _OPEN_CLEARANCE)), None)
+        pregrasp = next((way for way in ways if _is_open(way, problem)), None)
     if pregrasp is None:
         log.block("pregrasp_clearance")
         return None
@@ -72,6 +76,10 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
         log.block("surface_out_of_reach", farthest)
         return None
     return pressed(candidate, hold.forces, motion)
+
+
+def _is_open(q: Array, problem: Problem) -> bool:
+    return is_clear(q, problem, _OPEN_CLEARANCE) and shapes_apart(q, problem.cell)
 
 
 def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:

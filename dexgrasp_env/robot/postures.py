@@ -13,7 +13,7 @@ _DRAWS = 20_000
 _SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
 _INSIDE = 0.85  # share of a joint's range that is drawn from
 _FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down
-_STARTS, _STEPS = 300, 60
+_STARTS, _STEPS, _EDGE = 300, 60, 0.05  # the last: rad that home keeps from the limits
 
 
 def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
@@ -79,7 +79,7 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> list[float]:
     """
     data, rng = mujoco.MjData(model), np.random.default_rng(0)
     low, high = np.array(arm.joints.lower), np.array(arm.joints.upper)
-    low, high = np.maximum(low, -np.pi), np.minimum(high, np.pi)
+    low, high = np.maximum(low, -np.pi) + _EDGE, np.minimum(high, np.pi) - _EDGE
     best, found = -np.inf, 0.5 * (low + high)
     for start in rng.uniform(low, high, (_STARTS, len(low))):
         q = _flange_down(arm, model, data, start, (low, high))
