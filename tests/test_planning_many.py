@@ -126,8 +126,11 @@ def test_the_command_writes_files_a_table_and_json(tmp_path, capsys):
 
 
 def test_too_few_from_a_cloud_say_so_and_end_in_no(tmp_path, capsys):
-    points = np.random.default_rng(0).uniform([0.46, -0.04, 0.0], [0.54, 0.04, 0.1], (4000, 3))
+    rng = np.random.default_rng(0)
+    points = rng.uniform([0.46, -0.04, 0.0], [0.54, 0.04, 0.1], (4000, 3))
     points = points[(np.abs(points - [0.5, 0, 0.05]) > [0.036, 0.036, 0.046]).any(1)]
+    table = rng.uniform([0.3, -0.3, 0.0], [0.7, 0.3, 0.001], (6000, 3))
+    points = np.concatenate([points, table])
     found = plan_cloud(points, count=2)
     assert len(found.grasps) == 2
     assert found.grasps[0].certificate.load >= found.grasps[1].certificate.load
