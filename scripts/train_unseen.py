@@ -5,9 +5,9 @@
 
 Views are objects of random shape, each seen by one camera, beside the whole hull: features (N, 391) and what is missing
 to the support of the seen side (N, 361), cm, each once as it is and once mirrored. Two thirds of the objects are
-`varied-N`, the rest convex shapes of random points; no object of the catalogue and no scan is among them. Every
-twentieth object is held out. Training minimises |error| / spread + log spread, so that the spread becomes the mean
-absolute error that the network expects of itself.
+`varied-N`, the rest convex shapes of random points; no object of the catalogue and no scan is among them. `--varied 0`
+leaves out the builders that the catalogue's objects come from. Every twentieth object is held out. Training minimises
+|error| / spread + log spread, so that the spread becomes the mean absolute error that the network expects of itself.
 """
 
 import argparse
@@ -37,10 +37,7 @@ from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
 
 _BATCH, _RATE, _DECAY, _NOISE = 256, 1.5e-3, 1e-2, 0.03  # noise in standard deviations of the features
-_VARIED, _CELL = (
-    0.65,
-    0.7,
-)  # shares of `varied-N` among the objects and of the cell's cameras among the cameras
+_CELL = 0.7  # share of the cell's cameras among the cameras
 _POSES, _CAMERAS = 6, 2  # of an object; of a pose
 _MIRROR = np.array([1.0, -1.0, 1.0])
 
@@ -67,9 +64,9 @@ def random_shape(rng: Generator) -> trimesh.Trimesh:
     return trimesh.convex.convex_hull(points)
 
 
-def shape_of(number: int, rng: Generator) -> trimesh.Trimesh:
-    """Return the surface of object `number`, m."""
-    return load_target(f"varied-{number}").mesh if rng.random() < _VARIED else random_shape(rng)
+def shape_of(number: int, varied: float, rng: Generator) -> trimesh.Trimesh:
+    """Return the surface of object `number`, m; with a chance of `varied` it is `varied-N`."""
+    return load_target(f"varied-{number}").mesh if rng.random() < varied else random_shape(rng)
 
 
 def views_of(mesh: trimesh.Trimesh, rng: Generator) -> Iterator[tuple[Scene, Array]]:
@@ -170,12 +167,12 @@ def train(x: Tensor, y: Tensor, held_out: Tensor, hidden: int, epochs: int) -> n
     return network
 
 
-def write_views(out: str, first: int, count: int) -> None:
+def write_views(out: str, first: int, count: int, varied: float) -> None:
     """Write the examples of some objects."""
     rows = []
     for number in tqdm(range(first, first + count)):
         rng = np.random.default_rng([number, 77])
-        for cloud, hull in views_of(shape_of(number, rng), rng):
+        for cloud, hull in views_of(shape_of(number, varied, rng), rng):
             if cloud.reason is None:
                 rows += [(*example(cloud, hull, mirror), number) for mirror in (False, True)]
     features, missing, objects = (np.array(column) for column in zip(*rows, strict=True))
@@ -206,6 +203,7 @@ def main(argv: list[str] | None = None) -> None:
     views.add_argument("out")
     views.add_argument("--first", type=int, default=5000)
     views.add_argument("--objects", dest="count", type=int, default=2000)
+    views.add_argument("--varied", type=float, default=0.65, help="share of `varied-N` (default 0.65)")
     weights = commands.add_parser("train")
     weights.set_defaults(run=write_weights)
     weights.add_argument("views")
