@@ -5,6 +5,9 @@ import pytest
 import trimesh
 from planned import hammer
 
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.proposals import graspable_points
+from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.completion import target_of
 from dexgrasp.shape.hull import cloud_corners, cloud_hull
 from dexgrasp.shape.parts import MOST_PARTS, parts_within
@@ -28,7 +31,7 @@ def cloud(*meshes, count=1000, noise=0.0005, seed=0):
 
 
 def parts_of(points):
-    return parts_within(cloud_corners(points, TABLE), points, TABLE)
+    return parts_within(cloud_corners(points, TABLE), points, TABLE)[0]
 
 
 def test_a_hammer_comes_apart_into_what_it_is():
@@ -68,6 +71,27 @@ def test_what_is_convex_or_hollow_stays_whole(solid):
     assert target.parts == (target.hull,)
 
 
+def test_no_grasp_lies_on_a_cups_mouth():
+    cup = trimesh.creation.annulus(0.035, 0.039, 0.09)
+    cup.apply_transform(trimesh.transformations.rotation_matrix(np.pi / 2, [1, 0, 0]))
+    cup.apply_translation([0.5, 0.0, 0.039])
+    points, normals = cloud(cup)
+    target = target_of(Scene(ObjectCloud(points, normals), TABLE))
+    mouth, side, low = [0.5, -0.045, 0.045], [0.539, 0.0, 0.039], [0.535, 0.0, 0.004]
+    np.testing.assert_array_equal(target.was_seen(np.array([mouth, side, low])), [False, True, True])
+    contacts, _ = graspable_points(target, PlannerSettings(), np.random.default_rng(0))
+    assert len(contacts) > 10
+    assert target.was_seen(contacts).all()
+    grasp = Planner().plan(target).grasp
+    assert grasp is not None
+    assert target.was_seen(grasp.contacts).all()
+    whole = trimesh.creation.cylinder(0.039, 0.09)
+    whole.apply_translation([0.5, 0.0, 0.045])
+    solid = target_of(Scene(ObjectCloud(*cloud(whole)), TABLE))
+    assert solid.seen is None
+    assert solid.was_seen(np.array([mouth])).all()
+
+
 def test_the_same_cloud_gives_the_same_parts():
     points, _ = cloud(*hammer())
     for one, other in zip(parts_of(points), parts_of(points.copy()), strict=True):
@@ -86,5 +110,6 @@ def test_points_without_volume_have_no_parts_but_their_hull():
     hull = trimesh.creation.box((0.1, 0.1, 0.1)).vertices
     flat = np.column_stack([np.random.default_rng(0).uniform(0, 0.1, (50, 2)), np.full(50, 0.05)])
     for points in (flat, flat[:3]):
-        (part,) = parts_within(hull, points, None)
+        (part,), airy = parts_within(hull, points, None)
         assert part is hull
+        assert not airy

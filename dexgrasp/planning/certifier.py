@@ -54,6 +54,9 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
     if with_closure and least < settings.lowest_contact(top):
         log.block("contact_height", settings.lowest_contact(top) - least)
         return None
+    if with_closure and not problem.target.was_seen(at.contacts).all():
+        log.block("surface_not_seen")
+        return None
     if hold.share == 0.0 and with_closure:
         log.block(f"holding_forces: {UNBALANCED}", 1.0)
         return None

@@ -103,7 +103,7 @@ def on_surface(
 
     Returns:
         Contacts (K, 3, 3), normals (K, 3, 3) as a fingertip feels them (smooth over edges), and which are usable: above
-        the table, apart from each other, and clear of neighbours.
+        the table, apart from each other, clear of neighbours, and on what was seen.
     """
     flat = tips.reshape(-1, 3)
     away, out = target.distance.distance_gradient(flat)
@@ -114,6 +114,7 @@ def on_surface(
     usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
     usable &= (sides.min(1) > LEAST_DISTANCE) & fits(centres, target, settings).reshape(-1, 3).all(1)
+    usable &= target.was_seen(contacts).all(1)
     return contacts, normals.reshape(tips.shape), usable
 
 

@@ -98,9 +98,10 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
         centres[:, 2] > settings.tip_radius + settings.clearance
     )
     distance, gradient = target.distance.distance_gradient(centres[above])
+    contacts = centres[above] - distance[:, None] * gradient
     touching = (distance > settings.tip_height - _ROUNDING) & fits(centres[above], target, settings)
-    centres, distance, gradient = centres[above][touching], distance[touching], gradient[touching]
-    return centres - distance[:, None] * gradient, gradient
+    touching &= target.was_seen(contacts)
+    return contacts[touching], gradient[touching]
 
 
 def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
@@ -123,7 +124,7 @@ def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generato
     distance, normals = target.distance.distance_gradient(tips)
     contacts = tips - distance[:, None] * normals
     usable = (np.abs(distance - height) < _ROUNDING) & (contacts[:, 2] > settings.lowest_contact(target.top))
-    usable &= fits(tips, target, settings)
+    usable &= fits(tips, target, settings) & target.was_seen(contacts)
     usable &= normals[:, 2] < np.sin(np.arctan(settings.friction))
     kept = np.flatnonzero(usable)[: settings.surface_points // 2]
     return contacts[kept], normals[kept]

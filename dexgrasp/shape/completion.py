@@ -1,5 +1,7 @@
 """From a scene to the planner's target: the hull of its cloud, the side that no camera saw completed, its parts."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from dexgrasp.shape.hull import cloud_corners
@@ -43,11 +45,14 @@ def target_of(scene: Scene, mass: float | None = None, parts: int = MOST_PARTS) 
     hull, spread = completed_corners(scene.target, scene.plane)
     if hull is None:
         raise NoTarget(NO_VOLUME)
-    convex = [hull] if spread is not None else parts_within(hull, scene.target.points, scene.plane, parts)
+    convex, airy = [hull], False
+    if spread is None:
+        convex, airy = parts_within(hull, scene.target.points, scene.plane, parts)
     try:
-        return GraspTarget.of_corners(convex, mass=mass, spread=spread)
+        target = GraspTarget.of_corners(convex, mass=mass, spread=spread)
     except InputError:
         raise NoTarget(NO_VOLUME) from None
+    return replace(target, seen=scene.target.points.astype(float)) if airy else target
 
 
 def completed_corners(

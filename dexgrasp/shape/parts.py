@@ -16,6 +16,7 @@ from dexgrasp_env.perception.plane import Plane
 MOST_PARTS = 6
 _DEEP = 0.008  # m inside the hull, from where a point counts as deep
 _SHARE = 0.05  # of the points that are deep, from where an object is cut at all
+_AIRY = 0.02  # the same, from where some of the hull's surface is taken to lie on air
 _NOTCH = 0.005  # m that a point lies inside the hull of its piece, from where a cut through it is tried
 _GAIN = 0.05  # of a piece's volume: what a cut must take away
 _LEAST = 0.02  # of the whole's volume: the same
@@ -28,7 +29,7 @@ _APART = 0.03  # m between two of them
 
 def parts_within(
     hull: Array, points: NDArray[Any], plane: Plane | None, most: int = MOST_PARTS
-) -> list[Array]:
+) -> tuple[list[Array], bool]:
     """Return the corners of convex parts whose union is the object of a cloud, or of its hull alone.
 
     The deepest notch is cut first (Lien and Amato, Approximate convex decomposition of polyhedra, 2007): through one of
@@ -43,18 +44,22 @@ def parts_within(
         most: parts at most; 1 leaves the hull as it is.
 
     Returns:
-        (K, 3) m of each part.
+        (K, 3) m of each part, and whether the hull holds air, so that not all of its surface is the object's.
     """
     points = np.asarray(points, dtype=float)
-    pieces = _cut_up(points, plane, most)
+    whole = _Piece.of(_sample(points, plane), np.zeros((0, 3)), np.zeros(0))
+    deep = 0.0 if whole is None else (whole.depths() > _DEEP).mean()
+    if whole is None or deep < _SHARE:
+        return [hull], bool(deep > _AIRY)
+    pieces = _cut_up(whole, most)
     if len(pieces) < 2:
-        return [hull]
+        return [hull], True
     found = [cloud_corners(points[piece.holds(points)], plane) for piece in pieces]
     parts = [part for part in found if part is not None]
     from scipy.spatial import ConvexHull
 
     little = sum(ConvexHull(part).volume for part in parts) > _LEFT * ConvexHull(hull).volume
-    return [hull] if len(parts) < len(found) or little else parts
+    return ([hull] if len(parts) < len(found) or little else parts), True
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,11 +122,8 @@ def _within(points: Array, normals: Array, offsets: Array) -> NDArray[np.bool_]:
     return np.asarray((points @ normals.T <= offsets + _OVERLAP).all(1))
 
 
-def _cut_up(points: Array, plane: Plane | None, most: int) -> list[_Piece]:
+def _cut_up(whole: _Piece, most: int) -> list[_Piece]:
     """Cut the whole, and again the piece whose cut takes away most, until none takes away enough."""
-    whole = _Piece.of(_sample(points, plane), np.zeros((0, 3)), np.zeros(0))
-    if whole is None or (whole.depths() > _DEEP).mean() < _SHARE:
-        return []
 
     @cache
     def sides(piece: _Piece) -> Sequence[_Piece]:

@@ -6,20 +6,23 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.volume import volume_and_centre
+from dexgrasp.shape.hull import REACH
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
     import trimesh
+    from scipy.spatial import cKDTree
 
 MAX_FACES = 120  # of the hull that is planned on
 PART_FACES = 80  # of each part where there are several
 ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
 MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
+_GAP = 0.010  # m from what was seen, beyond which a point of the hull lies on air
 
 
 Parts = tuple[Array, ...]
@@ -50,6 +53,8 @@ class GraspTarget:
         mass: kg, assumed unless it is known.
         spread: how far the surface may be off where it was guessed; None where it was seen all round.
         neighbours: what stands around it and must not be touched.
+        seen: (N, 3) m, points of its surface, where the parts hold air: a cup's mouth is none. None where all of their
+            surface is the object's, as far as is known.
     """
 
     distance: ConvexDistance
@@ -57,6 +62,7 @@ class GraspTarget:
     mass: float
     spread: Spread | None = None
     neighbours: tuple[Parts, ...] = ()
+    seen: Array | None = None
 
     @classmethod
     def of(
@@ -97,6 +103,22 @@ class GraspTarget:
         """Whether there is but one part."""
         return len(self.distance.parts) == 1
 
+    def was_seen(self, points: Array) -> NDArray[np.bool_]:
+        """Return which points (..., 3) m of the parts' surface lie where the object was seen to be (...).
+
+        Near the table little is seen: below `REACH` height does not count.
+        """
+        if self.seen is None:
+            return np.ones(points.shape[:-1], bool)
+        distance: Array = self._seen_tree.query(_raised(points))[0]
+        return distance < _GAP
+
+    @cached_property
+    def _seen_tree(self) -> "cKDTree":
+        from scipy.spatial import cKDTree
+
+        return cKDTree(_raised(cast("Array", self.seen)))
+
     @cached_property
     def top(self) -> float:
         """Height of the highest point above the table, m."""
@@ -136,6 +158,11 @@ class GraspTarget:
         if self.is_convex:
             return self.hull
         return cast("trimesh.Trimesh", trimesh.util.concatenate(list(self.parts)))
+
+
+def _raised(points: Array) -> Array:
+    """Return points (..., 3) m with those below `REACH` at it."""
+    return np.concatenate([points[..., :2], np.maximum(points[..., 2:], REACH)], axis=-1)
 
 
 def corners_of(triangles: Array) -> Array:
