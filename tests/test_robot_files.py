@@ -16,7 +16,9 @@ from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
 from dexgrasp.kinematics.cover import hull_cells
 from dexgrasp.kinematics.pairs import meeting_pairs
+from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.kinematics.robot_check import check_robot
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.look import look_at
 from dexgrasp.planning.sources import make_source
 from dexgrasp.registry import make_agent
@@ -27,6 +29,7 @@ from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hulls import cut, hull_of
 from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.robot_file import read_robot
 
 ALLEGRO, PANDA = asset_path("robot", "allegro.xml"), asset_path("robot", "panda.xml")
 
@@ -119,6 +122,57 @@ def test_an_arm_made_of_mjcf_stands_as_ours(tmp_path, made):
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
 
 
+_SIX = (("0 0 0.16", "0 0 1"), ("0 0.13 0", "0 1 0"), ("0 -0.12 0.42", "0 1 0"), ("0 0 0.39", "0 1 0"),
+        ("0 0.12 0", "0 0 1"), ("0 0 0.1", "0 1 0"))  # fmt: skip
+"""Where each joint of an arm like a UR5 sits in the body before, and its axis."""
+
+
+def six_joint_arm(folder: Path) -> Path:
+    """An arm of six joints, of capsules, that states neither torques nor rates."""
+    links = "".join(
+        f'<body name="link{k}" pos="{pos}"><joint name="j{k}" axis="{axis}" range="-3.1 3.1"/>'
+        f'<geom type="capsule" fromto="0 0 0 {following}" size="0.04" mass="2"/>'
+        for k, ((pos, axis), following) in enumerate(
+            zip(_SIX, [p for p, _ in _SIX[1:]] + ["0 0.03 0"], strict=True)
+        )
+    )
+    flange = '<site name="flange" pos="0 0.09 0" quat="-0.7071068 0.7071068 0 0"/>'
+    path = folder / "six.xml"
+    path.write_text(
+        f'<mujoco><compiler angle="radian"/><worldbody><body name="stand"><geom size="0.05"/>'
+        f'{links}{flange}{"</body>" * 7}</worldbody></mujoco>'
+    )  # fmt: skip
+    return path
+
+
+def test_an_arm_of_six_joints_bears_our_hand(tmp_path, capsys):
+    out = tmp_path / "six.yaml"
+    assert run_command(["robot", "make", "--arm", str(six_joint_arm(tmp_path)), "--out", str(out)]) == 0
+    assert "arm torque: none in six.xml" in capsys.readouterr().out
+    cell = make_cell(out)
+    assert cell.robot.dof == 22
+    assert cell.robot.hand.joints.names == CELL.robot.hand.joints.names
+    assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
+    tree = robot_tree(cell)
+    q, turned = tree.home.copy(), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
+    assert reach_palm(q, turned, np.array([0.45, 0.1, 0.25]), tree)
+    np.testing.assert_allclose(palm_frame(q, tree)[1], [0.45, 0.1, 0.25], atol=2e-3)
+
+
+def test_starts_of_inverse_kinematics_are_data(tmp_path):
+    make_robot(None, six_joint_arm(tmp_path), tmp_path / "six.yaml")
+    arm = yaml.safe_load((tmp_path / "six_arm.yaml").read_text())
+    assert robot_tree(make_cell(read_robot(tmp_path / "six.yaml"))).starts.shape == (5, 6)
+    starts = [arm["home"], [0.1] * 6]
+    (tmp_path / "six_arm.yaml").write_text(yaml.safe_dump(arm | {"starts": starts, "plinth": 2}))
+    tree = robot_tree(make_cell(read_robot(tmp_path / "six.yaml")))
+    np.testing.assert_array_equal(tree.starts, starts)
+    assert tree.base == 2
+    (tmp_path / "six_arm.yaml").write_text(yaml.safe_dump(arm | {"starts": [[0.0]]}))
+    with pytest.raises(InputError, match="a posture of starts has 1 numbers: valid are 6"):
+        read_robot(tmp_path / "six.yaml")
+
+
 def test_pairs_found_by_sampling_hold_ours():
     found = {frozenset(pair) for pair in meeting_pairs(CELL.robot, compiled_robot(CELL))}
     ours = {frozenset(pair) for pair in CELL.robot.hand.self_pairs}
@@ -165,6 +219,68 @@ def test_the_commands(tmp_path, capsys):
     assert "the end of thumb_tip is" in capsys.readouterr().out
     assert run_command(["robot", "check", "sideways"]) == 2
     assert "panda_allegro" in capsys.readouterr().err
+
+
+_PHANTOM = '<position name="phantom" joint="index_1" kp="10"/></actuator>'
+
+
+_BACKWARDS = [0.5**0.5, 0.0, 0.5**0.5, 0.0]
+
+
+def _shifted(hand: dict, finger: int, frame: dict) -> dict:
+    fingers = [dict(entry) for entry in hand["fingers"]]
+    fingers[finger]["frame"] = fingers[finger]["frame"] | frame
+    return {"fingers": fingers}
+
+
+@pytest.mark.parametrize(
+    ("change", "problem", "mend"),
+    [
+        (lambda h: {"open": h["lower"]}, "in front of the palm", "bend `open` further"),
+        (lambda h: {"open": [-0.4, 1.5, 0.8, 0.8, 0.4, 1.5, 0.8, 0.8, -0.4, 1.5, 0.8, 0.8, *h["open"][12:]]},
+         "touch with the hand open", "change `open`"),
+        (lambda h: {"stiffness": 0.01}, "follows its servo by", "raise its stiffness"),
+        (lambda h: _shifted(h, 0, {"position": [0.0, 0.0, 0.1]}), "mm from its centre", "shift the tip's frame"),
+        (lambda h: _shifted(h, 3, {"quat_wxyz": [0.0, 0.0, 0.0, 1.0]}), "looks away|face each other", "tip.s frame"),
+        (lambda h: {"torque": 0.05}, "can press with", "torque of its joints"),
+        (lambda h: {"upper": [*h["upper"][:12], *(q + 0.01 for q in h["lower"][12:])],
+                    "open": [*h["open"][:12], *h["lower"][12:]]}, "face each other", "wider ranges"),
+        (lambda h: {"mounts": {"palm_normal": {"position": [0.0, 0.0, 0.3], "quat_wxyz": _BACKWARDS}}},
+         "palm poses over the table are reached", "`home` or `starts`"),
+    ],
+)  # fmt: skip
+def test_the_check_finds_a_fault_and_says_its_mend(change, problem, mend, made, tmp_path):
+    hand = yaml.safe_load(made.with_name("theirs_hand.yaml").read_text())
+    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand | change(hand)))
+    robot = yaml.safe_load(made.read_text()) | {"hand": "hand.yaml"}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot))
+    found = [
+        finding for finding in check_robot(make_cell(tmp_path / "robot.yaml")) if finding.level != "info"
+    ]
+    assert any(re.search(problem, f.problem) and re.search(mend, f.remedy) for f in found), found
+
+
+@pytest.mark.parametrize(
+    ("change", "problem"),
+    [
+        (lambda text: text.replace("</actuator>", _PHANTOM), "actuators are"),
+        (lambda text: re.sub(r'<[a-z]+ [^>]*name="index_0" [^>]*joint="index_0"[^>]*/>', "", text), "no actuator"),
+        (lambda text: text.replace("</contact>", '<exclude body1="thumb_distal" body2="index_distal"/></contact>'),
+         "get .* mm into each other"),
+        (lambda text: text.replace('body name="index_', 'body name="x_'), "has no body 'index_base'"),
+    ],
+)  # fmt: skip
+def test_the_check_finds_a_fault_of_a_description(change, problem, tmp_path, capsys):
+    text = ALLEGRO.read_text().replace('meshdir="', f'meshdir="{ALLEGRO.parent}/')
+    assert change(text) != text
+    (tmp_path / "hand.xml").write_text(change(text))
+    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(HAND | {"mjcf": "hand.xml"}))
+    robot = {"schema": 1, "kind": "robot", "name": "mine", "arm": "panda.yaml", "hand": "hand.yaml"}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"mount": "palm_normal"}))
+    run_command(["robot", "check", str(tmp_path / "robot.yaml")])
+    said = capsys.readouterr()
+    assert re.search(problem, said.out + said.err)
+    assert "Traceback" not in said.err
 
 
 HAND = yaml.safe_load(asset_path("robot", "allegro.yaml").read_text())

@@ -34,24 +34,25 @@ class ListRobots(Command):
 
 
 class Make(Command):
-    """Make a robot file of MJCF: of a hand, and of an arm where it is not to be our Panda.
+    """Make a robot file of MJCF: of a hand, of an arm, or of both; what is not given is ours, Panda or Allegro.
 
     examples:
       dexgrasp robot make --hand leap_hand/right_hand.xml --out leap.yaml
       dexgrasp robot make --hand right_hand.xml --arm ur5e.xml --out mine.yaml
+      dexgrasp robot make --arm ur5e.xml --out ur5e_allegro.yaml
 
     Palm, fingers, tips and limits are read from the descriptions, the open posture and the arm's home are searched.
     What an MJCF does not say is assumed, and said: put in what the maker states. The hand's and the arm's files stand
     beside the robot's; the descriptions stay where they are.
 
     Attributes:
-        hand: MJCF of a hand alone, which does not float.
-        arm: MJCF of an arm alone.
         out: the file to be.
+        hand: MJCF of a hand alone, which does not float; or a hand's file (default: our Allegro).
+        arm: MJCF of an arm alone; or an arm's file (default: our Panda).
     """
 
-    hand: Annotated[Path, "HAND.xml"]
     out: Annotated[Path, "ROBOT.yaml"]
+    hand: Annotated[Path | None, "HAND.xml"] = None
     arm: Annotated[Path | None, "ARM.xml"] = None
 
     def run(self) -> Answer:

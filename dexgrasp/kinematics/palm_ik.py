@@ -21,8 +21,6 @@ TURN_SCALE = 0.15
 _DAMPING = 1e-3
 _LARGEST = 0.5  # rad a joint in a step
 _REACHED = 2e-3  # m, error with which a palm pose counts as reached
-_ELBOWS = ((0.0, 0.0), (0.0, 1.3), (0.0, -1.3), (0.5, 0.0), (-0.5, 0.0))
-"""Starts of the arm: shoulder turned from the goal's direction, wrist from home, rad."""
 _POSTURE = 2e-2  # pull towards the middle of the range, in the null space only
 
 
@@ -69,12 +67,11 @@ def solve_palm(
 
 
 def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
-    """Solve the arm's part of `q` for a palm pose, in place, from a few starts; tell whether it is reached."""
-    toward = np.arctan2(p[1], p[0]) + tree.heading
-    for swing, twist in _ELBOWS:
-        q[: tree.arm] = tree.home[: tree.arm]
-        q[0] = np.clip(toward + swing, tree.lower[0], tree.upper[0])
-        q[tree.arm - 1] = tree.home[tree.arm - 1] + twist
+    """Solve the arm's part of `q` for a palm pose, in place, from the arm's starts; tell whether it is reached."""
+    toward = np.arctan2(p[1], p[0])
+    for start in tree.starts:
+        q[: tree.arm] = start
+        q[0] = np.clip(toward + start[0], tree.lower[0], tree.upper[0])
         if solve_palm(q, R, p, tree, 40, 1e-4) < _REACHED:
             return True
     return False

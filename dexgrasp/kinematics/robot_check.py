@@ -1,6 +1,8 @@
 """A robot tested before anything is planned with it: the faults of users' files, each with its mend."""
 
 from collections.abc import Iterator
+from functools import lru_cache
+from itertools import product
 
 import mujoco
 import numpy as np
@@ -11,7 +13,7 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.scene.arena import read_arena
 
 _ROUNDING = 1e-12  # m and of directions: two ways to compute a frame differ by less
@@ -19,19 +21,27 @@ _PUSH, _STEPS = 0.1, 400  # rad that a set-point moves, and physics steps until 
 _FOLLOWS, _STRAYS = 0.8, 0.3  # share of it that a joint follows at least, and another strays at most
 _OFF = 0.004  # m that a tip's surface may be from its sphere
 _PINCH = 5.0  # N that a finger should be able to press with
+_POSTURES, _DRAWN = 300, 800  # of the robot, and of its fingers, drawn at random
+_FACING = 0.06  # m between pads that a grasp can be made with
+_BORNE = 0.9  # share of a joint's torque that bearing its weight may take
 _REACHED = 0.5  # share of palm poses over the table that the arm should reach
 
 
 def check_robot(cell: Cell) -> list[Finding]:
     """Return what is found of a cell's robot: errors have to be mended, warnings looked at."""
-    checks = (_order, _kinematics, _home, _authority, _tips, _opposition, _strength, _reach)
+    checks = (_kinematics, _home, _excluded, _authority, _tips, _opposition, _meeting, _strength, _reach)
     model = _alone(cell)
-    return [finding for check in checks for finding in check(cell, model)]
+    found = list(_order(cell, model))
+    if any(finding.level == "error" for finding in found):
+        return found  # nothing else can be told of joints that are others
+    return found + [finding for check in checks for finding in check(cell, model)]
 
 
-def _alone(cell: Cell) -> mujoco.MjModel:
+def _alone(cell: Cell, excluding: bool = True) -> mujoco.MjModel:
     spec = robot_spec(cell)
     spec.option = read_arena().option
+    for exclude in [] if excluding else list(spec.excludes):
+        spec.delete(exclude)
     return spec.compile()
 
 
@@ -78,6 +88,42 @@ def _home(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
         )
     if not touching:
         yield Finding("info", "nothing touches with the arm at home and the hand open")
+
+
+def _excluded(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+    """Bodies that are excluded from colliding, though motion takes them into each other."""
+    named = [(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature]
+    pairs = {(min(pair), max(pair)) for pair in named if _apart(model, *pair) > 2}
+    if not pairs:
+        return
+    every, robot, found = _alone(cell, excluding=False), cell.robot, dict[tuple[int, int], float]()
+    resting = {pair for pair, _ in _touching(_at(every, robot.home))}
+    for q in np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.dof)):
+        for pair, depth in _touching(_at(every, q)):
+            if pair in pairs - resting:
+                found[pair] = max(found.get(pair, 0.0), depth)
+    for (a, b), depth in found.items():
+        if depth > _OFF:
+            both = f"{model.body(a).name} and {model.body(b).name}"
+            deep = f"{both} get {1000 * depth:.0f} mm into each other: they are excluded from colliding"
+            yield Finding("warning", deep, "take the <exclude> out of the MJCF")
+
+
+def _apart(model: mujoco.MjModel, a: int, b: int) -> int:
+    """How many joints lie between two bodies; neighbours, and theirs, overlap in every hand."""
+    return len(_jointed(model, a) ^ _jointed(model, b))
+
+
+def _jointed(model: mujoco.MjModel, body: int) -> set[int]:
+    """A body and those that bear it, as far as they have joints."""
+    own = {body} if model.body_jntnum[body] else set()
+    return own | _jointed(model, int(model.body_parentid[body])) if body else own
+
+
+def _touching(data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], float]]:
+    for contact in data.contact:
+        a, b = data.model.geom_bodyid[contact.geom]
+        yield (int(min(a, b)), int(max(a, b))), -float(contact.dist)
 
 
 def _authority(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
@@ -153,6 +199,58 @@ def _opposition(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
         yield Finding("info", f"open, the tips of a grasp are {1000 * np.linalg.norm(between):.0f} mm apart")
 
 
+def _meeting(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+    """Each finger of a grasp gets its pad before the first one's, in some posture."""
+    _, gaps = closed_posture(cell)
+    for finger, gap in zip(cell.robot.hand.grasp[1:], gaps, strict=True):
+        first = cell.robot.hand.grasp[0]
+        if gap < _FACING:
+            yield Finding("info", f"the pads of {first} and {finger} can face each other")
+        else:
+            mend = "other fingers in `grasp`, wider ranges, or x of the tips' frames out of the pads"
+            yield Finding("error", f"no posture has the pads of {first} and {finger} face each other", mend)
+
+
+def closed_posture(cell: Cell) -> tuple[Array, Array]:
+    """Return the posture in which the pads of a grasp come nearest to each other, and how near they can come.
+
+    Returns:
+        (n,) rad, the arm at home; (g - 1,) m from the first tip to the others', inf where pads never face each other.
+    """
+    robot, model = cell.robot, compiled_robot(cell)
+    data = mujoco.MjData(model)
+    drawn = np.tile(robot.home, (_DRAWN, 1))
+    hand = robot.hand_columns
+    drawn[:, hand] = np.random.default_rng(0).uniform(
+        robot.lower[hand], robot.upper[hand], drawn[:, hand].shape
+    )
+    for finger in robot.hand.fingers:
+        if finger not in robot.grasping and finger.aside:
+            drawn[:, robot.columns[finger.name]] = finger.aside
+    tips, pads = np.empty((2, len(robot.grasping), _DRAWN, 3))
+    for k, q in enumerate(drawn):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        for f, finger in enumerate(robot.grasping):
+            tips[f, k] = data.site(finger.tip).xpos
+            pads[f, k] = data.body(finger.bodies[-1]).xmat.reshape(3, 3) @ finger.pad
+    gaps = np.stack([_gaps(tips[0], pads[0], *of) for of in zip(tips[1:], pads[1:], strict=True)])
+    thumb = int(gaps.min(2).max(0).argmin())
+    closed = drawn[thumb]
+    for finger, own in zip(robot.grasping[1:], gaps[:, thumb], strict=True):
+        columns = robot.columns[finger.name]
+        closed[columns] = drawn[int(own.argmin()), columns]
+    return closed, gaps.min((1, 2)) - 2.0 * robot.hand.tip_radius
+
+
+def _gaps(first: Array, own: Array, other: Array, theirs: Array) -> Array:
+    """Distances (n, m) m of tips in n and m postures, inf where their pads do not face each other."""
+    between = other - first[:, None]
+    distance = np.maximum(np.linalg.norm(between, axis=2), 1e-9)
+    facing = (between * own[:, None]).sum(2), -(between * theirs).sum(2)
+    return np.where(np.minimum(*facing) > 0.5 * distance, distance, np.inf)
+
+
 def _strength(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     """What a finger can press with, and what the arm has left of its torque at home."""
     robot, data, J = cell.robot, _at(model, cell.robot.home), np.zeros((3, model.nv))
@@ -164,28 +262,41 @@ def _strength(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
         level = "warning" if force < _PINCH else "info"
         mend = "torque of its joints, Nm: heavy objects will be beyond it" if level == "warning" else ""
         yield Finding(level, f"{finger.name} can press with {force:.1f} N", mend)
-    share = np.abs(data.qfrc_bias[: robot.arm_dof]) / robot.torque[: robot.arm_dof]
-    if share.max() > 0.9:
-        name = robot.joints[int(share.argmax())]
-        yield Finding(
-            "error",
-            f"{name} needs {100 * share.max():.0f} % of its torque at home",
-            "state the maker's torque",
-        )
+    yield from _bearing(cell, model)
+
+
+def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
+    """What the arm needs of its torque to bear itself and the hand, at home and over the table."""
+    arm = cell.robot.arm_columns
+    postures = [cell.robot.home, *_palms_down(cell)[0]]
+    share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
+    name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
+    if share.max() > _BORNE:
+        yield Finding("error", name, "state the maker's torque, or the true masses in the MJCF")
+    else:
+        yield Finding("info", name)
 
 
 def _reach(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
-    tree, down, reached, total = robot_tree(cell), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]), 0, 0
-    for x in (0.4, 0.5, 0.6):
-        for y in (-0.2, 0.0, 0.2):
-            for yaw in np.linspace(-np.pi, np.pi, 6, endpoint=False):
-                c, s = np.cos(yaw), np.sin(yaw)
-                turn = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-                total += 1
-                reached += reach_palm(tree.home.copy(), turn @ down, np.array([x, y, 0.2]), tree)
-    good = reached >= _REACHED * total
-    mend = "" if good else "change the arm's `home`, or the mount: palms look along its flange"
-    yield Finding(
-        "info" if good else "error", f"{reached} of {total} palm poses over the table are reached", mend
-    )
+    found, total = _palms_down(cell)
+    good = len(found) >= _REACHED * total
+    mend = "" if good else "change the arm's `home` or `starts`, or the mount: palms look along its flange"
+    what = f"{len(found)} of {total} palm poses over the table are reached"
+    yield Finding("info" if good else "error", what, mend)
+
+
+@lru_cache(maxsize=1)
+def _palms_down(cell: Cell) -> tuple[list[Array], int]:
+    """Postures (n,) rad of palms that look down on the middle of the table, and how many were asked for."""
+    tree, down, found, total = robot_tree(cell), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]), [], 0
+    for x, y, yaw in product(
+        (0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np.pi, 6, endpoint=False)
+    ):
+        c, s = np.cos(yaw), np.sin(yaw)
+        turn, q = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), tree.home.copy()
+        total += 1
+        reached = reach_palm(q, turn @ down, np.array([x, y, 0.2]), tree)
+        if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
+            found.append(q)
+    return found, total

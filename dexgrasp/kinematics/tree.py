@@ -15,7 +15,7 @@ from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.robot.robot import Robot
 
 Index = NDArray[np.int64]
-_BASE_BODIES = 4  # link 0 to 3 of an arm stand over its plinth
+_SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
 
 
 class RobotTree(NamedTuple):
@@ -55,7 +55,9 @@ class RobotTree(NamedTuple):
     torque: Array  # (n - arm,) Nm, limits of the hand
     stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos
     tip_radius: float  # m
-    heading: float  # rad of the arm's first joint at home, less the direction in which the arm then stands
+    starts: (
+        Array  # (k, arm) rad, where inverse kinematics begins; first joints less the direction of the goal
+    )
     arm: int
     base: int  # bodies from the base on that may be near the table beside it
 
@@ -108,18 +110,25 @@ def robot_tree(cell: Cell) -> RobotTree:
         torque=robot.torque[robot.hand_columns].copy(),
         stiffness=robot.stiffness[robot.hand_columns].copy(),
         tip_radius=robot.hand.tip_radius,
-        heading=_heading(model, robot),
+        starts=_starts(model, robot),
         arm=robot.arm_dof,
-        base=_BASE_BODIES,
+        base=robot.arm.plinth,
     )
 
 
-def _heading(model: mujoco.MjModel, robot: Robot) -> float:
+def _starts(model: mujoco.MjModel, robot: Robot) -> Array:
+    if robot.arm.starts:
+        return np.array(robot.arm.starts)
     data = mujoco.MjData(model)
     data.qpos[:] = robot.home
     mujoco.mj_kinematics(model, data)
     x, y, _ = data.body(robot.arm.bodies[-1]).xpos
-    return round(float(robot.home[0] - np.arctan2(y, x)), 9) + 0.0
+    heading = round(float(robot.home[0] - np.arctan2(y, x)), 9) + 0.0
+    starts = np.tile(robot.arm.home, (5, 1))
+    starts[:, 0] = heading
+    starts[1:3, -1] += [_TWIST, -_TWIST]
+    starts[3:, 0] += [_SWING, -_SWING]
+    return starts
 
 
 def _joint_column(model: mujoco.MjModel, body: int, robot: Robot) -> int:

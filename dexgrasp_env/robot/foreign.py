@@ -5,7 +5,7 @@ palm's body is the palm frame, and a fingertip's z points out of the tip and x o
 excluded pairs stay as they are; what collides of a mesh is its convex hull, as in the simulation.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
@@ -36,8 +36,13 @@ def compile_file(path: Path) -> mujoco.MjModel:
     Raises:
         InputError: in one line, where MuJoCo cannot read it.
     """
+    model: mujoco.MjModel = _read(mujoco.MjModel.from_xml_path, path)
+    return model
+
+
+def _read(reader: Callable[[str], Any], path: Path) -> Any:
     try:
-        return mujoco.MjModel.from_xml_path(str(path))
+        return reader(str(path))
     except (ValueError, OSError, MemoryError) as error:
         raise InputError(f"MuJoCo cannot read {path}: {' '.join(str(error).split())[:200]}") from None
 
@@ -49,7 +54,8 @@ def described(part: Arm | Hand) -> mujoco.MjSpec:
         InputError: for a description that MuJoCo cannot read, or that is not of this part.
     """
     if part.frame is None:
-        return mujoco.MjSpec.from_file(str(part.mjcf))
+        own: mujoco.MjSpec = _read(mujoco.MjSpec.from_file, part.mjcf)
+        return own
     return _Rebuilt(part).spec
 
 

@@ -14,10 +14,12 @@ from dexgrasp_env.files import write_atomically
 from dexgrasp_env.robot.foreign import FLANGE, about, compile_file, described, placed
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.postures import home_posture, open_posture
-from dexgrasp_env.robot.robot_file import SCHEMA, make_arm, make_hand
+from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
 _STIFFNESS, _TORQUE = 10.0, 0.7  # Nm/rad, Nm
+_LOAD = 20.0  # N, of a hand and what it holds
 _LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
+_FILES = (".yaml", ".yml")
 _BEHIND = 0.0133  # m between flange and the palm's back: a plate
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
@@ -133,9 +135,10 @@ class Part:
         of = {int(m.actuator_trnid[a, 0]): a for a in range(m.nu) if m.actuator_trntype[a] == 0}
         stated = [self._torque(j, of.get(j)) for j in numbers]
         assumed = _ASSUMED[kind]
+        missing = _TORQUE if kind == "hand" else self._bearing()
         if None in stated:
-            self.notes.append(f"{kind} torque: none in {self.path.name}, {assumed['torque']} Nm assumed")
-        torque = [assumed["torque"] if most is None else most for most in stated]
+            self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
+        torque = [missing if most is None else most for most in stated]
         gains = [float(m.actuator_gainprm[of[j], 0]) if j in of else 0.0 for j in numbers]
         if (
             min(gains) <= 0
@@ -150,6 +153,18 @@ class Part:
         stiffness = gains[0] if kind == "hand" else gains
         return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
 
+    def _bearing(self) -> float:
+        """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
+        m, data, most = self.model, mujoco.MjData(self.model), 0.0
+        end, J = m.nbody - 1, np.zeros((3, m.nv))
+        low, high = self.ranges(range(m.njnt)).T
+        for q in np.random.default_rng(0).uniform(low, high, (500, m.njnt)):
+            data.qpos[:] = q
+            mujoco.mj_forward(m, data)
+            mujoco.mj_jacBody(m, data, J, None, end)
+            most = max(most, float(np.abs(data.qfrc_bias - data.qfrc_gravcomp + _LOAD * J[2]).max()))
+        return float(np.ceil(2.0 * most))
+
     def _torque(self, joint: int, actuator: int | None) -> float | None:
         m = self.model
         found = [m.jnt_actfrcrange[joint, 1]] if m.jnt_actfrclimited[joint] else []
@@ -159,14 +174,8 @@ class Part:
 
 
 _ASSUMED = {
-    "hand": {
-        "torque": _TORQUE,
-        "stiffness": _STIFFNESS,
-        "velocity": 7.0,
-        "acceleration": 60.0,
-        "jerk": 3000.0,
-    },
-    "arm": {"torque": 50.0, "stiffness": 2000.0, "velocity": 2.0, "acceleration": 8.0, "jerk": 4000.0},
+    "hand": {"stiffness": _STIFFNESS, "velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
+    "arm": {"stiffness": 2000.0, "velocity": 2.0, "acceleration": 8.0, "jerk": 4000.0},
 }
 
 
@@ -310,6 +319,18 @@ class HandMaker:
         return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
 
 
+def hand_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return what a hand's file says of an MJCF, and what was assumed.
+
+    Raises:
+        InputError: for what is no hand of hinges with three fingers or more.
+    """
+    maker = HandMaker(path)
+    entry = maker.entry()
+    value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
+    return entry | {"open": open_posture(value, described(value).compile())}, maker.part.notes
+
+
 def arm_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
     """Return what an arm's file says of an MJCF, and what was assumed.
 
@@ -335,13 +356,19 @@ def arm_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
     else:
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
     second = data.xanchor[m.joint(joints[1]).id]
-    entry = {
+    entry: dict[str, Any] = {
         "name": m.names.split(b"\0")[0].decode() or path.stem, "mjcf": str(path.resolve()),
         "bodies": [m.body(base).name, *bodies], "joints": joints, "frame": frame_entry(part.pose(chain[-1]), flange),
         **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, second[2]], 4).tolist(),
         "reach": round(_reach(part, flange, chain[-1], second), 3), "shaken": [0, (len(joints) - 1) // 2],
     }  # fmt: skip
-    return entry, part.notes
+    value = make_arm({**entry, "home": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
+    home, found = home_posture(value, described(value).compile())
+    if not found:
+        part.notes.append(
+            "arm home: none looks down on the table; state one, and look at the flange's frame and the ranges"
+        )
+    return entry | {"home": home}, part.notes
 
 
 def _reach(part: Part, flange: Array, last: int, shoulder: Array) -> float:
@@ -356,12 +383,12 @@ def _reach(part: Part, flange: Array, last: int, shoulder: Array) -> float:
     return farthest
 
 
-def make_robot(hand: Path, arm: Path | None, out: Path) -> list[str]:
-    """Write a robot's file, its hand's beside it, and its arm's where one is given.
+def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:
+    """Write a robot's file, and beside it its hand's and its arm's where they are given as MJCF.
 
     Args:
-        hand: its MJCF.
-        arm: its MJCF; None for our Panda.
+        hand: its MJCF, or a hand's file; None for our Allegro.
+        arm: its MJCF, or an arm's file; None for our Panda.
         out: the robot's file to be.
 
     Returns:
@@ -370,19 +397,14 @@ def make_robot(hand: Path, arm: Path | None, out: Path) -> list[str]:
     Raises:
         InputError: for a description that no file can be made of.
     """
-    maker = HandMaker(hand)
-    entry, notes = maker.entry(), maker.part.notes
-    value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
-    entry["open"] = open_posture(value, described(value).compile())
-    files = {"hand": entry}
-    robot = {"name": out.stem, "arm": "panda.yaml", "hand": f"{out.stem}_hand.yaml"}
-    if arm is not None:
-        own, said = arm_entry(arm)
-        middle = np.clip(0.0, own["lower"], own["upper"]).tolist()
-        made = make_arm({**own, "home": middle})
-        own["home"] = home_posture(made, described(made).compile())
-        files["arm"] = own
-        robot["arm"], notes = f"{out.stem}_arm.yaml", notes + said
+    files, notes = dict[str, dict[str, Any]](), list[str]()
+    robot = {"name": out.stem, "arm": "panda.yaml", "hand": "allegro.yaml"}
+    for kind, path, entry_of in (("hand", hand, hand_entry), ("arm", arm, arm_entry)):
+        if path is not None and path.suffix in _FILES:
+            robot[kind] = str(find_beside(Path(), str(path)).resolve())
+        elif path is not None:
+            files[kind], said = entry_of(path)
+            robot[kind], notes = f"{out.stem}_{kind}.yaml", notes + said
     files["robot"] = robot | {"mount": "palm_normal"}
     for kind, content in files.items():
         name = out.name if kind == "robot" else f"{out.stem}_{kind}.yaml"

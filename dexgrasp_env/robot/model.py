@@ -1,13 +1,15 @@
 """The robot as a MuJoCo specification: the arm with the hand on its flange."""
 
 import itertools
+from collections.abc import Iterable
 from functools import lru_cache
 
 import mujoco
 
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.foreign import described
-from dexgrasp_env.robot.robot import Adapter, Robot
+from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Robot
 
 
 def robot_spec(cell: Cell) -> mujoco.MjSpec:
@@ -15,10 +17,16 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
 
     Returns:
         A specification that can be compiled as it is or attached to a scene.
+
+    Raises:
+        InputError: for a description that lacks what its file names.
     """
     robot = cell.robot
     arm, hand = described(robot.arm), described(robot.hand)
-    arm.modelname = robot.name
+    tips = [finger.tip for finger in robot.hand.fingers]
+    _check_names(arm, robot.arm, body=robot.arm.bodies)
+    _check_names(hand, robot.hand, body=robot.hand.bodies, site=[robot.hand.palm, *tips], geom=tips)
+    arm.modelname, hand.option = robot.name, arm.option  # a hand may be of other options than an arm
     _attach_hand(arm, hand, robot)
     arm.body(robot.arm.bodies[0]).pos = cell.base
     _set_limits(arm, robot)
@@ -27,8 +35,25 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
 
 @lru_cache(maxsize=8)
 def compiled_robot(cell: Cell) -> mujoco.MjModel:
-    """Return the robot alone, compiled; the same model at every call, not to be written to."""
-    return robot_spec(cell).compile()
+    """Return the robot alone, compiled; the same model at every call, not to be written to.
+
+    Raises:
+        InputError: for a description that MuJoCo cannot compile.
+    """
+    spec = robot_spec(cell)
+    try:
+        return spec.compile()
+    except ValueError as error:
+        raise InputError(f"robot {cell.robot.name!r}: {' '.join(str(error).split())[:200]}") from None
+
+
+def _check_names(spec: mujoco.MjSpec, part: Arm | Hand, **named: Iterable[str]) -> None:
+    """Refuse a description that lacks what its file names, a servo for each joint among it."""
+    joints = part.joints.names
+    for kind, names in {"joint": joints, "actuator": joints, **named}.items():
+        for name in names:
+            if getattr(spec, kind)(name) is None:
+                raise InputError(f"{part.mjcf} has no {kind} {name!r}, which {part.name!r} names")
 
 
 def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, robot: Robot) -> None:

@@ -28,7 +28,7 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
     drawn = 0.5 * (low + high) + 0.5 * _INSIDE * (high - low) * rng.uniform(-1.0, 1.0, (_DRAWS, len(low)))
     _together(hand, drawn)
     drawn = np.clip(drawn, low, high)
-    merits = np.array([_merit(hand, model, data, q) - 2.0 * _strain(q, low, high) for q in drawn])
+    merits = np.array([_merit(hand, model, data, q) - 2.0 * _strain(q, low, high).mean() for q in drawn])
     for k in np.argsort(-merits)[:200]:
         data.qpos[:] = drawn[k]
         mujoco.mj_forward(model, data)
@@ -47,8 +47,10 @@ def _together(hand: Hand, drawn: Array) -> None:
             drawn[:, [names.index(name) for name in finger.joints]] = drawn[:, source]
 
 
-def _strain(q: Array, low: Array, high: Array) -> float:
-    return float(np.mean(((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2))
+def _strain(q: Array, low: Array, high: Array) -> Array:
+    """How near each joint is to the ends of its range: 0 at the middle, 1 at an end."""
+    strain: Array = ((q - 0.5 * (low + high)) / (0.5 * (high - low))) ** 2
+    return strain
 
 
 def _merit(hand: Hand, model: mujoco.MjModel, data: mujoco.MjData, q: Array) -> float:
@@ -70,8 +72,10 @@ def _merit(hand: Hand, model: mujoco.MjModel, data: mujoco.MjData, q: Array) -> 
     )
 
 
-def home_posture(arm: Arm, model: mujoco.MjModel) -> list[float]:
+def home_posture(arm: Arm, model: mujoco.MjModel) -> tuple[list[float], bool]:
     """Return the posture (a,) rad with the flange over the table, looking down, that is farthest from its limits.
+
+    Without one, the middle of the ranges; whether there is one is returned beside it.
 
     Args:
         arm: whose limits count.
@@ -85,10 +89,10 @@ def home_posture(arm: Arm, model: mujoco.MjModel) -> list[float]:
         q = _flange_down(arm, model, data, start, (low, high))
         if q is None:
             continue
-        merit = _room(arm, model, data) - _strain(q, low, high)
+        merit = _room(arm, model, data) - _strain(q, low, high).max()
         if merit > best:
             best, found = merit, q
-    return list(np.round(found, 4).tolist())
+    return list(np.round(found, 4).tolist()), bool(np.isfinite(best))
 
 
 def _flange_down(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, q: Array, limits: Any) -> Array | None:
@@ -109,11 +113,11 @@ def _flange_down(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData, q: Array,
 
 
 def _room(arm: Arm, model: mujoco.MjModel, data: mujoco.MjData) -> float:
-    """How high the lowest joint is and how freely the flange moves; much less where bodies touch."""
+    """How high the lowest joint is, how freely the flange moves, how straight ahead; much less where bodies touch."""
     mujoco.mj_forward(model, data)
-    heights = [data.body(name).xpos[2] for name in arm.bodies[2:]]
+    places = np.array([data.body(name).xpos for name in arm.bodies[2:]])
     J = np.zeros((6, model.nv))
     mujoco.mj_jacBody(model, data, J[:3], J[3:], model.body(arm.bodies[-1]).id)
     freedom = float(np.linalg.svd(J)[1][-1])
-    straight = abs(np.arctan2(*data.body(arm.bodies[3]).xpos[1::-1]))
-    return min(min(heights), 0.4) + 5.0 * freedom - straight - 10.0 * bool(data.ncon)
+    aside = 2.0 * float(np.abs(places[:, 1]).max())
+    return min(places[:, 2].min(), 0.4) + 5.0 * freedom - aside - 10.0 * bool(data.ncon)

@@ -14,7 +14,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.valid import NAMES, NATURAL, WORD, Positive, Rule, Word, number, read, several
+from dexgrasp_env.valid import NAMES, NATURAL, WORD, Natural, Positive, Rule, Word, number, read, several
 
 Numbers = Annotated[tuple[float, ...], several(number())]
 Positives = Annotated[tuple[float, ...], several(number(gt=0))]
@@ -89,6 +89,9 @@ class Arm:
         shaken: the two joints that a shaking turns.
         adapter: the plate under the hand, if any.
         frame: of the flange in the last body of an MJCF that has frames of its own; see `foreign`.
+        plinth: so many bodies from the base on may be near the table beside it: they stand over the plinth.
+        starts: rad, where inverse kinematics begins, first joints less the direction of the goal; without them home,
+            its last joint and its first one turned to either side.
     """
 
     name: Word
@@ -101,6 +104,8 @@ class Arm:
     shaken: Annotated[tuple[int, int], several(NATURAL, 2)]
     adapter: Adapter | None = None
     frame: Frame | None = field(default=None, repr=False)
+    plinth: Natural = field(default=4, repr=False)
+    starts: Annotated[tuple[Numbers, ...], several(several(number()))] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True)
@@ -282,10 +287,11 @@ class Robot:
     @cached_property
     def hash(self) -> str:
         """A hash of all that the files say, the descriptions in MJCF with their meshes' names among it."""
-        hand = self.hand
-        frames = (self.arm.frame, hand.frame, *(finger.frame for finger in hand.fingers), hand.tip_radius)
-        own = () if set(frames) == {None, Hand.tip_radius} else frames
-        return content_hash(repr(self), self.arm.mjcf.read_text(), hand.mjcf.read_text(), *own)[:8]
+        hand, arm = self.hand, self.arm
+        frames = (arm.frame, hand.frame, *(finger.frame for finger in hand.fingers), hand.tip_radius)
+        own: tuple[Any, ...] = () if set(frames) == {None, Hand.tip_radius} else frames
+        own += () if (arm.plinth, arm.starts) == (Arm.plinth, Arm.starts) else (arm.plinth, arm.starts)
+        return content_hash(repr(self), arm.mjcf.read_text(), hand.mjcf.read_text(), *own)[:8]
 
 
 def _fixed(*values: float) -> Array:

@@ -110,6 +110,12 @@ def make_arm(entry: dict[str, Any]) -> Arm:
     check_home("arm", joints, arm.home)
     if max(arm.shaken) >= len(arm.home):
         raise InputError(f"shaken is {arm.shaken}: valid are two numbers of joints, from 0 on")
+    if len(arm.bodies) != len(joints.names) + 1:
+        raise InputError(
+            f"bodies are {len(arm.bodies)}: valid are a base and one for each of {len(joints.names)} joints"
+        )
+    for start in arm.starts:
+        check_length("a posture of starts", start, len(arm.home))
     return arm
 
 
