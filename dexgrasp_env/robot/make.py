@@ -1,6 +1,5 @@
 """A robot file made of somebody else's MJCF: what can be derived is, and what cannot is assumed and said."""
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -11,172 +10,15 @@ import yaml
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.robot.foreign import FLANGE, about, compile_file, described, placed
+from dexgrasp_env.robot.foreign import FLANGE, about, described, placed
 from dexgrasp_env.robot.hulls import cut
+from dexgrasp_env.robot.part import Part
 from dexgrasp_env.robot.postures import home_posture, open_posture
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
-_STIFFNESS, _TORQUE = 10.0, 0.7  # Nm/rad, Nm
-_LOAD = 20.0  # N, of a hand and what it holds
-_LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
 _FILES = (".yaml", ".yml")
 _BEHIND = 0.0133  # m between flange and the palm's back: a plate
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
-
-
-@dataclass
-class Part:
-    """A description as it is looked at, all joints at 0 or as near as they go.
-
-    Attributes:
-        path: of the MJCF.
-        model, data: of it.
-        notes: what was assumed, a line each.
-    """
-
-    path: Path
-    model: mujoco.MjModel = field(init=False)
-    data: mujoco.MjData = field(init=False)
-    notes: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        """Compile it."""
-        self.model = compile_file(self.path)
-        self.data = mujoco.MjData(self.model)
-        if self.model.njnt == 0:
-            raise InputError(f"{self.path} has no joints: it is no hand and no arm")
-        self.data.qpos[:] = 0.0
-        if self.model.nq == self.model.njnt:
-            self.data.qpos[:] = np.clip(0.0, *self.ranges(range(self.model.njnt)).T)
-        mujoco.mj_kinematics(self.model, self.data)
-
-    def ranges(self, joints: Any) -> Array:
-        """Return the ranges (n, 2) rad of joints; a whole turn where there is none."""
-        limited = self.model.jnt_limited[list(joints)].astype(bool)[:, None]
-        turn = np.array([-np.pi, np.pi])
-        return np.where(limited, self.model.jnt_range[list(joints)], turn)
-
-    def pose(self, body: int) -> Array:
-        """Return the pose (4, 4) of a body."""
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = self.data.xmat[body].reshape(3, 3), self.data.xpos[body]
-        return T
-
-    def below(self, body: int) -> list[int]:
-        """Return the bodies that hang on a body and have or lead to joints."""
-        children = [
-            b for b in range(1, self.model.nbody) if self.model.body_parentid[b] == body and b != body
-        ]
-        return [b for b in children if self.model.body_jntnum[b] or self.below(b)]
-
-    def chain(self, body: int) -> list[int]:
-        """Return the jointed bodies from a body to the end of its chain.
-
-        Raises:
-            InputError: if it branches, or a body has several joints.
-        """
-        found = []
-        while True:
-            if self.model.body_jntnum[body] > 1:
-                raise InputError(
-                    f"body {self._name(body)} has {self.model.body_jntnum[body]} joints: valid is one"
-                )
-            found += [body] if self.model.body_jntnum[body] else []
-            following = self.below(body)
-            if not following:
-                return found
-            if len(following) > 1:
-                raise InputError(
-                    f"the chain of bodies branches at {self._name(body)}: a finger and an arm are one each"
-                )
-            body = following[0]
-
-    def _name(self, body: int) -> str:
-        return repr(self.model.body(body).name)
-
-    def names(self, bodies: list[int]) -> tuple[list[str], list[str]]:
-        """Return names of bodies and of their joints."""
-        joints = [self.model.joint(int(self.model.body_jntadr[b])).name for b in bodies]
-        own = [self.model.body(b).name for b in bodies]
-        if "" in joints + own:
-            raise InputError(f"{self.path}: a body or a joint has no name: give each one")
-        return own, joints
-
-    def points(self, body: int) -> Array:
-        """Return points (n, 3) m around what collides of a body and of what it bears, in the world of the file.
-
-        Raises:
-            InputError: where nothing does.
-        """
-        m, corners = self.model, np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
-        found = []
-        for g in np.flatnonzero(m.geom_contype | m.geom_conaffinity):
-            if not self.hangs_on(int(m.geom_bodyid[g]), body):
-                continue
-            if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH:
-                k = int(m.geom_dataid[g])
-                local = m.mesh_vert[m.mesh_vertadr[k] : m.mesh_vertadr[k] + m.mesh_vertnum[k]]
-            else:
-                local = m.geom_aabb[g, :3] + m.geom_aabb[g, 3:] * corners
-            found.append(local @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g])
-        if not found:
-            raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
-        return np.concatenate(found)
-
-    def hangs_on(self, body: int, other: int) -> bool:
-        """Whether a body is another, or hangs on it without a joint."""
-        while body != other and body and not self.model.body_jntnum[body]:
-            body = int(self.model.body_parentid[body])
-        return body == other
-
-    def limits(self, joints: list[str], kind: str) -> dict[str, Any]:
-        """Return the limits and gains of joints as files state them; what the MJCF does not say is noted."""
-        m, numbers = self.model, [self.model.joint(name).id for name in joints]
-        of = {int(m.actuator_trnid[a, 0]): a for a in range(m.nu) if m.actuator_trntype[a] == 0}
-        stated = [self._torque(j, of.get(j)) for j in numbers]
-        assumed = _ASSUMED[kind]
-        missing = _TORQUE if kind == "hand" else self._bearing()
-        if None in stated:
-            self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
-        torque = [missing if most is None else most for most in stated]
-        gains = [float(m.actuator_gainprm[of[j], 0]) if j in of else 0.0 for j in numbers]
-        if (
-            min(gains) <= 0
-            or (kind == "hand" and max(np.divide(torque, gains)) > _LARGEST_LAG)
-            or (kind == "hand" and len(set(gains)) > 1)
-        ):
-            self.notes.append(f"{kind} stiffness: {assumed['stiffness']} Nm/rad assumed")
-            gains = [assumed["stiffness"]] * len(numbers)
-        rates = {key: assumed[key] for key in ("velocity", "acceleration", "jerk")}
-        self.notes.append(f"{kind} velocity, acceleration, jerk: an MJCF has none, {rates} assumed")
-        low, high = np.round(self.ranges(numbers), 6).T.tolist()
-        stiffness = gains[0] if kind == "hand" else gains
-        return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
-
-    def _bearing(self) -> float:
-        """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""
-        m, data, most = self.model, mujoco.MjData(self.model), 0.0
-        end, J = m.nbody - 1, np.zeros((3, m.nv))
-        low, high = self.ranges(range(m.njnt)).T
-        for q in np.random.default_rng(0).uniform(low, high, (500, m.njnt)):
-            data.qpos[:] = q
-            mujoco.mj_forward(m, data)
-            mujoco.mj_jacBody(m, data, J, None, end)
-            most = max(most, float(np.abs(data.qfrc_bias - data.qfrc_gravcomp + _LOAD * J[2]).max()))
-        return float(np.ceil(2.0 * most))
-
-    def _torque(self, joint: int, actuator: int | None) -> float | None:
-        m = self.model
-        found = [m.jnt_actfrcrange[joint, 1]] if m.jnt_actfrclimited[joint] else []
-        if actuator is not None and m.actuator_forcelimited[actuator]:
-            found.append(m.actuator_forcerange[actuator, 1])
-        return float(min(found)) if found and min(found) > 0 else None
-
-
-_ASSUMED = {
-    "hand": {"stiffness": _STIFFNESS, "velocity": 7.0, "acceleration": 60.0, "jerk": 3000.0},
-    "arm": {"stiffness": 2000.0, "velocity": 2.0, "acceleration": 8.0, "jerk": 4000.0},
-}
 
 
 def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
