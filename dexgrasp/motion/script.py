@@ -27,7 +27,7 @@ _LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
 
 def make_script(
     start: Array, motion: GraspMotion, obstacle: ConvexDistance | None, cell: Cell, *,
-    speed: float = 0.65, margin: float = 0.004, seed: int = 1,
+    speed: float = 0.65, margin: float = 0.004, seed: int = 1, among: bool = False,
 ) -> ActionScript:  # fmt: skip
     """Plan the approach and put all phases together; the same arguments give the same script bit for bit.
 
@@ -39,6 +39,8 @@ def make_script(
         speed: share of the velocity and acceleration limits that the approach uses, above 0 and up to 1.
         margin: clearance to keep on the approach, m.
         seed: of the sampling planner, above 0.
+        among: whether neighbours are there, whose detours bend: an approach that bends too much then takes twice as
+            long.
 
     Raises:
         NoPath: `approach_blocked` or `lift_out_of_reach`, with what is in the way.
@@ -48,8 +50,11 @@ def make_script(
     lift = _lift(tree, motion)  # cheap, so that it fails first
     checker = CollisionChecker(cell, obstacle, margin)
     waypoints = plan_approach(checker, start, motion.pregrasp, seed)
-    # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
-    approach = np.clip(time_path(waypoints, tree, checker, speed), tree.lower, tree.upper)
+    for slower in (1.0, 0.5) if among else (1.0,):  # corners of a sampled path bend less
+        # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
+        approach = np.clip(time_path(waypoints, tree, checker, slower * speed), tree.lower, tree.upper)
+        if bend(np.concatenate([start[None], approach])) <= _BEND:
+            break
     pieces = {
         "approach": np.concatenate([approach, _still(motion.pregrasp, _SETTLE)]),
         "close": _ramp(motion.pregrasp, motion.grasp, _CLOSE, tree),
@@ -92,17 +97,24 @@ def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
 
 
 def check_way(script: ActionScript, cell: Cell, target: GraspTarget) -> None:
-    """Refuse what `verify` would refuse of a script: an approach that bends, a lift in which something is met.
+    """Refuse what `verify` would refuse of a script: a bent approach, a squeeze or a lift in which something is met.
 
     Raises:
-        NoPath: `approach_bends`, or `lift_blocked` with what is in the way.
+        NoPath: `approach_bends`, or `squeeze_blocked`, `lift_blocked` with what is in the way.
     """
     first = dict(script.phases)
     bent = bend(np.concatenate([script.start[None], script.targets[: first["close"]]]))
     if bent > _BEND:
         raise NoPath("approach_bends", f"a set-point stands out by {1000 * bent:.1f} mrad")
-    lift = script.targets[first["lift"] - 1 : first["hold"]]
-    contact = CollisionChecker(cell, target.around, 0.0).first_contact(lift)
+    checker, lift = (
+        CollisionChecker(cell, target.around, 0.0),
+        script.targets[first["lift"] - 1 : first["hold"]],
+    )
+    if target.around is not None:
+        pressing = script.targets[first["squeeze"] - 1 : first["lift"]]
+        if (contact := checker.first_contact(pressing)) is not None:
+            raise NoPath("squeeze_blocked", str(contact))
+    contact = checker.first_contact(lift)
     if contact is not None:
         raise NoPath("lift_blocked", str(contact))
     if (deeper := carried_into(target, lift, robot_tree(cell))) > 0.0:

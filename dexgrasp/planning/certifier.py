@@ -5,9 +5,10 @@ from itertools import product
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
-from dexgrasp.kinematics.clearance import SELF
+from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF
 from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
 from dexgrasp.kinematics.shapes import shapes_apart
 from dexgrasp.kinematics.tip_ik import solve_tips
@@ -15,18 +16,20 @@ from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear, too_
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.problem import Problem
+from dexgrasp.planning.proposals import LEAST_OPENING
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.sqp import Solution
 from dexgrasp_env.arrays import Array
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
-_EACH = (0.03, 0.02, 0.012, 0.006)
-"""m of each fingertip, where neighbours leave them unequal room, widest first."""
+_EACH = (LEAST_OPENING, 0.012, 0.018, 0.025)
+"""m of each fingertip, where neighbours leave them unequal room, narrowest first."""
 _TIPS_MEET = (
     2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify` allows 3e-4
 )
 _OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
+_CLOSING = 6  # pieces of the way on which the hand closes: tips go 6 mm from one look at it to the next
 
 
 Start = TypeVar("Start", bound=Posture)
@@ -65,11 +68,11 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
     if not shapes_apart(q, problem.cell):
         log.block("clearance_self", 0.0)
         return None
-    ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
-    pregrasp = next((way for way in ways if _is_open(way, problem)), None)
-    if pregrasp is None and problem.target.neighbours:
+    if problem.target.neighbours:
         ways = (_opened_each(q, at.normals, problem, rise) for rise in rises)
-        pregrasp = next((way for way in ways if _is_open(way, problem)), None)
+    else:
+        ways = (opened(q, at.normals, problem, opening, rise) for rise, opening in product(rises, OPENINGS))
+    pregrasp = next((way for way in ways if _is_open(way, q, problem)), None)
     if pregrasp is None:
         log.block("pregrasp_clearance")
         return None
@@ -81,8 +84,27 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
     return pressed(candidate, hold.forces, motion)
 
 
-def _is_open(q: Array, problem: Problem) -> bool:
-    return is_clear(q, problem, _OPEN_CLEARANCE) and shapes_apart(q, problem.cell)
+def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
+    """Whether a hand is clear where it is open, and of neighbours until it has closed to `q` (n,) rad."""
+    return (
+        is_clear(pregrasp, problem, _OPEN_CLEARANCE)
+        and shapes_apart(pregrasp, problem.cell)
+        and not len(_in_the_way(pregrasp, q, problem))
+    )
+
+
+def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> NDArray[np.int64]:
+    """Return the labels (K, 3) of the bodies that neighbours are nearer to than they may be while the hand closes."""
+    if problem.target.around is None:
+        return np.zeros((0, 3), np.int64)
+    labels = [too_near(between, problem, problem.settings.clearance) for between in _closing(pregrasp, q)]
+    near = np.concatenate(labels)
+    return near[near[:, 0] == NEIGHBOUR]
+
+
+def _closing(pregrasp: Array, q: Array) -> Array:
+    """Return configurations (k, n) rad on the way from the open hand to the closed one, neither of them among these."""
+    return pregrasp + np.arange(1, _CLOSING)[:, None] / _CLOSING * (q - pregrasp)
 
 
 def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:
@@ -118,21 +140,23 @@ def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: flo
 
 
 def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Array:
-    """Return a configuration (n,) rad in which each finger is open as wide as there is room for it.
+    """Return a configuration (n,) rad in which each finger is open as wide as it can go without meeting a neighbour.
 
-    Those that have none stay where they grasp.
+    Those that have no room at all stay where they grasp.
     """
     robot, pregrasp = problem.cell.robot, q.copy()
     bodies = [{robot.bodies.index(name) for name in finger.bodies} for finger in robot.grasping]
-    left = dict(enumerate(bodies))
+    free = dict(enumerate(bodies))
     for opening in _EACH:
         way = opened(q, normals, problem, opening, rise)
         near = too_near(way, problem, _OPEN_CLEARANCE)
         blocked = set(near[near[:, 0] != SELF, 1].tolist())
-        for finger in [finger for finger, own in left.items() if not own & blocked]:
+        free = {finger: own for finger, own in free.items() if not own & blocked}
+        if len(free) < len(bodies) and opening == _EACH[0]:
+            break
+        for finger in free:
             first, end = problem.tree.fingers[finger]
             pregrasp[first:end] = way[first:end]
-            del left[finger]
     return pregrasp
 
 

@@ -113,7 +113,7 @@ def on_surface(
     height = contacts[:, :, 2].min(1), centres.reshape(tips.shape)[:, :, 2].min(1)
     usable = (height[0] > settings.table_clearance) & (height[1] > settings.tip_radius + settings.clearance)
     sides = np.linalg.norm(contacts - np.roll(contacts, 1, axis=1), axis=-1)
-    usable &= (sides.min(1) > LEAST_DISTANCE) & fits(centres, target, settings).reshape(-1, 3).all(1)
+    usable &= (sides.min(1) > LEAST_DISTANCE) & fits(centres, normals, target, settings).reshape(-1, 3).all(1)
     usable &= target.was_seen(contacts).all(1)
     return contacts, normals.reshape(tips.shape), usable
 

@@ -59,13 +59,15 @@ class Planner:
         """
         search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
         result, breadths = search.result, self.settings.breadths
+        crowded = target.around is not None
         for k, breadth in enumerate((*breadths, *breadths[-1:] * self.settings.patience)):
-            patient = k >= len(breadths)
-            if patient and (not pool or search.take(pool, _holds)):
+            late = k >= len(breadths)
+            # Among neighbours a firm grasp is rare: the best of a round that is looked at whole will do.
+            if (late or crowded) and search.take(pool, _holds):
                 break
-            if self._out_of_time(result.log):
+            if (late and not pool) or self._out_of_time(result.log):
                 break
-            if self._firm(search, self.settings.broadened(breadth), pool, patient):
+            if self._firm(search, self.settings.broadened(breadth), pool, late or crowded):
                 break
         if result.found or search.take(pool, lambda _: True):
             result.shortfall = None
@@ -175,7 +177,8 @@ class Search:
         try:
             if self._start is not None:
                 target = self._problem.target
-                script = make_script(self._start, grasp.motion, target.everything, planner.cell)
+                among = target.around is not None
+                script = make_script(self._start, grasp.motion, target.everything, planner.cell, among=among)
                 check_way(script, planner.cell, target)
             self.result.found.append(Planned(completed(grasp, self._problem), script))
             return True

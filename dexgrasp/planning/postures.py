@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from dexgrasp.geometry.field import Field, field_at
 from dexgrasp.kinematics.forward import (
     empty_frames,
     forward,
@@ -38,6 +40,8 @@ _FOLDED, _SPREADS = (
     0.3,
 )  # share of the range that a folded joint has turned; rad below 0 of one that spreads
 _DEEPEST = 0.02  # m in a neighbour from which the optimiser seldom finds out
+_ROOM = 0.012  # m between hand and neighbours beyond which there is room to open
+_CROWDED = 60.0  # load that a metre less of it is worth
 _POSE = 0.2  # load that a unit of a placement's score is worth
 
 
@@ -66,7 +70,7 @@ def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
     merit = loads_on(placed, problem) + _POSE * placed.scores
     tried: set[int] = set()
     found = 0
-    for k in np.argsort(-merit, kind="stable"):
+    for k in _by_room(placed, merit, problem):
         # Where the arm does not reach at all, it should not be asked about every posture there is.
         if found == settings.postures or len(tried) == _REACH_ATTEMPTS * settings.postures:
             return
@@ -78,6 +82,41 @@ def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
         if reach_palm(q, placed.rotations[k], placed.positions[k], problem.tree) and _has_room(q, problem):
             found += 1
             yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(merit[k]))
+
+
+def _by_room(placed: Placements, merit: Array, problem: Problem) -> NDArray[np.int64]:
+    """Return placements, the likeliest first: by merit (M,), those set back in which neighbours crowd the hand."""
+    if problem.target.field is not None:
+        robot, tree = problem.cell.robot, problem.tree
+        bodies = [name for finger in robot.grasping for name in finger.bodies]
+        of = np.array([tree.palm, *map(robot.bodies.index, bodies)])
+        rooms = _rooms(placed, hand_atlas(problem.cell).joints, tree, of, problem.target.field)
+        merit = merit - _CROWDED * (_ROOM - np.minimum(rooms, _ROOM))
+    return np.argsort(-merit, kind="stable")
+
+
+@njit
+def _rooms(
+    placed: Placements, joints: Array, tree: RobotTree, bodies: NDArray[np.int64], field: Field
+) -> Array:
+    """Clearances (M,) m of some bodies of the hand from what stands around, of placements."""
+    out, frames, q, centre = (
+        np.empty(len(placed.which)),
+        empty_frames(tree),
+        np.zeros(len(tree.lower)),
+        np.empty(3),
+    )
+    for m in range(len(out)):
+        q[tree.arm :] = joints[placed.which[m]]
+        frames.R[tree.palm] = placed.rotations[m] @ tree.palm_rotation.T
+        frames.p[tree.palm] = placed.positions[m] - frames.R[tree.palm] @ tree.palm_offset
+        forward_part(q, tree, frames, tree.palm + 1, tree.parent.shape[0])
+        out[m] = np.inf
+        for b in bodies:
+            for s in range(tree.sphere_first[b], tree.sphere_first[b + 1]):
+                to_world(frames.R[b], frames.p[b], tree.sphere_centre[s], centre)
+                out[m] = min(out[m], field_at(field, centre) - tree.sphere_radius[s])
+    return out
 
 
 def _has_room(q: Array, problem: Problem) -> bool:

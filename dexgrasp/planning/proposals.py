@@ -17,6 +17,8 @@ from dexgrasp_env.arrays import Array
 
 LEAST_DISTANCE = 0.03
 """m between contacts: two fingertips are wider than this."""
+LEAST_OPENING = 0.006
+"""m that a fingertip backs off at least before it closes."""
 _ROUNDING = 1e-4  # m
 _DENSE = 20  # times as many places beside a low object are tried as are asked for
 _STEPS = 4  # of Newton's method, until a tip beside it touches
@@ -99,7 +101,7 @@ def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Genera
     )
     distance, gradient = target.distance.distance_gradient(centres[above])
     contacts = centres[above] - distance[:, None] * gradient
-    touching = (distance > settings.tip_height - _ROUNDING) & fits(centres[above], target, settings)
+    touching = (distance > settings.tip_height - _ROUNDING) & fits(centres[above], gradient, target, settings)
     touching &= target.was_seen(contacts)
     return contacts[touching], gradient[touching]
 
@@ -124,14 +126,24 @@ def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generato
     distance, normals = target.distance.distance_gradient(tips)
     contacts = tips - distance[:, None] * normals
     usable = (np.abs(distance - height) < _ROUNDING) & (contacts[:, 2] > settings.lowest_contact(target.top))
-    usable &= fits(tips, target, settings) & target.was_seen(contacts)
+    usable &= fits(tips, normals, target, settings) & target.was_seen(contacts)
     usable &= normals[:, 2] < np.sin(np.arctan(settings.friction))
     kept = np.flatnonzero(usable)[: settings.surface_points // 2]
     return contacts[kept], normals[kept]
 
 
-def fits(centres: Array, target: GraspTarget, settings: PlannerSettings) -> NDArray[np.bool_]:
-    """Return where the centre of a fingertip (N, 3) m may be, so that it touches no neighbour (N,)."""
+def fits(centres: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> NDArray[np.bool_]:
+    """Return where the centre of a fingertip (N, 3) m may be, so that it touches no neighbour (N,), open or closed.
+
+    Args:
+        centres: where it touches the object.
+        normals: (N, 3) out of the object, along which it backs off.
+        target: the object and its neighbours.
+        settings: for the tip.
+    """
     if target.around is None:
         return np.ones(len(centres), bool)
-    return target.around.distance(centres) > settings.tip_radius + settings.clearance
+    least = settings.tip_radius + settings.clearance
+    return (target.around.distance(centres) > least) & (
+        target.around.distance(centres + LEAST_OPENING * normals) > least
+    )

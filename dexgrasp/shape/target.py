@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from dexgrasp.geometry.convex import ConvexDistance
+from dexgrasp.geometry.field import Field, field_of
 from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.shape.hull import REACH
 from dexgrasp_env.arrays import Array
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 MAX_FACES = 120  # of the hull that is planned on
 PART_FACES = 80  # of each part where there are several
 ASSUMED_DENSITY = 900.0  # kg/m3: nobody weighs the object; common packed goods are lighter
+HAND_REACH = 0.15  # m from an object that parts of a hand are which grasps it
 MASS_RANGE = (0.08, 0.65)  # kg, clip of what is assumed
 _GAP = 0.010  # m from what was seen, beyond which a point of the hull lies on air
 
@@ -129,6 +131,15 @@ class GraspTarget:
         """Signed distance to the union of the neighbours, m; None where there is none."""
         parts = [ConvexDistance.from_points(part, PART_FACES) for parts in self.neighbours for part in parts]
         return ConvexDistance.union(parts) if parts else None
+
+    @cached_property
+    def field(self) -> Field | None:
+        """Distances from the neighbours, m, tabled where a hand is that grasps the object; None where there is none."""
+        if self.around is None:
+            return None
+        corners = self.distance.triangles.reshape(-1, 3)
+        low, high = corners.min(0) - HAND_REACH, corners.max(0) + HAND_REACH
+        return field_of(self.around, np.append(low[:2], 0.0), high)
 
     @cached_property
     def everything(self) -> ConvexDistance:

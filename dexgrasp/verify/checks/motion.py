@@ -36,7 +36,19 @@ def setpoint_checks(case: Case) -> list[Check]:
         at_most("grasp: tips from the surface", _farthest(closed - met), TIPS_MEET, "m"),
         at_most("pregrasp: tips from their contacts", _farthest(opened - met), TIPS_OPEN, "m"),
         same("squeeze = grasp + J^T f / kp", _press_error(case), SETPOINT, "rad"),
+        *_closing_checks(case),
     ]  # fmt: skip
+
+
+def _closing_checks(case: Case) -> list[Check]:
+    """Check that the hand meets no neighbour on the way on which it closes."""
+    if not case.scene.around:
+        return []
+    found = [
+        case.scene.clearances(q, tips_touch=True)["hand_neighbour"]
+        for q in _dense(np.stack([case.record.pregrasp, case.record.grasp, case.record.squeeze]))
+    ]
+    return [at_least("closing: clearance hand_neighbour", min(found), 0.0, "m")]
 
 
 def _farthest(offsets: Array) -> float:
