@@ -1,30 +1,33 @@
 """Planning among neighbours: they are kept clear of from the approach to the end of the lift, and they are seen."""
 
 from dataclasses import replace
-from itertools import product
+from itertools import islice, product
 
 import numpy as np
 import pytest
 from robots import CELL, HOME
 
 from dexgrasp.geometry.convex_kernel import NOTHING
+from dexgrasp.geometry.field import field_at, field_of
 from dexgrasp.grasp.content import planned_record
 from dexgrasp.kinematics.clearance import NEIGHBOUR, clearance_rows, empty_rows
-from dexgrasp.kinematics.forward import body_frames
+from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
-from dexgrasp.planning.claims import is_clear, overlap
+from dexgrasp.planning.certifier import _in_the_way
+from dexgrasp.planning.claims import is_clear, overlap, too_near
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.postures import _has_room
+from dexgrasp.planning.postures import _has_room, atlas_postures
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.around import SEEN, UNSEEN, columns, neighbours_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.scene import Scene as Judge
+from dexgrasp.verify.verify import verify
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 TREE = robot_tree(CELL)
@@ -114,6 +117,43 @@ def test_approach_and_lift_through_a_neighbour_are_refused(plans):
     lift = script.targets[first["lift"] - 1 : first["hold"]]
     assert carried_into(lid, lift, TREE) > 0.004
     assert carried_into(replace(ALONE, neighbours=SIDES), lift, TREE) == 0.0
+
+
+def test_a_hand_that_meets_a_neighbour_while_it_closes_is_refused(plans):
+    grasp = plans[0].found[0].grasp
+    (first, end), wide = TREE.fingers[1], grasp.motion.pregrasp.copy()
+    wide[first + 1 : end] = TREE.lower[
+        first + 1 : end
+    ]  # so far that a post has room between finger and object
+    between, index = fingertips(0.5 * (wide + grasp.q), TREE)[1], TREE.tip_body[1]
+    post = replace(ALONE, neighbours=((box(*between[:2], (0.002, 0.002, 0.004), between[2]),),))
+    problem = Problem(post, CELL, PlannerSettings())
+    assert not (too_near(wide, problem, 0.001)[:, 0] == NEIGHBOUR).any()
+    assert overlap(grasp.q, problem) <= 0.0
+    assert index in _in_the_way(wide, grasp.q, problem)[:, 1]
+    moved = replace(grasp, motion=replace(grasp.motion, pregrasp=wide))
+    for target, held in ((ALONE, True), (post, False)):
+        found = verify(planned_record("box", moved, target, PlannerSettings()))
+        assert all(check.holds == held for check in found if check.name.startswith("closing"))
+    assert any(check.name == "closing: clearance hand_neighbour" for check in found)
+
+
+def test_placements_with_room_come_first():
+    found = SurfaceProposals().propose(ALONE, PlannerSettings(), np.random.default_rng(0))
+    wall = (box(0.5, 0.075, (0.3, 0.04, 0.25)),)
+    alone, beside = (Problem(t, CELL, PlannerSettings()) for t in (ALONE, replace(ALONE, neighbours=(wall,))))
+    first = [[start.q for start in islice(atlas_postures(found, problem), 10)] for problem in (alone, beside)]
+    deep = [np.mean([max(overlap(q, beside), 0.0) for q in found]) for found in first]
+    assert deep[1] < 0.5 * deep[0]
+
+
+def test_a_field_tells_distances_between_its_nodes_and_nothing_beyond():
+    shape, rng = ALONE.distance, np.random.default_rng(0)
+    low, high = np.array([0.4, -0.1, 0.0]), np.array([0.6, 0.1, 0.2])
+    field, points = field_of(shape, low, high), rng.uniform(low, high, (200, 3))
+    off = [field_at(field, point) - shape.distance(point[None])[0] for point in points]
+    assert np.abs(off).max() < 0.005
+    assert field_at(field, low - 0.01) == field_at(field, high + 0.03) == np.inf
 
 
 def test_the_file_says_what_stands_around(plans):

@@ -1,5 +1,7 @@
 """The rehearsal for `runs.compiling`: what plans and environments call, each compiled function once."""
 
+from dataclasses import replace
+
 import gymnasium as gym
 import numpy as np
 
@@ -21,7 +23,9 @@ def rehearse() -> None:
     """Plan for a small box, look at an object, step; what takes longest to compile comes first."""
     atlas.SAMPLES = _POSTURES
     planner = Planner(source=make_source("auto"))
-    planner.plan(small_box(), 0, planner.cell.robot.home.copy())
+    box, home = small_box(), planner.cell.robot.home.copy()
+    planner.plan(box, 0, home)
+    planner.plan(replace(box, neighbours=((box.corners[0] + [0.0, 0.2, 0.0],),)), 0, home)
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", obs_mode="pointcloud", views=1, observe="reset")
     observation, _ = env.reset(seed=0)
     target_of(Scene.of_observation(observation))
