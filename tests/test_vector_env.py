@@ -2,6 +2,7 @@
 
 import copy
 import pickle
+import sys
 
 import gymnasium as gym
 import numpy as np
@@ -347,6 +348,26 @@ def test_wrong_use_is_named_in_one_line():
     envs.step(np.zeros((2, 23)))
     with refused(r"\[0, 1\]"):
         envs.step(np.zeros((2, 23)))
+
+
+@pytest.mark.parametrize(
+    ("settings", "words"),
+    [
+        ({"backend": "mjx"}, "backend is 'mjx'"),
+        ({"backend": "warp", "obs_mode": "depth"}, "backend='warp' has obs_mode='state' alone"),
+        ({"backend": "warp", "env_id": "DexGrasp/ClutterSparse-v1"}, "no neighbours"),
+    ],
+)
+def test_what_no_physics_can_do_is_refused_in_one_line(settings, words):
+    with refused(words):
+        native(2, **settings)
+
+
+def test_the_extra_of_the_gpu_is_named_where_it_is_missing(monkeypatch):
+    monkeypatch.setitem(sys.modules, "warp", None)
+    monkeypatch.delitem(sys.modules, "dexgrasp_env.tasks.warp_batch", raising=False)
+    with refused(r"warp is not installed: pip install 'dexgrasp\[gpu\]'"):
+        native(2, backend="warp")
 
 
 def test_models_of_objects_left_behind_are_given_back():

@@ -27,7 +27,7 @@ from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, STAG
 from dexgrasp_env.tasks.rules import Rules
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import BAD_NUMBERS, Simulation, arm_chain, warning_names
+from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, arm_chain, warning_names
 from dexgrasp_env.tasks.views import View, Views
 
 Moment = tuple[Array, Array, Array]
@@ -119,7 +119,7 @@ class Episodes:
             at=first.columns, fingers=len(fingers),
             grasp=np.array([fingers.index(name) for name in robot.hand.grasp]),
             hulls=np.concatenate(hulls), period=settings.period, hold=hold, grasped=grasped, wait=wait,
-            length=settings.disturbance_steps, bad_numbers=BAD_NUMBERS,
+            length=settings.disturbance_steps, bad_numbers=NO_PHYSICS,
             weights=np.array(list(settings.weights.values())), version=settings.version,
             dense=settings.reward_mode == "dense",
         )  # fmt: skip

@@ -26,7 +26,7 @@ class Rules(NamedTuple):
         grasped: of these, at least so many must be grasps.
         wait: control steps held after which the disturbance begins.
         length: of the disturbance, control steps.
-        bad_numbers: the bits of MuJoCo's warnings that mean numbers gone wrong.
+        bad_numbers: the bits of MuJoCo's warnings after which numbers are no physics.
         weights: (T,) of the reward's terms.
         version: 1: the reward is the weighted sum of the terms; 2: what that sum gains in a control step.
         dense: whether that is the reward, else success.

@@ -20,8 +20,15 @@ from dexgrasp_env.tasks.constants import SETTLE_STEPS
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 
 _WARNINGS = [mujoco.mjtWarning(i).name for i in range(int(mujoco.mjtWarning.mjNWARNING))]
-BAD_NUMBERS = sum(1 << _WARNINGS.index(f"mjWARN_BAD{name}") for name in ("QPOS", "QVEL", "QACC"))
-"""Bits of the warnings about numbers that are not finite or far too large: what follows them is no physics."""
+
+
+def warning_mask(*names: str) -> int:
+    """Return the bits of MuJoCo's warnings, which are named without their prefix."""
+    return sum(1 << _WARNINGS.index(f"mjWARN_{name}") for name in names)
+
+
+NO_PHYSICS = warning_mask("BADQPOS", "BADQVEL", "BADQACC", "CONTACTFULL", "CNSTRFULL")
+"""Bits of the warnings of numbers not finite or far too large, and of contacts left out: what follows is no physics."""
 
 STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 _PHYSICS = int(mujoco.mjtState.mjSTATE_FULLPHYSICS)

@@ -13,7 +13,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.batch import BatchPhysics
+from dexgrasp_env.tasks.batch import BatchPhysics, Physics
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
@@ -24,8 +24,9 @@ from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.views import Views
-from dexgrasp_env.valid import COUNT, Rule, check
+from dexgrasp_env.valid import COUNT, Rule, check, one_of
 
+BACKENDS = ("mujoco", "warp")
 _Observations = dict[str, NDArray[Any]]
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
 _STAGES, _FAILURES, _PHASES = (np.array(names, dtype=object) for names in (STAGES, FAILURES, PHASES))
@@ -46,6 +47,22 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     | `max_episode_steps` | `300` | control steps after which an episode is truncated; None for no limit |
     | `autoreset_mode` | `'NextStep'` | `NextStep`, `SameStep`, `Disabled` |
     | `threads` | `None` | threads at a time; None for one a core |
+    | `backend` | `'mujoco'` | `mujoco`; `warp`: physics on a GPU, with the extra `gpu` |
+    | `device` | `None` | of `warp`: `cuda:0`, which None means, `cuda:1`, ..., or `cpu` |
+
+    ## Physics on a GPU
+
+    `backend="warp"` has mujoco_warp advance all worlds at once. Keys, types, options, disturbances, randomisation and
+    autoreset are the same, the scenes of a seed too; what differs:
+
+    - Nothing is equal to the last bit: numbers have single precision, the solver stops at 1e-6 where MuJoCo does at
+      1e-8, and a face that meets a box may have a corner more or less. Episodes agree until something collides, and
+      grasps that hold here hold there; publish what `backend="mujoco"` gives.
+    - A world without room for its contacts ends as one whose numbers go wrong: `simulation_diverged`, with MuJoCo's
+      `mjWARN_CONTACTFULL` or `mjWARN_CNSTRFULL`.
+    - Worlds share meshes: `randomisation` of `size` is for objects of boxes, cylinders, spheres and capsules.
+    - An object that leaves the table falls through the floor.
+    - `obs_mode` is `state`, and there are no neighbours.
 
     `obs_mode="rgbd"` is not here: GL draws one picture at a time, so many environments gain nothing.
     """
@@ -58,9 +75,13 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
+        backend: str = "mujoco",
+        device: str | None = None,
         **kwargs: Any,
     ) -> None:
-        EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, **kwargs)
+        EzPickle.__init__(
+            self, num_envs, max_episode_steps, autoreset_mode, threads, backend, device, **kwargs
+        )
         given = self._env_type.arguments(**kwargs)
         self.num_envs = check("num_envs", num_envs, COUNT)
         if str(given["obs_mode"]).endswith("rgbd") or given["render_mode"] == "human":
@@ -77,8 +98,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else check("threads", threads, COUNT)
-        scenes, slots = self._episodes.simulations.values(), self._episodes.neighbours
-        self._physics = BatchPhysics(scenes, num_envs, threads, slots)
+        self._physics = self._make_physics(check("backend", backend, one_of(BACKENDS)), threads, device)
         self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -90,6 +110,19 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         }
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
         self._started = np.zeros(num_envs, bool)
+
+    def _make_physics(self, backend: str, threads: int | None, device: str | None) -> Physics:
+        episodes, settings = self._episodes, self.settings
+        scenes = episodes.simulations.values()
+        if backend == "mujoco":
+            return BatchPhysics(scenes, self.num_envs, threads, episodes.neighbours)
+        if settings.obs_mode != "state" or episodes.neighbours:
+            raise InputError(
+                "backend='warp' has obs_mode='state' alone, and no neighbours: use backend='mujoco'"
+            )
+        from dexgrasp_env.tasks.warp_batch import WarpPhysics
+
+        return WarpPhysics(scenes, self.num_envs, device or "cuda:0", settings.frame_skip)
 
     @property
     def targets(self) -> NDArray[np.float64]:
