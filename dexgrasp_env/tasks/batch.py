@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -15,26 +15,6 @@ from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.tasks.simulation import Simulation
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
-
-
-class Physics(Protocol):
-    """What advances the environments: `BatchPhysics`, whose attributes these are, or `warp_batch.WarpPhysics`."""
-
-    qpos: Array
-    qvel: Array
-    sensors: Array
-
-    def load(self, i: int, simulation: Simulation) -> None:
-        """Make environment `i` what a scene holds now."""
-
-    def state(self, i: int) -> Array:
-        """Return the full integration state of environment `i`."""
-
-    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> NDArray[np.int64]:
-        """Advance environments by one control step, and return the warnings."""
-
-    def close(self) -> None:
-        """Free what is held."""
 
 
 @dataclass

@@ -13,12 +13,13 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.batch import BatchPhysics, Physics
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import EpisodeState, Moment, Starts
+from dexgrasp_env.tasks.infos import masked, objects, with_masks
 from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv
+from dexgrasp_env.tasks.physics import BACKENDS, Backend, make_physics
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
@@ -26,7 +27,6 @@ from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import COUNT, Rule, check, one_of
 
-BACKENDS = ("mujoco", "warp")
 _Observations = dict[str, NDArray[Any]]
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
 _STAGES, _FAILURES, _PHASES = (np.array(names, dtype=object) for names in (STAGES, FAILURES, PHASES))
@@ -98,7 +98,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else check("threads", threads, COUNT)
-        self._physics = self._make_physics(check("backend", backend, one_of(BACKENDS)), threads, device)
+        where = Backend(check("backend", backend, one_of(BACKENDS)), threads, device)
+        scenes, slots = self._episodes.simulations.values(), self._episodes.neighbours
+        self._physics = make_physics(where, scenes, num_envs, self.settings, slots)
         self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -110,19 +112,6 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         }
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
         self._started = np.zeros(num_envs, bool)
-
-    def _make_physics(self, backend: str, threads: int | None, device: str | None) -> Physics:
-        episodes, settings = self._episodes, self.settings
-        scenes = episodes.simulations.values()
-        if backend == "mujoco":
-            return BatchPhysics(scenes, self.num_envs, threads, episodes.neighbours)
-        if settings.obs_mode != "state" or episodes.neighbours:
-            raise InputError(
-                "backend='warp' has obs_mode='state' alone, and no neighbours: use backend='mujoco'"
-            )
-        from dexgrasp_env.tasks.warp_batch import WarpPhysics
-
-        return WarpPhysics(scenes, self.num_envs, device or "cuda:0", settings.frame_skip)
 
     @property
     def targets(self) -> NDArray[np.float64]:
@@ -156,7 +145,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
                 self._rngs[i], _ = seeding.np_random(seeds[i])
             self._reset_one(i, options if states[i] is None else {**options, "state": states[i]})
         infos = self._infos()
-        return self._observations(), infos if mask.all() else _masked(infos, mask)
+        return self._observations(), infos if mask.all() else masked(infos, mask)
 
     def step(
         self, actions: NDArray[Any]
@@ -332,13 +321,13 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
             **{name: told[name] > 0 for name in ("is_success", "is_stable", "is_grasped")},
             "stage": _STAGES[told["stage"].astype(int)],
             "failure": _FAILURES[told["failure"].astype(int)],
-            "object": _objects([episodes.object_name(i) for i in range(self.num_envs)]),
+            "object": objects([episodes.object_name(i) for i in range(self.num_envs)]),
             "disturbance": _PHASES[told["disturbance"].astype(int)],
-            "mujoco_warnings": _objects([warning_names(int(bits)) for bits in told["mujoco_warnings"]]),
-            "variation": _with_masks(
+            "mujoco_warnings": objects([warning_names(int(bits)) for bits in told["mujoco_warnings"]]),
+            "variation": with_masks(
                 {name: np.array([getattr(v, name) for v in drawn]) for name in vars(Variation())}
             ),
-            "reward_terms": _with_masks(
+            "reward_terms": with_masks(
                 {name: episodes.told[:, len(TOLD) + k].copy() for k, name in enumerate(self.settings.weights)}
             ),
         }
@@ -349,7 +338,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
                 key: np.array([info[key] for info in seen], object if key.endswith("failure") else None)
                 for key in seen[0]
             }
-        return _with_masks(infos)
+        return with_masks(infos)
 
 
 class ClutterVectorEnv(LiftVectorEnv):
@@ -368,30 +357,6 @@ class PlaceVectorEnv(LiftVectorEnv):
     ) -> NDArray[np.float64]:
         """Return the rewards (...,) of goals (..., 3) m; `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
-
-
-def _objects(values: list[Any]) -> NDArray[Any]:
-    array = np.empty(len(values), dtype=object)
-    array[:] = values
-    return array
-
-
-def _with_masks(infos: dict[str, Any]) -> dict[str, Any]:
-    """Add Gymnasium's masks: every environment has every key."""
-    number = len(next(value for value in infos.values() if not isinstance(value, dict)))
-    return {**infos, **{f"_{key}": np.ones(number, bool) for key in infos}}
-
-
-def _masked(infos: dict[str, Any], mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Return the infos of a part of the environments, as Gymnasium has them: nothing and False for the others."""
-    kept: dict[str, Any] = {}
-    for key, value in infos.items():
-        if isinstance(value, dict):
-            kept[key] = _masked(value, mask)
-        else:
-            kept[key] = value.copy()
-            kept[key][~mask] = None if value.dtype == object else 0
-    return kept
 
 
 def _seeds(seed: Any, number: int) -> list[int | None]:
