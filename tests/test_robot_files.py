@@ -9,6 +9,7 @@ import mujoco
 import numpy as np
 import pytest
 import yaml
+from PIL import Image
 from robots import CELL
 
 from dexgrasp.cli.commands import run_command
@@ -217,6 +218,20 @@ def test_the_commands(tmp_path, capsys):
     (tmp_path / "a_hand.yaml").write_text(yaml.safe_dump(hand))
     assert run_command(["robot", "check", str(tmp_path / "a.yaml")]) == 1
     assert "the end of thumb_tip is" in capsys.readouterr().out
+
+
+def test_the_check_draws_the_hand(made, tmp_path, capsys):
+    assert run_command(["robot", "check", str(made), "--picture", str(tmp_path / "hand.png"), "--json"]) == 0
+    assert not any(
+        "no grasp of" in finding["problem"] for finding in json.loads(capsys.readouterr().out)["findings"]
+    )
+    width, height = Image.open(tmp_path / "hand.png").size
+    assert width > 4 * height  # five side by side
+    assert run_command(["robot", "check", "nowhere.yaml", "--picture", str(tmp_path / "none.png")]) == 2
+    assert not (tmp_path / "none.png").exists()
+
+
+def test_a_name_of_no_robot_is_said(capsys):
     assert run_command(["robot", "check", "sideways"]) == 2
     assert "panda_allegro" in capsys.readouterr().err
 
@@ -316,6 +331,39 @@ def test_a_broken_robot_file_is_said_in_one_line(change, words, tmp_path, capsys
     assert re.search(words, line), line
 
 
+_ARM = yaml.safe_load(asset_path("robot", "panda.yaml").read_text())
+
+
+@pytest.mark.parametrize(
+    ("arm", "robot", "words"),
+    [
+        ({"bodies": _ARM["bodies"][:-1]}, {}, "bodies are 7: valid are a base and one for each of 7 joints"),
+        ({"joints": []}, {}, "joints"),
+        ({"joints": ["j"] * 7}, {}, "names, each once"),
+        ({"starts": [[0.0, 1.0]]}, {}, "starts has 2 numbers: valid are 7"),
+        ({"plinth": -1}, {}, "plinth"),
+        ({"shaken": [0, 9]}, {}, "two numbers of joints"),
+        ({"reach": 0}, {}, "reach"),
+        ({"home": [0.0] * 7}, {}, "valid ranges hold home"),
+        ({"frame": {"position": [0.0, 0.0, 0.1], "quat_wxyz": [0.0, 1.0, 0.0, 0.0]}}, {}, "axis of the last joint"),
+        ({"mjcf": "."}, {}, "it is no file"),
+        ({"velocity": "fast"}, {}, "velocity"),
+        ({}, {"mount": "sideways"}, "unknown mount 'sideways'"),
+        ({}, {"hand": "gone.yaml"}, "gone.yaml does not exist"),
+        ({}, {"arm": ["arm.yaml"]}, "arm"),
+        ({}, {"legs": 2}, "legs"),
+        ({}, {"arm": None}, "arm"),
+    ],
+)  # fmt: skip
+def test_a_broken_arm_or_robot_is_said_in_one_line(arm, robot, words, tmp_path, capsys):
+    (tmp_path / "arm.yaml").write_text(yaml.safe_dump(_ARM | arm))
+    whole = {"schema": 1, "kind": "robot", "name": "mine", "arm": "arm.yaml", "hand": "allegro.yaml"}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(whole | {"mount": "palm_normal"} | robot))
+    assert run_command(["robot", "check", str(tmp_path / "robot.yaml")]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert re.search(words, line), line
+
+
 _LINK = '<geom type="capsule" fromto="0 0 0 0 0 0.05" size="0.01"/>'
 _FINGER = '<body name="{n}" pos="0 {y} 0"><joint name="{n}" range="-1 1"/>' + _LINK + "</body>"
 _THREE = "".join(_FINGER.format(n=f"f{k}", y=0.03 * k) for k in range(3))
@@ -335,6 +383,12 @@ def _hand(inside: str, after: str = "") -> str:
         ('<mujoco><asset><mesh name="m" file="/gone/gone.stl"/></asset></mujoco>', "MuJoCo cannot read"),
         ('<mujoco><include file="hand.xml"/></mujoco>', "MuJoCo cannot read"),
         ("<mujoco/>", "no joints"),
+        ("<mujoco>" + "<!-- much -->" * 800_000, "MuJoCo cannot read"),
+        ("\0" * 100, "MuJoCo cannot read"),
+        (
+            _hand(_THREE, '<equality><connect body1="f0" body2="f2" anchor="0 0 0.05"/></equality>'),
+            "couples joints",
+        ),
         (_hand("<freejoint/>" + _THREE), "hinges"),
         (_hand('<joint name="w"/>' + _THREE), "before its palm"),
         (_hand(_THREE, _COUPLED), "couples joints"),

@@ -9,10 +9,14 @@ examples:
 from pathlib import Path
 from typing import Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command
+from dexgrasp.cli.command import Answer, Argument, Command, Scene
 from dexgrasp.cli.doctor import finding_line
 from dexgrasp.cli.figures import record_table
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.findings import Finding
+
+_SHOWN = ("soda", "sugar_box", "pear")  # objects whose grasps are drawn
+_SEARCH = "see why: dexgrasp plan OBJECT --robot FILE"
 
 
 class ListRobots(Command):
@@ -72,25 +76,49 @@ class CheckRobot(Command):
 
     examples:
       dexgrasp robot check leap.yaml
+      dexgrasp robot check leap.yaml --picture leap.png
 
     Exit code 0 only if nothing has to be mended.
 
     Attributes:
         robot: file of a robot or of a cell, or the name of one of ours.
+        picture: draw the hand there, open, closed and in grasps of three objects, where nothing has to be mended.
     """
 
     robot: Argument[Annotated[str, "FILE|NAME"]]
+    picture: Annotated[Path | None, "PNG"] = None
 
     def run(self) -> Answer:
         """Test it."""
         from dexgrasp.kinematics.robot_check import check_robot
         from dexgrasp_env.robot.cell import make_cell
 
-        findings = check_robot(make_cell(self.robot))
+        cell = make_cell(self.robot)
+        findings = check_robot(cell)
         wrong = any(finding.level == "error" for finding in findings)
+        if self.picture is not None and not wrong:
+            missed = _draw(cell, self.picture)
+            findings += [Finding("warning", f"no grasp of {name} was found", _SEARCH) for name in missed]
         return Answer(
             {"ok": not wrong, "findings": findings}, "\n".join(map(finding_line, findings)), int(wrong)
         )
+
+
+def _draw(cell: Any, path: Path) -> list[str]:
+    """Draw the hand open, closed and in grasps; return the objects that it found no grasp of."""
+    from dexgrasp.cli.plan import plan_target
+    from dexgrasp.grasp.picture import hand_picture
+    from dexgrasp.kinematics.robot_check import closed_posture
+
+    postures = {"open": cell.robot.home, "closed": closed_posture(cell)[0]}
+    plans = {name: plan_target(name, "bilevel", Scene(robot=cell))[1] for name in _SHOWN}
+    grasps = {
+        name: (plan.grasp, plan.target)
+        for name, plan in plans.items()
+        if plan.grasp is not None and plan.target is not None
+    }
+    hand_picture(path, cell, postures, grasps)
+    return [name for name in _SHOWN if name not in grasps]
 
 
 COMMAND = {"list": ListRobots, "make": Make, "check": CheckRobot}

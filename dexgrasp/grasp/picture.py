@@ -1,4 +1,4 @@
-"""A picture of a grasp: hand, table, hull, contacts, friction cones and forces."""
+"""Pictures of a grasp, hand, table, hull, contacts, friction cones and forces, and of what a hand can do."""
 
 from pathlib import Path
 from typing import Any
@@ -9,6 +9,7 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.cones import cone_edges
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell
 
 _COLOURS = ("#d1495b", "#2e6f95", "#3a7d44", "#8f5aa8", "#b8860b")  # of the contacts, in their order
 _VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
@@ -28,12 +29,8 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
         target: the object it was planned on.
         title: above the picture; the certificate's figures stand below.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(15, 5.8))
-    FigureCanvasAgg(figure)
-    hand, box = _hand_triangles(grasp), _box(target)
+    figure = _figure(15, 5.8)
+    hand, box = _hand_triangles(grasp.cell, grasp.q), _box(target.distance.triangles)
     for k, (elevation, azimuth) in enumerate(_VIEWS):
         axes: Any = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
         _draw(axes, grasp, target, hand, box)
@@ -43,23 +40,64 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
     figure.suptitle(title)
     figure.text(0.5, 0.02, _caption(grasp), ha="center", fontsize=11)
     figure.subplots_adjust(left=0.0, right=0.98, bottom=0.07, top=0.95, wspace=0.02)
+    return _save(figure, path)
+
+
+def hand_picture(
+    path: Path, cell: Cell, postures: dict[str, Array], grasps: dict[str, tuple[Grasp, GraspTarget]]
+) -> Path:
+    """Write a PNG of a hand in postures and in grasps, side by side.
+
+    Args:
+        path: file to write.
+        cell: whose hand it is.
+        postures: (n,) rad, by what they are called.
+        grasps: with what they hold, by its name.
+    """
+    figure = _figure(4 * (len(postures) + len(grasps)), 4.4)
+    shown = postures | {name: grasp.q for name, (grasp, _) in grasps.items()}
+    for k, (name, q) in enumerate(shown.items()):
+        axes: Any = figure.add_subplot(1, len(shown), k + 1, projection="3d", computed_zorder=False)
+        hand = _hand_triangles(cell, q)
+        box = _box(hand)
+        if name in grasps:
+            _draw(axes, *grasps[name], hand, box)
+        else:
+            _add_solid(axes, hand, (*_HAND[:3], 0.5), (0.2, 0.2, 0.2, 0.2))
+        _set_axes(axes, box, from_above=False)
+        axes.view_init(*_VIEWS[0])
+        axes.set_title(name)
+    figure.subplots_adjust(left=0.02, right=0.97, bottom=0.05, top=0.92, wspace=0.1)
+    return _save(figure, path)
+
+
+def _figure(width: float, height: float) -> Any:
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height))
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def _save(figure: Any, path: Path) -> Path:
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     return path
 
 
-def _hand_triangles(grasp: Grasp) -> Array:
-    """The hand's collision shapes as it grasps, (N, 3, 3) m in the world frame."""
+def _hand_triangles(cell: Cell, q: Array) -> Array:
+    """The hand's collision shapes in a posture (n,) rad, (N, 3, 3) m in the world frame."""
     import mujoco
 
     from dexgrasp_env.robot.model import compiled_robot
     from dexgrasp_env.scene.shapes import geom_mesh
 
-    model = compiled_robot(grasp.cell)
+    model = compiled_robot(cell)
     data = mujoco.MjData(model)
-    data.qpos[:] = grasp.q
+    data.qpos[:] = q
     mujoco.mj_kinematics(model, data)
-    of_hand = np.isin(model.geom_bodyid, [model.body(name).id for name in grasp.cell.robot.hand.bodies])
+    of_hand = np.isin(model.geom_bodyid, [model.body(name).id for name in cell.robot.hand.bodies])
     return np.concatenate([
         geom_mesh(model, geom).triangles @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]
         for geom in np.flatnonzero(of_hand & (model.geom_contype > 0)).tolist()
@@ -68,31 +106,33 @@ def _hand_triangles(grasp: Grasp) -> Array:
 
 def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array, box: Array) -> None:
     from matplotlib.colors import to_rgba
-    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
-
-    def solid(polygons: Any, face: Any, edge: Any, width: float = 0.4) -> None:
-        axes.add_collection3d(Poly3DCollection(polygons, facecolor=face, edgecolor=edge, linewidth=width))
 
     (x, y, _), (X, Y, _) = box
-    solid([[(x, y, 0), (X, y, 0), (X, Y, 0), (x, Y, 0)]], _TABLE, "none")
-    solid(hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
-    solid(target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
+    _add_solid(axes, [[(x, y, 0), (X, y, 0), (X, Y, 0), (x, Y, 0)]], _TABLE, "none")
+    _add_solid(axes, hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
+    _add_solid(axes, target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
     contacts = zip(_COLOURS, grasp.fingers, grasp.contacts, grasp.normals, grasp.forces, strict=False)
     for colour, finger, p, n, f in contacts:
-        solid(_cone(p, n, grasp.certificate.friction), to_rgba(colour, 0.25), "none")
+        _add_solid(axes, _cone(p, n, grasp.certificate.friction), to_rgba(colour, 0.25), "none")
         axes.scatter(*p, color=colour, s=28, depthshade=False)
         _arrow(axes, p - _NEWTON * f, p, colour, 2.4, f"{finger}: {np.linalg.norm(f):.1f} N")
     weight = np.array([0, 0, _NEWTON * 9.81 * grasp.certificate.mass])
     _arrow(axes, target.centre, target.centre - weight, "k", 1.8, "weight")
 
 
-def _box(target: GraspTarget) -> Array:
-    """Corners (2, 3) of what is shown: a cube around the object, from just below the table."""
-    corners = target.distance.triangles.reshape(-1, 3)
+def _add_solid(axes: Any, polygons: Any, face: Any, edge: Any, width: float = 0.4) -> None:
+    from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+
+    axes.add_collection3d(Poly3DCollection(polygons, facecolor=face, edgecolor=edge, linewidth=width))
+
+
+def _box(triangles: Array) -> Array:
+    """Corners (2, 3) of what is shown: a cube around triangles, from just below the table where it reaches there."""
+    corners = triangles.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
     half = 0.5 * float((high - low).max()) + _AROUND
     middle = 0.5 * (low + high)
-    middle[2] = half - 0.01
+    middle[2] = max(middle[2], half - 0.01)
     return np.stack([middle - half, middle + half])
 
 

@@ -22,7 +22,7 @@ _SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
 _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
 _LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
 _BEND = 2.3e-3  # rad that a set-point of the approach may stand out of its neighbours' plane; `verify` allows 2.5e-3
-_LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
+_LIFT_ERROR = 4.5e-4  # m that the palm may miss the end of the lift by; `verify` allows 5e-4
 
 
 def make_script(

@@ -41,6 +41,8 @@ def compile_file(path: Path) -> mujoco.MjModel:
 
 
 def _read(reader: Callable[[str], Any], path: Path) -> Any:
+    if not path.is_file():
+        raise InputError(f"MuJoCo cannot read {path}: it is no file")
     try:
         return reader(str(path))
     except (ValueError, OSError, MemoryError) as error:
