@@ -154,6 +154,14 @@ def test_an_arm_of_six_joints_bears_our_hand(tmp_path, capsys):
     assert cell.robot.dof == 22
     assert cell.robot.hand.joints.names == CELL.robot.hand.joints.names
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
+    assert run_command(["list", "envs", "--robot", str(out), "--json"]) == 0
+    own = json.loads(capsys.readouterr().out)["robot"]
+    assert own["joints"] == list(cell.robot.joints)
+    for mode, size in own["control_mode"].items():
+        env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=str(out), control_mode=mode)
+        assert env.action_space.shape == (size,)
+        spaces = {key: space.shape for key, space in env.observation_space.items()}
+        assert spaces == {key: (n,) for key, n in own["observations"].items()}
     tree = robot_tree(cell)
     q, turned = tree.home.copy(), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]])
     assert reach_palm(q, turned, np.array([0.45, 0.1, 0.25]), tree)

@@ -1,10 +1,13 @@
 """`dexgrasp list`: objects, environments, agents, protocols."""
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command
+from dexgrasp.cli.command import Answer, Argument, Command, InCell
 from dexgrasp.cli.figures import columns, record_table
 from dexgrasp_env.valid import one_of
+
+if TYPE_CHECKING:
+    from dexgrasp_env.robot.robot import Robot
 
 Rows = list[dict[str, Any]]
 
@@ -48,6 +51,18 @@ def list_envs() -> Rows:
     ]  # fmt: skip
 
 
+def robot_of_envs(robot: "Robot") -> dict[str, Any]:
+    """Return what a robot makes of actions and observations: joints in their order, and how many numbers each has."""
+    from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
+    from dexgrasp_env.tasks.observations import key_sizes
+
+    return {
+        "robot": robot.name, "joints": robot.joints, "fingers": [finger.name for finger in robot.hand.fingers],
+        "control_mode": {mode: action_size(mode, robot) for mode in CONTROL_MODES},
+        "observations": key_sizes("state", robot),
+    }  # fmt: skip
+
+
 def list_agents() -> Rows:
     """Return the agents by name: what they observe, their summary, and whether they can be used here."""
     from dexgrasp.registry import AGENTS
@@ -85,12 +100,13 @@ def _describe(spec: str) -> dict[str, Any]:
 _LISTS = {"objects": list_objects, "envs": list_envs, "agents": list_agents, "protocols": list_protocols}
 
 
-class List(Command):
+class List(Command, InCell):
     """List what there is.
 
     examples:
       dexgrasp list objects            the catalogue with sizes, masses and sets
       dexgrasp list envs --json        ids and what gym.make accepts
+      dexgrasp list envs --robot leap.yaml    and what a robot's actions and observations are
       dexgrasp list agents
       dexgrasp list protocols          how `evaluate` and `score` score
 
@@ -106,7 +122,9 @@ class List(Command):
 
         rows = _LISTS[self.what]()
         if self.what == "envs":
-            return Answer({"envs": rows}, "\n\n".join("\n".join(columns(row)) for row in rows))
+            own = robot_of_envs(self.cell.robot)
+            parts = ["\n".join(columns(row)) for row in [*rows, own]]
+            return Answer({"envs": rows, "robot": own}, "\n\n".join(parts))
         if self.what != "objects":
             return Answer({self.what: rows}, record_table(rows))
         sets = "; ".join(f"{name} ({len(members)})" for name, members in OBJECT_SETS.items())

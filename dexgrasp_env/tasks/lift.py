@@ -32,18 +32,20 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
 
     ## Description
 
-    A Franka Emika Panda with an Allegro hand stands at a table. One object lies on it. The task is solved when the
-    object's lowest point has been at least 10 cm above the table for the last 3 s, nothing but the hand has touched it
-    meanwhile, and it is grasped: at the end and for 90 % of that time the thumb and the index, middle or ring finger
-    press it with at least 0.5 N each, from opposite sides (more than 90 deg between the forces). Control runs at
-    20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in the world frame: x
-    forward, z up, table top at z = 0.
+    A robot stands at a table, a Franka Emika Panda with an Allegro hand where `robot` names no other. One object lies
+    on it. The task is solved when the object's lowest point has been at least 10 cm above the table for the last 3 s,
+    nothing but the hand has touched it meanwhile, and it is grasped: at the end and for 90 % of that time the thumb and
+    the index, middle or ring finger press it with at least 0.5 N each, from opposite sides (more than 90 deg between
+    the forces). Control runs at 20 Hz, physics at 500 Hz. Quantities are in metres, radians, kilograms and newtons, in
+    the world frame: x forward, z up, table top at z = 0.
 
     ## Action Space
 
     A `Box(-1, 1, (n,), float32)`; entries outside are clipped, NaN and wrong shapes raise `InputError`. Actions become
     set-points of the 23 joint servos, which move evenly within the control step, at most at the joints' velocity
-    limits. Joints are in the order panda_joint1-7, then index, middle, ring and thumb with four each.
+    limits. Joints are in the order panda_joint1-7, then index, middle, ring and thumb with four each. Of another robot
+    with n joints, a of them the arm's, and F fingers, 23 stands for n, 22 for 6 + n - a and 12 for 3 F, in the order of
+    its file: `dexgrasp list envs --robot FILE` says which.
 
     | control_mode | n | Entries | Meaning |
     | --- | --- | --- | --- |
