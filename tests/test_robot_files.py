@@ -1,14 +1,13 @@
 """Robots of somebody else's MJCF: rebuilt as they are, made into files, tested; what is wrong is said in a line."""
 
 import json
-import re
-from pathlib import Path
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 import yaml
+from foreign_parts import ALLEGRO, foreign_hand, six_joint_arm
 from PIL import Image
 from robots import CELL
 
@@ -32,23 +31,7 @@ from dexgrasp_env.robot.make import make_robot
 from dexgrasp_env.robot.model import compiled_robot
 from dexgrasp_env.robot.robot_file import read_robot
 
-ALLEGRO, PANDA = asset_path("robot", "allegro.xml"), asset_path("robot", "panda.xml")
-
-
-def foreign_hand(folder: Path) -> Path:
-    """Our hand as somebody else would describe it: turned, joints and motors renamed, no sites at its tips."""
-    spec = mujoco.MjSpec.from_file(str(ALLEGRO))
-    spec.meshdir = str(asset_path("robot", "shells"))
-    spec.body("palm").quat = [0.5, 0.5, -0.5, 0.5]
-    for joint in spec.joints:
-        joint.name = f"rh_{joint.name}"
-    for actuator in spec.actuators:
-        actuator.name, actuator.target = f"motor_{actuator.name}", f"rh_{actuator.target}"
-    for finger in ("index", "middle", "ring", "thumb"):
-        spec.delete(spec.site(f"{finger}_tip"))
-    path = folder / "theirs.xml"
-    path.write_text(spec.to_xml())
-    return path
+PANDA = asset_path("robot", "panda.xml")
 
 
 @pytest.fixture(scope="module")
@@ -121,29 +104,6 @@ def test_an_arm_made_of_mjcf_stands_as_ours(tmp_path, made):
         last.append(np.r_[data.body("panda_link7").xpos, data.body("panda_link7").xmat])
     np.testing.assert_allclose(last[0], last[1], atol=1e-6)
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
-
-
-_SIX = (("0 0 0.16", "0 0 1"), ("0 0.13 0", "0 1 0"), ("0 -0.12 0.42", "0 1 0"), ("0 0 0.39", "0 1 0"),
-        ("0 0.12 0", "0 0 1"), ("0 0 0.1", "0 1 0"))  # fmt: skip
-"""Where each joint of an arm like a UR5 sits in the body before, and its axis."""
-
-
-def six_joint_arm(folder: Path) -> Path:
-    """An arm of six joints, of capsules, that states neither torques nor rates."""
-    links = "".join(
-        f'<body name="link{k}" pos="{pos}"><joint name="j{k}" axis="{axis}" range="-3.1 3.1"/>'
-        f'<geom type="capsule" fromto="0 0 0 {following}" size="0.04" mass="2"/>'
-        for k, ((pos, axis), following) in enumerate(
-            zip(_SIX, [p for p, _ in _SIX[1:]] + ["0 0.03 0"], strict=True)
-        )
-    )
-    flange = '<site name="flange" pos="0 0.09 0" quat="-0.7071068 0.7071068 0 0"/>'
-    path = folder / "six.xml"
-    path.write_text(
-        f'<mujoco><compiler angle="radian"/><worldbody><body name="stand"><geom size="0.05"/>'
-        f'{links}{flange}{"</body>" * 7}</worldbody></mujoco>'
-    )  # fmt: skip
-    return path
 
 
 def test_an_arm_of_six_joints_bears_our_hand(tmp_path, capsys):
@@ -242,177 +202,3 @@ def test_the_check_draws_the_hand(made, tmp_path, capsys):
 def test_a_name_of_no_robot_is_said(capsys):
     assert run_command(["robot", "check", "sideways"]) == 2
     assert "panda_allegro" in capsys.readouterr().err
-
-
-_PHANTOM = '<position name="phantom" joint="index_1" kp="10"/></actuator>'
-
-
-_BACKWARDS = [0.5**0.5, 0.0, 0.5**0.5, 0.0]
-
-
-def _shifted(hand: dict, finger: int, frame: dict) -> dict:
-    fingers = [dict(entry) for entry in hand["fingers"]]
-    fingers[finger]["frame"] = fingers[finger]["frame"] | frame
-    return {"fingers": fingers}
-
-
-@pytest.mark.parametrize(
-    ("change", "problem", "mend"),
-    [
-        (lambda h: {"open": h["lower"]}, "in front of the palm", "bend `open` further"),
-        (lambda h: {"open": [-0.4, 1.5, 0.8, 0.8, 0.4, 1.5, 0.8, 0.8, -0.4, 1.5, 0.8, 0.8, *h["open"][12:]]},
-         "touch with the hand open", "change `open`"),
-        (lambda h: {"stiffness": 0.01}, "follows its servo by", "raise its stiffness"),
-        (lambda h: _shifted(h, 0, {"position": [0.0, 0.0, 0.1]}), "mm from its centre", "shift the tip's frame"),
-        (lambda h: _shifted(h, 3, {"quat_wxyz": [0.0, 0.0, 0.0, 1.0]}), "looks away|face each other", "tip.s frame"),
-        (lambda h: {"torque": 0.05}, "can press with", "torque of its joints"),
-        (lambda h: {"upper": [*h["upper"][:12], *(q + 0.01 for q in h["lower"][12:])],
-                    "open": [*h["open"][:12], *h["lower"][12:]]}, "face each other", "wider ranges"),
-        (lambda h: {"mounts": {"palm_normal": {"position": [0.0, 0.0, 0.3], "quat_wxyz": _BACKWARDS}}},
-         "palm poses over the table are reached", "`home` or `starts`"),
-    ],
-)  # fmt: skip
-def test_the_check_finds_a_fault_and_says_its_mend(change, problem, mend, made, tmp_path):
-    hand = yaml.safe_load(made.with_name("theirs_hand.yaml").read_text())
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand | change(hand)))
-    robot = yaml.safe_load(made.read_text()) | {"hand": "hand.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot))
-    found = [
-        finding for finding in check_robot(make_cell(tmp_path / "robot.yaml")) if finding.level != "info"
-    ]
-    assert any(re.search(problem, f.problem) and re.search(mend, f.remedy) for f in found), found
-
-
-@pytest.mark.parametrize(
-    ("change", "problem"),
-    [
-        (lambda text: text.replace("</actuator>", _PHANTOM), "actuators are"),
-        (lambda text: re.sub(r'<[a-z]+ [^>]*name="index_0" [^>]*joint="index_0"[^>]*/>', "", text), "no actuator"),
-        (lambda text: text.replace("</contact>", '<exclude body1="thumb_distal" body2="index_distal"/></contact>'),
-         "get .* mm into each other"),
-        (lambda text: text.replace('body name="index_', 'body name="x_'), "has no body 'index_base'"),
-    ],
-)  # fmt: skip
-def test_the_check_finds_a_fault_of_a_description(change, problem, tmp_path, capsys):
-    text = ALLEGRO.read_text().replace('meshdir="', f'meshdir="{ALLEGRO.parent}/')
-    assert change(text) != text
-    (tmp_path / "hand.xml").write_text(change(text))
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(HAND | {"mjcf": "hand.xml"}))
-    robot = {"schema": 1, "kind": "robot", "name": "mine", "arm": "panda.yaml", "hand": "hand.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"mount": "palm_normal"}))
-    run_command(["robot", "check", str(tmp_path / "robot.yaml")])
-    said = capsys.readouterr()
-    assert re.search(problem, said.out + said.err)
-    assert "Traceback" not in said.err
-
-
-HAND = yaml.safe_load(asset_path("robot", "allegro.yaml").read_text())
-FRAME = {"position": [0.0, 0.0, 0.0]}
-
-
-@pytest.mark.parametrize(
-    ("change", "words"),
-    [
-        ({"schema": 2}, "schema: 1"),
-        ({"mjcf": "nowhere.xml"}, "nowhere.xml does not exist"),
-        ({"palm": ""}, "valid is a word"),
-        ({"fingers": HAND["fingers"][:1]}, "two fingers"),
-        ({"open": [0.0] * 15}, "valid are 16"),
-        ({"open": [9.0] * 16}, "valid ranges hold home"),
-        ({"grasp": ["thumb", "pinky"]}, "finger of a grasp 'pinky'"),
-        ({"torque": [0.7] * 3}, "valid are 16"),
-        ({"tip_radius": -1.0}, "> 0"),
-        ({"frame": {"position": [0.0, 0.0]}}, "list of 3"),
-        ({"frame": {**FRAME, "quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}, "unit quaternion"),
-        ({"frame": FRAME}, "a finger has no frame"),
-        ({"palm": "hand"}, "name palm: no body"),
-        ({"self_pairs": [["palm", "nose"]]}, "no body of the hand"),
-        ({"mounts": {}}, "unknown mount"),
-    ],
-)  # fmt: skip
-def test_a_broken_robot_file_is_said_in_one_line(change, words, tmp_path, capsys):
-    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(HAND | change))
-    robot = {"schema": 1, "kind": "robot", "name": "mine", "arm": "panda.yaml", "hand": "hand.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"mount": "palm_normal"}))
-    assert run_command(["robot", "check", str(tmp_path / "robot.yaml")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(words, line), line
-
-
-_ARM = yaml.safe_load(asset_path("robot", "panda.yaml").read_text())
-
-
-@pytest.mark.parametrize(
-    ("arm", "robot", "words"),
-    [
-        ({"bodies": _ARM["bodies"][:-1]}, {}, "bodies are 7: valid are a base and one for each of 7 joints"),
-        ({"joints": []}, {}, "joints"),
-        ({"joints": ["j"] * 7}, {}, "names, each once"),
-        ({"starts": [[0.0, 1.0]]}, {}, "starts has 2 numbers: valid are 7"),
-        ({"plinth": -1}, {}, "plinth"),
-        ({"shaken": [0, 9]}, {}, "two numbers of joints"),
-        ({"reach": 0}, {}, "reach"),
-        ({"home": [0.0] * 7}, {}, "valid ranges hold home"),
-        ({"frame": {"position": [0.0, 0.0, 0.1], "quat_wxyz": [0.0, 1.0, 0.0, 0.0]}}, {}, "axis of the last joint"),
-        ({"mjcf": "."}, {}, "it is no file"),
-        ({"velocity": "fast"}, {}, "velocity"),
-        ({}, {"mount": "sideways"}, "unknown mount 'sideways'"),
-        ({}, {"hand": "gone.yaml"}, "gone.yaml does not exist"),
-        ({}, {"arm": ["arm.yaml"]}, "arm"),
-        ({}, {"legs": 2}, "legs"),
-        ({}, {"arm": None}, "arm"),
-    ],
-)  # fmt: skip
-def test_a_broken_arm_or_robot_is_said_in_one_line(arm, robot, words, tmp_path, capsys):
-    (tmp_path / "arm.yaml").write_text(yaml.safe_dump(_ARM | arm))
-    whole = {"schema": 1, "kind": "robot", "name": "mine", "arm": "arm.yaml", "hand": "allegro.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(whole | {"mount": "palm_normal"} | robot))
-    assert run_command(["robot", "check", str(tmp_path / "robot.yaml")]) == 2
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(words, line), line
-
-
-_LINK = '<geom type="capsule" fromto="0 0 0 0 0 0.05" size="0.01"/>'
-_FINGER = '<body name="{n}" pos="0 {y} 0"><joint name="{n}" range="-1 1"/>' + _LINK + "</body>"
-_THREE = "".join(_FINGER.format(n=f"f{k}", y=0.03 * k) for k in range(3))
-_COUPLED = '<equality><joint joint1="f0" joint2="f1"/></equality>'
-
-
-def _hand(inside: str, after: str = "") -> str:
-    return f'<mujoco><worldbody><body name="p"><geom size="0.01"/>{inside}</body></worldbody>{after}</mujoco>'
-
-
-@pytest.mark.parametrize(
-    ("text", "words"),
-    [
-        ("<mujoco><worldbody>", "MuJoCo cannot read"),
-        ('<mujoco><include file="gone.xml"/></mujoco>', "MuJoCo cannot read"),
-        ('<mujoco><asset><mesh name="m" file="gone.stl"/></asset></mujoco>', "MuJoCo cannot read"),
-        ('<mujoco><asset><mesh name="m" file="/gone/gone.stl"/></asset></mujoco>', "MuJoCo cannot read"),
-        ('<mujoco><include file="hand.xml"/></mujoco>', "MuJoCo cannot read"),
-        ("<mujoco/>", "no joints"),
-        ("<mujoco>" + "<!-- much -->" * 800_000, "MuJoCo cannot read"),
-        ("\0" * 100, "MuJoCo cannot read"),
-        (
-            _hand(_THREE, '<equality><connect body1="f0" body2="f2" anchor="0 0 0.05"/></equality>'),
-            "couples joints",
-        ),
-        (_hand("<freejoint/>" + _THREE), "hinges"),
-        (_hand('<joint name="w"/>' + _THREE), "before its palm"),
-        (_hand(_THREE, _COUPLED), "couples joints"),
-        (_hand(_THREE.replace(_LINK, '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')), "collides"),
-        (_hand(_FINGER.format(n="a", y=0)), "branches"),
-        (_hand(_THREE.replace('name="f1"', "")), "no name"),
-    ],
-)
-def test_a_broken_mjcf_is_said_in_one_line(text, words, tmp_path, capsys):
-    (tmp_path / "hand.xml").write_text(text)
-    assert (
-        run_command(
-            ["robot", "make", "--hand", str(tmp_path / "hand.xml"), "--out", str(tmp_path / "a.yaml")]
-        )
-        == 2
-    )
-    (line,) = capsys.readouterr().err.splitlines()
-    assert re.search(words, line), line
-    assert not (tmp_path / "a.yaml").exists()

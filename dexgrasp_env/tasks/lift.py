@@ -85,14 +85,13 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `depth` | (4, 120, 160) | float32 | `depth`, `rgbd` | m along the optical axis, 0 where nothing was measured |
     | `rgb` | (4, 120, 160, 3) | uint8 | `rgbd` | colours |
 
-    With fewer `views` the first axis of the images is as long as they are many. Keys are in alphabetical
-    order. `info` has at reset and at every step,
-    always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm and 15 deg of motion in the
-    hand's frame since the object left the table), `stage` (untouched, touched, lifted, dropped, held), `failure`
-    (empty while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt` rad, `object_shift` m (in
-    the palm's frame since the disturbance began), `held_seconds`, `disturbance` (none, before, running, over),
-    `variation` (what was drawn), `mujoco_warnings` (names with spaces between), `reward_terms`. With cameras it has
-    `perception_failure`, `perception_T_world_camera` (as calibrated) and `perception_intrinsics`.
+    With fewer `views` the first axis of the images is as long as they are many. Keys are in alphabetical order. `info`
+    has at reset and at every step, always of one type each: `is_success`, `is_grasped`, `is_stable` (less than 2.5 cm
+    and 15 deg of motion in the hand's frame since the object left the table), `stage` (untouched, touched, lifted,
+    dropped, held), `failure` (empty while there is none), `object`, `object_height` m, `object_slip` m, `object_tilt`
+    rad, `object_shift` m (in the palm's frame since the disturbance began), `held_seconds`, `disturbance` (none,
+    before, running, over), `variation` (what was drawn), `mujoco_warnings` (names with spaces between), `reward_terms`.
+    With cameras it has `perception_failure`, `perception_T_world_camera` (as calibrated) and `perception_intrinsics`.
 
     ## Rewards
 
@@ -124,11 +123,11 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     ## Episode End
 
     Terminates when the object leaves the workspace (`failure` is `object_lost`) or numbers go wrong
-    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay
-    up. A `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end
-    with the object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by
-    which the time limit should grow: `LiftPushed-v1` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a
-    warning says what.
+    (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. A
+    `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end with the
+    object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by which the
+    time limit should grow: `LiftPushed-v1` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
+    says what.
 
     ## States
 
