@@ -1,5 +1,6 @@
 """Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel optimisation -> certified grasp -> actions."""
 
+import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
@@ -8,10 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, cell_of
+from dexgrasp.motion.aside import SettingAside, WayAside
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.retreat import Retreat
+from dexgrasp.planning.aside import plan_aside
 from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
@@ -27,16 +30,18 @@ from dexgrasp_env.robot.cell import Cell, default_cell
 class State(NamedTuple):
     """Where in an episode the agent is: it looks, grasps, carries; what it loses it leaves, and looks again."""
 
-    motion: GuardedGrasp | GuardedCarry | Retreat
+    motion: GuardedGrasp | GuardedCarry | SettingAside | Retreat
     plan: PlanResult  # the last one
     looks: int  # that are left
+    moves: int = 0  # of neighbours, that are left
+    aside: WayAside | None = None  # of a neighbour that is in hand, or that was when the robot went home
 
 
 class BilevelAgent(Agent):
     """Plans from the cloud at reset and carries the grasp out; told nothing of the object's pose or mass.
 
     Where the joints feel that the object was lost, the arm goes home, looks again and grasps once more; where there is
-    no grasp, it looks again at once.
+    no grasp, a neighbour that is in the way is set aside first, or the agent looks again at once.
     """
 
     env_settings: ClassVar[Mapping[str, Any]] = {
@@ -53,6 +58,7 @@ class BilevelAgent(Agent):
         *,
         regrasps: int = 2,
         turns: bool = True,
+        moves: int = 3,
     ) -> None:
         """Prepare the planner.
 
@@ -63,12 +69,13 @@ class BilevelAgent(Agent):
             cell: of the robot, where an episode says none; the simulated one by default.
             regrasps: how often to look and plan again in an episode where the object was lost or no grasp found.
             turns: whether to turn an object that is barely held, once it is lifted (see `planning.carry`).
+            moves: how many neighbours to set aside at most where the object cannot be grasped among them.
         """
         self.settings = settings or PlannerSettings()
         self.result: PlanResult | None = None
         self._proposals = proposals
         self._planner = self._make(cell or default_cell())
-        self._regrasps, self.turns = regrasps, turns
+        self._regrasps, self.turns, self._moves = regrasps, turns, moves
         self._seed = 0
         self._state: State | None = None
 
@@ -108,13 +115,17 @@ class BilevelAgent(Agent):
         plan = self.result = self.plan(observation, info)
         self.report = plan.report()
         # Only where the cameras look again: what they saw at first is no longer where the object is.
-        looks = self._regrasps if info.get("observe") in ("clear", "step") else 0
+        again = info.get("observe") in ("clear", "step")
+        looks, moves = (self._regrasps, self._moves) if again else (0, 0)
         if plan.found:
-            self._state = State(self._grasp(plan), plan, looks)
-        elif plan.target is not None and looks:
-            home = self._way_home(observation, plan)
-            self._state = None if home is None else State(home, plan, looks)
-            self.report.again = home is not None
+            self._state = State(self._grasp(plan), plan, looks, moves)
+        elif plan.target is not None and again:
+            home = self._way_home(observation, plan) if looks else None
+            waiting = None if home is None else State(home, plan, looks, moves)
+            self._state = (
+                self._make_way(observation, plan, moves, looks, self._scene(observation, info)) or waiting
+            )
+            self.report.again, self.report.planning_seconds = self._state is not None, plan.planning_seconds
 
     def act(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next set-points."""
@@ -126,12 +137,17 @@ class BilevelAgent(Agent):
     def _next(self, state: State, observation: Observation) -> State:
         """Return the state to act in: what is grasped is carried, what is lost is left, and at home it looks again."""
         match state.motion:
+            case GuardedGrasp(done=True) as held if state.aside is not None:
+                return state._replace(motion=SettingAside(held, state.aside))
             case GuardedGrasp(done=True) as held:
                 return state._replace(motion=self._carry(held, state.plan))
+            case SettingAside(done=True):
+                home = self._way_home(observation, state.plan)
+                return state if home is None else state._replace(motion=home)
             case GuardedCarry(lost=True) if state.looks:
                 home = self._way_home(observation, state.plan)
                 return state._replace(looks=0) if home is None else state._replace(motion=home)
-            case Retreat(done=True) if state.looks:
+            case Retreat(done=True) if state.looks or state.aside is not None:
                 return self._look_again(state, observation)
         return state
 
@@ -160,20 +176,38 @@ class BilevelAgent(Agent):
         except NoPath:
             return None
 
+    def _make_way(
+        self, observation: Observation, plan: PlanResult, moves: int, looks: int, scene: Scene
+    ) -> State | None:
+        """Return the state in which a neighbour is taken to be set aside; None where there is none to take."""
+        if not (moves and scene.neighbours and plan.target is not None):
+            return None
+        began = time.perf_counter()
+        start = self._start(observation)
+        aside = plan_aside(self._planner, scene, plan.target, self._seed + moves, start)
+        plan.planning_seconds += time.perf_counter() - began
+        if aside is None:
+            return None
+        self.report.details["moves"] = self._moves - moves + 1
+        return State(self._grasp(aside.plan), aside.plan, looks, moves - 1, aside.way)
+
     def _look_again(self, state: State, observation: Observation) -> State:
-        """Plan from what the cameras see now that the hand is out of their way; without a grasp, stay."""
-        looks = state.looks - 1
+        """Plan from what the cameras see now that the hand is out of their way; without a grasp, make way, or stay."""
+        looks, moves = state.looks - (state.aside is None), state.moves
         tries = self._regrasps - looks
         scene, start = self._scene(observation), self._start(observation)
         plan = plan_scene(self._planner, scene, self._seed + tries, start)
-        self.report.details["regrasps"] = tries
+        waiting = State(self._grasp(plan) if plan.found else state.motion, plan, looks, moves)
+        after = waiting if plan.found else self._make_way(observation, plan, moves, looks, scene) or waiting
+        if tries:
+            self.report.details["regrasps"] = tries
         if self.report.failure:  # the first grasp is still to be found
             plan.planning_seconds += self.report.planning_seconds or 0.0
             self.report.planning_seconds = plan.planning_seconds
-            self.report.again = not plan.found and looks > 0
+            self.report.again = not plan.found and (looks > 0 or after.aside is not None)
             if plan.found:
                 self.report.failure, self.result = None, plan
-        return State(self._grasp(plan) if plan.found else state.motion, plan, looks)
+        return after
 
 
 class AloneAgent(BilevelAgent):

@@ -9,16 +9,14 @@ from numpy.typing import NDArray
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.motion.cartesian import shift_palm
-from dexgrasp.motion.timing import smooth_step, within_limits
+from dexgrasp.motion.carried import STILL, carried
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import normalise
 
-_RISEN, _STILL = 0.08, 0.001  # m that the palm has come up with the object, and still does a control step
+_RISEN = 0.08  # m that the palm has come up with the object
 _PRESSING = 0.02  # rad that a joint of a hand which holds something lags behind its set-point
-_SPEED = 0.01  # m a control step, on average
 _CLEAR = 0.002  # m above the table, where the object is let go of
 _SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
 _AWAY = 0.10  # m that the open hand goes up
@@ -74,10 +72,10 @@ class PlacingAgent(Agent):
         _, p = palm_frame(targets, self._tree)
         before, self._height = self._height, float(p[2])
         away = np.abs(targets - self._cell.robot.home)[:7].max() > 0.05
-        if not away or self._low is None or p[2] < palm_frame(self._low, self._tree)[1][2] - _STILL:
+        if not away or self._low is None or p[2] < palm_frame(self._low, self._tree)[1][2] - STILL:
             self._low = targets if away else None
             return False
-        risen = p[2] > palm_frame(self._low, self._tree)[1][2] + _RISEN and p[2] < before + _STILL
+        risen = p[2] > palm_frame(self._low, self._tree)[1][2] + _RISEN and p[2] < before + STILL
         return bool(risen and np.abs(targets - q)[7:].max() > _PRESSING)
 
     def _deliver(self, targets: Array) -> Iterator[Array]:
@@ -88,7 +86,7 @@ class PlacingAgent(Agent):
         if lays:
             way[2] = self._middle[2] + _CLEAR - middle[2]
         for leg in (way * [1, 1, way[2] > 0], way * [0, 0, way[2] <= 0]):
-            path = self._carried(targets, middle, leg)
+            path, _ = carried(targets, middle, leg, self._tree)
             yield from path
             targets = path[-1]
             middle = middle + leg
@@ -96,26 +94,4 @@ class PlacingAgent(Agent):
             yield from np.repeat(targets[None], _SETTLE, axis=0)
             opened = np.concatenate([targets[:7], self._low[7:]])
             yield from targets + np.arange(1, _OPEN + 1)[:, None] / _OPEN * (opened - targets)
-            yield from self._carried(opened, middle, np.array([0.0, 0.0, _AWAY]))
-
-    def _carried(self, targets: Array, middle: Array, leg: Array) -> Array:
-        """Return set-points (n, 23) that move the object straight by `leg` (3,) m; about the base, it turns along."""
-        if np.abs(leg).max() < _STILL:
-            return targets[None]
-        ends = middle + np.linspace(0.0, 1.0, int(np.linalg.norm(leg) / _SPEED) + 2)[1:, None] * leg
-        azimuths = np.arctan2(ends[:, 1], ends[:, 0]) - np.arctan2(middle[1], middle[0])
-        turns = np.stack([_about_vertical(angle) for angle in azimuths])
-        arm = palm_frame(targets, self._tree)[1] - middle
-        path, _ = shift_palm(targets, self._tree, ends - middle + turns @ arm - arm, turns)
-        points, count = np.concatenate([targets[None], path]), len(path)
-        while True:
-            at = smooth_step(np.arange(1, count + 1) / count) * len(path)
-            timed = np.stack([np.interp(at, np.arange(len(points)), column) for column in points.T], axis=1)
-            if within_limits(targets, timed, self._tree):
-                return timed
-            count = int(1.3 * count) + 1
-
-
-def _about_vertical(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+            yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]

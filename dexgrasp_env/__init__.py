@@ -49,12 +49,15 @@ _register("LiftSlippery", friction=0.35)
 _register("LiftPushed", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
 _register("LiftOneView", obs_mode="pointcloud", views=1)
 
-for name, count, gaps in (
-    ("Sparse", (4, 8), (0.02, 0.05)), ("Dense", (9, 15), (0.005, 0.02)), ("Heap", 8, None),
+_ASIDE = 600  # control steps in which three of a heap can be set aside
+
+for name, count, gaps, limit in (
+    ("Sparse", (4, 8), (0.02, 0.05), _LIMIT), ("Dense", (9, 15), (0.005, 0.02), _LIMIT),
+    ("Heap", 8, None, _LIMIT + _ASIDE),
 ):  # fmt: skip
     register(
         id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.cluttered:ClutterEnv",
-        vector_entry_point="dexgrasp_env.tasks.vector:ClutterVectorEnv", max_episode_steps=_LIMIT,
+        vector_entry_point="dexgrasp_env.tasks.vector:ClutterVectorEnv", max_episode_steps=limit,
         reward_threshold=_SOLVED[2], kwargs={"neighbours": count, "gaps": gaps},
     )  # fmt: skip
 

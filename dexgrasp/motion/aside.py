@@ -1,0 +1,47 @@
+"""Setting aside what the hand has taken: it is lifted, carried to its place and let go of."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.motion.guarded import GuardedGrasp
+from dexgrasp.motion.motion import Motion
+from dexgrasp_env.arrays import Array
+
+_SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
+
+
+class WayAside(NamedTuple):
+    """What follows the lift."""
+
+    there: Array  # (m, n) rad, set-points with the object in the hand, one a control step
+    away: Array  # (k, n) rad, the same of the open hand
+
+
+class SettingAside(Motion):
+    """Carries what was taken hold of to its place; nothing is felt."""
+
+    def __init__(self, held: GuardedGrasp, way: WayAside) -> None:
+        """Prepare.
+
+        Args:
+            held: that is done.
+            way: from the end of its lift.
+        """
+        self.tree = held.tree
+        first, arm = dict(held.script.phases), held.tree.arm
+        rows = np.concatenate([held.script.targets[first["lift"] : first["hold"]], way.there])
+        rows = np.concatenate([rows, np.repeat(rows[-1:], _SETTLE, axis=0)])
+        rows[:, arm:] = held.targets[arm:]
+        opened = np.concatenate([rows[-1, :arm], way.away[0, arm:]])
+        opening = rows[-1] + np.arange(1, _OPEN + 1)[:, None] / _OPEN * (opened - rows[-1])
+        self._rows, self._step = np.concatenate([rows, opening, way.away]), 0
+
+    @property
+    def done(self) -> bool:
+        """Whether the hand has left the object."""
+        return self._step >= len(self._rows)
+
+    def _next(self, q: Array) -> Array:
+        self._step += 1
+        return self._rows[min(self._step, len(self._rows)) - 1]
