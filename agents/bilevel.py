@@ -206,7 +206,8 @@ class BilevelAgent(Agent):
             self.report.planning_seconds = plan.planning_seconds
             self.report.again = not plan.found and (looks > 0 or after.aside is not None)
             if plan.found:
-                self.report.failure, self.result = None, plan
+                # Moves may have shifted the object: such a grasp is not of the pose that files state.
+                self.report.failure, self.result = None, plan if moves == self._moves else None
         return after
 
 

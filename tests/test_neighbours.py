@@ -3,10 +3,14 @@
 from dataclasses import replace
 from itertools import islice, product
 
+import gymnasium as gym
 import numpy as np
 import pytest
 from robots import CELL, HOME
 
+from dexgrasp.agent import public_info
+from dexgrasp.agents import bilevel
+from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.field import field_at, field_of
 from dexgrasp.grasp.content import planned_record
@@ -17,14 +21,17 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
+from dexgrasp.planning.aside import plan_aside
 from dexgrasp.planning.certifier import _in_the_way
 from dexgrasp.planning.claims import is_clear, overlap, too_near
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import _has_room, atlas_postures
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals
+from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.around import SEEN, UNSEEN, columns, neighbours_of
+from dexgrasp.shape.completion import target_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.scene import Scene as Judge
 from dexgrasp.verify.verify import verify
@@ -199,3 +206,46 @@ def test_what_reaches_around_the_target_is_columns():
     assert around.distance(points).max() < 1e-6
     assert around.distance([[0.5, 0.0, 0.05]])[0] > 0.04
     assert columns(np.zeros((0, 3))) == ()
+
+
+def test_what_stands_in_the_way_is_set_aside_where_there_is_room():
+    size = np.array([0.05, 0.05, 0.12])
+    around = tuple(shell(0.5 + x, y, size) for x, y in [(0, 0.065), (0.06, 0), (0, -0.065)])
+    far = shell(0.5, -0.3, size)
+    scene = Scene(shell(0.5, 0.0, size * [1, 1, 0.5]), neighbours=(far, *around))
+    target = replace(target_of(scene), neighbours=neighbours_of(scene))
+    planner = Planner()
+    aside = plan_aside(planner, scene, target, SEED, HOME)
+    taken = aside.plan.target.centre
+    assert np.linalg.norm(taken - far.points.mean(0)) > 0.1  # not in the way, and no higher
+    assert len(aside.plan.target.neighbours) == 4  # the others, and the object
+    (before, _), (after, at) = (palm_frame(q, TREE) for q in aside.way.there[[0, -1]])
+    turn, begin = after @ before.T, palm_frame(aside.way.there[0], TREE)[1]
+    put = (turn @ (taken - begin) + at)[:2]
+    assert np.linalg.norm(put - target.centre[:2]) > 0.15
+    assert aside.plan.target.around.distance(np.array([[*put, 0.06]]))[0] > 0.08
+    assert palm_frame(aside.way.away[-1], TREE)[1][2] > at[2] + 0.1
+    assert plan_aside(planner, replace(scene, neighbours=()), target, SEED, HOME) is None
+
+
+def test_an_agent_without_a_grasp_makes_way_and_lifts_after_all(monkeypatch):
+    agent = BilevelAgent(moves=1)
+    env = gym.make("DexGrasp/ClutterHeap-v1", objects="soda", neighbour_objects="sugar_box", neighbours=1,
+                   gaps=(0.03, 0.03), mask="true", **agent.env_settings)  # fmt: skip
+    observation, info = env.reset(seed=0)
+    monkeypatch.setattr(
+        bilevel, "plan_scene", lambda planner, scene, seed, start, **_: PlanResult(target_of(scene))
+    )
+    agent.reset(observation, public_info(env, info))
+    monkeypatch.undo()
+    assert agent.report.failure
+    assert agent.report.again
+    over = False
+    while not over:
+        observation, _, terminated, truncated, info = env.step(agent.act(observation))
+        over = terminated or truncated or info["is_success"]
+    assert info["is_success"]
+    assert not info["is_clean"]
+    assert info["neighbours_moved"] > 0.1
+    assert agent.report.failure is None
+    assert (agent.report.details["moves"], agent.report.details.get("regrasps", 0)) == (1, 0)

@@ -220,7 +220,7 @@ class ClutterEnv(LiftEnv):
 
     ## Episode End
 
-    As `LiftEnv`.
+    As `LiftEnv`; a heap's time limit is 900 control steps, so that neighbours can be set aside first.
 
     ## Arguments
 
