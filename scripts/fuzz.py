@@ -28,6 +28,8 @@ import numpy as np
 from fuzz_clouds import odd_cloud
 from numpy.random import Generator
 
+from dexgrasp_env.assets import asset_path
+
 LONGEST = 300.0  # s a case may take on a busy machine: more is a hang
 ALLOWED = (0, 1, 2, 3)
 EVALUATE = ["evaluate", "--agents", "random", "hardcoded", "--objects", "sugar_box", "--trials", "2", "--out"]
@@ -151,9 +153,22 @@ def _checkpoint(rng: Generator, good: Path, here: Path) -> Case:
     )
 
 
+def _robot(rng: Generator, good: Path, here: Path) -> Case:
+    """Files of a robot, or the MJCF of a hand or an arm, one of them damaged."""
+    shutil.copytree(asset_path("robot"), here, dirs_exist_ok=True)
+    names = ["panda_allegro.yaml", "allegro.yaml", "panda.yaml", "allegro.xml", "panda.xml"]
+    damaged = here / str(rng.choice(names))
+    damaged.write_bytes(inputs.change_file(damaged, rng))
+    robot = str(here / names[0])
+    make = ["robot", "make", "--hand", str(here / "allegro.xml"), "--out", str(here / "made.yaml")]
+    check, plan = ["robot", "check", robot], ["plan", "pear", "--robot", robot, "--json"]
+    return Case([check, plan, make][int(rng.choice(3, p=[0.6, 0.25, 0.15]))])
+
+
 KINDS = {
     "arguments": (38, _arguments), "mesh": (14, _mesh), "grasp": (18, _grasp), "run": (12, _run), "cloud": (6, _cloud),
     "cache": (4, _cache), "dataset": (5, _dataset), "checkpoint": (3, _checkpoint),
+    "robot": (8, _robot),
 }  # fmt: skip
 """Kind -> share of the cases, and what writes a case's files: from the good ones, to a folder of its own."""
 

@@ -7,9 +7,11 @@ import zipfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import trimesh
+import yaml
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import quat_to_matrix
@@ -111,9 +113,32 @@ def change_file(path: Path, rng: Rng) -> bytes:
     content = path.read_bytes()
     if path.suffix == ".json" and rng.random() < 0.7:
         return change_json(json.loads(content), rng)
+    if path.suffix == ".yaml" and rng.random() < 0.8:
+        return change_json(yaml.safe_load(content), rng)  # JSON is YAML
+    if path.suffix == ".xml" and rng.random() < 0.8:
+        return change_xml(content, rng)
     if path.suffix == ".npz" and rng.random() < 0.6:
         return change_zip(content, rng)
     return change_bytes(content, rng)
+
+
+def change_xml(data: bytes, rng: Rng) -> bytes:
+    """Leave elements out, repeat them in others, or change their attributes."""
+    root = ElementTree.fromstring(data)
+    for _ in range(int(rng.integers(1, 4))):
+        elements, kind = list(root.iter()), rng.random()
+        parent, element = _one_of([e for e in elements if len(e)], rng), _one_of(elements, rng)
+        if kind < 0.15 and len(parent):
+            parent.remove(parent[int(rng.integers(len(parent)))])
+        elif kind < 0.25:
+            parent.append(copy.deepcopy(element))
+        elif element.attrib:
+            key = _one_of(sorted(element.attrib), rng)
+            words = element.attrib.pop(key).split() or [""]
+            if kind > 0.35:
+                words[int(rng.integers(len(words)))] = str(_one_of([*STRANGE, 0, -1, 1e-9, 1e9, "palm"], rng))
+                element.attrib[key] = " ".join(words)
+    return ElementTree.tostring(root)
 
 
 def _changed_entry(content: bytes, rng: Rng) -> bytes:
