@@ -14,17 +14,20 @@ from typing import Any
 import gymnasium as gym
 import mujoco
 import numpy as np
+from mujoco.rollout import Rollout
 from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.benchmarks.timing import seconds_of
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 
 _ID = "DexGrasp/Lift-v2"
 _TURN = 5  # control steps
-_ENVS = 16
+_ENVS, _MANY = 16, 64
+_THREADS = (1, 2, 4)
 _STATE = mujoco.mjtState.mjSTATE_INTEGRATION
 
 
@@ -79,6 +82,11 @@ def run(quick: bool = False) -> dict[str, Any]:
         "all": {"ratio": float(np.median(ratios)), "least_ratio": min(ratios)},
         f"vector, {_ENVS} environments, 1 thread": many,
         f"wall steps a second, {_ENVS} environments": _beside_wrappers(objects, 3 if quick else 9),
+        **{
+            f"vector, {_MANY} environments, {threads} threads, wall": _beside_rollout(threads, rounds)
+            for threads in _THREADS
+            if threads <= usable_cores()
+        },
     }
 
 
@@ -119,8 +127,8 @@ def _record(env: Any, actions: Array, seed: int = 0) -> Recording:
     """Run an environment, single or of many, until one ends; note where each began and what moved it."""
     env.reset(seed=seed)
     inner, many = env.unwrapped, actions.ndim == 3
-    states = _states(env, _ENVS if many else 1)
-    models = [inner.simulation(i).model for i in range(_ENVS)] if many else [inner.model]
+    states = _states(env, env.num_envs if many else 1)
+    models = [inner.simulation(i).model for i in range(len(states))] if many else [inner.model]
     targets, contacts, actions = [np.atleast_2d(inner.targets)], [], actions.astype(np.float32)
     for action in actions:
         terminated = env.step(action)[2]
@@ -196,6 +204,47 @@ def _run_raw(models: list[mujoco.MjModel], datas: list[mujoco.MjData], controls:
             for row in own:
                 ctrl[:] = row
                 step(model, data)
+
+
+def _full_physics(data: mujoco.MjData, state: Array) -> Array:
+    """Return of an integration state what `mujoco.rollout` starts from."""
+    full = np.empty(mujoco.mj_stateSize(data.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
+    mujoco.mj_setState(data.model, data, state, _STATE)
+    mujoco.mj_getState(data.model, data, full, mujoco.mjtState.mjSTATE_FULLPHYSICS)
+    return full
+
+
+def _beside_rollout(threads: int, rounds: int) -> dict[str, float]:
+    """Time by the clock of `mujoco.rollout` over the native environment's, on as many threads, taking turns."""
+    env = gym.make_vec(_ID, num_envs=_MANY, objects=["sugar_box"], threads=threads)
+    recording = _record(env, _random(4 * _TURN, _MANY))
+    rows = recording.controls.swapaxes(0, 1)  # (N, T, 25, 23)
+    datas = [mujoco.MjData(recording.models[0]) for _ in range(threads)]
+    times = []
+    with Rollout(nthread=threads) as raw:
+        for _ in range(rounds):
+            env.reset(seed=recording.seed)
+            states = np.array([_full_physics(datas[0], state) for state in recording.states])
+            for turn, first in enumerate(range(0, len(recording.actions), _TURN)):
+                part = slice(first, first + _TURN)
+                controls = rows[:, part].reshape(_MANY, -1, rows.shape[-1])
+                roll = partial(raw.rollout, recording.models, datas, states, controls)
+                seconds = {}
+                for which in (0, 1) if turn % 2 else (1, 0):
+                    start = time.perf_counter()
+                    if which:
+                        states = roll()[0][:, -1]
+                    else:
+                        _run_env(env, recording.actions[part])
+                    seconds[which] = time.perf_counter() - start
+                times.append((seconds[0], seconds[1]))
+    env.close()
+    env_seconds, raw_seconds = np.median(times, axis=0)
+    return {
+        "env_steps_per_second": _TURN * _MANY / float(env_seconds),
+        "raw_steps_per_second": _TURN * _MANY / float(raw_seconds),
+        "ratio": float(np.median([raw / own for own, raw in times])),
+    }
 
 
 def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:
