@@ -319,7 +319,7 @@ def read_yaml(path: Path, kind: str = "") -> Any:
         content = read_file(path, ".yaml")
     try:
         return yaml.safe_load(content.decode())
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f"{what} is no YAML ({str(error).splitlines()[0]})") from None
 
 

@@ -106,7 +106,9 @@ def _refuse() -> Any:
     raise ValueError
 
 
-WORD = Rule("a word", lambda value: value if isinstance(value, str) and value else _refuse())
+WORD = Rule(
+    "a word", lambda value: value if isinstance(value, str) and value.isprintable() and value else _refuse()
+)
 Word = Annotated[str, WORD]
 NAMES = Rule("a list of names, each once", _distinct)
 NATURAL = number(ge=0, whole=True)

@@ -30,6 +30,7 @@ _REACHED = 0.5  # share of palm poses over the table that the arm should reach
 def check_robot(cell: Cell) -> list[Finding]:
     """Return what is found of a cell's robot: errors have to be mended, warnings looked at."""
     checks = (_kinematics, _home, _excluded, _authority, _tips, _opposition, _meeting, _strength, _reach)
+    compiled_robot(cell)  # refuses what no simulation can tell anything of
     model = _alone(cell)
     found = list(_order(cell, model))
     if any(finding.level == "error" for finding in found):

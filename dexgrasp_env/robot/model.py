@@ -5,11 +5,15 @@ from collections.abc import Iterable
 from functools import lru_cache
 
 import mujoco
+import numpy as np
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.foreign import described
 from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Robot
+
+FARTHEST, HEAVIEST, STIFFEST = 10.0, 1e3, 1e5
+"""m; kg and kg m2; Nm s/rad, Nm and Nm/rad: nothing of a robot on a table is beyond."""
 
 
 def robot_spec(cell: Cell) -> mujoco.MjSpec:
@@ -40,11 +44,33 @@ def compiled_robot(cell: Cell) -> mujoco.MjModel:
     Raises:
         InputError: for a description that MuJoCo cannot compile.
     """
-    spec = robot_spec(cell)
     try:
-        return spec.compile()
+        model = robot_spec(cell).compile()
+    except InputError:
+        raise
     except ValueError as error:
         raise InputError(f"robot {cell.robot.name!r}: {' '.join(str(error).split())[:200]}") from None
+    _check_physical(model, cell.robot)
+    return model
+
+
+def _check_physical(model: mujoco.MjModel, robot: Robot) -> None:
+    """Refuse what MuJoCo compiles and no robot is: it would only diverge when it moves."""
+    for what, most, values in (
+        (
+            "a length",
+            FARTHEST,
+            (model.body_pos, model.body_ipos, model.geom_pos, model.geom_size, model.site_pos),
+        ),
+        ("a mass", HEAVIEST, (model.body_mass,)),
+        ("an inertia", HEAVIEST, (model.body_inertia, model.dof_armature)),
+        ("a damping or friction", STIFFEST, (model.dof_damping, model.dof_frictionloss, model.jnt_stiffness)),
+    ):
+        worst = max(float(np.abs(np.nan_to_num(v, nan=np.inf)).max(initial=0.0)) for v in values)
+        if worst > most:
+            raise InputError(
+                f"robot {robot.name!r}: {what} of {worst:.3g} in its descriptions: at most {most:g}"
+            )
 
 
 def _check_names(spec: mujoco.MjSpec, part: Arm | Hand, **named: Iterable[str]) -> None:

@@ -291,7 +291,10 @@ class Robot:
         frames = (arm.frame, hand.frame, *(finger.frame for finger in hand.fingers), hand.tip_radius)
         own: tuple[Any, ...] = () if set(frames) == {None, Hand.tip_radius} else frames
         own += () if (arm.plinth, arm.starts) == (Arm.plinth, Arm.starts) else (arm.plinth, arm.starts)
-        return content_hash(repr(self), arm.mjcf.read_text(), hand.mjcf.read_text(), *own)[:8]
+        described = [
+            part.mjcf.read_text("utf-8", "replace") for part in (arm, hand)
+        ]  # MuJoCo says what is wrong
+        return content_hash(repr(self), *described, *own)[:8]
 
 
 def _fixed(*values: float) -> Array:

@@ -1,7 +1,7 @@
 """Reader of robot files: an arm's, a hand's, and the robot's that names both; paths in a file are relative to it."""
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -73,10 +73,10 @@ def find_beside(folder: Path, name: str) -> Path:
     if path.is_file():
         check_file(path)
         return path
-    try:
-        return asset_path("robot", name)
-    except FileNotFoundError:
-        raise InputError(f"{path} does not exist: name a file relative to {folder}") from None
+    with suppress(FileNotFoundError):
+        if (ours := asset_path("robot", name)).is_file():
+            return ours
+    raise InputError(f"{path} does not exist: name a file relative to {folder}")
 
 
 def _body(path: Path) -> dict[str, Any]:

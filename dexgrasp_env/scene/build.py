@@ -9,7 +9,7 @@ from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.robot import Names
 from dexgrasp_env.scene.arena import add_arena
 from dexgrasp_env.scene.constants import (
@@ -58,7 +58,12 @@ def scene_spec(
 
 
 def build_scene(model: ObjectModel, cell: Cell, **more: Any) -> mujoco.MjModel:
-    """Compile `scene_spec`."""
+    """Compile `scene_spec`.
+
+    Raises:
+        InputError: for a robot that cannot be simulated.
+    """
+    compiled_robot(cell)
     return scene_spec(model, cell, **more).compile()
 
 
