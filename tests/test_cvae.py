@@ -43,6 +43,8 @@ from dexgrasp.runs.arrays import read_arrays  # noqa: E402
 from dexgrasp.runs.checkpoint import write_tensors  # noqa: E402
 from dexgrasp.runs.folder import RunFolder  # noqa: E402
 from dexgrasp.shape.target import GraspTarget  # noqa: E402
+from dexgrasp_env.errors import InputError  # noqa: E402
+from dexgrasp_env.robot.cell import make_cell  # noqa: E402
 
 NETWORK = NetworkSettings(latent=3, points=64, local=16, cloud=32, hidden=32)
 TRAINING = TrainingSettings(epochs=3, clouds=2, grasps=8, network=NETWORK)
@@ -232,6 +234,19 @@ def test_shipped_weights_say_where_they_come_from():
     _, note = read_arrays(shipped_weights())
     assert note["losses"]["test"]["fingertip_cm"] < 1.0
     assert shipped_weights().stat().st_size < 4e6
+
+
+def test_weights_state_their_hand_and_refuse_another(trained, tmp_path):
+    path, hand = trained[0] / "cvae.safetensors", CELL.robot.hand
+    arrays, note = read_arrays(path)
+    assert note["hand"] == hand.stamp
+    Planner(source=CvaeProposals(path), cell=CELL)
+    stronger = replace(CELL.robot, hand=replace(hand, joints=replace(hand.joints, torque=(1.0,) * 16)))
+    Planner(source=CvaeProposals(path), cell=make_cell(stronger))  # its shape is what was learned
+    other = tmp_path / "other.safetensors"
+    write_tensors(other, {name: torch.from_numpy(a) for name, a in arrays.items()}, note | {"hand": "leap-1"})
+    with pytest.raises(InputError, match=r"other.safetensors are of the hand leap-1, not of allegro"):
+        Planner(source=CvaeProposals(other), cell=CELL)
 
 
 def test_weights_survive_writing(tmp_path):

@@ -40,7 +40,8 @@ class CvaeTraining(StepTraining):
             InputError: no usable dataset, no such device.
         """
         super().__init__(out, settings, settings.epochs, course)
-        self._dataset = str(read_manifest(data)["key"])
+        manifest = read_manifest(data)
+        self._dataset, self._hand = str(manifest["key"]), manifest.get("hand")
         parts = split(
             read_dataset(data), settings.held_out_object, settings.held_out_poses, seed=settings.seed
         )
@@ -89,7 +90,7 @@ class CvaeTraining(StepTraining):
             row = dict(self.state.curve[-1])
             about = {
                 "schema": SCHEMA, "network": self.settings.network.as_json(), "epoch": row.pop("epoch"),
-                "dataset": self._dataset, "seed": self.settings.seed, "losses": row,
+                "dataset": self._dataset, "hand": self._hand, "seed": self.settings.seed, "losses": row,
             }  # fmt: skip
             write_tensors(self.out / WEIGHTS, self.net.state_dict(), about)
 

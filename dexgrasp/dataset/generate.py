@@ -62,7 +62,7 @@ def generate(
     Raises:
         InputError: other settings or another process in `folder`; no cluster.
     """
-    identity, joints = _identity(settings), len(settings.cell.robot.home)
+    identity, joints, hand = _identity(settings), settings.cell.robot.dof, settings.cell.robot.hand
     key = content_hash(json.dumps(identity, sort_keys=True))
     about = {"schema": SCHEMA, "key": key, **identity}
     with RunFolder(folder, MANIFEST, "dataset").claim(about, complete=False):
@@ -80,7 +80,7 @@ def generate(
         manifest = about | {
             "complete": True,
             "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
-            "units": "m, rad, N, kg; quaternions wxyz", "fingers": ["thumb", "index", "middle"],
+            "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(hand.grasp), "hand": hand.stamp,
             "fields": {
                 name: {"shape": list(shape_of(name, joints)), "type": kind, "meaning": says}
                 for name, (_, kind, says) in FIELDS.items()

@@ -15,6 +15,8 @@ from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.robot.robot import Hand
 
 LATENTS = 1024
 _NO_CLOSURE, _NO_SURFACE = "no_closure_proposal", "no_surface_above_table"
@@ -36,6 +38,15 @@ class CvaeProposals(ProposalSource):
         """
         self._path = weights or shipped_weights()
         self._latents, self._ranked = latents, ranked
+
+    def check_hand(self, hand: Hand) -> None:
+        """Refuse a hand that the weights have not learned; those that say none are of ours."""
+        learned = _decoder(self._path).hand or default_cell().robot.hand.stamp
+        if hand.stamp != learned:
+            raise InputError(
+                f"the weights {self._path.name} are of the hand {learned}, not of {hand.stamp}: valid are proposals "
+                "from the surface"
+            )
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` proposals; the same for the same generator."""

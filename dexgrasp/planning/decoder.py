@@ -60,6 +60,7 @@ class Decoder:
         beside: what a point is told of the whole cloud.
         second: each point beside the whole.
         layers: of the decoder.
+        hand: whose grasps it has learned, as `Hand.stamp` says it; None where nobody says.
     """
 
     settings: NetworkSettings
@@ -67,6 +68,7 @@ class Decoder:
     beside: tuple[Layer, ...]
     second: tuple[Layer, ...]
     layers: tuple[Layer, ...]
+    hand: str | None = None
 
     def feature(self, cloud: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the feature (cloud,) of a cloud (N, 6) of points and unit normals."""
@@ -94,7 +96,8 @@ def read_decoder(path: Path) -> Decoder:
         if note["schema"] != SCHEMA:
             raise KeyError
         settings = NetworkSettings(**note["network"])
-        return Decoder(settings, **{part: layers_of(arrays, name) for part, name in parts.items()})
+        layers = {part: layers_of(arrays, name) for part, name in parts.items()}
+        return Decoder(settings, **layers, hand=note.get("hand"))
     except (KeyError, TypeError):
         raise wrong_schema(path) from None
 

@@ -43,11 +43,15 @@ class Planner:
             source: of contact triples; all triples of the surface by default.
             cell: of the robot; the simulated one by default.
             with_closure: False leaves force closure out (the ablation CVAE + kinematics).
+
+        Raises:
+            InputError: for a source of another hand.
         """
         self.cell = cell or default_cell()
         self.settings = (settings or PlannerSettings()).for_hand(self.cell.robot.hand)
         self.tree: RobotTree = robot_tree(self.cell)
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
+        self.source.check_hand(self.cell.robot.hand)
 
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.

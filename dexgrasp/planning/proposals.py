@@ -14,6 +14,7 @@ from dexgrasp.planning.ranking import best_shared, robustness
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.robot import Hand
 
 LEAST_DISTANCE = 0.03
 """m between contacts: two fingertips are wider than this."""
@@ -54,6 +55,13 @@ class Proposals:
 
 class ProposalSource(ABC):
     """A source of contact triples."""
+
+    def check_hand(self, hand: Hand) -> None:  # noqa: B027  (most sources serve any hand)
+        """Refuse a hand that the source cannot propose for.
+
+        Raises:
+            InputError: naming the hand that it is of.
+        """
 
     @abstractmethod
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:

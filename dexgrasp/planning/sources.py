@@ -6,7 +6,7 @@ from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.robot.robot import Robot
 
@@ -47,11 +47,9 @@ def make_source(name: str, robot: Robot | None = None) -> ProposalSource:
     """
     if name not in SOURCES:
         raise unknown_name("proposals", name, SOURCES)
-    learned = default_cell().robot.hand
-    if robot is not None and robot.hand.mjcf != learned.mjcf and name != "surface":
-        if name == "cvae":
-            raise InputError(
-                f"the weights are of the hand {learned.name!r}, not of {robot.hand.name!r}: valid is surface"
-            )
+    source = SOURCES[name]()
+    if robot is not None and name == "auto" and robot.hand.stamp != default_cell().robot.hand.stamp:
         return SurfaceProposals()
-    return SOURCES[name]()
+    if robot is not None:
+        source.check_hand(robot.hand)
+    return source

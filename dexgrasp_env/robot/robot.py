@@ -191,6 +191,12 @@ class Hand:
         """The palm, then each finger's bodies."""
         return (self.palm, *chain.from_iterable(finger.bodies for finger in self.fingers))
 
+    @cached_property
+    def stamp(self) -> str:
+        """What learned parts call the hand: its name, and a hash of its shape; limits and gains do not count."""
+        shape = repr([(f, f.frame) for f in self.fingers]), self.frame, self.grasp, self.tip_radius
+        return f"{self.name}-{content_hash(self.mjcf.read_text(), *shape)[:8]}"
+
     def finger(self, name: str) -> Finger:
         """Return the finger of that name."""
         return next(finger for finger in self.fingers if finger.name == name)
