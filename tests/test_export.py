@@ -1,8 +1,10 @@
 """Exported trajectories: within limits, read back by other code, and refused where they are wrong."""
 
 import json
+import re
 import shutil
 from dataclasses import replace
+from pathlib import Path
 
 import mujoco
 import numpy as np
@@ -22,6 +24,7 @@ from dexgrasp.grasp.file import record_of
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 
+ROOT = Path(__file__).parents[1]
 LIMITS = Limits(np.full(4, 2.0), np.full(4, 10.0), np.full(4, 5000.0))
 FACTS = {"mount": "palm_normal", "object": "nothing"}
 
@@ -229,3 +232,24 @@ def test_a_way_between_the_parts_of_an_object_touches_nothing(contents, tmp_path
         "parts": [np.concatenate(recording.facts["parts"]).tolist()]
     }  # one about all parts
     assert reached(hull).value < reached(recording.facts).value
+
+
+def test_the_page_for_robots_reads_what_is_written_and_presses_once(contents, tmp_path):
+    export_grasp(record_of(contents["sugar_box"]), tmp_path, "ros2")
+    facts = json.loads((tmp_path / "segments.json").read_text())
+    page: dict = {}
+    (block,) = re.findall(r"```python\n(.*?)```", (ROOT / "docs" / "run-on-your-robot.md").read_text(), re.S)
+    exec(block, page)
+    names, times, arm = page["read_rows"](tmp_path / "arm.csv")
+    assert tuple(names) == ARM_JOINTS
+    page["check_start"](arm[0] + 0.005, arm)
+    with pytest.raises(SystemExit, match=r"joint 2 stands 0.020 rad from the first row"):
+        page["check_start"](arm[0] + 0.02 * np.eye(7)[1], arm)
+    names, times, hand = page["read_rows"](tmp_path / "hand.csv")
+    assert tuple(names) == HAND_JOINTS
+    assert facts["squeeze"]["joints"] == list(HAND_JOINTS)
+    closed = next(segment["end"] for segment in facts["segments"] if segment["name"] == "close")
+    np.testing.assert_allclose(hand[np.argmin(np.abs(times - closed))], facts["touching"], atol=4e-3)
+    np.testing.assert_allclose(hand[-1], facts["closed"], atol=4e-3)
+    pressed = np.add(facts["touching"], facts["squeeze"]["offset"])
+    np.testing.assert_allclose(pressed, facts["closed"], atol=1e-6)

@@ -59,10 +59,11 @@ def test_a_tutorial_runs_from_top_to_bottom(page, tmp_path, monkeypatch):
         sys.modules.pop(Path(name).stem, None)
 
 
-def test_the_five_tutorials_are_there():
+def test_the_six_tutorials_are_there():
     assert [page.stem for page in TUTORIALS] == [
         "extend",
         "own-cloud",
+        "own-hand",
         "own-mesh",
         "own-policy",
         "read-results",

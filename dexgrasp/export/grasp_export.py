@@ -23,6 +23,10 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
+_PRESSING = (
+    "each of these presses in full, so send one: `closed` to the servos that were planned with, or `touching` plus "
+    "`offset` to servos of `stiffness`, or `touching` to a soft servo with `torque` as effort"
+)
 
 
 def export_grasp(
@@ -84,7 +88,9 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, 
         "mount": record.mount,
         "cell": cell.stamp,
         "open": record.pregrasp[hand],
+        "touching": record.grasp[hand],
         "closed": record.squeeze[hand],
+        "pressing": _PRESSING,
         "palm": {"position": p - base, "quat_wxyz": matrix_to_quat(R)},
         "squeeze": {
             "joints": cell.robot.hand.joints.names,
