@@ -10,6 +10,7 @@ from refusals import refused
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
+from dexgrasp_env.tasks.simulation import Simulation
 
 pytestmark = pytest.mark.warp
 
@@ -20,8 +21,11 @@ PUSHED, STEPS = {"kind": "pushed", "size": 0.5}, 380
 
 
 def make(backend, objects="all20", **kwargs):
+    """Make environments in which every object settles for itself: the physics alone differ."""
     given = {"backend": "warp", "device": "cpu"} if backend == "warp" else {}
-    return gym.make_vec(ID, num_envs=N, objects=objects, **given, **kwargs)
+    envs = gym.make_vec(ID, num_envs=N, objects=objects, **given, **kwargs)
+    envs.unwrapped._episodes.settle = Simulation.settle
+    return envs
 
 
 @pytest.fixture(scope="module")

@@ -98,6 +98,10 @@ class Episodes:
         }
         self.records = np.zeros(number, EPISODE)
         self.slots = [Slot() for _ in range(number)]
+        self.one_model = number == 1
+        """Whether episodes of an object share its scene's model, which is varied anew for each that is entered."""
+        self.settle: Callable[[Simulation], None] = Simulation.settle
+        """How an object comes to rest where it was drawn to lie."""
         self.told = np.zeros((number, len(TOLD) + len(settings.weights)))
         self.rewards = np.zeros(number)
         self.commands = np.zeros((number, len(COMMANDS), robot.dof))
@@ -177,7 +181,10 @@ class Episodes:
         """Put the object of episode `i` down at `pose` (7,), drawn or given, and let it settle; return its scene."""
         simulation = self.enter(i)
         simulation.place(pose)
-        simulation.settle()
+        if given:
+            simulation.settle()
+        else:
+            self.settle(simulation)
         return simulation
 
     def _check_options(self, options: Mapping[str, Any] | None, objects: list[str]) -> dict[str, Any]:
@@ -202,7 +209,10 @@ class Episodes:
         slot = self.slots[i]
         simulation = slot.simulation
         assert simulation is not None and slot.model is not None
-        simulation.model, simulation.variation = slot.model, slot.variation
+        if self.one_model:
+            simulation.vary(slot.variation)
+        else:
+            simulation.model, simulation.variation = slot.model, slot.variation
         return simulation
 
     def _mount(self, i: int, target: str, neighbours: tuple[str, ...], variation: Variation) -> Simulation:
@@ -218,7 +228,7 @@ class Episodes:
             settings = self.settings
             around = [load_target(name, settings.mesh_scale, settings.mesh_mass) for name in neighbours]
             simulation = Simulation(simulation.object, self.settings.cell, around)
-        if len(self.slots) == 1:  # one model for good: people hold on to `unwrapped.model`
+        if self.one_model:  # for good: people hold on to `unwrapped.model`
             simulation.vary(variation)
             slot.model = simulation.model
         elif variation == Variation():

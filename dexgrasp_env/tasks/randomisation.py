@@ -94,8 +94,13 @@ class Randomisation:
         )
 
 
-def apply_variation(model: mujoco.MjModel, base: mujoco.MjModel, variation: Variation) -> None:
-    """Write a variation of the compiled model `base` into `model`, a copy of it; nothing is compiled."""
+def apply_variation(
+    model: mujoco.MjModel, base: mujoco.MjModel, variation: Variation, data: mujoco.MjData
+) -> None:
+    """Write a variation of the compiled model `base` into `model`, a copy of it; nothing is compiled.
+
+    What `data` holds is lost: to make some takes longer than all else here.
+    """
     _set_friction(model, variation.friction)
     _set_size(model, base, variation.size)
     body = model.body("object").id
@@ -104,7 +109,7 @@ def apply_variation(model: mujoco.MjModel, base: mujoco.MjModel, variation: Vari
     model.body_inertia[body] = base.body_inertia[body] * factor * variation.size**2
     model.actuator_gainprm[:, 0] = base.actuator_gainprm[:, 0] * variation.gain
     model.actuator_biasprm[:, 1] = base.actuator_biasprm[:, 1] * variation.gain
-    mujoco.mj_setConst(model, mujoco.MjData(model))
+    mujoco.mj_setConst(model, data)
 
 
 def _set_friction(model: mujoco.MjModel, friction: float) -> None:
@@ -119,15 +124,15 @@ def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:
     geoms = np.flatnonzero(model.geom_bodyid == body)
     for field in ("geom_size", "geom_pos", "geom_rbound", "geom_aabb"):
         getattr(model, field)[geoms] = getattr(base, field)[geoms] * size
-    boxes = _bvh_rows(model.body_bvhadr[body], model.body_bvhnum[body])
+    _scale_boxes(model, base, int(model.body_bvhadr[body]), int(model.body_bvhnum[body]), size)
     for mesh in {int(model.geom_dataid[g]) for g in geoms if model.geom_type[g] == _MESH}:
         rows = slice(model.mesh_vertadr[mesh], model.mesh_vertadr[mesh] + model.mesh_vertnum[mesh])
         model.mesh_vert[rows] = base.mesh_vert[rows] * size
         model.mesh_pos[mesh] = base.mesh_pos[mesh] * size
-        boxes |= _bvh_rows(model.mesh_bvhadr[mesh], model.mesh_bvhnum[mesh])
-    indices = sorted(boxes)
-    model.bvh_aabb[indices] = base.bvh_aabb[indices] * size
+        _scale_boxes(model, base, int(model.mesh_bvhadr[mesh]), int(model.mesh_bvhnum[mesh]), size)
 
 
-def _bvh_rows(address: int, number: int) -> set[int]:
-    return set(range(address, address + number)) if address >= 0 else set()
+def _scale_boxes(model: mujoco.MjModel, base: mujoco.MjModel, first: int, number: int, size: float) -> None:
+    if first >= 0:
+        rows = slice(first, first + number)
+        model.bvh_aabb[rows] = base.bvh_aabb[rows] * size

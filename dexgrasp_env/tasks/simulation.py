@@ -74,9 +74,9 @@ class Simulation:
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
 
     def vary(self, variation: Variation) -> None:
-        """Write a variation into `model`."""
+        """Write a variation into `model`; the state is lost."""
         if variation != self.variation:
-            apply_variation(self.model, self.base, variation)
+            apply_variation(self.model, self.base, variation, self.data)
             self.variation = variation
 
     def place(self, poses: Array) -> None:
