@@ -59,6 +59,17 @@ def test_a_protocol_that_changes_nothing_counts_once():
     assert [d["protocol"] for d in found["discordant"]] == ["lift", "heavy"]
 
 
+def test_an_agent_is_compared_with_itself_under_another_protocol(tmp_path, printed):
+    rows = [
+        row("x", "pear", k, k < n, protocol=p) for p, n in (("lift", 3), ("lift@warp", 4)) for k in range(4)
+    ]
+    folder = write_run(tmp_path, rows)
+    assert typed(f"compare {folder} x x --protocols lift lift@warp --json") == 0
+    found = printed()
+    assert (found["a"], found["b"]) == ("x (lift)", "x (lift@warp)")
+    assert [found[k] for k in ("scenes", "both", "only_a", "only_b")] == [4, 3, 0, 1]
+
+
 def test_table_and_mistakes(folder, capsys):
     assert typed(f"compare {folder} x y") == 0
     out = capsys.readouterr().out
@@ -67,6 +78,8 @@ def test_table_and_mistakes(folder, capsys):
     for arguments, words in [
         ((str(folder), "x", "z"), "valid are x, y"),
         ((str(folder), "x", "x"), "against itself"),
+        ((str(folder), "x", "x", "--protocols", "lift"), "valid are two"),
+        ((str(folder), "x", "x", "--protocols", "lift", "lift@warp"), "valid are lift"),
         ((str(folder / "no"), "x", "y"), "no evaluation"),
     ]:
         assert main(["compare", *arguments]) == 2

@@ -10,6 +10,7 @@ from refusals import refused
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
+from dexgrasp.cli.main import main
 from dexgrasp_env.tasks.simulation import Simulation
 
 pytestmark = pytest.mark.warp
@@ -222,6 +223,39 @@ def test_states_go_to_mujoco_and_back(pair):
     a, b = ours.step(actions), theirs.step(actions)
     assert_allclose(a[0]["joint_positions"], b[0]["joint_positions"], atol=1e-4)
     assert_allclose(a[0]["object_pose"], b[0]["object_pose"], atol=1e-4)
+
+
+def test_a_single_environment_is_advanced_alike():
+    ours, theirs = (
+        gym.make(ID, objects="pear", control_mode="joint_position", backend=backend, disable_env_checker=True)
+        for backend in ("warp", "mujoco")
+    )
+    rng = np.random.default_rng(0)
+    a, b = (env.reset(seed=4)[0] for env in (ours, theirs))
+    assert all(np.array_equal(a[key], b[key]) for key in b)
+    for _ in range(20):
+        action = np.clip(0.2 * rng.normal(size=23), -1, 1).astype(np.float32)
+        a, b = ours.step(action), theirs.step(action)
+        assert_allclose(a[0]["joint_positions"], b[0]["joint_positions"], atol=1e-4)
+        assert_allclose(a[0]["object_pose"], b[0]["object_pose"], atol=1e-4)
+        assert a[1] == pytest.approx(b[1], abs=1e-4)
+
+
+def test_a_policy_learns_here(tmp_path):
+    learn = ["--objects", "sugar_box", "--backend", "warp", "--num-envs", "2", "--steps", "600"]
+    assert main(["train", "ppo", *learn, "--out", str(tmp_path)]) == 0
+    assert make_agent(str(tmp_path)).env_settings == {"obs_mode": "state", "control_mode": "joint_delta"}
+
+
+def test_evaluation_and_comparison_show_the_gap(tmp_path, printed, capsys):
+    run, protocols = str(tmp_path / "run"), ["lift", "lift@warp"]
+    scenes = ["--objects", "sugar_box", "--trials", "1", "--protocol", *protocols, "--workers", "1"]
+    assert main(["evaluate", "--agents", "bilevel", *scenes, "--out", run]) == 0
+    capsys.readouterr()
+    assert main(["compare", run, "bilevel", "bilevel", "--protocols", *protocols, "--json"]) == 0
+    found = printed()
+    assert (found["a"], found["b"]) == ("bilevel (lift)", "bilevel (lift@warp)")
+    assert (found["scenes"], found["rate_a"], found["rate_b"]) == (1, 1.0, 1.0)
 
 
 def test_what_cannot_be_is_refused_in_one_line():

@@ -12,6 +12,7 @@ class Compare(Command):
       dexgrasp evaluate --agents bilevel hardcoded --objects all20 --trials 6 --out runs/tables
       dexgrasp compare runs/tables bilevel hardcoded
       dexgrasp compare runs/seed_0 runs/seed_1 bilevel hardcoded
+      dexgrasp compare runs/gap runs/ppo runs/ppo --protocols lift lift@warp
 
     Both have met the same scenes, so only those count that one alone solved: an exact McNemar test over them.
     Differences are in points of a hundred, with Newcombe's interval for paired rates; what is said of new objects comes
@@ -21,17 +22,19 @@ class Compare(Command):
         folders: the --out of evaluations.
         a: an agent of these.
         b: another one.
+        protocols: one for each, so that an agent is compared with itself elsewhere (default: all that both met).
     """
 
     folders: Argument[Annotated[tuple[Folder, ...], "RUN"]]
     a: Argument[str]
     b: Argument[str]
+    protocols: Annotated[tuple[str, ...], "PROTOCOL"] = ()
 
     def run(self) -> Answer:
         """Compare."""
         from dexgrasp.evaluation.comparison import compare_agents, render_comparison
 
-        content = compare_agents(self.folders, self.a, self.b)
+        content = compare_agents(self.folders, self.a, self.b, self.protocols)
         return Answer(content, render_comparison(content))
 
 

@@ -27,7 +27,8 @@ _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
 _SAC = (
-    "objects", "env_id", "control_mode", "randomise", "resets", "share", "steps", "num_envs", "rate", "threads",
+    "objects", "env_id", "control_mode", "backend", "randomise", "resets", "share", "steps", "num_envs", "rate",
+    "threads",
 )  # fmt: skip
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 
@@ -173,6 +174,8 @@ class Ppo(_Rl):
       dexgrasp train ppo --objects sugar_box --control-mode ee_delta --resets runs/demos --out runs/ppo_demos
       dexgrasp train ppo --objects seen --env-id DexGrasp/LiftPushed-v2 --randomise mass=0.8:1.2 --out runs/ppo_pushed
       dexgrasp evaluate --agents runs/ppo_bc runs/bc --objects all20 --protocol lift pushed slippery
+      dexgrasp train ppo --objects all20 --backend warp --device cuda --num-envs 4096 --out runs/ppo_gpu
+      dexgrasp evaluate --agents runs/ppo_gpu --objects all20 --protocol lift lift@warp
 
     Stable-Baselines3's algorithm on the native vector environment, dense reward. With --from, a cloned policy acts and
     a share of the network's action is added to its own: what it can do already is the start. A run that was interrupted

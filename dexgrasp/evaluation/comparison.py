@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL
 from dexgrasp.evaluation.protocol_counts import judged
 from dexgrasp.evaluation.sequential import capital
 from dexgrasp.evaluation.statistics import mcnemar, object_difference_interval, paired_difference_interval
@@ -22,8 +23,14 @@ _PLAYED = ("success", "steps", "total_reward", "height", "slip", "tilt")
 """What two trials of an agent on the same object and seed have in common if their protocols changed nothing for it."""
 
 
-def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
+def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[str] = ()) -> dict[str, Any]:
     """Compare two agents of evaluations on the scenes that both have tried.
+
+    Args:
+        folders: of evaluations.
+        a: an agent.
+        b: another one; or the same, under another protocol.
+        protocols: under which the two are, each; none: both under the same, whatever there is.
 
     Returns:
         Counts and statistics over all scenes, `by_set`, `by_object` and (where there are several) `by_protocol`, and
@@ -32,16 +39,37 @@ def compare_agents(folders: Sequence[Path], a: str, b: str) -> dict[str, Any]:
         count in `by_protocol` only.
 
     Raises:
-        InputError: if a folder holds no evaluation, or none a trial of one of the agents.
+        InputError: if a folder holds no evaluation, or none a trial of one of the agents, or not two protocols are
+            given.
     """
     rows = [row for folder in folders for row in judged(read_rows(folder))]
     run, names = " ".join(map(str, folders)), list(dict.fromkeys(row["agent"] for row in rows))
     for name in (a, b):
         if name not in names:
             raise unknown_name(f"agent of {run}", name, names)
+    if protocols:
+        rows, (a, b) = _under(rows, (a, b), protocols)
     if a == b:
         raise InputError(f"{a} against itself: name two of {', '.join(names)}")
     return {"schema": 1, "run": run, "a": a, "b": b, **compare_rows(rows, a, b)}
+
+
+def _under(
+    rows: Sequence[Row], agents: Sequence[str], protocols: Sequence[str]
+) -> tuple[list[Row], list[str]]:
+    """Return the trials of each agent under a protocol of its own, as of one protocol, and what the two are called."""
+    if len(protocols) != 2:
+        raise InputError(f"{len(protocols)} protocols given: valid are two, one for each agent")
+    met = [(row["agent"], row.get("protocol", DEFAULT_PROTOCOL)) for row in rows]
+    found = list(dict.fromkeys(protocol for _, protocol in met))
+    names, kept = [], list[Row]()
+    for agent, protocol in zip(agents, protocols, strict=True):
+        if protocol not in found:
+            raise unknown_name("protocol of the trials", protocol, found)
+        names.append(f"{agent} ({protocol})")
+        renamed = {"agent": names[-1], "protocol": " and ".join(protocols)}
+        kept += [{**row, **renamed} for row, own in zip(rows, met, strict=True) if own == (agent, protocol)]
+    return kept, names
 
 
 def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:

@@ -9,6 +9,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.settings import BACKENDS
 from dexgrasp_env.valid import Count, Natural, Positive, Rule, number, one_of, pair
 
 
@@ -32,6 +33,7 @@ class RlSettings:
         algorithm: `ppo` or `sac`, of Stable-Baselines3.
         env_id: what is learned.
         control_mode: of the environments.
+        backend: their physics: mujoco; warp: mujoco_warp on the device (extra gpu). Trials are MuJoCo's.
         randomise: what every episode draws: friction, mass, size, gain, latency, joint_noise.
         resets: demonstrations that episodes begin along, backwards from success.
         steps: control steps, of all environments together.
@@ -51,6 +53,7 @@ class RlSettings:
     algorithm: Annotated[str, one_of(("ppo", "sac"))] = "ppo"
     env_id: Annotated[str, _LIFTS] = "DexGrasp/Lift-v2"
     control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
+    backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
     randomise: tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...] = ()
     resets: Annotated[str | None, "DIR"] = None
     steps: Count = 1_000_000

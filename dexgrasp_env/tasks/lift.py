@@ -17,6 +17,7 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Starts
 from dexgrasp_env.tasks.observations import OBS_SUMS
+from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
@@ -166,6 +167,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
     | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
     | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does |
     | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
+    | `backend` | `'mujoco'` | `mujoco`; `warp`: mujoco_warp, the extra `gpu`; see the vector environment |
+    | `device` | `None` | of `warp`: `cuda:0`, `cuda:1`, ..., `cpu`; None: a GPU where there is one |
 
     ## Version History
 
@@ -209,6 +212,8 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         reward_weights: Mapping[str, float] | None = None,
         frame_skip: int = CONTROL_STEPS,
         action_scale: float = 1.0,
+        backend: str = "mujoco",
+        device: str | None = None,
     ) -> None:
         given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
         EzPickle.__init__(self, **given)
@@ -224,6 +229,7 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         self.action_space = ActionSpace(self.settings.control_mode, robot)  # type: ignore[assignment]
         self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
         self._simulation = next(iter(self._episodes.simulations.values()))
+        give_physics(self._episodes)
         self._over = True
 
     @classmethod

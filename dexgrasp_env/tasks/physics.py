@@ -1,8 +1,6 @@
 """What advances many environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
 
-from collections.abc import Iterable
-from dataclasses import dataclass
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,10 +8,10 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
-from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 
-BACKENDS = ("mujoco", "warp")
+if TYPE_CHECKING:
+    from dexgrasp_env.tasks.episodes import Episodes
 
 
 class Physics(Protocol):
@@ -36,40 +34,30 @@ class Physics(Protocol):
         """Free what is held."""
 
 
-@dataclass(frozen=True)
-class Backend:
-    """Which physics, and where.
-
-    Attributes:
-        name: of `BACKENDS`.
-        threads: of `mujoco`, at most so many at a time; None for one a core.
-        device: of `warp`, as that names it; None for the first GPU.
-    """
-
-    name: str
-    threads: int | None
-    device: str | None
-
-
-def make_physics(
-    where: Backend, scenes: Iterable[Simulation], number: int, settings: LiftSettings, neighbours: int
-) -> Physics:
-    """Return the physics of `number` environments.
+def make_physics(episodes: "Episodes", number: int, threads: int | None = None) -> Physics:
+    """Return the physics of environments, as their settings choose it.
 
     Args:
-        where: it runs.
-        scenes: of one object, that environments share.
+        episodes: theirs.
         number: of environments.
-        settings: of the environments.
-        neighbours: most that scenes have.
+        threads: of MuJoCo, at most so many at a time; None for one a core.
 
     Raises:
         InputError: for what warp does not do, a missing extra or device.
     """
-    if where.name == "mujoco":
-        return BatchPhysics(scenes, number, where.threads, neighbours)
-    if settings.obs_mode != "state" or neighbours:
-        raise InputError("backend='warp' has obs_mode='state' alone, and no neighbours: use backend='mujoco'")
+    settings, scenes = episodes.settings, episodes.simulations.values()
+    if settings.backend == "mujoco":
+        return BatchPhysics(scenes, number, threads, episodes.neighbours)
+    if episodes.neighbours:
+        raise InputError("backend='warp' has no neighbours: use backend='mujoco'")
     from dexgrasp_env.tasks.warp_batch import WarpPhysics
 
-    return WarpPhysics(scenes, number, where.device or "cuda:0", settings.frame_skip)
+    return WarpPhysics(scenes, number, settings.device, settings.frame_skip)
+
+
+def give_physics(episodes: "Episodes") -> None:
+    """Have the scenes of a single environment advanced as its settings choose; raises as `make_physics`."""
+    if episodes.settings.backend != "mujoco":
+        physics = make_physics(episodes, 1)
+        for simulation in episodes.simulations.values():
+            simulation.physics = physics

@@ -21,6 +21,7 @@ from dexgrasp_env.tasks.rewards import REWARD_MODES, reward_weights
 from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
 
 DEFAULT_VIEWS = 4
+BACKENDS = ("mujoco", "warp")
 OBSERVE = ("step", "reset", "clear")
 RENDER_MODES = ("human", "rgb_array", "depth_array")
 _Sensor = Annotated[SensorModel, Rule("realistic, none, or settings of SensorModel", SensorModel.of)]
@@ -54,6 +55,8 @@ class LiftSettings:
     reward_weights: dict[str, float] | None
     frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)]
     action_scale: Annotated[float, number(gt=0, le=1)]
+    backend: Annotated[str, one_of(BACKENDS)]
+    device: str | None
 
     @classmethod
     def of(cls, **given: Any) -> "LiftSettings":

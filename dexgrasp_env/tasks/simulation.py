@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -60,6 +61,8 @@ class Simulation:
         self.model = copy.copy(self.base)
         self.data = mujoco.MjData(self.model)
         self.variation = Variation()
+        self.physics: Any = None
+        """What advances the scene in the place of MuJoCo: a `WarpPhysics` of one environment."""
         self.columns = reading_columns(self.base, cell.robot)
         self.hull = model.solid.corners  # (V, 3) m, object frame
         self.body = int(self.base.body("object").id)
@@ -126,6 +129,8 @@ class Simulation:
         Returns:
             The warnings that came up, one bit each.
         """
+        if self.physics is not None:
+            return int(self.physics.advance(self, rows))
         model, data = self.model, self.data
         spec, control = _CONTROL, rows
         if np.count_nonzero(self._forces[0]) or np.count_nonzero(self._forces[1]):  # quicker than any()

@@ -19,14 +19,14 @@ from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import EpisodeState, Moment, Starts
 from dexgrasp_env.tasks.infos import masked, objects, with_masks
 from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv
-from dexgrasp_env.tasks.physics import BACKENDS, Backend, make_physics
+from dexgrasp_env.tasks.physics import make_physics
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
 from dexgrasp_env.tasks.rests import Rests
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.views import Views
-from dexgrasp_env.valid import COUNT, Rule, check, one_of
+from dexgrasp_env.valid import COUNT, Rule, check
 
 _Observations = dict[str, NDArray[Any]]
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
@@ -48,13 +48,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     | `max_episode_steps` | `300` | control steps after which an episode is truncated; None for no limit |
     | `autoreset_mode` | `'NextStep'` | `NextStep`, `SameStep`, `Disabled` |
     | `threads` | `None` | threads at a time; None for one a core |
-    | `backend` | `'mujoco'` | `mujoco`; `warp`: physics on a GPU, with the extra `gpu` |
-    | `device` | `None` | of `warp`: `cuda:0`, which None means, `cuda:1`, ..., or `cpu` |
 
     ## Physics on a GPU
 
-    `backend="warp"` has mujoco_warp advance all worlds at once. Keys, types, options, disturbances, randomisation and
-    autoreset are the same, the scenes of a seed too; what differs:
+    `backend="warp"` has mujoco_warp advance all worlds at once, on `device`. Keys, types, options, disturbances,
+    randomisation and autoreset are the same, the scenes of a seed too; what differs:
 
     - Nothing is equal to the last bit: numbers have single precision, the solver stops at 1e-6 where MuJoCo does at
       1e-8, and a face that meets a box may have a corner more or less. Episodes agree until something collides, and
@@ -78,19 +76,17 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
-        backend: str = "mujoco",
-        device: str | None = None,
         **kwargs: Any,
     ) -> None:
-        EzPickle.__init__(
-            self, num_envs, max_episode_steps, autoreset_mode, threads, backend, device, **kwargs
-        )
+        EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, **kwargs)
         given = self._env_type.arguments(**kwargs)
         self.num_envs = check("num_envs", num_envs, COUNT)
         if str(given["obs_mode"]).endswith("rgbd") or given["render_mode"] == "human":
             raise InputError(
                 "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
             )
+        if given["backend"] == "warp" and given["obs_mode"] != "state":
+            raise InputError("backend='warp' has obs_mode='state' alone in the vector environment")
         limit = max_episode_steps
         self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
@@ -101,10 +97,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else check("threads", threads, COUNT)
-        where = Backend(check("backend", backend, one_of(BACKENDS)), threads, device)
-        scenes, slots = self._episodes.simulations.values(), self._episodes.neighbours
-        self._physics = make_physics(where, scenes, num_envs, self.settings, slots)
-        if where.name == "warp":  # resets by MuJoCo would take longer than the steps of the others
+        self._physics = make_physics(self._episodes, num_envs, threads)
+        if self.settings.backend == "warp":  # resets by MuJoCo would take longer than the steps of the others
             self._episodes.one_model, self._episodes.settle = True, Rests().settle
         self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
         self.single_observation_space = self._episodes.observation_space()

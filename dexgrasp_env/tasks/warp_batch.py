@@ -57,13 +57,15 @@ class WarpPhysics:
         sensors: (N, n) `sensordata`.
     """
 
-    def __init__(self, simulations: Iterable[Simulation], number: int, device: str, frame_skip: int) -> None:
+    def __init__(
+        self, simulations: Iterable[Simulation], number: int, device: str | None, frame_skip: int
+    ) -> None:
         """Prepare, without any environment in it yet.
 
         Args:
             simulations: scenes of one object that environments share.
             number: N.
-            device: as warp names it: `cuda:0`, `cpu`.
+            device: as warp names it: `cuda:0`, `cpu`; None: a GPU where there is one.
             frame_skip: physics steps of a control step.
 
         Raises:
@@ -116,9 +118,31 @@ class WarpPhysics:
         self._flush()
         simulation = self._scenes[i]
         mujoco.mj_resetData(simulation.model, simulation.data)
+        self._fetch(i, simulation)
+        return simulation.get_state()
+
+    def _fetch(self, i: int, simulation: Simulation) -> None:
         for name in _STATE:
             getattr(simulation.data, name)[:] = getattr(self._data, name).numpy()[i]
-        return simulation.get_state()
+
+    def advance(self, simulation: Simulation, rows: Array) -> int:
+        """Advance the one environment that there is from what a scene holds, and have the scene hold what is then.
+
+        Of applied forces only that on the object counts.
+
+        Args:
+            simulation: the scene.
+            rows: (1, frame_skip, n) set-points of the physics steps, rad.
+
+        Returns:
+            The warnings that came up, one bit each.
+        """
+        data = simulation.data
+        self.load(0, simulation)
+        bits = self.step(rows, data.xfrc_applied[None, simulation.body, :3], np.arange(1))
+        self._fetch(0, simulation)
+        data.sensordata[:] = self.sensors[0]
+        return int(bits[0])
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> NDArray[np.int64]:
         """Advance environments by one control step; arguments and result as of `BatchPhysics.step`."""
@@ -197,9 +221,9 @@ def _accepted(model: mujoco.MjModel) -> mujoco.MjModel:
     return model
 
 
-def _find(device: str) -> Any:
+def _find(device: str | None) -> Any:
     try:
-        return wp.get_device(device)
+        return wp.get_preferred_device() if device is None else wp.get_device(device)
     except (ValueError, RuntimeError):
         valid = ", ".join(found.alias for found in wp.get_devices())
         raise InputError(f"device {device!r} is not here: valid are {valid}") from None
