@@ -1,5 +1,7 @@
 """Physics of mujoco_warp on its processor device, beside MuJoCo's; a stage of its own in .ci/run installs it."""
 
+import os
+
 import gymnasium as gym
 import mujoco
 import numpy as np
@@ -18,12 +20,13 @@ pytestmark = pytest.mark.warp
 ID = "DexGrasp/Lift-v2"
 N = 40  # of every environment here: a kernel is compiled for each number of worlds
 OBJECTS = 20
+DEVICE = os.environ.get("DEXGRASP_WARP_DEVICE", "cpu")  # `scripts/gpu_acceptance.py --tests` names another
 PUSHED, STEPS = {"kind": "pushed", "size": 0.5}, 380
 
 
 def make(backend, objects="all20", **kwargs):
     """Make environments in which every object settles for itself: the physics alone differ."""
-    given = {"backend": "warp", "device": "cpu"} if backend == "warp" else {}
+    given = {"backend": "warp", "device": DEVICE} if backend == "warp" else {}
     envs = gym.make_vec(ID, num_envs=N, objects=objects, **given, **kwargs)
     envs.unwrapped._episodes.settle = Simulation.settle
     return envs

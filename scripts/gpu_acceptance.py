@@ -1,0 +1,209 @@
+"""What physics on a GPU is worth on this machine: one table, in under nine minutes of a borrowed one.
+
+    python scripts/gpu_acceptance.py [--device cuda:0] [--sizes 1024 4096 16384] [--out gpu.json]
+    python scripts/gpu_acceptance.py --device cpu --sizes 4 8 --control-steps 5 --episodes 8 --random-steps 200
+
+Environment steps a second over all20, with and without its object of 33 parts; how much of that is physics, resets and
+the rest on the host; memory and cold start; episodes of the agent `rl` beside MuJoCo's on the same scenes; random
+actions for long; and, with --tests, those of tests/test_warp.py on the device, replays among them. Every part prints
+its line as it ends; --out has all as JSON. It needs the repository, numpy's and warp's wheels, and a driver.
+"""
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import gymnasium as gym
+import numpy as np
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp import make_agent
+from dexgrasp_env.extras import usable_cores
+from dexgrasp_env.objects.load import resolve_targets
+
+ID, FRAME_SKIP = "DexGrasp/Lift-v2", 25
+ROOT = Path(__file__).resolve().parent.parent
+Result = dict[str, Any]
+
+
+def make(number: int, objects: list[str], device: str | None, **kwargs: Any) -> Any:
+    """Make environments on a device, or MuJoCo's for None."""
+    where = {"backend": "warp", "device": device} if device else {}
+    return gym.make_vec(ID, num_envs=number, objects=objects, **where, **kwargs).unwrapped
+
+
+@contextmanager
+def clock(owner: Any, method: str) -> Iterator[list[float]]:
+    """Collect the seconds that each call of a method takes."""
+    own, seconds = getattr(owner, method), list[float]()
+
+    def timed(*args: Any, **kwargs: Any) -> Any:
+        start = time.perf_counter()
+        try:
+            return own(*args, **kwargs)
+        finally:
+            seconds.append(time.perf_counter() - start)
+
+    setattr(owner, method, timed)
+    try:
+        yield seconds
+    finally:
+        setattr(owner, method, own)
+
+
+def free_gb(device: str) -> float:
+    """Return the free memory of a GPU, or 0 for the processor."""
+    import warp as wp
+
+    found = wp.get_device(device)
+    return found.free_memory / 1e9 if found.is_cuda else 0.0
+
+
+def throughput(number: int, objects: list[str], device: str, steps: int) -> Result:
+    """Step environments at random; episodes end at different times, as they do in a training."""
+    before, start = free_gb(device), time.perf_counter()
+    envs = make(number, objects, device, autoreset_mode="SameStep")
+    envs.reset(seed=0)
+    rng = np.random.default_rng(0)
+    envs._episodes.records["elapsed"] = rng.integers(0, 300, number)
+    actions = rng.uniform(-1.0, 1.0, (steps + 2, *envs.action_space.shape)).astype(np.float32)
+    envs.step(actions[0])
+    cold = time.perf_counter() - start
+    envs.step(actions[1])
+    start = time.perf_counter()
+    with clock(envs._physics, "step") as physics, clock(envs, "_reset_one") as resets:
+        for row in actions[2:]:
+            envs.step(row)
+    whole = time.perf_counter() - start
+    used = before - free_gb(device)
+    envs.close()
+    return {
+        "environments": number, "steps_per_second": number * steps / whole,
+        "physics_steps_per_second": FRAME_SKIP * number * steps / sum(physics),
+        "first_step_seconds": cold, "memory_gb": used, "physics_share": sum(physics) / whole,
+        "reset_share": sum(resets) / whole, "resets": len(resets),
+        "host_share": 1.0 - (sum(physics) + sum(resets)) / whole,
+    }  # fmt: skip
+
+
+def episodes(number: int, objects: list[str], device: str | None) -> np.ndarray:
+    """Have `rl` act in as many scenes, one an environment; return which it solved (N,)."""
+    agent: Any = make_agent("rl")
+    envs = make(number, objects, device, autoreset_mode="Disabled", **agent.env_settings)
+    seen, _ = envs.reset(seed=1000)
+    cell, policy = envs.settings.cell, agent._policy
+
+    def one(i: int) -> dict[str, Any]:
+        return {key: values[i] for key, values in seen.items()}
+
+    solved, over = np.zeros(number, bool), np.zeros(number, bool)
+    runs = [policy.begin(one(i), cell) for i in range(number)]
+    for _ in range(300):
+        actions = np.stack([run.action(one(i)) for i, run in enumerate(runs)])
+        seen, _, terminated, truncated, infos = envs.step(actions)
+        solved |= infos["is_success"] & ~over
+        over |= terminated | truncated
+        if (solved | over).all():
+            break
+        if terminated.any():  # they are to stand still, not to hold the others up
+            envs.reset(options={"reset_mask": terminated})
+    envs.close()
+    return solved
+
+
+def closed_loop(number: int, objects: list[str], device: str) -> Result:
+    """Compare the agent's successes here and in MuJoCo, on the same scenes."""
+    ours, theirs = episodes(number, objects, device), episodes(number, objects, None)
+    return {
+        "episodes": number, "rate": ours.mean(), "rate_mujoco": theirs.mean(), "both": int((ours & theirs).sum()),
+        "only_here": int((ours & ~theirs).sum()), "only_mujoco": int((theirs & ~ours).sum()),
+    }  # fmt: skip
+
+
+def random_steps(total: int, number: int, objects: list[str], device: str, seconds: float) -> Result:
+    """Take random actions until there are as many environment steps, or time is up; count how episodes end."""
+    envs = make(number, objects, device)
+    envs.reset(seed=2)
+    rng, failures, warned = np.random.default_rng(2), Counter[str](), Counter[str]()
+    done, start = 0, time.perf_counter()
+    while done < total and time.perf_counter() - start < seconds:
+        actions = rng.uniform(-1.0, 1.0, envs.action_space.shape).astype(np.float32)
+        observation, _, terminated, _, infos = envs.step(actions)
+        done += number
+        failures.update(infos["failure"][terminated].tolist())
+        warned.update(infos["mujoco_warnings"][terminated].tolist())
+        healthy = infos["failure"] != "simulation_diverged"
+        assert all(np.isfinite(values[healthy]).all() for values in observation.values())
+    envs.close()
+    return {"steps": done, "failures": dict(failures), "warnings": {k: v for k, v in warned.items() if k}}
+
+
+def tested(device: str) -> Result:
+    """Run the tests that hold the physics to MuJoCo's, on the device."""
+    command = [sys.executable, "-m", "pytest", "-m", "warp", "tests/test_warp.py"]
+    done = subprocess.run(
+        command, cwd=ROOT, env=os.environ | {"DEXGRASP_WARP_DEVICE": device}, capture_output=True, text=True
+    )
+    return {"passed": done.returncode == 0, "last_line": done.stdout.strip().splitlines()[-1:]}
+
+
+def shown(value: Any) -> str:
+    """Return a value as a line of the table has it."""
+    if not isinstance(value, float):
+        return str(value)
+    return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Measure one part after the other."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("--device", default="cuda:0")
+    parser.add_argument("--sizes", type=int, nargs="+", default=[1024, 4096, 16384])
+    parser.add_argument("--control-steps", type=int, default=40, help="of every measurement of speed")
+    parser.add_argument("--episodes", type=int, default=1000, help="of rl, here and in MuJoCo")
+    parser.add_argument("--random-steps", type=int, default=10_000_000)
+    parser.add_argument("--random-seconds", type=float, default=120.0, help="after which random actions end")
+    parser.add_argument("--tests", action="store_true", help="tests/test_warp.py on the device as well")
+    parser.add_argument("--out", type=Path)
+    given = parser.parse_args(arguments)
+    objects = resolve_targets(["all20"])
+    plain = [name for name in objects if name != "massage_ball"]
+    middle = given.sizes[len(given.sizes) // 2]
+    parts: dict[str, Callable[[], Result]] = {
+        f"speed, {len(own)} objects, {n}": lambda n=n, own=own: throughput(n, own, given.device, given.control_steps)
+        for own in (objects, plain)
+        for n in given.sizes
+    }  # fmt: skip
+    parts["rl"] = lambda: closed_loop(given.episodes, objects, given.device)
+    parts["random actions"] = lambda: random_steps(
+        given.random_steps, middle, objects, given.device, given.random_seconds
+    )
+    if given.tests:
+        parts["tests"] = lambda: tested(given.device)
+    results: Result = {"device": given.device, "cores": usable_cores(), "load": os.getloadavg()[0]}
+    began = time.perf_counter()
+    for name, measure in parts.items():
+        start = time.perf_counter()
+        results[name] = measure() | {"seconds": time.perf_counter() - start}
+        print(f"{name}: " + ", ".join(f"{k} {shown(v)}" for k, v in results[name].items()), flush=True)
+        if given.out:
+            given.out.write_text(json.dumps(results, indent=1, default=float))
+    print(f"{time.perf_counter() - began:.0f} s in all")
+    return 0
+
+
+if __name__ == "__main__":
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ.setdefault("WARP_CACHE_PATH", cache)  # a cold start is one
+        sys.exit(main())
