@@ -15,7 +15,7 @@ _COLOURS = ("#d1495b", "#2e6f95", "#3a7d44", "#8f5aa8", "#b8860b")  # of the con
 _VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
 _HAND, _TABLE = (0.25, 0.27, 0.30, 0.22), (0.80, 0.72, 0.62, 0.55)
 _AROUND = 0.045  # m that is shown around the object
-_TICKS = 4
+_TICKS, _ZOOM = 4, 1.02
 _CONE_LENGTH, _CONE_SIDES = 0.03, 24  # m
 _NEWTON = 0.008  # m that a newton is drawn as
 
@@ -29,8 +29,9 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
         target: the object it was planned on.
         title: above the picture; the certificate's figures stand below.
     """
-    figure = _figure(15, 5.8)
-    hand, box = _hand_triangles(grasp.cell, grasp.q), _box(target.distance.triangles)
+    figure = _figure(15, 5.0)
+    hand = _hand_triangles(grasp.cell, grasp.q)
+    box = _box(target.distance.triangles, float(hand[..., 2].max()))
     for k, (elevation, azimuth) in enumerate(_VIEWS):
         axes: Any = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
         _draw(axes, grasp, target, hand, box)
@@ -39,7 +40,7 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
     figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=10)
     figure.suptitle(title)
     figure.text(0.5, 0.02, _caption(grasp), ha="center", fontsize=11)
-    figure.subplots_adjust(left=0.0, right=0.98, bottom=0.07, top=0.95, wspace=0.02)
+    figure.subplots_adjust(left=0.01, right=0.98, bottom=0.06, top=0.97, wspace=0.1)
     return _save(figure, path)
 
 
@@ -59,7 +60,7 @@ def hand_picture(
     for k, (name, q) in enumerate(shown.items()):
         axes: Any = figure.add_subplot(1, len(shown), k + 1, projection="3d", computed_zorder=False)
         hand = _hand_triangles(cell, q)
-        box = _box(hand)
+        box = _box(hand, float(hand[..., 2].max()))
         if name in grasps:
             _draw(axes, *grasps[name], hand, box)
         else:
@@ -126,14 +127,16 @@ def _add_solid(axes: Any, polygons: Any, face: Any, edge: Any, width: float = 0.
     axes.add_collection3d(Poly3DCollection(polygons, facecolor=face, edgecolor=edge, linewidth=width))
 
 
-def _box(triangles: Array) -> Array:
-    """Corners (2, 3) of what is shown: a cube around triangles, from just below the table where it reaches there."""
+def _box(triangles: Array, top: float) -> Array:
+    """Corners (2, 3) of what is shown: around triangles, m, from below the table where they reach there, to `top`."""
     corners = triangles.reshape(-1, 3)
     low, high = corners.min(0), corners.max(0)
-    half = 0.5 * float((high - low).max()) + _AROUND
+    half = np.full(3, 0.5 * float((high - low)[:2].max()) + _AROUND)
     middle = 0.5 * (low + high)
-    middle[2] = max(middle[2], half - 0.01)
-    return np.stack([middle - half, middle + half])
+    low, high = middle - half, middle + half
+    low[2] = max(float(corners[:, 2].min()), 0.0) - 0.01
+    high[2] = max(top, float(corners[:, 2].max())) + 0.01
+    return np.stack([low, high])
 
 
 def _set_axes(axes: Any, box: Array, from_above: bool) -> None:
@@ -144,7 +147,7 @@ def _set_axes(axes: Any, box: Array, from_above: bool) -> None:
         axis = getattr(axes, f"{name}axis")
         axis.set_major_locator(MaxNLocator(_TICKS))
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{100 * value:.0f}"))
-    axes.set_box_aspect((1, 1, 1), zoom=0.9)
+    axes.set_box_aspect(box[1] - box[0], zoom=1.0 if from_above else _ZOOM)
     axes.tick_params(labelsize=8)
     if from_above:
         axes.set_proj_type("ortho")

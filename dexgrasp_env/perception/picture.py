@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.objects import Seen
     from dexgrasp_env.perception.scene import Scene
 
-_VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("from above", 89, -90))
+_VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("from above", 90, -90))
 
 
 def cloud_picture(
@@ -39,13 +39,16 @@ def cloud_picture(
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(13.5, 5.0))
+    figure = Figure(figsize=(13.5, 4.4))
     FigureCanvasAgg(figure)
     for k, (name, elevation, azimuth) in enumerate(_VIEWS):
         axes = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
         _draw(axes, np.asarray(points, float), hull, true_mesh)
         axes.view_init(elevation, azimuth)
-        axes.set_title(name, fontsize=10)
+        axes.set_title(name, fontsize=10, y=0.98)
+        if elevation == 90:
+            axes.set_proj_type("ortho")
+            axes.set(zticks=[], zlabel="")
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False)
     figure.suptitle(title or f"{len(points)} points", y=0.985)
     figure.subplots_adjust(left=0.01, right=0.97, bottom=0.10, top=0.88, wspace=0.08)
@@ -94,10 +97,11 @@ def _draw(
 
 
 def _frame(axes: Any, drawn: Array) -> None:
-    centre, half = 0.5 * (drawn.max(0) + drawn.min(0)), 0.5 * max(np.ptp(drawn, axis=0).max(), 0.02)
-    for name, middle in zip("xyz", centre, strict=True):
-        getattr(axes, f"set_{name}lim")(middle - half, middle + half)
+    centre, half = 0.5 * (drawn.max(0) + drawn.min(0)), 0.5 * np.maximum(np.ptp(drawn, axis=0), 0.02)
+    half[:2] = half[:2].max()
+    for name, middle, away in zip("xyz", centre, half, strict=True):
+        getattr(axes, f"set_{name}lim")(middle - away, middle + away)
         getattr(axes, f"set_{name}label")(f"{name}, m", fontsize=8)
-    axes.set_box_aspect((1, 1, 1), zoom=1.0)
+    axes.set_box_aspect(half, zoom=1.0)
     axes.tick_params(labelsize=6)
     axes.locator_params(nbins=4)
