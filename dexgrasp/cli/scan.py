@@ -11,6 +11,7 @@ if TYPE_CHECKING:
     from dexgrasp_env.perception.objects import Seen
     from dexgrasp_env.perception.pointing import Pointing
 
+_DOUBT = "may be two objects, or a part of the next"
 _BESIDE = 0.15  # m from the object within which it is said what stands there
 
 
@@ -76,7 +77,10 @@ class Scan(Options):
 def list_lines(seen: "list[Seen]") -> list[str]:
     """Return a line for each object."""
     near = ["none" if one.next > 1e3 else f"{100 * one.next:.1f} cm" for one in seen]
-    return [f"  {one.number}: {one}, the next {gap} away" for one, gap in zip(seen, near, strict=True)]
+    return [
+        f"  {one.number}: {one}, the next {gap} away{'; ' * one.doubtful}{_DOUBT * one.doubtful}"
+        for one, gap in zip(seen, near, strict=True)
+    ]
 
 
 def chosen_line(seen: "list[Seen]") -> str:
@@ -86,7 +90,8 @@ def chosen_line(seen: "list[Seen]") -> str:
     said = "; ".join(
         f"{one}, {100 * one.apart:.1f} cm away" for one in sorted(beside, key=lambda one: one.apart)
     )
-    return f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
+    line = f"object: {first}; within {100 * _BESIDE:.0f} cm: {said or 'nothing'}"
+    return line + f"\nwarning: object 1 {_DOUBT}: a --mask tells for certain" * first.doubtful
 
 
 def as_json(seen: "list[Seen]") -> list[dict[str, Any]]:
@@ -94,7 +99,7 @@ def as_json(seen: "list[Seen]") -> list[dict[str, Any]]:
     return [
         {
             "number": one.number, "place": one.place, "extents": one.extents,
-            "next": None if one.next > 1e3 else one.next,
+            "next": None if one.next > 1e3 else one.next, "doubtful": one.doubtful,
         }
         for one in seen
     ]  # fmt: skip

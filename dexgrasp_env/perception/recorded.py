@@ -7,11 +7,11 @@ of the robot's base; what goes out is in the world's.
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud, crop
-from dexgrasp_env.perception.objects import extents, link_of, object_cloud, seen_from_outside, told_apart
+from dexgrasp_env.perception.objects import extents, object_cloud, objects_of, seen_from_outside
+from dexgrasp_env.perception.parting import parted
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own
@@ -91,7 +91,7 @@ def find_object(
     Raises:
         InputError: for a mask that is not the cloud's.
     """
-    pointing, objects = (pointing or Pointing()).moved(cell.base), list[Cloud]()
+    pointing, objects, doubtful = (pointing or Pointing()).moved(cell.base), list[Cloud](), list[bool]()
     pointing.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
         cloud = _in_metres(cloud)
@@ -99,16 +99,24 @@ def find_object(
         plane = _find_table(cloud, rng, cell)
         above = isolate(cloud, plane, max(0.004, _S.clearance_sigmas * plane.rms), _S, own)
         above = crop(above, np.array(_S.crop_low) - _AROUND, np.array(_S.crop_high) + _AROUND)
-        objects = told_apart(above, link_of(above))[0]
-        meant = _meant(above, objects, pointing, cell.base)
+        parting = parted(above, plane)
+        numbers = objects_of(above, parting)
+        objects = [above.select(parting.labels == k) for k in numbers]
+        doubtful = [bool(parting.doubtful[k]) for k in numbers]
+        if (marked := pointing.marks(above)) is not None:
+            parting, number = parting.with_marked(marked)
+            _check_marked(above.select(marked), cell.base)
+        else:
+            number = numbers[_choose(objects, len(above), pointing.near, cell.base)]
     except _NoObjectError as refused:
         reason, detail = refused.args
         words = WORDS[reason]
         seen = tuple(
-            object_cloud(seen_from_outside(one), None, _S.smoothing_radius, _S.count) for one in objects
+            object_cloud(seen_from_outside(one), None, _S.smoothing_radius, _S.count, doubt)
+            for one, doubt in zip(objects, doubtful, strict=True)
         )
         return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words, neighbours=seen)
-    return divided(above, meant, plane, _S, rng, cameras_known=False)
+    return divided(above, parting, number, plane, _S, rng, cameras_known=False)
 
 
 def _in_metres(cloud: Cloud) -> Cloud:
@@ -182,33 +190,31 @@ def _below(cloud: Cloud, plane: Plane) -> float:
     return float((off < 0).mean()) if len(off) >= _S.min_points else 0.0
 
 
-def _meant(cloud: Cloud, objects: list[Cloud], pointing: Pointing, base: Array) -> NDArray[np.bool_]:
-    """Return which points of a cloud, isolated, are the object's that is pointed at."""
-    if (marked := pointing.marks(cloud)) is not None:
-        if marked.sum() < _S.min_points:
-            raise _NoObjectError(NOTHING_MARKED, f"{marked.sum()} points")
-        found = cloud.select(marked)
-    else:
-        found = _choose(objects, len(cloud), pointing.near, base)
+def _check_marked(found: Cloud, base: Array) -> None:
+    """Raise where what box or mask hold is no object that is in reach."""
+    if len(found) < _S.min_points:
+        raise _NoObjectError(NOTHING_MARKED, f"{len(found)} points")
     if not _in_reach(_middle(found)):
         raise _NoObjectError(OUT_OF_REACH, _places([found], base))
-    return np.isin(cloud.pixel, found.pixel)
 
 
-def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) -> Cloud:
-    """Return the object that is meant."""
+def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) -> int:
+    """Return which of the objects is meant."""
     if not found:
         raise _NoObjectError(NO_OBJECT, f"{points} points above the table")
+    inside = [k for k, one in enumerate(found) if _in_reach(_middle(one))]
     if near is not None:
         gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in found]
         best = int(np.argmin(gaps))
         if gaps[best] > _NEAR:
             raise _NoObjectError(NOTHING_NEAR, f"the nearest is {100 * gaps[best]:.0f} cm away")
-        return found[best]
-    inside = [c for c in found if _in_reach(_middle(c))]
-    if len(inside) > 1:
-        raise _NoObjectError(SEVERAL, _places(inside, base))
-    return inside[0] if inside else found[0]
+    elif len(inside) > 1:
+        raise _NoObjectError(SEVERAL, _places([found[k] for k in inside], base))
+    else:
+        best = inside[0] if inside else 0
+    if best not in inside:
+        raise _NoObjectError(OUT_OF_REACH, _places([found[best]], base))
+    return best
 
 
 def _in_reach(point: Array) -> bool:

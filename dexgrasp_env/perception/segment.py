@@ -20,7 +20,8 @@ from dexgrasp_env.perception.cloud import (
 )
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
-from dexgrasp_env.perception.objects import link_of, object_cloud, seen_from_outside, told_apart
+from dexgrasp_env.perception.objects import object_cloud, objects_of, seen_from_outside
+from dexgrasp_env.perception.parting import Parting, parted
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
@@ -120,19 +121,23 @@ def _object(
     found = level_views(crop(everything, s.crop_low, s.crop_high), corrections)
     clearance = table_clearance(plane, found.depth, noise_depth(table, plane), s.clearance_sigmas)
     above = isolate(found, plane, clearance, s, own)
-    return divided(above, _meant(above, pointing, s.link), plane, s, rng)
+    return divided(above, *_meant(above, pointing, plane, s.link), plane, s, rng)
 
 
-def _meant(cloud: Cloud, pointing: Pointing, link: float) -> NDArray[np.bool_]:
-    """Return which points of a cloud are the object's that is pointed at."""
+def _meant(cloud: Cloud, pointing: Pointing, plane: Plane, link: float) -> tuple[Parting, int]:
+    """Return which thing each point of a cloud is of, and the number of the one that is pointed at."""
     marked = pointing.marks(cloud)
-    if marked is not None or not len(cloud):
-        return np.zeros(0, bool) if marked is None else marked
-    if pointing.near is not None:
-        labels = clusters(cloud, link_of(cloud))
-        return labels == labels[((cloud.points - pointing.near) ** 2).sum(1).argmin()]
-    labels = clusters(cloud, link)
-    return labels == np.bincount(labels).argmax()
+    near = pointing.near
+    if marked is None and near is None:  # there is but one, so that what is near it is of it
+        labels = clusters(cloud, link)
+        counts = np.bincount(labels, minlength=1)
+        return Parting(labels, np.zeros(len(counts), bool)), int(counts.argmax())
+    parting = parted(cloud, plane)
+    if marked is not None:
+        return parting.with_marked(marked)
+    if near is None or not len(cloud):
+        return parting, 0
+    return parting, int(parting.labels[((cloud.points - near) ** 2).sum(1).argmin()])
 
 
 def isolate(
@@ -146,28 +151,34 @@ def isolate(
 
 
 def divided(
-    cloud: Cloud, meant: NDArray[np.bool_], plane: Plane, s: SegmentationSettings, rng: Generator, *,
+    cloud: Cloud, parting: Parting, number: int, plane: Plane, s: SegmentationSettings, rng: Generator, *,
     cameras_known: bool = True,
 ) -> Scene:  # fmt: skip
-    """Return the scene in which some points (M,) of an isolated cloud are the target, and the others stand around."""
-    others = cloud.select(~meant)
-    objects, rest = told_apart(others, link_of(others))
-    pieces = [cloud.select(meant), *objects, rest]
+    """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
+    numbers = [number, *(k for k in objects_of(cloud, parting) if k != number)]
+    pieces = [cloud.select(parting.labels == k) for k in numbers]
+    pieces.append(cloud.select(~np.isin(parting.labels, numbers)))
     if not cameras_known:
         pieces = [seen_from_outside(piece) if len(piece) else piece for piece in pieces]
-    scene, counts = finish(pieces[0], plane, s, rng), [_OTHERS] * len(objects) + [_REST]
+    doubtful = [*map(bool, parting.doubtful[numbers]), False]
+    counts = [_OTHERS] * len(numbers) + [_REST]
+    scene = finish(pieces[0], plane, s, rng, doubtful[0])
     *around, walls = (
-        object_cloud(one, plane, s.smoothing_radius, most)
-        for one, most in zip(pieces[1:], counts, strict=True)
+        object_cloud(one, plane, s.smoothing_radius, most, doubt)
+        for one, most, doubt in list(zip(pieces, counts, doubtful, strict=True))[1:]
     )
     return replace(scene, neighbours=tuple(around), rest=walls)
 
 
-def finish(cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator) -> Scene:
+def finish(
+    cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator, doubtful: bool = False
+) -> Scene:
     """Return the scene with an isolated object as `count` smoothed points, or the reason why it is none."""
     if len(cloud) < s.min_points:
         return Scene(plane=plane, reason=TOO_FEW if len(cloud) else OUT_OF_VIEW)
     chosen = cloud.select(downsample(cloud.points, s.count, rng))
     points, normals = smooth(cloud, chosen, plane.rms, s.smoothing_radius)
     # In single precision, as observations hold them.
-    return Scene(ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel), plane)
+    return Scene(
+        ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful), plane
+    )

@@ -110,6 +110,8 @@ class Views:
             pointing = self._settings.pointing
             scene = perception.observe(simulation.data, rng, pointing)
             info["perception_failure"] = scene.reason or ""
+            if pointing:
+                info["perception_doubtful"] = scene.target.doubtful
             return scene.as_observation(perception.settings.count, AROUND_POINTS if pointing else 0), info
         depth = perception.measure(simulation.data, rng)
         views: dict[str, NDArray[Any]] = {

@@ -1,0 +1,252 @@
+"""Things that stand close told apart: by gaps, by creases, by surfaces that face each other.
+
+Points are thinned and gathered into patches. Patches are joined, the surest seam first, until what is left between
+them looks like seams of two objects; a seam is judged by all pairs of points across it, so that one narrow bridge
+joins nothing (after locally convex connected patches, Stein et al. 2014).
+"""
+
+import heapq
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.perception.cloud import Cloud, clusters
+from dexgrasp_env.perception.normals import smooth
+from dexgrasp_env.perception.plane import Plane
+
+LEAST_POINTS, LEAST_EXTENT = 50, 0.02
+"""Points, and m of the longest side of a box around them, from which on a part is an object."""
+MOST_EXTENT = 0.35
+"""m of the longest side: what is longer is a wall, a bin, furniture."""
+_CELLS, _SPACINGS = (0.0045, 0.006), 1.2  # m, sides of cells; spacings of the points that one is wide
+_JUDGED = 2000  # points whose spacing is looked at
+_LINK, _AROUND = 2.45, 1.47  # cells: across a seam; within which points are counted that are dense
+_PATCH = 10  # points of a patch, on average
+_SMOOTHED = 0.008  # m around a point of which its normal is made
+_STEP = 1.3  # cells from a level side at which it is looked what stands before and behind it
+_TURN, _ROUNDS = 0.012, 3  # m apart that opposite normals count as half; how often patches are centred
+_CREASE, _FACING, _HIGH, _DENSE, _BIAS = -3.4, -2.8, -18.0, -0.38, 2.36  # of a seam, by logistic regression
+_TALL = 0.1  # m above the table from which on height tells nothing more
+_DOUBT = 0.5  # that a seam is off what parts and what joins, within which it is doubtful
+_CRUMBS = 0.015  # m from a larger part within which what is no object is of it
+_SHEET = (0.015, 0.05)  # m, most thickness and least length of a sheet
+_UPRIGHT = 0.5  # of a sheet's normal that is up, at most
+_HOLLOW, _SHARE = 0.15, 0.25  # m, side of things whose hulls are one where they share so much of the smaller
+_FEW = 10  # points of such a hull
+
+
+class Parting(NamedTuple):
+    """Which thing each point belongs to.
+
+    Attributes:
+        labels: (M,) numbers from 0 on.
+        doubtful: (K,) whether a thing may be two, or a part of the next.
+    """
+
+    labels: NDArray[np.int64]
+    doubtful: NDArray[np.bool_]
+
+    def with_marked(self, marked: NDArray[np.bool_]) -> tuple["Parting", int]:
+        """Return it with the points of a mask (M,) as one more thing, which is beyond doubt, and its number."""
+        number = len(self.doubtful)
+        return Parting(np.where(marked, number, self.labels), np.append(self.doubtful, False)), number
+
+
+def parted(cloud: Cloud, plane: Plane) -> Parting:
+    """Tell the things in a cloud apart, table and robot being removed."""
+    if len(cloud) < LEAST_POINTS:
+        return Parting(np.zeros(len(cloud), np.int64), np.zeros(1, bool))
+    cell = _cell_of(cloud.points)
+    points, normals = smooth(cloud, cloud, plane.rms, _SMOOTHED)
+    _, which = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True)
+    which = which.ravel()
+    points, normals = _means(which, points), _means(which, normals)
+    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    if not np.ptp(cloud.views, axis=0).any():  # nobody knows who saw the points
+        normals = _to_the_air(points, normals, cell)
+    patches = _patches(points, normals, cell)
+    sizes = np.bincount(patches[which])
+    things, doubtful = _join(sizes, *_seams(points, normals, patches, plane, cell))
+    things = things[patches[which]]
+    labels = _with_walls(_with_crumbs(cloud.points, things), cloud, _LINK * cell)
+    _, labels = np.unique(labels, return_inverse=True)
+    biggest = [np.bincount(things[labels == k]).argmax() for k in range(labels.max() + 1)]
+    return Parting(labels, doubtful[biggest])
+
+
+def _cell_of(points: Array) -> float:
+    """Return the side, m, of the cells to which points are thinned: as small as they lie close."""
+    from scipy.spatial import cKDTree
+
+    few = points[:: max(1, len(points) // _JUDGED)]
+    spacing = float(np.median(cKDTree(points).query(few, k=2)[0][:, 1]))
+    return float(np.clip(_SPACINGS * spacing, *_CELLS))
+
+
+def _means(which: NDArray[np.int64], rows: Array) -> Array:
+    """Return the mean row of each number."""
+    sums = [np.bincount(which, column) for column in rows.T]
+    return np.stack(sums, axis=1) / np.maximum(np.bincount(which), 1)[:, None]
+
+
+def _to_the_air(points: Array, normals: Array, cell: float) -> Array:
+    """Return normals (N, 3) turned up, or where they are level away from what stands higher."""
+    from scipy.ndimage import grey_closing
+
+    squares = np.floor(points[:, :2] / cell).astype(int)
+    low = squares.min(0) - 3
+    heights = np.full(np.ptp(squares, axis=0) + 7, -np.inf)
+    np.maximum.at(heights, tuple((squares - low).T), points[:, 2])
+    heights = grey_closing(heights, 2)  # cells of a side that no point fell into
+    behind, before = (
+        heights[tuple((np.floor((points[:, :2] + step * normals[:, :2]) / cell).astype(int) - low).T)]
+        for step in (-_STEP * cell, _STEP * cell)
+    )
+    level = (np.abs(normals[:, 2]) < 0.5) & (behind != before)
+    inwards = np.where(level, behind < before, normals[:, 2] < 0)
+    return np.where(inwards[:, None], -normals, normals)
+
+
+def _patches(points: Array, normals: Array, cell: float) -> NDArray[np.int64]:
+    """Return a number for each point (N,): of a small patch of one side (Papon et al. 2013, without their octree)."""
+    from scipy.spatial import cKDTree
+
+    from dexgrasp_env.perception.kernels import farthest_points
+
+    rows = np.concatenate([points, _TURN * normals], axis=1)
+    middles = rows[farthest_points(np.ascontiguousarray(points), max(1, len(points) // _PATCH), 0)]
+    for _ in range(_ROUNDS):
+        which = cKDTree(middles).query(rows)[1]
+        middles = _means(which, rows)
+    _, which = np.unique(which, return_inverse=True)
+    return which
+
+
+def _seams(
+    points: Array, normals: Array, patches: NDArray[np.int64], plane: Plane, cell: float
+) -> tuple[NDArray[Any], Array, NDArray[Any]]:
+    """Return pairs of patches (S, 2) that lie close, the sum of what parts them, and over how many pairs of points."""
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(points)
+    pairs = tree.query_pairs(_LINK * cell, output_type="ndarray")
+    near = tree.query_pairs(_AROUND * cell, output_type="ndarray")
+    dense, up = np.bincount(near.ravel(), minlength=len(points)), plane.heights(points)
+    pairs = pairs[patches[pairs[:, 0]] != patches[pairs[:, 1]]]
+    a, b = pairs.T
+    way = points[a] - points[b]
+    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    crease = np.minimum((normals[a] * way).sum(1), -(normals[b] * way).sum(1))
+    parts = (
+        _CREASE * crease
+        + _FACING * (normals[a] * normals[b]).sum(1)
+        + _HIGH * np.minimum(0.5 * (up[a] + up[b]), _TALL)
+        + _DENSE * np.minimum(dense[a], dense[b])
+        + _BIAS
+    )
+    low, high = np.sort(patches[pairs], axis=1).T
+    seams, which = np.unique(low * len(points) + high, return_inverse=True)
+    both = np.stack([seams // len(points), seams % len(points)], axis=1)
+    sums: NDArray[Any] = np.bincount(which, parts, len(seams))
+    return both, sums, np.bincount(which, minlength=len(seams))
+
+
+def _join(
+    sizes: NDArray[np.int64], pairs: NDArray[Any], parts: Array, links: NDArray[Any]
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Join patches of so many points each; return which thing each is of (K,), and whether thing k is doubtful (K,)."""
+    seams: list[dict[int, tuple[float, int]]] = [{} for _ in sizes]
+    for (i, j), part, link in zip(pairs.tolist(), parts.tolist(), links.tolist(), strict=True):
+        seams[i][j] = seams[j][i] = part, link
+    heap = [
+        (part / link, i, j, link) for i, own in enumerate(seams) for j, (part, link) in own.items() if i < j
+    ]
+    heapq.heapify(heap)
+    things, sizes, weakest = np.arange(len(sizes)), sizes.copy(), np.full(len(sizes), -np.inf)
+    while heap and heap[0][0] < 0.0:
+        mean, i, j, link = heapq.heappop(heap)
+        if seams[i].get(j, (0.0, 0))[1] != link:  # one of them has grown since
+            continue
+        weakest[i] = max(weakest[i], weakest[j], mean if min(sizes[i], sizes[j]) >= LEAST_POINTS else -np.inf)
+        sizes[i] += sizes[j]
+        things[things == j] = i
+        for k, (part, link) in seams[j].items():
+            del seams[k][j]
+            if k != i:
+                old = seams[i].get(k, (0.0, 0))
+                seams[i][k] = seams[k][i] = new = part + old[0], link + old[1]
+                heapq.heappush(heap, (new[0] / new[1], i, k, new[1]))
+        seams[j] = {}
+    doubtful = weakest > -_DOUBT
+    for i, own in enumerate(seams):
+        doubtful[i] |= any(
+            part < _DOUBT * link and sizes[j] >= LEAST_POINTS for j, (part, link) in own.items()
+        )
+    return things, doubtful
+
+
+def _with_crumbs(points: Array, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return labels (M,) in which what is no object by itself is of what it is near."""
+    from scipy.spatial import cKDTree
+
+    _, labels, counts = np.unique(labels, return_inverse=True, return_counts=True)
+    sides = np.array([np.ptp(points[labels == k], axis=0).max() for k in range(len(counts))])
+    large = (counts >= LEAST_POINTS) & (sides >= LEAST_EXTENT)
+    if not large.any():
+        return labels
+    crumbs = np.flatnonzero(~large[labels])
+    distance, nearest = cKDTree(points[large[labels]]).query(points[crumbs], distance_upper_bound=_CRUMBS)
+    near = np.isfinite(distance)
+    labels[crumbs[near]] = labels[large[labels]][nearest[near]]
+    return _with_shared(points, labels)
+
+
+def _with_shared(points: Array, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Return labels (M,) in which things whose hulls share space are one: the inside of a cup is seen apart from it."""
+    numbers = [k for k in np.unique(labels) if (labels == k).sum() >= _FEW]
+    hulls = {k: _hull(points[labels == k]) for k in sorted(numbers, key=lambda k: -(labels == k).sum())}
+    small = [k for k, (corners, _) in hulls.items() if np.ptp(corners, axis=0).max() <= _HOLLOW]
+    for j, other in enumerate(small):
+        for k in small[:j]:
+            (mine, volume), (its, least) = hulls[k], hulls[other]
+            if (mine.max(0) < its.min(0)).any() or (its.max(0) < mine.min(0)).any():
+                continue
+            both = _hull(np.concatenate([mine, its]))
+            if volume + least - both[1] > _SHARE * min(volume, least):
+                labels[labels == other], hulls[k] = k, both
+                break
+    return labels
+
+
+def _with_walls(labels: NDArray[np.int64], cloud: Cloud, link: float) -> NDArray[np.int64]:
+    """Return labels (M,) in which upright sheets that stand in one row, longer than an object, are one thing."""
+    rows = clusters(cloud, link)
+    for row in range(rows.max() + 1):
+        own = np.unique(labels[rows == row])
+        if np.ptp(cloud.points[rows == row], axis=0).max() <= MOST_EXTENT or len(own) < 2:
+            continue
+        sheets = [k for k in own if _is_sheet(cloud.points[labels == k])]
+        labels[np.isin(labels, sheets)] = sheets[0] if sheets else 0
+    return labels
+
+
+def _is_sheet(points: Array) -> bool:
+    """Whether points (N, 3) lie in an upright sheet."""
+    if len(points) < LEAST_POINTS or np.ptp(points, axis=0).max() < _SHEET[1]:
+        return False
+    across = np.linalg.svd(points - points.mean(0), full_matrices=False)[2][2]
+    low, high = np.quantile(points @ across, (0.02, 0.98))
+    return bool(high - low < _SHEET[0] and abs(across[2]) < _UPRIGHT)
+
+
+def _hull(points: Array) -> tuple[Array, float]:
+    """Return the corners of the hull of points (N, 3) m and its volume, m3; 0 for what is flat."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return points, 0.0
+    return points[hull.vertices], float(hull.volume)
