@@ -22,6 +22,7 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.look import look_at
 from dexgrasp.planning.sources import make_source
 from dexgrasp.registry import make_agent
+from dexgrasp.scoring.hand import find_hand
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -73,7 +74,7 @@ def test_a_hand_made_of_mjcf_is_where_ours_is(made):
         assert np.abs(away[:, 3:]).max() < 1e-5
 
 
-def test_what_is_made_passes_its_check_and_grasps(made):
+def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, capsys):
     cell = make_cell(made)
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", robot=str(made))
@@ -85,6 +86,10 @@ def test_what_is_made_passes_its_check_and_grasps(made):
     content = plan.contents(look.subject.identity, "bilevel", look.subject.pose)[0]
     assert content["thresholds"]["tip_radius"] == cell.robot.hand.tip_radius
     assert [check.name for check in verify(record_of(content, cell=cell)) if not check.holds] == []
+    (tmp_path / "grasp.json").write_text(json.dumps(content))
+    assert run_command(["score", str(tmp_path / "grasp.json"), "--robot", str(made), "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["metrics_mean"]["contact_number"] > 1
+    assert find_hand(str(made)).joint_names == cell.robot.hand.joints.names
     content["thresholds"]["tip_radius"] = 0.02
     assert "thresholds looser than ours" in [
         c.name for c in verify(record_of(content, cell=cell)) if not c.holds

@@ -15,7 +15,10 @@ from dexgrasp.cli.figures import record_table
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.findings import Finding
 
-_SHOWN = ("soda", "sugar_box", "pear")  # objects whose grasps are drawn
+_SHOWN, _GRASPS = (
+    ("soda", "sugar_box", "pear", "mustard_bottle", "lego"),
+    3,
+)  # objects that are tried, and drawn
 _SEARCH = "see why: dexgrasp plan OBJECT --robot FILE"
 
 
@@ -82,7 +85,7 @@ class CheckRobot(Command):
 
     Attributes:
         robot: file of a robot or of a cell, or the name of one of ours.
-        picture: draw the hand there, open, closed and in grasps of three objects, where nothing has to be mended.
+        picture: draw the hand there, open, closed and in three grasps, where nothing has to be mended.
     """
 
     robot: Argument[Annotated[str, "FILE|NAME"]]
@@ -111,14 +114,17 @@ def _draw(cell: Any, path: Path) -> list[str]:
     from dexgrasp.kinematics.robot_check import closed_posture
 
     postures = {"open": cell.robot.home, "closed": closed_posture(cell)[0]}
-    plans = {name: plan_target(name, "bilevel", Scene(robot=cell))[1] for name in _SHOWN}
-    grasps = {
-        name: (plan.grasp, plan.target)
-        for name, plan in plans.items()
-        if plan.grasp is not None and plan.target is not None
-    }
+    grasps, missed = dict[str, Any](), list[str]()
+    for name in _SHOWN:
+        plan = plan_target(name, "bilevel", Scene(robot=cell))[1]
+        if plan.grasp is None:
+            missed.append(name)
+        else:
+            grasps[name] = plan.grasp, plan.target
+        if len(grasps) == _GRASPS:
+            break
     hand_picture(path, cell, postures, grasps)
-    return [name for name in _SHOWN if name not in grasps]
+    return missed
 
 
 COMMAND = {"list": ListRobots, "make": Make, "check": CheckRobot}

@@ -19,6 +19,7 @@ class Score(Command, InCell):
       dexgrasp score theirs/*.npy --mesh meshes/ --protocol dgb_fc          files of DexGraspBench or BODex
       dexgrasp score frogger/*.npz --mesh ycb/ --protocol frogger_pick get_a_grip --workers 2 --out scores
       dexgrasp score mine.json --hand my_hand.xml --protocol dgb_fc         a plain JSON, another hand
+      dexgrasp score leap/*.json --robot leap.yaml --protocol dgb_fc        our files of another robot
 
     Reads our grasp files, .npy dictionaries, FRoGGeR-style .npz arrays and a plain JSON; nothing in a file is executed.
     docs/scoring.md has formats, frames and what differs from the publications. The hand floats: no arm, no approach.
@@ -29,7 +30,7 @@ class Score(Command, InCell):
         protocol: dgb_fc, dgb_tabletop, frogger_pick, get_a_grip, dro.
         mesh: mesh files, or folders of them, for objects that the files only name.
         mesh_scale: factor from the meshes' unit to metres.
-        hand: allegro, or the path of an MJCF hand.
+        hand: allegro, or the path of a hand's MJCF or of a robot's file, for files of others.
         seed: of the draws of pose noise.
         workers: processes; the outcome does not depend on it.
         out: write scores.json there, as --json prints it.

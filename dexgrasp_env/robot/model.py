@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.foreign import described
-from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Robot
+from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot
 
 FARTHEST, HEAVIEST, STIFFEST = 10.0, 1e3, 1e5
 """m; kg and kg m2; Nm s/rad, Nm and Nm/rad: nothing of a robot on a table is beyond."""
@@ -92,15 +92,19 @@ def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, robot: Robot) -> None:
 
 
 def _set_limits(spec: mujoco.MjSpec, robot: Robot) -> None:
-    """Give joints and servos the robot's ranges, torques and gains; dampings that none states stay critical."""
     for part in (robot.arm.joints, robot.hand.joints):
-        for k, name in enumerate(part.names):
-            joint, servo, most = spec.joint(name), spec.actuator(name), part.torque[k]
-            joint.range = [part.lower[k], part.upper[k]]
-            joint.actfrcrange = servo.forcerange = [-most, most]
-            servo.gainprm[0], servo.biasprm[1] = part.stiffness[k], -part.stiffness[k]
-            if part.damping:
-                servo.biasprm[2] = -part.damping[k]
+        set_limits(spec, part)
+
+
+def set_limits(spec: mujoco.MjSpec, part: Joints) -> None:
+    """Give joints and servos their ranges, torques and gains; dampings that none states stay critical."""
+    for k, name in enumerate(part.names):
+        joint, servo, most = spec.joint(name), spec.actuator(name), part.torque[k]
+        joint.range = [part.lower[k], part.upper[k]]
+        joint.actfrcrange = servo.forcerange = [-most, most]
+        servo.gainprm[0], servo.biasprm[1] = part.stiffness[k], -part.stiffness[k]
+        if part.damping:
+            servo.biasprm[2] = -part.damping[k]
 
 
 def attach(spec: mujoco.MjSpec, other: mujoco.MjSpec, frame: mujoco.MjsFrame) -> None:

@@ -9,7 +9,7 @@ from dexgrasp.grasp.file import record_of
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.scoring.candidate import Candidate, HandStage
-from dexgrasp.scoring.hand import ALLEGRO, find_hand
+from dexgrasp.scoring.hand import find_hand
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -33,7 +33,7 @@ def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list
     identity = record.object
     target = find_object(identity.source or identity.name, identity.scale, options, path)
     first, middle, last = (_stage(cell, q) for q in (record.pregrasp, record.grasp, record.squeeze))
-    hand, pose = find_hand(ALLEGRO), record.T_world_object
+    hand, pose = find_hand(cell.robot.hand), record.T_world_object
     return [Candidate(str(path), hand, target, pose, first, middle, last, SERVO_KP)]
 
 
