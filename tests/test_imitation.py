@@ -2,6 +2,7 @@
 
 import json
 from functools import partial
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.imitation.data import read_rows
-from dexgrasp.imitation.features import features, first_look
+from dexgrasp.imitation.features import features, first_look, side_by_side
 from dexgrasp.registry import make_agent
 from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
 
@@ -75,6 +76,18 @@ def test_a_scene_turned_about_the_base_looks_the_same(demos, view):
     # The way from the base to the object alone tells them apart.
     assert len(differing) == 1
     assert_allclose(np.diff([row[differing] for row in rows], axis=0), angle, atol=1e-4)
+
+
+def test_episodes_side_by_side_are_seen_as_each_alone(demos):
+    episodes = list(islice(read_episodes(demos), 2))
+    seen = [{key: array[40] for key, array in episode.observations.items()} for episode in episodes]
+    scenes = [first_look("state", look) for look in seen]
+    alone = [
+        features("state", scene, look, k) for k, (scene, look) in enumerate(zip(scenes, seen, strict=True))
+    ]
+    together = {key: np.stack([look[key] for look in seen]) for key in seen[0]}
+    rows = features("state", side_by_side(scenes), together, np.arange(len(seen)))
+    assert_allclose(rows, alone, atol=1e-12)
 
 
 def test_features_tell_nothing_of_the_last_action(demos):

@@ -65,6 +65,22 @@ def test_sets_are_counted_apart():
     assert set(present_sets(list(OBJECT_SETS["ycb6"]))) == {"seen", "ycb6"}
 
 
+def test_trials_in_other_physics_are_averaged_into_nothing():
+    rows = [
+        row("rl", "pear", k, k < 2, protocol=p)
+        for p in ("lift", "lift@warp")
+        for k in range(2 if p == "lift" else 4)
+    ]
+    agent = summarise_agent(rows)
+    assert (agent["trials"], agent["successes"]) == (2, 2)
+    assert agent["by_object"]["pear"]["trials"] == 2
+    assert {name: own["rate"] for name, own in agent["by_protocol"].items()} == {
+        "lift": 1.0,
+        "lift@warp": 0.5,
+    }
+    assert summarise_agent(rows[2:])["trials"] == 4
+
+
 def test_constraints_as_tables_4_to_6():
     rows = some_rows("bilevel", 0)
     agent = summarise_agent(rows)

@@ -40,6 +40,8 @@ class Protocol:
 
 
 DEFAULT_PROTOCOL = "lift"
+OTHER_PHYSICS = "lift@warp"
+"""Stands beside the others' figures, and is averaged into none."""
 
 _CONTENT: dict[str, Any] = yaml.safe_load(asset_path("protocols.yaml").read_text())
 

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
+from dexgrasp.evaluation.protocol import OTHER_PHYSICS
 from dexgrasp.evaluation.protocol_counts import judged, protocol_counts
 from dexgrasp.evaluation.settings import EvaluationSettings, versions
 from dexgrasp.evaluation.statistics import (
@@ -67,11 +68,12 @@ def summarise(
 
 
 def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
-    """Return one agent's part of the summary."""
+    """Return one agent's part of the summary; trials in other physics than MuJoCo's are in `by_protocol` alone."""
+    by_protocol = {name: own for name, own in grouped(rows, "protocol").items() if name}  # 0.1.0 named none
+    rows = [row for row in rows if row.get("protocol") != OTHER_PHYSICS] or rows
     by_object = grouped(rows, "object")
     members = present_sets(list(by_object))
     sets = {name: [row for row in rows if row["object"] in own] for name, own in members.items()}
-    by_protocol = {name: own for name, own in grouped(rows, "protocol").items() if name}  # 0.1.0 named none
     counts = object_counts(rows)
     within = {str(tries): success_within(counts, tries) for tries in _TRIES}
     constraints = {name: own for name, of in sets.items() if (own := _constraints(of))}

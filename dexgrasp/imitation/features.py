@@ -6,7 +6,7 @@ first lay. Everything is seen from the arm's base turned to the object: scenes t
 one scene to the network.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -36,13 +36,13 @@ class Scene:
     """What is remembered of the first observation.
 
     Attributes:
-        azimuth: rad, where the object lay, seen from the arm's base.
+        azimuth: rad, a number, where the object lay, seen from the arm's base.
         origin: (3,) m, where the object first was.
         numbers: (C,) of the object.
         points: (POINTS, 3) of its cloud about `origin`, network units; empty for `state`.
     """
 
-    azimuth: float
+    azimuth: Any
     origin: Array
     numbers: Array
     points: NDArray[np.float32]
@@ -72,7 +72,10 @@ def first_look(view: str, first: Observation) -> Scene:
 
 
 def features(view: str, scene: Scene, observation: Observation, step: NDArray[np.int64] | int) -> Array:
-    """Return features (..., F) of observations (..., n) of one episode at control steps (...)."""
+    """Return features (..., F) of observations (..., n) of one episode at control steps (...).
+
+    A scene of N episodes, `side_by_side`, has observations (N, n) of each at one control step.
+    """
     turned = _back(scene.azimuth)
     targets = np.array(observation["joint_targets"], dtype=float)
     targets[..., 0] -= scene.azimuth
@@ -82,21 +85,21 @@ def features(view: str, scene: Scene, observation: Observation, step: NDArray[np
     tips = np.asarray(observation["fingertip_positions"], dtype=float).reshape(*shape, 4, 3)
     parts = [
         targets,
-        ((tips - at[..., None, :]) @ turned.T * _METRES).reshape(*shape, 12),
-        (palm[..., :3] - at) @ turned.T * _METRES,
+        ((tips - at[..., None, :]) @ turned.swapaxes(-1, -2) * _METRES).reshape(*shape, 12),
+        _turn(palm[..., :3] - at, turned) * _METRES,
         (turned @ quat_to_matrix(palm[..., 3:]))[..., :2].reshape(*shape, 6),
         np.broadcast_to(np.minimum(step, _LONGEST) / _STEPS, shape)[..., None],
     ]
     if view == "state":
         forces = np.asarray(observation["fingertip_forces"], dtype=float).reshape(*shape, 4, 3)
         progress = np.asarray(observation["progress"], dtype=float) * [_METRES, 1.0]
-        moved = (at - scene.origin) @ turned.T * _METRES
-        parts += [np.tanh(forces @ turned.T / _NEWTONS).reshape(*shape, 12), progress, moved]
+        moved = _turn(at - scene.origin, turned) * _METRES
+        parts += [np.tanh(forces @ turned.swapaxes(-1, -2) / _NEWTONS).reshape(*shape, 12), progress, moved]
     else:
         # The hand alone: the lag of its closed fingers is how hard they press.
         lag = np.asarray(observation["joint_targets"], dtype=float) - observation["joint_positions"]
         parts.append(5.0 * lag[..., 7:])
-    numbers = np.broadcast_to(scene.numbers, (*shape, len(scene.numbers)))
+    numbers = np.broadcast_to(scene.numbers, (*shape, scene.numbers.shape[-1]))
     return np.concatenate([*parts, numbers], axis=-1)
 
 
@@ -133,6 +136,22 @@ def _from_cloud(first: Observation) -> Scene:
     return Scene(azimuth, centre, numbers, local[chosen].astype(np.float32))
 
 
-def _back(azimuth: float) -> Array:
+def side_by_side(scenes: Sequence[Scene]) -> Scene:
+    """Return N scenes as one whose entries have an axis (N,) in front."""
+    parts = zip(
+        *((scene.azimuth, scene.origin, scene.numbers, scene.points) for scene in scenes), strict=True
+    )
+    return Scene(*(np.array(part) for part in parts))
+
+
+def _turn(vectors: Array, turned: Array) -> Array:
+    """Return vectors (..., 3) turned, all alike or each by a matrix of its own."""
+    if turned.ndim == 2:
+        return vectors @ turned.T
+    return (turned @ vectors[..., None])[..., 0]
+
+
+def _back(azimuth: Array | float) -> Array:
     c, s = np.cos(azimuth), np.sin(azimuth)
-    return np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    return np.moveaxis(np.array([[c, s, zero], [-s, c, zero], [zero, zero, one]]), (0, 1), (-2, -1))

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.imitation.clone import Clone
-from dexgrasp.imitation.features import Observation, features, first_look
+from dexgrasp.imitation.clone import Clone, CloneRun
+from dexgrasp.imitation.features import Observation, Scene, features, first_look, side_by_side
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Arrays
@@ -49,45 +49,77 @@ class Actor(Policy):
         return ActorRun(self, first, cell)
 
     def correction(self, looks: NDArray[np.float32]) -> Array:
-        """Return the network's output (m,) in [-1, 1] for what `Eye.look` returns."""
+        """Return the network's output (..., m) in [-1, 1] for what `Eyes.look` returns."""
         x = self._actor(looks)
         return np.asarray(np.tanh(x) if self._squashed else np.clip(x, -1.0, 1.0), dtype=float)
 
 
-class Eye:
-    """What a network is given in one episode, and what comes of its answers."""
+class Eyes:
+    """What a network is given in N episodes side by side, and what comes of its answers."""
 
-    def __init__(self, acting: Acting, first: Observation, cell: Cell) -> None:
-        """Look at the first observation.
+    def __init__(self, acting: Acting, firsts: Observation, cell: Cell) -> None:
+        """Look at the first observations, (N, n) by key.
 
         Raises:
             InputError: where there is nothing to look at, or the robot is another.
         """
-        self._acting, self._scene, self._step = acting, first_look("state", first), 0
-        self._clone = None if acting.clone is None else acting.clone.begin(first, cell)
-        self._clones: Any = 0.0
+        self._acting, self._cell = acting, cell
+        every = [one(firsts, i) for i in range(len(firsts["joint_targets"]))]
+        self._scenes = side_by_side([first_look("state", first) for first in every])
+        self._clones = [self._clone(first) for first in every]
+        self._steps = np.zeros(len(every), np.int64)
+        self._cloned: Any = 0.0
 
-    def look(self, observation: Observation) -> NDArray[np.float32]:
-        """Return what the network is given now: scaled features, and the clone's action (m,)."""
-        looks = self._acting.scaling(features("state", self._scene, observation, self._step))
-        self._step += 1
-        if self._clone is None:
+    def begin(self, i: int, first: Observation) -> None:
+        """Begin episode `i` anew, at its first observation."""
+        scene = first_look("state", first)
+        for name, values in vars(self._scenes).items():
+            values[i] = getattr(scene, name)
+        self._clones[i] = self._clone(first)
+        self._steps[i] = 0
+
+    def _clone(self, first: Observation) -> CloneRun | None:
+        clone = self._acting.clone
+        return None if clone is None else clone.begin(first, self._cell)
+
+    def look(self, observations: Observation) -> NDArray[np.float32]:
+        """Return what the network is given now, (N, F): scaled features, and the clones' actions."""
+        looks = self._acting.scaling(features("state", self._scenes, observations, self._steps))
+        self._steps += 1
+        if self._acting.clone is None:
             return looks
-        self._clones = self._clone.action(observation)
-        return np.concatenate([looks, self._clones])
+        acted = [clone.action(one(observations, i)) for i, clone in enumerate(self._clones) if clone]
+        self._cloned = np.stack(acted)
+        return np.concatenate([looks, self._cloned], axis=-1)
 
-    def carried_out(self, action: Array) -> NDArray[np.float32]:
-        """Return the action that is carried out: a share of the network's, on the clone's where there is one."""
-        return np.clip(self._clones + self._acting.share * action, -1.0, 1.0).astype(np.float32)
+    def last(self, i: int, observation: Observation) -> NDArray[np.float32]:
+        """Return what the network would be given of the observation that episode `i` ended with, (F,)."""
+        scene = Scene(*(values[i : i + 1] for values in vars(self._scenes).values()))
+        looks = self._acting.scaling(features("state", scene, _alone(observation), self._steps[i : i + 1]))[0]
+        clone = self._clones[i]
+        return looks if clone is None else np.concatenate([looks, clone.action(observation)])
+
+    def carried_out(self, actions: Array) -> NDArray[np.float32]:
+        """Return the actions (N, m) that are carried out: a share of the network's, on the clones' where they are."""
+        return np.clip(self._cloned + self._acting.share * actions, -1.0, 1.0).astype(np.float32)
 
 
-class ActorRun(Eye):
+class ActorRun(Eyes):
     """An actor in one episode."""
 
     def __init__(self, actor: Actor, first: Observation, cell: Cell) -> None:
-        super().__init__(actor.acting, first, cell)
+        super().__init__(actor.acting, _alone(first), cell)
         self._actor = actor
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action."""
-        return self.carried_out(self._actor.correction(self.look(observation)))
+        return self.carried_out(self._actor.correction(self.look(_alone(observation))))[0]
+
+
+def one(observations: Observation, i: int) -> Observation:
+    """Return the observation of environment `i`."""
+    return {key: values[i] for key, values in observations.items()}
+
+
+def _alone(observation: Observation) -> Observation:
+    return {key: np.asarray(values)[None] for key, values in observation.items()}

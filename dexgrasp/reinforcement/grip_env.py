@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.features import Observation
-from dexgrasp.reinforcement.feature_vec_env import one
+from dexgrasp.reinforcement.actor import one
 from dexgrasp.reinforcement.grip import SIZE, GripRun, look
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 from dexgrasp_env.arrays import Array

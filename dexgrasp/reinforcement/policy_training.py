@@ -41,8 +41,8 @@ class PolicyTraining(Rounds):
         s = self.settings
         drawn = {name: tuple(ends) for name, *ends in s.randomise}
         envs = SB3VecEnv(
-            s.env_id, s.num_envs, objects=list(s.objects), randomisation=drawn or None, backend=s.backend,
-            device="cpu" if self.place.type == "cpu" else None, **self.env,
+            s.env_id, s.num_envs, ("is_success",), objects=list(s.objects), randomisation=drawn or None,
+            backend=s.backend, device="cpu" if self.place.type == "cpu" else None, **self.env,
         )  # fmt: skip
         if self._resets:
             self._resets.attach(envs.envs)

@@ -316,13 +316,14 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         episodes = self._episodes
         told = dict(zip(TOLD, episodes.told.T.copy(), strict=False))
         drawn = [slot.variation for slot in episodes.slots]
+        warned = told["mujoco_warnings"].astype(int).tolist()
         infos: dict[str, Any] = told | {
             **{name: told[name] > 0 for name in ("is_success", "is_stable", "is_grasped")},
             "stage": _STAGES[told["stage"].astype(int)],
             "failure": _FAILURES[told["failure"].astype(int)],
             "object": objects([episodes.object_name(i) for i in range(self.num_envs)]),
             "disturbance": _PHASES[told["disturbance"].astype(int)],
-            "mujoco_warnings": objects([warning_names(int(bits)) for bits in told["mujoco_warnings"]]),
+            "mujoco_warnings": objects([warning_names(bits) if bits else "" for bits in warned]),
             "variation": with_masks(
                 {name: np.array([getattr(v, name) for v in drawn]) for name in vars(Variation())}
             ),
