@@ -48,7 +48,9 @@ class LearnedAgent(Agent):
             self.report.failure = str(info["perception_failure"])
             return
         try:
-            self._run = self._policy.begin(observation, cell_of(info, default_cell()))
+            cell = cell_of(info, default_cell())
+            self._policy.check_robot(cell)
+            self._run = self._policy.begin(observation, cell)
         except InputError as error:
             self.report.failure = str(error)
 

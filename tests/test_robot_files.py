@@ -1,6 +1,7 @@
 """Robots of somebody else's MJCF: rebuilt as they are, made into files, tested; what is wrong is said in a line."""
 
 import json
+import re
 
 import gymnasium as gym
 import mujoco
@@ -11,6 +12,7 @@ from foreign_parts import ALLEGRO, foreign_hand, six_joint_arm
 from PIL import Image
 from robots import CELL
 
+from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
@@ -179,6 +181,15 @@ def test_weights_are_of_one_hand(made):
     with pytest.raises(InputError, match=r"are of the hand allegro-.* not of .*: valid are"):
         make_source("cvae", make_cell(made).robot)
     assert type(make_source("auto", make_cell(made).robot)).__name__ == "SurfaceProposals"
+
+
+def test_policies_move_one_robot(made):
+    env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=str(made))
+    observation, info = env.reset(seed=0)
+    for name in ("bc", "rl"):
+        agent = make_agent(name)
+        agent.reset(observation, public_info(env, info))
+        assert re.search("the policy moves the robot panda-.*-allegro-.*, not panda-", agent.report.failure)
 
 
 def test_the_commands(tmp_path, capsys):

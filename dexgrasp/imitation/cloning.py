@@ -14,6 +14,7 @@ from dexgrasp.runs.step_training import StepTraining
 from dexgrasp.runs.training import Course, Row
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.robot.cell import default_cell
 
 with from_extra():
     import torch
@@ -103,7 +104,7 @@ class Cloning(StepTraining):
         arrays = self.net.arrays() | {"unit": self._unit.cpu().numpy()}
         about = {
             "kind": KIND, "view": self.settings.view, "chunk": self.settings.network.chunk,
-            "execute": self.settings.execute, "env": self._env,
+            "execute": self.settings.execute, "env": self._env, "robot": default_cell().robot.stamp,
             "training": {
                 "seed": self.settings.seed, "demonstrations": len(self._trained), "steps": len(self._rows.looks),
                 **self.state.curve[-1], "versions": package_versions(_PACKAGES),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.cell import Cell, default_cell
 
 FARTHEST = 6.0
 """Standard deviations that features are clipped at."""
@@ -21,6 +21,7 @@ class Policy(ABC):
 
     Attributes:
         env: keywords of `gym.make` that it needs.
+        robot: that it moves, as `Robot.stamp` says it; ours where its folder says nothing.
     """
 
     def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
@@ -31,6 +32,7 @@ class Policy(ABC):
         """
         try:
             self.env = {str(key): value for key, value in about["env"].items()}
+            self.robot = str(about.get("robot") or default_cell().robot.stamp)
             fits = self._read(about, arrays)
         except InputError:
             raise
@@ -38,6 +40,17 @@ class Policy(ABC):
             raise InputError(f"the policy is incomplete ({error})") from None
         if not fits:
             raise InputError("the policy's arrays do not fit what it says of itself")
+
+    def check_robot(self, cell: Cell) -> None:
+        """Refuse another robot than it has learned to move.
+
+        Raises:
+            InputError: naming both.
+        """
+        if self.robot != cell.robot.stamp:
+            raise InputError(
+                f"the policy moves the robot {self.robot}, not {cell.robot.stamp}: train one of its own"
+            )
 
     @abstractmethod
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:

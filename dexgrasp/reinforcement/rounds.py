@@ -20,6 +20,7 @@ from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import content_hash
+from dexgrasp_env.robot.cell import default_cell
 
 with from_extra():
     import torch
@@ -118,7 +119,7 @@ class Rounds(Training):
         own, arrays = self.policy()
         arrays |= layer_arrays("actor", _mean_action(self.model))
         about = {
-            "kind": self.kind, "view": "state", "env": self.env, **own,
+            "kind": self.kind, "view": "state", "env": self.env, **own, "robot": default_cell().robot.stamp,
             "training": {
                 "settings": asdict(self.settings), **self.state.curve[-1], "versions": package_versions(_PACKAGES),
             },

@@ -269,6 +269,12 @@ class Robot:
         """The G fingers of a grasp, the opposing one first."""
         return tuple(map(self.hand.finger, self.hand.grasp))
 
+    @cached_property
+    def stamp(self) -> str:
+        """What learned policies call the robot: names, and hashes of arm and hand; limits do not count."""
+        shape = content_hash(self.arm.mjcf.read_text(), self.arm.frame)[:8]
+        return f"{self.arm.name}-{shape}-{self.hand.stamp}"
+
     @property
     def arm_columns(self) -> slice:
         """Where the arm's joints are in a vector of joints."""
