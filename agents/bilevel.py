@@ -14,8 +14,10 @@ from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.retreat import Retreat
+from dexgrasp.motion.slide import Slide
 from dexgrasp.planning.aside import plan_aside
 from dexgrasp.planning.carry import plan_turn
+from dexgrasp.planning.overhang import plan_slid, plan_slide
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult, Progress
@@ -30,7 +32,7 @@ from dexgrasp_env.robot.cell import Cell, default_cell
 class State(NamedTuple):
     """Where in an episode the agent is: it looks, grasps, carries; what it loses it leaves, and looks again."""
 
-    motion: GuardedGrasp | GuardedCarry | SettingAside | Retreat
+    motion: GuardedGrasp | GuardedCarry | SettingAside | Slide | Retreat
     plan: PlanResult  # the last one
     looks: int  # that are left
     moves: int = 0  # of neighbours, that are left
@@ -41,7 +43,8 @@ class BilevelAgent(Agent):
     """Plans from the cloud at reset and carries the grasp out; told nothing of the object's pose or mass.
 
     Where the joints feel that the object was lost, the arm goes home, looks again and grasps once more; where there is
-    no grasp, a neighbour that is in the way is set aside first, or the agent looks again at once.
+    no grasp, a neighbour that is in the way is set aside first, what lies flat is slid over the table's edge, or the
+    agent looks again at once.
     """
 
     env_settings: ClassVar[Mapping[str, Any]] = {
@@ -123,7 +126,9 @@ class BilevelAgent(Agent):
             home = self._way_home(observation, plan) if looks else None
             waiting = None if home is None else State(home, plan, looks, moves)
             self._state = (
-                self._make_way(observation, plan, moves, looks, self._scene(observation, info)) or waiting
+                self._make_way(observation, plan, moves, looks, self._scene(observation, info))
+                or self._slide(observation, plan, looks)
+                or waiting
             )
             self.report.again, self.report.planning_seconds = self._state is not None, plan.planning_seconds
 
@@ -141,6 +146,8 @@ class BilevelAgent(Agent):
                 return state._replace(motion=SettingAside(held, state.aside))
             case GuardedGrasp(done=True) as held:
                 return state._replace(motion=self._carry(held, state.plan))
+            case Slide(done=True) as slide if self.report.again:
+                return self._grasp_slid(state, slide, observation)
             case SettingAside(done=True):
                 home = self._way_home(observation, state.plan)
                 return state if home is None else state._replace(motion=home)
@@ -190,6 +197,29 @@ class BilevelAgent(Agent):
             return None
         self.report.details["moves"] = self._moves - moves + 1
         return State(self._grasp(aside.plan), aside.plan, looks, moves - 1, aside.way)
+
+    def _slide(self, observation: Observation, plan: PlanResult, looks: int) -> State | None:
+        """Return the state in which what lies flat is slid over the table's edge; None where that does not help."""
+        if plan.target is None or not looks:
+            return None
+        began = time.perf_counter()
+        slide = plan_slide(self._planner, plan.target, self._seed, self._start(observation))
+        plan.planning_seconds += time.perf_counter() - began
+        return None if slide is None else State(slide, plan, looks)
+
+    def _grasp_slid(self, state: State, slide: Slide, observation: Observation) -> State:
+        """Plan the grasp of what now sticks out over the edge, from where the joints say that it was pushed to."""
+        assert state.plan.target is not None  # it was pushed
+        began, start = time.perf_counter(), self._start(observation)
+        plan = plan_slid(self._planner, state.plan.target, slide, self._seed, start)
+        self.report.planning_seconds = state.plan.planning_seconds + time.perf_counter() - began
+        self.report.again = False
+        self.report.details["slid"] = slide.moved
+        if not plan.found:
+            return state
+        # The object is not where files state it, and no camera looks past the edge.
+        self.report.failure, self.result = None, None
+        return State(self._grasp(plan), plan, looks=0)
 
     def _look_again(self, state: State, observation: Observation) -> State:
         """Plan from what the cameras see now that the hand is out of their way; without a grasp, make way, or stay."""

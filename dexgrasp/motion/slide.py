@@ -1,0 +1,155 @@
+"""An object that lies flat, pushed over the table by two fingertips until it sticks out over an edge.
+
+The tips of index and middle finger press on the table behind it, side by side across the way so that it does not turn,
+and the palm goes ahead of them. Pressing on it from above would not do: what a tip drags with, it also presses the
+object onto the table with.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.grasp.script import ActionScript
+from dexgrasp.kinematics.forward import fingertips
+from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.motion.approach import plan_approach
+from dexgrasp.motion.cartesian import shift_palm
+from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.motion.motion import Motion, NoPath
+from dexgrasp.motion.timing import smooth_step, time_path, within_limits
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.cell import Cell, default_cell
+from dexgrasp_env.scene.constants import CONTROL_PERIOD
+
+_FINGER = (0.0, 0.2, 1.4, 0.8)  # rad: curled so that what resists a tip neither lifts it nor presses it down
+_TILT = 0.09  # rad of the palm
+_HEIGHT = 0.0105  # m of the tips' centres, at which they press on the table: what they push cannot lift them
+_BEFORE, _BEYOND, _BACK = 0.02, 0.01, 4  # m before and past the push; points back from its end
+_SPACING = 0.01  # m between points of the push
+_SPEED = 0.21  # m/s on average
+_SLOWER = 1.15
+_OFF_TABLE = -0.0043  # m that covering spheres may be in the table, which the tips press on
+_STRAY = 0.003  # m of the palm
+_MARGIN = 0.004  # m from what is approached
+_SETTLE = 4  # control steps
+
+
+class Push(NamedTuple):
+    """A straight push of what lies on the table."""
+
+    direction: Array  # (2,) level, unit
+    distance: float  # m
+    touch: Array  # (2,) m, the middle between the two tips' centres as they touch
+
+
+class Slide(Motion):
+    """Carries a push out.
+
+    Attributes:
+        script: phases `reach`, `slide` and `leave`.
+        push: that it carries out.
+        moved: m that the tips have taken the object along, as the joints feel it; of use when it is done.
+    """
+
+    def __init__(self, script: ActionScript, push: Push, tree: RobotTree) -> None:
+        """Prepare; `make_slide` plans one."""
+        self.script, self.push, self.tree, self.moved = script, push, tree, 0.0
+        self._step, self._leave = 0, dict(script.phases)["leave"]
+
+    @property
+    def done(self) -> bool:
+        """Whether the tips have left the object where it is."""
+        return self._step >= len(self.script.targets)
+
+    def _next(self, q: Array) -> Array:
+        if self._step == self._leave:
+            middle = fingertips(q, self.tree)[1:, :2].mean(0)
+            self.moved = max(float((middle - self.push.touch) @ self.push.direction), 0.0)
+        target = self.script.at(self._step)
+        self._step += 1
+        return target
+
+
+def can_push(cell: Cell) -> bool:
+    """Whether the cell's hand is the one whose fingers are known to push."""
+    return cell.robot.hand.mjcf == default_cell().robot.hand.mjcf
+
+
+def tips_apart(cell: Cell) -> float:
+    """Return the distance, m, of the two tips that push."""
+    index, middle = fingertips(_pushing(robot_tree(cell)), robot_tree(cell))[1:]
+    return float(np.linalg.norm(index - middle))
+
+
+def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Slide:
+    """Plan a push and the way to where it begins.
+
+    Args:
+        push: of the object.
+        start: (n,) rad, set-points now.
+        target: the object as it lies.
+        cell: of the robot.
+
+    Raises:
+        NoPath: `push_out_of_reach`, or `approach_blocked`.
+    """
+    tree = robot_tree(cell)
+    way = _way(push, cell)
+    if way is None:
+        raise NoPath("push_out_of_reach", "the arm cannot take two fingertips along the whole way")
+    checker = CollisionChecker(cell, target.distance, _MARGIN)
+    reach = time_path(plan_approach(checker, start, way[0]), tree, checker)
+    pieces = {
+        "reach": np.concatenate([reach, np.repeat(way[:1], _SETTLE, axis=0)]),
+        "slide": np.concatenate([_timed(way, tree), np.repeat(way[-1:], _SETTLE, axis=0)]),
+        "leave": _timed(way[: -_BACK - 2 : -1], tree),
+    }
+    first = np.cumsum([0, *map(len, pieces.values())])[:-1]
+    phases = tuple(zip(pieces, map(int, first), strict=True))
+    targets = np.clip(np.concatenate(list(pieces.values())), tree.lower, tree.upper)
+    return Slide(ActionScript(targets, phases, start), push, tree)
+
+
+def _pushing(tree: RobotTree) -> Array:
+    """Return a configuration (n,) rad whose index and middle finger are curled, the others straight."""
+    q = tree.home.copy()
+    q[tree.arm :] = 0.0
+    for first, end in tree.fingers[1:]:
+        q[first:end] = _FINGER
+    inside = np.clip(q, tree.lower + 0.01, tree.upper - 0.01)
+    return np.concatenate([tree.home[: tree.arm], inside[tree.arm :]])
+
+
+def _way(push: Push, cell: Cell) -> Array | None:
+    """Return configurations (m, n) rad of a push, the tips `_BEFORE` the object at first; None where there is none."""
+    tree = robot_tree(cell)
+    q = _pushing(tree)
+    R0, p0 = palm_frame(q, tree)
+    tips = (fingertips(q, tree)[1:].mean(0) - p0) @ R0
+    ahead = np.array([*push.direction, 0.0])
+    c, s, up = np.cos(_TILT), np.sin(_TILT), np.array([0.0, 0.0, 1.0])
+    x, z = s * ahead - c * up, -c * ahead - s * up
+    R = np.stack([x, np.cross(z, x), z], axis=1)
+    begin = np.array([*(push.touch - _BEFORE * push.direction), _HEIGHT]) - R @ tips
+    if not reach_palm(q, R, begin, tree):
+        return None
+    length = _BEFORE + push.distance + _BEYOND
+    count = int(np.ceil(length / _SPACING))
+    path, strayed = shift_palm(q, tree, np.linspace(0.0, length, count + 1)[1:, None] * ahead)
+    way = np.concatenate([q[None], path])
+    blocked = strayed > _STRAY or CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is not None
+    return None if blocked else way
+
+
+def _timed(path: Array, tree: RobotTree) -> Array:
+    """Return set-points (T, n) rad along points `_SPACING` apart, from rest to rest."""
+    seconds = max(_SPACING * (len(path) - 1) / _SPEED, 0.4)
+    while True:
+        count = round(seconds / CONTROL_PERIOD)
+        at = smooth_step(np.arange(1, count + 1) / count) * (len(path) - 1)
+        rows = np.stack([np.interp(at, np.arange(len(path)), column) for column in path.T], axis=1)
+        if within_limits(path[0], rows, tree):
+            return rows
+        seconds *= _SLOWER

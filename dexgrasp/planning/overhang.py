@@ -1,0 +1,158 @@
+"""What lies too flat to be pinched: slid until it sticks out over the table's edge, and pinched there.
+
+There the table is one of the things that stand around the object, and the floor is the table: the planner of a cell
+whose table is lower plans the grasp, and its certificate says that the hand keeps clear of the real one.
+"""
+
+from dataclasses import replace
+from itertools import pairwise, product
+
+import numpy as np
+
+from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.slide import Push, Slide, can_push, make_slide, tips_apart
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.result import PlanResult
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
+
+_WANTED, _LEAST = 0.065, 0.028  # m that stick out
+_INSIDE = 0.012  # m inside the edge that the centre of mass stays
+_TOWARDS = 0.6  # cosine of the way to the edge
+_ALIKE = 0.002  # m by which one tip may touch before the other
+_SIDE = 0.03  # m, from where a straight side is pushed square
+_TURNS = np.deg2rad(np.arange(0.0, 360.0, 15.0))
+_TRIED = 12  # pushes
+_CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
+_FAR = 0.35  # m: the price of the far edge, where the arm hardly reaches round the object
+_AGAIN = 3  # seeds
+_FLOOR = 0.5  # m below the table
+_SUNK = 0.002  # m that the table is taken to be lower than it is: the object lies on it
+_HALF = 0.5 * np.array(TABLE_SIZE[:2])
+_MIDDLE = np.array([TABLE_CENTRE_X, 0.0])
+_EDGES = ((-1.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, -1.0))
+"""Level directions out of the table."""
+
+
+def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -> Slide | None:
+    """Return the push after which something flat can be grasped; None where there is none, or it is not flat.
+
+    Args:
+        planner: of the cell.
+        target: the object, seen all round, with nothing around it.
+        seed: of the proposals.
+        start: (n,) rad, set-points now.
+    """
+    guessed = target.spread is not None or target.neighbours
+    if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
+        return None
+    there, home = _at_edge(planner), planner.tree.home
+    for push in pushes(target, tips_apart(planner.cell), planner.settings.tip_radius)[:_TRIED]:
+        try:
+            slide = make_slide(push, start, target, planner.cell)
+        except NoPath:
+            continue
+        found = there.plan(slid(target, push.distance * push.direction), seed, home.copy())
+        if found.grasp is not None and found.grasp.certificate.load >= 1.0:
+            return slide
+    return None
+
+
+def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, start: Array) -> PlanResult:
+    """Return the plan for an object where a push has taken it.
+
+    Args:
+        planner: of the cell.
+        target: the object as it lay before.
+        slide: that is done.
+        seed: of the proposals.
+        start: (n,) rad, set-points now.
+    """
+    there = slid(target, slide.moved * slide.push.direction)
+    for k in range(_AGAIN):
+        plan = _at_edge(planner).plan(there, seed + k, start)
+        if plan.grasp is not None and plan.grasp.certificate.load >= 1.0:
+            break
+    return plan
+
+
+def slid(target: GraspTarget, shift: Array) -> GraspTarget:
+    """Return the object, moved by (2,) m, with the table as its neighbour and the floor as z = 0."""
+    by = np.array([*shift, _FLOOR])
+    corners = [part + by for part in target.corners]
+    low, high = (_MIDDLE - _HALF, _MIDDLE + _HALF)
+    spans = [*zip(low, high, strict=True), (_FLOOR - TABLE_SIZE[2], _FLOOR - _SUNK)]
+    table = np.array(list(product(*spans)))
+    moved = GraspTarget.of_corners(corners, target.mass, target.centre + by)
+    return replace(moved, neighbours=((table,),))
+
+
+def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
+    """Return pushes that leave an object sticking out over an edge, and still lying; the best first.
+
+    Args:
+        target: the object.
+        apart: m, of the two tips.
+        tip: m, their radius.
+    """
+    from scipy.spatial import ConvexHull
+
+    points = np.concatenate(target.corners)[:, :2]
+    outline = points[ConvexHull(points).vertices]
+    centre, found = target.centre[:2], []
+    radius = float(np.sqrt(tip**2 - max(tip - target.top, 0.0) ** 2))
+    for direction in _directions(outline):
+        across = np.array([-direction[1], direction[0]])
+        tips = [centre + side * 0.5 * apart * across for side in (1.0, -1.0)]
+        ways = [_touch(outline, direction, at, radius) for at in tips]
+        if not abs(ways[0] - ways[1]) <= _ALIKE:
+            continue
+        touch = centre + (min(ways) - centre @ direction) * direction
+        for out in map(np.array, _EDGES):
+            distance = _distance(outline, centre, direction, out)
+            there = centre + (distance or 0.0) * direction
+            if distance is not None and (np.abs(there - _MIDDLE) <= _HALF - 0.99 * _INSIDE).all():
+                before_base = out[0] < 0.0 and abs(there[1]) < _NEAR_BASE
+                price = _CROWDED * before_base + _FAR * (out[0] > 0.0)
+                found.append((distance + price, Push(direction, distance, touch)))
+    return [push for _, push in sorted(found, key=lambda item: item[0])]
+
+
+def _at_edge(planner: Planner) -> Planner:
+    cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
+    return Planner(replace(planner.settings, patience=0), cell=cell)
+
+
+def _directions(outline: Array) -> list[Array]:
+    """Return level directions square into the sides of an outline (N, 2), and others all round."""
+    square = []
+    for a, b in pairwise([*outline, outline[0]]):
+        side = b - a
+        if (length := float(np.linalg.norm(side))) > _SIDE:
+            square.append(np.array([-side[1], side[0]]) / length)
+    return square + [np.array([np.cos(turn), np.sin(turn)]) for turn in _TURNS]
+
+
+def _touch(outline: Array, direction: Array, at: Array, radius: float) -> float:
+    """Return where along a direction, m, a disc that comes along a line through `at` (2,) touches; nan: nowhere."""
+    across = np.array([-direction[1], direction[0]])
+    shares = np.linspace(0.0, 1.0, 40)[:, None]
+    points = np.concatenate([a + shares * (b - a) for a, b in pairwise([*outline, outline[0]])])
+    beside = (points - at) @ across
+    met = np.abs(beside) < radius
+    reached = points[met] @ direction - np.sqrt(radius**2 - beside[met] ** 2)
+    return float(reached.min()) if met.any() else np.nan
+
+
+def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> float | None:
+    """Return how far, m, to push along a direction for as much as is wanted to stick out; None where that falls."""
+    towards = float(direction @ out)
+    if towards < _TOWARDS:
+        return None
+    edge = float(_MIDDLE @ out + np.abs(_HALF @ out))
+    reach = float((outline @ out).max())
+    most = (edge - _INSIDE - float(centre @ out)) / towards
+    distance = min((edge + _WANTED - reach) / towards, most)
+    sticks_out = reach + distance * towards - edge
+    return distance if distance > 0.0 and sticks_out > _LEAST else None
