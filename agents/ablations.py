@@ -16,7 +16,7 @@ from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.physics.closure import TOLERANCE
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.certifier import OPENINGS, Candidate, grasp_motion, opened, pressed
-from dexgrasp.planning.constraints import FIXED_ROWS
+from dexgrasp.planning.constraints import fixed_rows
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, oriented_postures
@@ -123,7 +123,7 @@ class RawPlanner(LatentPlanner):
         at, settings = solution.evaluation, self.settings
         if -start.score > MISS:
             return NO_IK
-        if (at.values[FIXED_ROWS:] + settings.clearance < 0.0).any():
+        if (at.values[fixed_rows(len(at.contacts))[-1] :] + settings.clearance < 0.0).any():
             return COLLISION
         balanced = solve_wrench_qp(at.contacts, at.normals, settings.friction).residual < TOLERANCE
         return None if balanced else NO_CLOSURE

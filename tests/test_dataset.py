@@ -24,7 +24,7 @@ from dexgrasp.dataset.sampler import bearable
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest, shape_of
 from dexgrasp.physics.margin import margins
-from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
+from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.postures import loads_on
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import closure_sweep
@@ -83,7 +83,7 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     triples, planner = scene.triples[:: len(scene.triples) // 300], SETTINGS.planner
     kept = {tuple(t) for t in bearable(scene, triples, SETTINGS)}
     problem = Problem(scene.grasp_target, CELL, planner)
-    at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, ASSIGNMENTS)
+    at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, assignments(3))
     loads = loads_on(at, problem)
     margin = margins(scene.points[triples], scene.normals[triples], planner.friction)[0]
     borne = at.triple[loads >= SETTINGS.least_load] // 6

@@ -3,6 +3,7 @@ import pytest
 from oracles import closed, directional_error, random_grasps, sample_box
 from refusals import refused
 
+from dexgrasp.physics.contacts import shape_of
 from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins, rough_margins
 from dexgrasp.physics.metrics import ferrari_canny
 from dexgrasp.verify.cones import conic_margin
@@ -25,14 +26,14 @@ def test_gradients_against_finite_differences():
     rng, errors = np.random.default_rng(3), []
     for p, n in zip(*random_grasps(200, 2), strict=True):
         turn = np.cross(rng.normal(size=(3, 3)), n)
-        _, dp, dn = cone_margin(p, n, 0.5)
+        _, dp, dn = cone_margin(p, n, 0.5, shape_of(3))
         errors.append(directional_error(_margin, (p, n), (dp, dn), (0.05 * rng.normal(size=(3, 3)), turn)))
     assert np.percentile(errors, 99) < 1e-3
     assert np.median(errors) < 1e-5
 
 
 def _margin(points, normals):
-    return cone_margin(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), 0.5)[0]
+    return cone_margin(points, normals / np.linalg.norm(normals, axis=1, keepdims=True), 0.5, shape_of(3))[0]
 
 
 def test_a_margin_is_closure_and_at_most_one():
@@ -45,7 +46,7 @@ def test_a_margin_is_closure_and_at_most_one():
 
 def test_rough_margins_are_a_little_high_and_refuse_what_has_no_closure():
     P, N = random_grasps(2000, 5)
-    exact, rough = margins(P, N, 0.5)[0], rough_margins(P, N, 0.5, 1e-2)
+    exact, rough = margins(P, N, 0.5)[0], rough_margins(P, N, 0.5, 1e-2, shape_of(3))
     closed = exact > 0.0
     assert 0.1 < closed.mean() < 0.9
     assert (rough >= exact - 1e-9).all()
@@ -55,7 +56,7 @@ def test_rough_margins_are_a_little_high_and_refuse_what_has_no_closure():
 
 def test_best_grasp_has_margin_one():
     n = np.array([[np.cos(a), np.sin(a), 0.0] for a in 2 * np.pi / 3 * np.arange(3)])
-    assert cone_margin(0.03 * n, n, 0.5)[0] == pytest.approx(1.0)
+    assert cone_margin(0.03 * n, n, 0.5, shape_of(3))[0] == pytest.approx(1.0)
 
 
 def test_axis_aligned_and_degenerate_grasps_give_finite_answers():
@@ -66,7 +67,7 @@ def test_axis_aligned_and_degenerate_grasps_give_finite_answers():
     assert np.isfinite(dp).all()
     assert np.isfinite(dn).all()
     line = np.array([[0.0, 0, 0], [0.1, 0, 0], [0.2, 0, 0]])
-    value, dp, _ = cone_margin(line, np.eye(3), 0.5)
+    value, dp, _ = cone_margin(line, np.eye(3), 0.5, shape_of(3))
     assert value == UNDEFINED
     assert not dp.any()
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from dexgrasp.physics.contacts import Contacts, checked
+from dexgrasp.physics.contacts import Contacts, checked, shape_of
 from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.squeeze import RESERVED, empty_room, firmest_squeeze, squeeze_estimate
 from dexgrasp.physics.strength import load_of
@@ -162,7 +162,7 @@ def test_weaker_joints_bear_less_and_in_the_end_only_a_share():
 
 
 def test_estimates_are_too_high_mostly_by_a_tenth_at_most():
-    rng, room, excess = np.random.default_rng(4), empty_room(3, 12), []
+    rng, room, excess = np.random.default_rng(4), empty_room(shape_of(3), 12), []
     for _ in range(100):
         points, normals, J, centre = random_grasp(rng)
         grasp = checked(contacts(points, normals, J, centre))

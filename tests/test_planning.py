@@ -19,10 +19,11 @@ from dexgrasp.kinematics.clearance import clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.physics.contacts import shape_of
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
-from dexgrasp.planning.constraints import CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS, evaluate
+from dexgrasp.planning.constraints import evaluate, fixed_rows
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import SurfaceProposals
@@ -35,6 +36,7 @@ from dexgrasp.verify.cones import conic_margin, conic_residual
 from dexgrasp_env.robot.model import robot_spec
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
+CLOSURE, FIRST_AXIS, FIRST_PAD, FIXED_ROWS = fixed_rows(3)
 MODEL = robot_spec(CELL).compile()
 DATA = mujoco.MjData(MODEL)
 FRICTIONLESS = PlannerSettings(friction=0.01)
@@ -309,7 +311,7 @@ def near_contact(name, proposals, count, seed=0):
 
 def rows_at(q, grasp_target, settings=SETTINGS):
     bounds = bounds_of(Problem(grasp_target, CELL, settings), 0.5)
-    at = evaluate(q, TREE, (grasp_target.distance.obstacle, NOTHING), bounds, True)
+    at = evaluate(q, TREE, (grasp_target.distance.obstacle, NOTHING), bounds, shape_of(3), True)
     keys = [tuple(label) for label in at.labels.tolist()]
     least = {}
     for key, value, row in zip(keys, at.values, at.rows, strict=True):

@@ -13,6 +13,7 @@ from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.kinematics.forward import fingertips
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.collision import CollisionChecker
+from dexgrasp.physics.contacts import shape_of
 from dexgrasp.planning.certifier import grasp_motion, opened
 from dexgrasp.planning.constraints import evaluate
 from dexgrasp.planning.planner import Planner
@@ -53,7 +54,7 @@ def plan():
 def constraints(q, settings=SETTINGS):
     distance = BOX.distance
     bounds = bounds_of(Problem(BOX, CELL, settings), settings.closure_margin)
-    return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds, True)
+    return evaluate(q, TREE, (distance.obstacle, NOTHING), bounds, shape_of(3), True)
 
 
 @pytest.mark.parametrize("height", [0.015, 0.02])

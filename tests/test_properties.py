@@ -21,6 +21,7 @@ from dexgrasp.cli.parsing import reader
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
+from dexgrasp.physics.contacts import shape_of
 from dexgrasp.physics.margin import cone_margin
 from dexgrasp_env.perception import kernels
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
@@ -66,9 +67,9 @@ def test_a_matrix_gives_its_quaternion_back(q):
 def test_the_margin_knows_no_frame_order_or_scale(n, p, q, order, scale):
     area = np.linalg.norm(np.cross(p[1] - p[0], p[2] - p[0]))
     assume(area > 0.05)
-    value = cone_margin(p, n, 0.5)[0]
+    value = cone_margin(p, n, 0.5, shape_of(3))[0]
     order = list(order)
-    moved = cone_margin(scale * rotate(q, p)[order] + 0.3, rotate(q, n)[order], 0.5)[0]
+    moved = cone_margin(scale * rotate(q, p)[order] + 0.3, rotate(q, n)[order], 0.5, shape_of(3))[0]
     assert moved == pytest.approx(value, rel=1e-5, abs=1e-5)
     assert value <= 1.0 + 1e-9
 

@@ -17,15 +17,15 @@ from numpy.typing import NDArray
 from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of, turn
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
-from dexgrasp.physics.contacts import GRAVITY, Contacts
+from dexgrasp.physics.contacts import GRAVITY, Contacts, Shape, shape_of
 from dexgrasp.physics.margin import rough_margins
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.physics.strength import load_of, torque_fraction
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certifier import Candidate
 from dexgrasp.planning.claims import FAR
-from dexgrasp.planning.constraints import FIXED_ROWS
-from dexgrasp.planning.placement import ASSIGNMENTS, place_on_atlas
+from dexgrasp.planning.constraints import fixed_rows
+from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.postures import Posture, loads_on
 from dexgrasp.planning.problem import Problem
@@ -120,8 +120,9 @@ class _Sampler:
         if not len(triples):
             return
         scene, counts, problem = self._scene, self._found.counts, self._problem
-        at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, ASSIGNMENTS).best()
-        ordered = triples[:, ASSIGNMENTS].reshape(-1, 3)
+        orders = assignments(3)
+        at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, orders).best()
+        ordered = triples[:, orders].reshape(-1, 3)
         counts["assignments_tried"] += len(ordered)
         loads = loads_on(at, problem, scene.friction[ordered])
         for k in np.flatnonzero(loads >= self._settings.least_load):
@@ -152,13 +153,13 @@ class _Sampler:
         at, back, shift = solution.evaluation, turn(-yaw), np.array([x, y, 0.0])
         palm_R, palm_p = palm_frame(solution.q, tree)
         level = level_of(load_of(hold.contacts, hold.forces), settings)
-        clearances = at.values[FIXED_ROWS:]
+        clearances = at.values[fixed_rows(len(at.contacts))[-1] :]
         self._use[start.triple] += 1
         self._found.counts["feasible"] += 1
         self._found.counts["holding"] += level != NONE
         self._found.add(
             q=solution.q, placement=start.placement, triple=start.triple,
-            contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces @ back.T,
+            contacts=(at.contacts - shift) @ back.T, normals=at.normals @ back.T, forces=hold.forces[:, :3] @ back.T,
             palm_position=back @ (palm_p - shift), palm_rotation=back @ palm_R,
             margin=at.margin, distances=at.distances - settings.tip_radius,
             clearance=min(FAR, float(clearances.min()) + settings.clearance) if len(clearances) else FAR,
@@ -183,29 +184,31 @@ def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSett
     target, least = scene.grasp_target, settings.least_load
     planner = settings.planner.for_hand(settings.cell.robot.hand)
     gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
-    loads = _free_loads(scene.points, scene.normals, scene.friction, triples, target.centre, gravity, least)
+    loads = _free_loads(
+        scene.points, scene.normals, scene.friction, triples, target.centre, gravity, least, shape_of(3)
+    )
     firm = triples[loads >= least]
-    margins = rough_margins(scene.points[firm], scene.normals[firm], planner.friction, _ROUGH)
+    margins = rough_margins(scene.points[firm], scene.normals[firm], planner.friction, _ROUGH, shape_of(3))
     return firm[margins >= planner.closure_margin]
 
 
 @njit
 def _free_loads(
     points: Array, normals: Array, friction: Array, triples: NDArray[np.int32], centre: Array, gravity: Array,
-    most: float,
+    most: float, shape: Shape,
 ) -> Array:  # fmt: skip
     """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""
     J, limit, room, out = (
         np.zeros((3, 3, 9)),
         np.full(9, MOST_FORCE),
-        empty_room(3, 9),
+        empty_room(shape, 9),
         np.empty(len(triples)),
     )
     for k in range(9):
         J[k // 3, k % 3, k] = 1.0
     for m in range(len(triples)):
         t = triples[m]
-        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity)
+        contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, 0.0)
         out[m] = squeeze_estimate(contacts, most, room)
     return out
 

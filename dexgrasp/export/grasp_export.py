@@ -10,7 +10,7 @@ from dexgrasp.export.formats import write_csv, write_json, write_ros2
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp.export.trajectory import Trajectory, Waypoints, make_trajectory
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.kinematics.forward import body_frames, tip_jacobian
+from dexgrasp.kinematics.forward import hand_contact_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
@@ -81,7 +81,7 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, 
     """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
     base, tree, hand = cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
     R, p = palm_frame(record.q, tree)
-    J = tip_jacobian(tree, body_frames(record.grasp, tree), record.points)[:, :, hand]
+    J = hand_contact_jacobian(record.grasp, record.points, record.normals, tree)
     torque = np.einsum("frj,fr->j", J, record.forces)  # presses with the planned forces
     facts = {
         "object": record.object.name,
@@ -98,8 +98,12 @@ def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, 
             "stiffness": stiffness,
             "offset": torque / stiffness,
         },
-        "contacts": {"fingers": record.fingers, "points": record.points - base, "forces": record.forces},
-        "largest_force": np.linalg.norm(record.forces, axis=1).max(),
+        "contacts": {
+            "fingers": record.fingers,
+            "points": record.points - base,
+            "forces": record.forces[:, :3],
+        },
+        "largest_force": np.linalg.norm(record.forces[:, :3], axis=1).max(),
         "quality": record.certificate.closure_margin,
         "lift_height": 0.0 if record.script is None else record.script.lift_height,
         "parts": [part - base for part in record.parts],

@@ -65,7 +65,8 @@ def planned_record(
         origin: who planned.
     """
     origin, motion = origin or Origin(), grasp.motion
-    contacts = zip(grasp.fingers, grasp.contacts, grasp.normals, grasp.forces, strict=True)
+    torsion = grasp.cell.robot.hand.torsion * grasp.forces[:, 3:].sum(1)
+    contacts = zip(grasp.fingers, grasp.contacts, grasp.normals, grasp.forces[:, :3], torsion, strict=True)
     return GraspRecord(
         **vars(origin),
         **conventions(grasp.cell),
@@ -81,7 +82,7 @@ def planned_record(
         pregrasp=motion.pregrasp,
         grasp=motion.grasp,
         squeeze=motion.squeeze,
-        contacts=tuple(Contact(*contact) for contact in contacts),
+        contacts=tuple(Contact(name, p, n, f, float(turn)) for name, p, n, f, turn in contacts),
         neighbours=tuple(Neighbour(None, np.eye(4), parts) for parts in target.neighbours),
         script=None
         if script is None

@@ -17,7 +17,7 @@ class GraspMotion:
     Attributes:
         pregrasp: fingers open around the object, touching nothing.
         grasp: fingertips in contact.
-        squeeze: inside the object, so that the servos press: grasp + J^T f / kp, hand kp 10 Nm/rad.
+        squeeze: inside the object, so that the servos press: grasp + J^T f / kp.
         lift_height: how far to lift, m.
     """
 
@@ -47,7 +47,7 @@ class Grasp:
         q: (n,) rad, the configuration that the optimisation made feasible.
         contacts: (N, 3) m on the object's surface.
         normals: (N, 3) out of the object.
-        forces: (N, 3) N on the object, that hold it.
+        forces: (N, c) N on the object, that hold it; see `physics.contacts.Contacts`.
         certificate: residuals and margins of every constraint.
         motion: set-points of pregrasp, grasp and squeeze.
         cell: of the robot.

@@ -112,7 +112,7 @@ def _draw(axes: Any, grasp: Grasp, target: GraspTarget, hand: Array, box: Array)
     _add_solid(axes, [[(x, y, 0), (X, y, 0), (X, Y, 0), (x, Y, 0)]], _TABLE, "none")
     _add_solid(axes, hand, _HAND, (0.2, 0.2, 0.2, 0.10), 0.3)
     _add_solid(axes, target.distance.triangles, (0.87, 0.66, 0.33, 0.35), (0.45, 0.40, 0.30, 0.35))
-    contacts = zip(_COLOURS, grasp.fingers, grasp.contacts, grasp.normals, grasp.forces, strict=False)
+    contacts = zip(_COLOURS, grasp.fingers, grasp.contacts, grasp.normals, grasp.forces[:, :3], strict=False)
     for colour, finger, p, n, f in contacts:
         _add_solid(axes, _cone(p, n, grasp.certificate.friction), to_rgba(colour, 0.25), "none")
         axes.scatter(*p, color=colour, s=28, depthshade=False)

@@ -34,12 +34,14 @@ class Contact:
         point: (3,) m, on the surface that was planned on.
         normal: (3,) unit, out of the object.
         force: (3,) N on the object.
+        torsion: Nm on the object, about the normal, of soft tips.
     """
 
     finger: Word
     point: Vector
     normal: Vector
     force: Vector
+    torsion: Number = 0.0
 
 
 @dataclass(frozen=True)
@@ -181,8 +183,11 @@ class GraspRecord:
 
     @property
     def forces(self) -> Array:
-        """Forces (N, 3) N on the object."""
-        return np.array([contact.force for contact in self.contacts])
+        """Forces (N, c) N on the object; of soft tips the fourth part is their torsion over its radius."""
+        forces, radius = np.array([contact.force for contact in self.contacts]), self.here.robot.hand.torsion
+        if not radius:
+            return forces
+        return np.c_[forces, [contact.torsion / radius for contact in self.contacts]]
 
     @property
     def around(self) -> list[Array]:

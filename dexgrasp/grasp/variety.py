@@ -38,7 +38,7 @@ def grasp_features(grasp: Grasp) -> Array:
 
 
 def hand_points(q: Array, contacts: Array, tree: RobotTree) -> Array:
-    """Return six points (6, 3) m that tell where a hand is: its contacts, its palm, and 10 cm along two palm axes.
+    """Return points (g + 3, 3) m that tell where a hand is: its contacts, its palm, and 10 cm along two palm axes.
 
     Two grasps are as far apart as the root mean square of these points' distances.
     """

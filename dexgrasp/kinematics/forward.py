@@ -47,7 +47,11 @@ def forward_part(q: Array, tree: RobotTree, frames: Frames, first: int, end: int
                 for c in range(3):
                     R[b, r, c] = R[a, r, 0] * L[0, c] + R[a, r, 1] * L[1, c] + R[a, r, 2] * L[2, c]
         if j >= 0:
-            _turn(R[b], tree.axis[b], q[j])
+            place = tree.gear[b, 0] * q[j] + tree.gear[b, 1]
+            if tree.slides[b]:
+                to_world(R[b], p[b], place * tree.axis[b], p[b])
+            else:
+                _turn(R[b], tree.axis[b], place)
 
 
 @njit
@@ -75,13 +79,19 @@ def to_world(R: Array, p: Array, local: Array, out: Array) -> None:
 
 @njit
 def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[float, float, float]:
-    """Return how a point (3,) moves with the joint of body `b`, m/rad: the joint's axis x the way to the point."""
+    """Return how a point (3,) moves with the joint of body `b`, m/rad: the joint's axis x the way to the point.
+
+    With a slide it moves along the axis.
+    """
     R, p, axis = frames.R, frames.p, tree.axis
     ax = R[b, 0, 0] * axis[b, 0] + R[b, 0, 1] * axis[b, 1] + R[b, 0, 2] * axis[b, 2]
     ay = R[b, 1, 0] * axis[b, 0] + R[b, 1, 1] * axis[b, 1] + R[b, 1, 2] * axis[b, 2]
     az = R[b, 2, 0] * axis[b, 0] + R[b, 2, 1] * axis[b, 1] + R[b, 2, 2] * axis[b, 2]
+    gear = tree.gear[b, 0]
+    if tree.slides[b]:
+        return gear * ax, gear * ay, gear * az
     dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
-    return ay * dz - az * dy, az * dx - ax * dz, ax * dy - ay * dx
+    return gear * (ay * dz - az * dy), gear * (az * dx - ax * dz), gear * (ax * dy - ay * dx)
 
 
 @njit
@@ -109,10 +119,10 @@ def add_turn_row(
     R, b = frames.R, body
     while b >= 0:
         j = tree.joint[b]
-        if j >= 0:
+        if j >= 0 and not tree.slides[b]:
             for r in range(3):
                 a = R[b, r, 0] * tree.axis[b, 0] + R[b, r, 1] * tree.axis[b, 1] + R[b, r, 2] * tree.axis[b, 2]
-                row[j] += sign * direction[r] * a
+                row[j] += sign * tree.gear[b, 0] * direction[r] * a
         b = tree.parent[b]
 
 
@@ -134,6 +144,32 @@ def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     for i in range(g):
         add_columns(J[i], tree.tip_body[i], -1, tips[i], tree, frames)
     return J
+
+
+@njit
+def contact_jacobian(tree: RobotTree, frames: Frames, points: Array, normals: Array, J: Array) -> None:
+    """Write the Jacobians (g, c, n) of contacts; the fourth part is their turn about the normals by `torsion`, m/rad.
+
+    Args:
+        tree: the robot.
+        frames: of its bodies.
+        points: (g, 3) m, of the tips.
+        normals: (g, 3) out of the object.
+        J: (g, 3 or 4, n), written.
+    """
+    J[:] = 0.0
+    for i in range(J.shape[0]):
+        add_columns(J[i], tree.tip_body[i], -1, points[i], tree, frames)
+        if J.shape[1] == 4:
+            add_turn_row(J[i, 3], tree.tip_body[i], normals[i], tree.torsion, tree, frames)
+
+
+@njit
+def follow(q: Array, tree: RobotTree) -> None:
+    """Put the joints of `q` (n,) that follow others where those have them, in place."""
+    for j in range(q.shape[0]):
+        if tree.follows[j] >= 0:
+            q[j] = tree.ratio[j, 0] * q[tree.follows[j]] + tree.ratio[j, 1]
 
 
 @njit
@@ -166,6 +202,13 @@ def body_frames(q: Array, tree: RobotTree) -> Frames:
     )  # `empty_frames` would be one more to load
     forward(np.ascontiguousarray(q, dtype=float), tree, frames)
     return frames
+
+
+def hand_contact_jacobian(q: Array, points: Array, normals: Array, tree: RobotTree) -> Array:
+    """Return `contact_jacobian` (g, c, n - arm) at `q` (n,) rad, by the hand's joints."""
+    J = np.zeros((len(points), 4 if tree.torsion else 3, len(q)))
+    contact_jacobian(tree, body_frames(q, tree), points, normals, J)
+    return J[:, :, tree.arm :]
 
 
 def fingertips(q: Array, tree: RobotTree) -> Array:

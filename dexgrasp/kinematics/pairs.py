@@ -57,7 +57,7 @@ def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> NDArray[np.
 
 
 def _postures(robot: Robot, count: int) -> Array:
-    return np.random.default_rng(0).uniform(robot.lower, robot.upper, (count, robot.dof))
+    return robot.drawn(count)
 
 
 def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:

@@ -67,13 +67,13 @@ def _order(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
 
 def _kinematics(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     robot, tree, worst = cell.robot, robot_tree(cell), 0.0
-    for q in np.random.default_rng(0).uniform(robot.lower, robot.upper, (50, robot.dof)):
+    for q in robot.drawn(50):
         data, frames = _at(model, q), body_frames(q, tree)
         for b, name in enumerate(robot.bodies):
             worst = max(worst, float(np.abs(frames.p[b] - data.body(name).xpos).max()))
             worst = max(worst, float(np.abs(frames.R[b] - data.body(name).xmat.reshape(3, 3)).max()))
     good = worst < _ROUNDING
-    mend = "" if good else "joints have to sit at their bodies' origins and to be hinges"
+    mend = "" if good else "joints have to sit at their bodies' origins, and to turn or slide"
     yield Finding("info" if good else "error", f"kinematics and simulation differ by {worst:.0e}", mend)
 
 
@@ -99,7 +99,7 @@ def _excluded(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
         return
     every, robot, found = _alone(cell, excluding=False), cell.robot, dict[tuple[int, int], float]()
     resting = {pair for pair, _ in _touching(_at(every, robot.home))}
-    for q in np.random.default_rng(0).uniform(robot.lower, robot.upper, (_POSTURES, robot.dof)):
+    for q in robot.drawn(_POSTURES):
         for pair, depth in _touching(_at(every, q)):
             if pair in pairs - resting:
                 found[pair] = max(found.get(pair, 0.0), depth)
@@ -128,16 +128,16 @@ def _touching(data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], float]]:
 
 
 def _authority(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
-    """Each servo alone moves its own joint, and no other."""
-    robot, start = cell.robot, cell.robot.home
+    """Each servo alone moves its own joint and what follows it, and no other."""
+    robot, start, (C, _), unit = cell.robot, cell.robot.home, cell.robot.drive, robot_tree(cell).unit
     wrong = 0
-    for j, name in enumerate(robot.joints):
-        data = _at(model, start)
-        sign = 1.0 if robot.upper[j] - start[j] > _PUSH else -1.0
-        data.ctrl[j] += sign * _PUSH
+    for j in np.flatnonzero(C.any(0)):  # the others follow
+        data, name = _at(model, start), robot.joints[j]
+        push = _PUSH * unit[j] if robot.upper[j] - start[j] > _PUSH * unit[j] else -_PUSH * unit[j]
+        data.ctrl[:] += push * C[:, j]
         mujoco.mj_step(model, data, _STEPS)
-        moved = (data.qpos - start) * sign / _PUSH
-        strays = np.delete(np.abs(moved), j)
+        moved = (data.qpos - start) / push
+        strays = np.delete(np.abs(moved - C[:, j]), j)
         if moved[j] < _FOLLOWS:
             wrong += 1
             mend = "raise its stiffness or torque, or look for a second servo that holds it"

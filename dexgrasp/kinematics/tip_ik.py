@@ -7,7 +7,14 @@ starting postures.
 import numpy as np
 
 from dexgrasp.kinematics.damped import damped_step
-from dexgrasp.kinematics.forward import empty_frames, forward_part, hand_jacobian, tip_jacobian, tip_positions
+from dexgrasp.kinematics.forward import (
+    empty_frames,
+    follow,
+    forward_part,
+    hand_jacobian,
+    tip_jacobian,
+    tip_positions,
+)
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
@@ -54,6 +61,7 @@ def solve_tips(
         step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)
         for j in range(n):
             q[j] = min(max(q[j] + step[j], tree.lower[j]), tree.upper[j])
+        follow(q, tree)
     return miss
 
 

@@ -12,7 +12,7 @@ from dexgrasp.kinematics.pairs import meeting_pairs, told_apart
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot
-from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.robot.robot import SLIDE, Robot
 
 Index = NDArray[np.int64]
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
@@ -29,6 +29,8 @@ class RobotTree(NamedTuple):
     rotation: Array  # (nb, 3, 3), in the parent's frame
     joint: Index  # (nb,) column of the body's joint, -1 if fixed
     axis: Array  # (nb, 3) joint axis in the body's frame
+    slides: NDArray[np.bool_]  # (nb,) whether the joint slides
+    gear: Array  # (nb, 2) place of the joint: the first times its column, and the second; (1, 0) where it follows none
     tip_body: Index  # (g,) last bodies of the grasping fingers, the opposing one first
     tip_offset: Array  # (g, 3) m, tip sphere centre in the distal link's frame
     palm: int  # index of the palm body
@@ -45,15 +47,19 @@ class RobotTree(NamedTuple):
     palm_box_half: Array  # (3,) m
     beside: int  # the link that works right beside the palm, -1 where none does
     beside_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
-    lower: Array  # (n,) rad
+    torsion: float  # m, of soft tips: torsional friction over sliding friction
+    follows: Index  # (n,) the joint that each follows, -1 where it does not
+    ratio: Array  # (n, 2) at which multiple of it, and how much farther
+    unit: Array  # (n,) what counts as much as a radian: 1, or `SLIDE` m
+    lower: Array  # (n,) rad; of slides m, as below
     upper: Array  # (n,) rad
     velocity: Array  # (n,) rad/s
     acceleration: Array  # (n,) rad/s^2
     home: Array  # (n,) rad, arm at home and hand open
-    moved: Index  # columns of the joints that a grasp moves: all but those of idle fingers
+    moved: Index  # columns of the joints that a grasp moves: but those of idle fingers, and those that follow others
     fingers: Index  # (g, 2) columns of the grasping fingers: first, and one past the last
-    torque: Array  # (n - arm,) Nm, limits of the hand
-    stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos
+    torque: Array  # (n - arm,) Nm, limits of the hand, with what follows it
+    stiffness: Array  # (n - arm,) Nm/rad, of the hand's servos, with what follows them
     tip_radius: float  # m
     starts: (
         Array  # (k, arm) rad, where inverse kinematics begins; first joints less the direction of the goal
@@ -72,6 +78,11 @@ def robot_tree(cell: Cell) -> RobotTree:
     spheres = [body_spheres(model, b, touching) for b in bodies]
     first = np.concatenate([[0], np.cumsum([len(s.radius) for s in spheres])])
     bounds = [s.bound() for s in spheres]
+    columns = [_joint_column(model, b, robot) for b in bodies]
+    C, c = robot.drive
+    follows = np.where(np.diag(C) == 1.0, -1, np.argmax(np.abs(C), axis=1))
+    ratio = np.stack([np.where(follows < 0, 1.0, C.sum(1)), c], axis=1)
+    slides = np.array([bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in range(robot.dof)])
     palm = robot.hand.palm
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
     beside, edges = _beside_palm(model, robot)
@@ -80,10 +91,12 @@ def robot_tree(cell: Cell) -> RobotTree:
         parent=np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
-        joint=np.array([_joint_column(model, b, robot) for b in bodies]),
+        joint=np.array([follows[j] if j >= 0 and follows[j] >= 0 else j for j in columns]),
         axis=np.array(
             [model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]
         ),
+        slides=np.array([j >= 0 and bool(slides[j]) for j in columns]),
+        gear=np.array([ratio[j] if j >= 0 else [1.0, 0.0] for j in columns]),
         tip_body=np.array([index[int(model.site_bodyid[s])] for s in tips]),
         tip_offset=model.site_pos[tips].copy(),
         palm=index[int(model.site_bodyid[site])],
@@ -100,6 +113,10 @@ def robot_tree(cell: Cell) -> RobotTree:
         palm_box_half=box[1],
         beside=beside,
         beside_edges=edges,
+        torsion=robot.hand.torsion,
+        follows=follows,
+        ratio=ratio,
+        unit=np.where(slides, SLIDE, 1.0),
         lower=robot.lower.copy(),
         upper=robot.upper.copy(),
         velocity=robot.velocity.copy(),
@@ -107,8 +124,8 @@ def robot_tree(cell: Cell) -> RobotTree:
         home=robot.home.copy(),
         moved=_moved(robot),
         fingers=np.array([[own.start, own.stop] for own in (robot.columns[f.name] for f in robot.grasping)]),
-        torque=robot.torque[robot.hand_columns].copy(),
-        stiffness=robot.stiffness[robot.hand_columns].copy(),
+        torque=driven(robot, robot.torque, 1)[robot.hand_columns],
+        stiffness=driven(robot, robot.stiffness, 2)[robot.hand_columns],
         tip_radius=robot.hand.tip_radius,
         starts=_starts(model, robot),
         arm=robot.arm_dof,
@@ -139,7 +156,14 @@ def _joint_column(model: mujoco.MjModel, body: int, robot: Robot) -> int:
 
 def _moved(robot: Robot) -> Index:
     idle = [robot.columns[f.name] for f in robot.hand.fingers if f.name not in robot.hand.grasp]
-    return np.delete(np.arange(robot.dof), np.r_[tuple(idle)] if idle else [])
+    followers = np.flatnonzero(np.diag(robot.drive[0]) != 1.0)
+    return np.delete(np.arange(robot.dof), np.r_[(*idle, followers)] if idle or len(followers) else [])
+
+
+def driven(robot: Robot, values: Array, power: int) -> Array:
+    """Return torque limits (power 1) or stiffnesses (2) of joints (n,) with those of what follows them."""
+    C = np.abs(robot.drive[0]) ** power
+    return np.where(np.diag(C) == 1.0, values @ C, values)
 
 
 def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:

@@ -6,6 +6,7 @@ the object as it then is.
 
 import numpy as np
 
+from dexgrasp.kinematics.forward import follow
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.guarded import GuardedGrasp, finger_of_joints, lag_of, pressing_torques, tip_spans
 from dexgrasp.motion.motion import Motion
@@ -54,6 +55,7 @@ class GuardedCarry(Motion):
             change = self._wanted(turned, 1.0) - self._wanted(q, 0.0)
             after = self._pressed + lag_of(change, self.tree)
             self._before, self._after = self._pressed, np.clip(after, self.tree.lower, self.tree.upper)
+            follow(self._after, self.tree)
         self._turned = min(1.0, (step + 1) / len(turn.arm))
         self._pressed = self._before + self._turned * (self._after - self._before)
         return np.concatenate([turn.arm[min(step, len(turn.arm) - 1)], self._pressed[self.tree.arm :]])
@@ -65,7 +67,8 @@ class GuardedCarry(Motion):
             return pressing_torques(q, grasp.normals, grasp.forces, self.tree)
         R = palm_frame(q, self.tree)[0] @ palm_frame(self._closed, self.tree)[0].T
         forces = (1.0 - share) * grasp.forces + share * self._turn.forces
-        return pressing_torques(q, grasp.normals @ R.T, forces @ R.T, self.tree)
+        forces[:, :3] = forces[:, :3] @ R.T
+        return pressing_torques(q, grasp.normals @ R.T, forces, self.tree)
 
     def _nothing_to_press(self, q: Array) -> bool:
         """Whether a finger no longer lags behind its set-point as it should, or has come closer to the thumb."""

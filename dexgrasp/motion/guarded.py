@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
+from dexgrasp.kinematics.forward import fingertips, follow, hand_contact_jacobian
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import Motion
 from dexgrasp_env.arrays import Array
@@ -79,6 +79,7 @@ class GuardedGrasp(Motion):
         targets = self._open + np.append(self._progress, 0.0)[self._finger] * way
         # A joint cannot follow beyond its range, and what lags there has touched nothing.
         self.targets = np.clip(targets, self.tree.lower, self.tree.upper)
+        follow(self.targets, self.tree)
         if not moving.any() or self._close_count >= _CLOSE_STEPS:
             self._settled += 1
         return self.targets
@@ -89,6 +90,7 @@ class GuardedGrasp(Motion):
         lag = lag_of(min(1.0, self._squeeze_count / _RAMP_STEPS) * torques, self.tree)
         targets = self.targets + _GAIN * (self._finger >= 0) * (q + lag - self.targets)
         self.targets = np.clip(targets, self.tree.lower, self.tree.upper)
+        follow(self.targets, self.tree)
         if self.done:
             self.spans = tip_spans(q, self.tree)
         return self.targets
@@ -110,11 +112,9 @@ def lag_of(torques: Array, tree: RobotTree) -> Array:
 
 
 def pressing_torques(q: Array, normals: Array, forces: Array, tree: RobotTree) -> Array:
-    """Return the torques (n,) Nm with which fingers at `q` (n,) press with forces (g, 3) N; 0 for the arm."""
-    frames = body_frames(q, tree)
-    J = tip_jacobian(tree, frames, fingertips(q, tree) - _TIP_DEPTH * tree.tip_radius * normals)[
-        :, :, tree.arm :
-    ]
+    """Return the torques (n,) Nm with which fingers at `q` (n,) press with forces (g, c) N; 0 for the arm."""
+    points = fingertips(q, tree) - _TIP_DEPTH * tree.tip_radius * normals
+    J = hand_contact_jacobian(q, points, normals, tree)
     torque = np.einsum("frj,fr->j", J, forces)
     return np.concatenate([np.zeros(tree.arm), np.clip(torque, -tree.torque, tree.torque)])
 

@@ -21,6 +21,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.physics.checks import Numbers, check_contacts, check_positive, rms_radius
+from dexgrasp.physics.contacts import Shape, shape_of
 from dexgrasp.physics.equilibrium import grasp_map
 from dexgrasp.physics.programme import Programme, add_presses, begin, empty_programme, set_cones
 from dexgrasp.physics.simplex import Simplex, solve
@@ -110,10 +111,10 @@ def _wider(mu: float, flat2: float) -> float:
 
 
 @njit
-def _sweep(cloud: _Cloud) -> Triples:
+def _sweep(cloud: _Cloud, shape: Shape) -> Triples:
     """Return the feasible triples (M, 3) in lexicographic order."""
     E, T, D, mu, near = cloud.E, cloud.T, cloud.D, cloud.mu, cloud.near
-    p = empty_programme(3, _UNKNOWNS, 3 * (_FACES + 1) + 12 + _ROUNDS)
+    p = empty_programme(shape, _UNKNOWNS, 3 * (_FACES + 1) + 12 + _ROUNDS)
     p.span[:] = 0.0
     for i in range(9):
         p.span[i // 3, i % 3, i] = 1.0
@@ -168,4 +169,28 @@ def closure_sweep(
     scale = rms_radius(points) if length_scale is None else check_positive("length_scale", length_scale)
     tables = np.empty((n, n, 3)), np.empty((n, n, 3)), np.empty((n, n))
     chord_tables(points, normals, *tables)
-    return _sweep(_Cloud(points, normals, *tables, mu, scale, min_distance**2))
+    return _sweep(_Cloud(points, normals, *tables, mu, scale, min_distance**2), shape_of(3))
+
+
+def opposed_pairs(
+    points: Numbers, normals: Numbers, mu: float, min_distance: float, max_distance: float = np.inf
+) -> Triples:
+    """Return every pair of contact points whose line lies in both friction cones.
+
+    Args:
+        points: (n, 3) metres.
+        normals: (n, 3) unit, out of the object.
+        mu: friction coefficient.
+        min_distance: pairs nearer than this [m] are left out.
+        max_distance: and those farther apart.
+
+    Returns:
+        (M, 2) int32 indices, i < j, in lexicographic order.
+    """
+    points, normals = check_contacts(points, normals)
+    way = points[None] - points[:, None]
+    distance = np.linalg.norm(way, axis=2)
+    inwards = -(way * normals[:, None]).sum(2)  # how far the other point is behind the surface at each
+    facing = inwards > distance / np.sqrt(1.0 + check_positive("mu", mu) ** 2)
+    pairs = np.triu(facing & facing.T & (distance >= min_distance) & (distance <= max_distance), 1)
+    return np.argwhere(pairs).astype(np.int32)

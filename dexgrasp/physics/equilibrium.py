@@ -1,7 +1,8 @@
-"""Forces at three contacts that balance: internal forces, and answers of least norm to a force on the object.
+"""Forces at contacts that balance: internal forces, and answers of least norm to a force on the object.
 
-Three contacts that are not on a line balance any wrench, and all forces that do are one answer to it and the three
-internal forces along the sides of the triangle.
+Contacts whose grasp matrix has rank 6 balance any wrench, and all forces that do are one answer to it and internal
+forces: of three points those along the sides of their triangle. Two points, or points on a line, have rank 5 at most;
+soft contacts, which turn about their normals as well, need not lie apart.
 """
 
 import numpy as np
@@ -11,7 +12,8 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
 FLAT = 2e-3
-"""Height of a triangle over its longest side, below which contacts count as lying on a line."""
+"""Height of a triangle over its longest side, below which contacts count as lying on a line; of other contacts the
+least singular value of their grasp matrix over the largest."""
 
 
 @njit
@@ -27,13 +29,51 @@ def grasp_map(points: Array, centre: Array, scale: float) -> Array:
 
 
 @njit
-def internal_forces(points: Array, internal: Array) -> float:
-    """Write the unit forces along the sides of a triangle; return its height over its longest side.
+def contact_map(points: Array, normals: Array, torsion: float, centre: Array, scale: float) -> Array:
+    """Return the matrix (6, c N) from forces (N, c) to their wrench: `grasp_map`, with what soft contacts turn by."""
+    G = grasp_map(points, centre, scale)
+    if torsion == 0.0:
+        return G
+    soft = np.zeros((6, 4 * points.shape[0]))
+    for i in range(points.shape[0]):
+        soft[:, 4 * i : 4 * i + 3] = G[:, 3 * i : 3 * i + 3]
+        soft[3:, 4 * i + 3] = torsion / scale * normals[i]
+    return soft
+
+
+@njit
+def own_map(points: Array, normals: Array, torsion: float) -> Array:
+    """Return `contact_map` about the contacts' middle, torques over their rms radius."""
+    middle = np.zeros(3)
+    for i in range(points.shape[0]):
+        middle += points[i] / points.shape[0]
+    away = points - middle
+    return contact_map(points, normals, torsion, middle, np.sqrt((away * away).sum() / points.shape[0]))
+
+
+@njit
+def internal_forces(points: Array, normals: Array, torsion: float, internal: Array) -> float:
+    """Write a basis of the forces that balance; return how far contacts are from leaving some wrench free: see `FLAT`.
 
     Args:
-        points: (3, 3) m.
-        internal: (3, 3, 3 or more), written: contact, axis, side.
+        points: (N, 3) m.
+        normals: (N, 3) out of the object.
+        torsion: m, of soft contacts.
+        internal: (N, c, c N - 6 or more), written: contact, part, force.
     """
+    if points.shape[0] == 3 and torsion == 0.0:
+        return _sides(points, internal)
+    _, sizes, rows = np.linalg.svd(own_map(points, normals, torsion))
+    for i in range(internal.shape[0]):
+        for k in range(internal.shape[1]):
+            for q in range(len(rows) - 6):
+                internal[i, k, q] = rows[6 + q, internal.shape[1] * i + k]
+    return sizes[5] / sizes[0]
+
+
+@njit
+def _sides(points: Array, internal: Array) -> float:
+    """Write the unit forces along the sides of a triangle; return its height over its longest side."""
     longest, area = 0.0, 0.0
     for side in range(3):
         i, j = (0, 1) if side == 0 else (0, 2) if side == 1 else (1, 2)
@@ -88,14 +128,30 @@ def answers_to_pushes(contacts: Contacts, answers: Array, hold: Array) -> float:
     against the torque.
 
     Args:
-        contacts: N, not on a line.
-        answers: (N, 3, 3), written: contact, axis, axis of a force of one weight through the centre of mass.
-        hold: (N, 3), written: the forces whose sum bears the object.
+        contacts: N, whose grasp matrix has rank 6.
+        answers: (N, c, 3), written: contact, axis, axis of a force of one weight through the centre of mass.
+        hold: (N, c), written: the forces whose sum bears the object.
     """
+    n, c, g = contacts.points.shape[0], answers.shape[1], contacts.gravity
+    weight = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
+    if contacts.torsion == 0.0:
+        _point_answers(contacts, weight, answers)
+    else:
+        G = contact_map(contacts.points, contacts.normals, contacts.torsion, contacts.centre, 1.0)
+        least = np.linalg.solve(G @ G.T, np.ascontiguousarray(np.eye(6)[:, :3]))
+        answers[:] = (weight * (G.T @ least)).reshape(n, c, 3)
+    for i in range(n):
+        for k in range(c):
+            hold[i, k] = (
+                -(answers[i, k, 0] * g[0] + answers[i, k, 1] * g[1] + answers[i, k, 2] * g[2]) / weight
+            )
+    return weight
+
+
+@njit
+def _point_answers(contacts: Contacts, weight: float, answers: Array) -> None:
     n, middle, inverse, turn = contacts.points.shape[0], np.empty(3), np.empty((3, 3)), np.empty(3)
     middle_and_inverse(contacts.points, middle, inverse)
-    g = contacts.gravity
-    weight = np.sqrt(g[0] * g[0] + g[1] * g[1] + g[2] * g[2])
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
         for k in range(3):  # arm x e has arm_v along u and -arm_u along v
@@ -108,9 +164,3 @@ def answers_to_pushes(contacts: Contacts, answers: Array, hold: Array) -> float:
                 p, q = (k + 1) % 3, (k + 2) % 3
                 answers[i, k, axis] = weight * (turn[p] * (r[q] - middle[q]) - turn[q] * (r[p] - middle[p]))
             answers[i, axis, axis] += weight / n
-    for i in range(n):
-        for k in range(3):
-            hold[i, k] = (
-                -(answers[i, k, 0] * g[0] + answers[i, k, 1] * g[1] + answers[i, k, 2] * g[2]) / weight
-            )
-    return weight

@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.physics.contacts import Unknowns
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
@@ -32,11 +33,11 @@ class Simplex(NamedTuple):
     inverse: Array  # (n, n) of the matrix that has them as rows
     right: Array  # (n,) their right-hand sides
     entering: Array  # (n,) the row that enters, in the basis
-    unknowns: tuple[int, ...]  # n zeros: compiled code knows the length of a tuple, and unrolls its loops
+    unknowns: Unknowns  # n of them
 
 
 @njit
-def empty_simplex(unknowns: tuple[int, ...], rows: int) -> Simplex:
+def empty_simplex(unknowns: Unknowns, rows: int) -> Simplex:
     """Return room for a programme of `len(unknowns)` unknowns and at most so many rows."""
     n = len(unknowns)
     return Simplex(

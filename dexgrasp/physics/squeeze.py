@@ -1,10 +1,10 @@
 """The squeeze that bears the largest push: which internal forces to press with.
 
-All forces at three contacts that balance gravity are f = s hold + N x: `hold` bears the weight, s is the share of it
-that is borne, and x are the internal forces along the sides of the triangle. A push, any force through the centre of
-mass, is answered by the forces of least norm. The firmest squeeze is the x with s = 1 whose forces stay within their
-cones under a push of D weights in any direction, D as large as can be, within joint torque limits; where even D = 0
-cannot be had, that with the largest s.
+All forces at contacts that balance gravity are f = s hold + N x: `hold` bears the weight, s is the share of it that is
+borne, and x are the internal forces, of three points those along the sides of their triangle. A push, any force through
+the centre of mass, is answered by the forces of least norm. The firmest squeeze is the x with s = 1 whose forces stay
+within their cones under a push of D weights in any direction, D as large as can be, within joint torque limits; where
+even D = 0 cannot be had, that with the largest s.
 
 Of a push beyond `RESERVED` weights the joints must be able to answer the excess: those that squeeze with all they have
 give way under it long before the cones do.
@@ -15,7 +15,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.physics.checks import check_positive
-from dexgrasp.physics.contacts import Contacts, checked
+from dexgrasp.physics.contacts import Contacts, Shape, checked, shape_of
 from dexgrasp.physics.equilibrium import FLAT, answers_to_pushes, internal_forces
 from dexgrasp.physics.programme import (
     Programme,
@@ -35,14 +35,13 @@ RESERVED = 1.0
 _FACES, _COARSE = 12, 8  # planes of each cone at first; in an estimate
 _ROUNDS = 8  # of further planes; two or three are enough as a rule
 _TOLERANCE = 5e-5  # of the weight
-_UNKNOWNS = (0, 0, 0, 0)  # internal forces of three contacts, and what is maximised
 
 
 class Squeeze(NamedTuple):
     """Forces of a squeeze, and what they bear."""
 
     forces: Array
-    """(3, 3) N on the object, world axes."""
+    """(N, c) N on the object, world axes."""
     push: float
     """D: largest force in any direction that they bear, in weights; 0 where they bear gravity alone, or less."""
     share: float
@@ -65,9 +64,10 @@ class Aim(NamedTuple):
 
 
 @njit
-def empty_room(contacts: int, joints: int) -> Programme:
+def empty_room(shape: Shape, joints: int) -> Programme:
     """Return room for squeezes of contacts that `joints` joints press; estimates are made by the thousand."""
-    return empty_programme(contacts, _UNKNOWNS, contacts * (_FACES + 1 + _ROUNDS) + 4 * contacts * joints)
+    rows = shape.contacts * (_FACES + 1 + _ROUNDS) + 4 * shape.contacts * joints
+    return empty_programme(shape, shape.pushed, rows)
 
 
 @njit
@@ -76,7 +76,7 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
 
     Its forces are those of the programme `p`. Without rounds of further planes D is a little too high.
     """
-    if not internal_forces(contacts.points, p.span) > FLAT:
+    if not internal_forces(contacts.points, contacts.normals, contacts.torsion, p.span) > FLAT:
         return 0.0, 0.0
     set_cones(p, contacts.normals, contacts.friction)
     tolerance = _TOLERANCE * answers_to_pushes(contacts, p.answers, p.fixed)
@@ -85,7 +85,7 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
         return p.lp.z[-1], 1.0
     p.answers[:] = 0.0
     for i in range(len(p.fixed)):
-        for k in range(3):
+        for k in range(len(p.parts)):
             p.span[i, k, -1], p.fixed[i, k] = p.fixed[i, k], 0.0
     return 0.0, max(p.lp.z[-1], 0.0) if _solve(p, contacts, aim, 1.0, tolerance) else 0.0
 
@@ -107,8 +107,8 @@ def squeeze_estimate(contacts: Contacts, most: float, room: Programme) -> float:
 
 
 @njit
-def _firmest(contacts: Contacts, aim: Aim) -> tuple[Array, float, float]:
-    p = empty_room(contacts.points.shape[0], contacts.torque_limits.shape[0])
+def _firmest(contacts: Contacts, shape: Shape, aim: Aim) -> tuple[Array, float, float]:
+    p = empty_room(shape, contacts.torque_limits.shape[0])
     push, share = squeeze_kernel(contacts, aim, p)
     if share == 0.0:
         p.forces[:] = 0.0
@@ -118,10 +118,10 @@ def _firmest(contacts: Contacts, aim: Aim) -> tuple[Array, float, float]:
 
 
 def firmest_squeeze(contacts: Contacts, press: float = 0.0, most: float = 10.0) -> Squeeze:
-    """Return the forces of three contacts that bear the largest push in any direction.
+    """Return the forces of contacts that bear the largest push in any direction.
 
     Args:
-        contacts: three.
+        contacts: two that are soft, or three or more.
         press: N that each contact presses with at least.
         most: push, in weights, beyond which the squeeze need not be firmer.
 
@@ -129,4 +129,5 @@ def firmest_squeeze(contacts: Contacts, press: float = 0.0, most: float = 10.0) 
         InputError: wrong shapes, NaN, or values out of range.
     """
     aim = Aim(float(press), RESERVED, check_positive("most", most), _FACES, _ROUNDS)
-    return Squeeze(*_firmest(checked(contacts, 3), aim))
+    contacts = checked(contacts)
+    return Squeeze(*_firmest(contacts, shape_of(len(contacts.points), contacts.torsion), aim))

@@ -9,8 +9,8 @@ they answer by the forces with the least f^T C f, df = -C^-1 G^T (G C^-1 G^T)^-1
 import numpy as np
 
 from dexgrasp.physics.checks import check_array, rms_radius
-from dexgrasp.physics.contacts import Contacts, checked
-from dexgrasp.physics.equilibrium import FLAT, answers_to_pushes, grasp_map, internal_forces
+from dexgrasp.physics.contacts import Contacts, Shape, checked, shape_of
+from dexgrasp.physics.equilibrium import FLAT, answers_to_pushes, contact_map, internal_forces
 from dexgrasp.physics.programme import (
     Programme,
     add_torques,
@@ -28,7 +28,6 @@ _ROUNDING = 1e-6
 _FACES, _ROUNDS = 8, 24  # planes of each cone at first, and rounds of further ones
 _IN_CONE = 2e-7  # N of friction that forces may be beyond their cones
 _FAR = 1e6  # weights: no push is larger
-_UNKNOWNS = (0, 0, 0, 0)  # internal forces of three contacts, and the push
 _GIVES = 1e-6  # m/N that a contact gives way besides its joints, in every direction: hardly, but not nothing
 
 
@@ -40,37 +39,39 @@ def directions() -> Array:
 
 
 def torque_fraction(contacts: Contacts, forces: Array) -> float:
-    """Return the largest joint torque of forces (N, 3) over its limit; the joints bear what all contacts ask."""
+    """Return the largest joint torque of forces (N, c) over its limit; the joints bear what all contacts ask."""
     torque = np.einsum("frj,fr->j", contacts.jacobians, forces)
     return float((np.abs(torque) / contacts.torque_limits).max())
 
 
 def hold_residual(contacts: Contacts, forces: Array) -> float:
-    """Return what forces (N, 3) leave of gravity, as a part of the weight, torques over the rms radius."""
+    """Return what forces (N, c) leave of gravity, as a part of the weight, torques over the rms radius."""
     wrench = _grasp_matrix(contacts) @ forces.ravel()
     wrench[:3] += contacts.gravity
     return float(np.linalg.norm(wrench)) / contacts.weight
 
 
 def _grasp_matrix(contacts: Contacts) -> Array:
-    """(6, 3 N) forces -> wrench about the centre of mass, torques over the contacts' rms radius."""
-    return grasp_map(contacts.points, contacts.centre, rms_radius(contacts.points))
+    """(6, c N) forces -> wrench about the centre of mass, torques over the contacts' rms radius."""
+    return contact_map(
+        contacts.points, contacts.normals, contacts.torsion, contacts.centre, rms_radius(contacts.points)
+    )
 
 
 def load_of(contacts: Contacts, forces: Array, stiffness: Array | None = None) -> float:
-    """Return 1 + the largest push, in weights, that forces (N, 3) bear in any direction.
+    """Return 1 + the largest push, in weights, that forces (N, c) bear in any direction.
 
     Forces that balance a share below 1 of the weight have that share as their load; forces that balance none of it,
     leave a cone or exceed a torque limit have 0.
 
     Args:
         contacts: any number.
-        forces: (N, 3) N on the object.
+        forces: (N, c) N on the object.
         stiffness: (joints,) Nm/rad of servos whose set-points stand still: the push is borne with their answer as well
             as with the least; None asks for the least answer alone.
     """
     contacts = checked(contacts)
-    forces = check_array("forces", forces, (len(contacts.points), 3))
+    forces = check_array("forces", forces, contacts.jacobians.shape[:2])
     G, up = _grasp_matrix(contacts), -contacts.gravity / contacts.weight
     wrench = G @ forces.ravel()
     share = float(wrench[:3] @ up) / contacts.weight
@@ -89,31 +90,34 @@ def load_of(contacts: Contacts, forces: Array, stiffness: Array | None = None) -
 
 
 def _servo_answers(contacts: Contacts, G: Array, stiffness: Array) -> Array:
-    """Return (3 N, 3) N, what joints of stiffness (joints,) Nm/rad answer a force of 1 N along each axis with."""
-    J, n = contacts.jacobians, len(contacts.points)
-    compliance, yields = J / stiffness @ J.transpose(0, 2, 1) + _GIVES * np.eye(3), np.zeros((3 * n, 6))
-    for i in range(n):
-        own = slice(3 * i, 3 * i + 3)
+    """Return (c N, 3) N, what joints of stiffness (joints,) Nm/rad answer a force of 1 N along each axis with."""
+    J, yields = contacts.jacobians, np.zeros((G.shape[1], 6))
+    if (np.abs(J).max(1) > 0.0).sum(0).max() > 1:  # some joint moves several contacts
+        J = J.reshape(1, G.shape[1], -1)
+    compliance = J / stiffness @ J.transpose(0, 2, 1) + _GIVES * np.eye(J.shape[1])
+    for i in range(len(J)):
+        own = slice(i * J.shape[1], (i + 1) * J.shape[1])
         yields[own] = np.linalg.solve(compliance[i], G[:, own].T)
     answers: Array = yields @ np.linalg.solve(G @ yields, np.eye(6, 3))
     return answers
 
 
 def _push(contacts: Contacts, forces: Array, answers: Array) -> float:
-    """Return the push, in weights, that forces (N, 3) bear with answers (3 N, 3) N to 1 N; 0 if they are none."""
+    """Return the push, in weights, that forces (N, c) bear with answers (c N, 3) N to 1 N; 0 if they are none."""
+    shape = shape_of(len(forces), contacts.torsion)
     if np.abs(_grasp_matrix(contacts) @ answers - np.eye(6, 3)).max() > 1e-6:
         answers = np.zeros_like(answers)  # some direction cannot be answered at all: no push is
-        return min(_borne(contacts, forces, answers.reshape(-1, 3, 3)), 0.0)
-    return _borne(contacts, forces, contacts.weight * answers.reshape(-1, 3, 3))
+        return min(_borne(contacts, shape, forces, answers.reshape(*forces.shape, 3)), 0.0)
+    return _borne(contacts, shape, forces, contacts.weight * answers.reshape(*forces.shape, 3))
 
 
 @njit
-def _borne(contacts: Contacts, forces: Array, answers: Array) -> float:
-    """The push that forces (N, 3) bear if they answer one along each axis with `answers` (N, 3, 3)."""
-    p = empty_programme(len(forces), (0,), 0)
+def _borne(contacts: Contacts, shape: Shape, forces: Array, answers: Array) -> float:
+    """The push that forces (N, c) bear if they answer one along each axis with `answers` (N, c, 3)."""
+    p = empty_programme(shape, (0,), 0)
     set_cones(p, contacts.normals, contacts.friction)
     for i in range(len(forces)):
-        for k in range(3):
+        for k in range(len(p.parts)):
             p.forces[i, k] = forces[i, k]
             for axis in range(3):
                 p.answers[i, k, axis] = answers[i, k, axis]
@@ -124,28 +128,30 @@ def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = No
     """Return 1 + the least, over 26 directions, of the largest push in weights that some forces can balance.
 
     The forces stay within cones and torque limits; they balance gravity and push together. Where none balance gravity
-    alone, it is the largest share of gravity that some do. Joints are of one finger each.
+    alone, it is the largest share of gravity that some do.
 
     Args:
-        contacts: three.
+        contacts: two that are soft, or three or more.
         stop: what is below need not be known exactly: anything from it up to there may be returned.
         pushes: (K, 3) unit directions, `directions()` by default; the one that ended at `stop` is put first, so that
             grasps alike are refused at once.
     """
-    return float(_capacity(checked(contacts, 3), directions() if pushes is None else pushes, stop))
+    contacts = checked(contacts)
+    shape = shape_of(len(contacts.points), contacts.torsion)
+    return float(_capacity(contacts, shape, directions() if pushes is None else pushes, stop))
 
 
 @njit
-def _capacity(contacts: Contacts, pushes: Array, stop: float) -> float:
-    n, joints = contacts.points.shape[0], contacts.torque_limits.shape[0]
-    p = empty_programme(n, _UNKNOWNS, n * (_FACES + _ROUNDS + 2 * joints))
-    answers, hold = np.empty((n, 3, 3)), np.empty((n, 3))
-    if not internal_forces(contacts.points, p.span) > FLAT:
+def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> float:
+    n, parts, joints = shape.contacts, len(shape.parts), contacts.torque_limits.shape[0]
+    p = empty_programme(shape, shape.pushed, n * (_FACES + _ROUNDS + 2 * joints))
+    answers, hold = np.empty((n, parts, 3)), np.empty((n, parts))
+    if not internal_forces(contacts.points, contacts.normals, contacts.torsion, p.span) > FLAT:
         return 0.0
     set_cones(p, contacts.normals, contacts.friction)
     answers_to_pushes(contacts, answers, hold)
     for i in range(n):
-        for c in range(3):
+        for c in range(parts):
             p.span[i, c, -1] = hold[i, c]
     share = _most(p, contacts)
     if share < 1.0:
@@ -153,7 +159,7 @@ def _capacity(contacts: Contacts, pushes: Array, stop: float) -> float:
     least = np.inf
     for k in range(pushes.shape[0]):
         for i in range(n):
-            for c in range(3):
+            for c in range(parts):
                 p.fixed[i, c], p.span[i, c, -1] = hold[i, c], 0.0
                 for axis in range(3):
                     p.span[i, c, -1] -= answers[i, c, axis] * pushes[k, axis]

@@ -61,7 +61,7 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: Problem) -> Turn | No
 
 
 def _turned(contacts: Contacts, R: Array) -> Contacts:
+    J = np.concatenate([R @ contacts.jacobians[:, :3], contacts.jacobians[:, 3:]], axis=1)
     return contacts._replace(
-        points=contacts.points @ R.T, normals=contacts.normals @ R.T, centre=R @ contacts.centre,
-        jacobians=R @ contacts.jacobians,
-    )  # fmt: skip
+        points=contacts.points @ R.T, normals=contacts.normals @ R.T, centre=R @ contacts.centre, jacobians=J
+    )

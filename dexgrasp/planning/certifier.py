@@ -9,9 +9,16 @@ from numpy.typing import NDArray
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF
-from dexgrasp.kinematics.forward import body_frames, fingertips, tip_jacobian
+from dexgrasp.kinematics.forward import (
+    body_frames,
+    fingertips,
+    follow,
+    hand_contact_jacobian,
+    tip_jacobian,
+)
 from dexgrasp.kinematics.shapes import shapes_apart
 from dexgrasp.kinematics.tip_ik import solve_tips
+from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear, too_near, with_capacity
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
@@ -28,9 +35,13 @@ _EACH = (LEAST_OPENING, 0.012, 0.018, 0.025)
 _TIPS_MEET = (
     2.5e-4  # m that closed tips may be from the surface, as fingers may end before; `verify` allows 3e-4
 )
-_OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
+OPEN_CLEARANCE = 0.004  # m between the open hand and the object, table and itself
 _CLOSING = 6  # pieces of the way on which the hand closes: tips go 6 mm from one look at it to the next
 
+
+_TIPS_BESIDE = (
+    0.004  # m that they may be beside it, where a finger has too few joints to meet it; `verify` too
+)
 
 Start = TypeVar("Start", bound=Posture)
 
@@ -78,16 +89,28 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
         return None
     motion = grasp_motion(q, at.normals, hold.forces, problem, pregrasp)
     missed = fingertips(motion.grasp, problem.tree) - (at.contacts + settings.tip_radius * at.normals)
+    if np.linalg.norm(missed, axis=1).max() < _TIPS_BESIDE:
+        missed = _mendable(missed, motion.grasp, problem.tree)
     if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
         log.block("surface_out_of_reach", farthest)
         return None
     return pressed(candidate, hold.forces, motion)
 
 
+def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:
+    """Return the part (N, 3) m of a miss that the fingers' joints could mend: all of it where they have three each."""
+    J = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)).reshape(missed.size, -1)
+    J = J[:, tree.moved[tree.moved >= tree.arm]]
+    if J.shape[1] >= missed.size:
+        return missed
+    mended: Array = (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
+    return mended
+
+
 def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
     """Whether a hand is clear where it is open, and of neighbours until it has closed to `q` (n,) rad."""
     return (
-        is_clear(pregrasp, problem, _OPEN_CLEARANCE)
+        is_clear(pregrasp, problem, OPEN_CLEARANCE)
         and shapes_apart(pregrasp, problem.cell)
         and not len(_in_the_way(pregrasp, q, problem))
     )
@@ -108,7 +131,7 @@ def _closing(pregrasp: Array, q: Array) -> Array:
 
 
 def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:
-    """Return the grasp of a configuration that presses with forces (3, 3) N, with its certificate."""
+    """Return the grasp of a configuration that presses with forces (N, c) N, with its certificate."""
     problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
     certificate = certificate_of(q, forces, problem)
     return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
@@ -125,7 +148,7 @@ def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: flo
 
     Args:
         q: (n,) rad, the grasp.
-        normals: (3, 3) out of the object.
+        normals: (N, 3) out of the object.
         problem: object and robot.
         opening: m that the tips back off before they close.
         rise: m that they come down as they close.
@@ -149,7 +172,7 @@ def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Arr
     free = dict(enumerate(bodies))
     for opening in _EACH:
         way = opened(q, normals, problem, opening, rise)
-        near = too_near(way, problem, _OPEN_CLEARANCE)
+        near = too_near(way, problem, OPEN_CLEARANCE)
         blocked = set(near[near[:, 0] != SELF, 1].tolist())
         free = {finger: own for finger, own in free.items() if not own & blocked}
         if len(free) < len(bodies) and opening == _EACH[0]:
@@ -157,6 +180,7 @@ def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Arr
         for finger in free:
             first, end = problem.tree.fingers[finger]
             pregrasp[first:end] = way[first:end]
+    follow(pregrasp, problem.tree)
     return pregrasp
 
 
@@ -168,24 +192,24 @@ def grasp_motion(q: Array, normals: Array, forces: Array, problem: Problem, preg
 
     Args:
         q: (n,) rad, the grasp.
-        normals: (3, 3) out of the object.
-        forces: (3, 3) N on the object.
+        normals: (N, 3) out of the object.
+        forces: (N, c) N on the object.
         problem: object and robot.
         pregrasp: see `opened`.
     """
     tree, touching = problem.tree, q.copy()
     contacts, goals = _touching(q, normals, problem)
     solve_tips(touching, goals, tree, 30, 1e-5, True)
-    J = tip_jacobian(tree, body_frames(touching, tree), contacts)[:, :, tree.arm :]
-    torque = np.einsum("frj,fr->j", J, forces)
+    torque = np.einsum("frj,fr->j", hand_contact_jacobian(touching, contacts, normals, tree), forces)
     squeeze = touching.copy()
     hand = slice(tree.arm, None)
     squeeze[hand] = np.clip(touching[hand] + torque / tree.stiffness, tree.lower[hand], tree.upper[hand])
+    follow(squeeze, tree)
     return GraspMotion(pregrasp, touching, squeeze)
 
 
 def _touching(q: Array, normals: Array, problem: Problem) -> tuple[Array, Array]:
-    """Return the contacts (3, 3) m, and where the tips' centres are (3, 3) m when they touch there."""
+    """Return the contacts (N, 3) m, and where the tips' centres are (N, 3) m when they touch there."""
     tips = fingertips(q, problem.tree)
     distance, _ = problem.target.distance.distance_gradient(tips)
     return tips - distance[:, None] * normals, tips + (problem.settings.tip_radius - distance)[

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearance_rows, empty_rows
-from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
+from dexgrasp.kinematics.forward import body_frames, fingertips, hand_contact_jacobian
 from dexgrasp.physics.contacts import GRAVITY, Contacts
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.ratios import wrench_ratios
@@ -22,15 +22,16 @@ FAR = 0.02  # m: clearances beyond are not measured
 
 
 def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, Array]:
-    """Return the contacts of a configuration `q` (n,) rad, and the tips' distances (3,) m from the surface."""
+    """Return the contacts of a configuration `q` (n,) rad, and the tips' distances (N,) m from the surface."""
     target, tree = problem.target, problem.tree
-    frames = body_frames(q, tree)
-    tips = tip_positions(tree, frames)
+    tips = fingertips(q, tree)
     distance, normals = target.distance.distance_gradient(tips)
     points = tips - distance[:, None] * normals
-    jacobians = tip_jacobian(tree, frames, points)[:, :, tree.arm :]
+    jacobians = hand_contact_jacobian(q, points, normals, tree)
     mu, gravity = np.full(len(points), friction), np.array([0.0, 0.0, -GRAVITY * target.mass])
-    return Contacts(points, normals, jacobians, tree.torque, mu, target.centre, gravity), distance
+    return Contacts(
+        points, normals, jacobians, tree.torque, mu, target.centre, gravity, tree.torsion
+    ), distance
 
 
 def certificate_of(q: Array, forces: Array, problem: Problem) -> Certificate:
@@ -38,7 +39,7 @@ def certificate_of(q: Array, forces: Array, problem: Problem) -> Certificate:
 
     Args:
         q: (n,) rad.
-        forces: (3, 3) N on the object, thumb, index, middle.
+        forces: (N, c) N on the object.
         problem: object and robot; of the settings friction coefficients and tip radius.
     """
     target, tree, settings = problem.target, problem.tree, problem.settings
@@ -51,7 +52,9 @@ def certificate_of(q: Array, forces: Array, problem: Problem) -> Certificate:
         force_ratio_percent=ratios.force,
         torque_ratio_percent=ratios.torque,
         closure_residual=float(internal.residual),
-        closure_margin=float(margins(contacts.points[None], contacts.normals[None], settings.friction)[0][0]),
+        closure_margin=float(
+            margins(contacts.points[None], contacts.normals[None], settings.friction, tree.torsion)[0][0]
+        ),
         min_clearance_m=least_clearance(q, problem),
         joint_limit_margin_rad=float(np.minimum(q - tree.lower, tree.upper - q).min()),
         max_joint_torque_fraction=torque_fraction(contacts, forces),

@@ -22,16 +22,23 @@ from dexgrasp.kinematics.forward import (
     tip_positions,
 )
 from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.physics.contacts import Shape
 from dexgrasp.physics.margin import cone_margin
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
 MAX_ROWS = 96
-FIXED_ROWS = 13  # 3 distances low, 3 high, closure, 3 axes, 3 pads
-CLOSURE, FIRST_AXIS, FIRST_PAD = 6, 7, 10
 MARGIN_SCALE = 0.02  # m a unit of closure margin: a tenth of margin weighs as much as 2 mm
 ANGLE_SCALE = 0.01  # m a unit of cosine
 _ACTIVATION = 0.02  # m: clearances beyond have no say in this step
+
+
+def fixed_rows(tips: int) -> tuple[int, int, int, int]:
+    """Return the rows of closure, of the first tip axis and of the first pad, and how many are fixed.
+
+    Before them are the tips' least distances, and their largest.
+    """
+    return 2 * tips, 2 * tips + 1, 3 * tips + 1, 4 * tips + 1
 
 
 class Bounds(NamedTuple):
@@ -53,9 +60,9 @@ class Evaluation(NamedTuple):
     values: Array  # (k,) >= 0 where satisfied
     rows: Array  # (k, n) gradients
     labels: NDArray[np.int64]  # (k, 3): kind (see clearance.KINDS) and bodies; -1 - k for the fixed row k
-    contacts: Array  # (3, 3) m
-    normals: Array  # (3, 3) out of the object
-    distances: Array  # (3,) m, of the tip sphere centres
+    contacts: Array  # (g, 3) m
+    normals: Array  # (g, 3) out of the object
+    distances: Array  # (g,) m, of the tip sphere centres
     margin: float
     metric: (
         Array  # (n, n) m^2/rad^2: dq^T metric dq is how far the fingertips slide over the surface, squared
@@ -63,19 +70,20 @@ class Evaluation(NamedTuple):
 
 
 class _Touch(NamedTuple):
-    """How the three fingertips stand to the object."""
+    """How the fingertips stand to the object."""
 
-    contacts: Array  # (3, 3) m, the surface's points nearest to the tip centres
-    normals: Array  # (3, 3) out of the object
-    distances: Array  # (3,) m, of the tip centres
-    hessians: Array  # (3, 3, 3) of the distances, 1/m
-    jacobians: Array  # (3, 3, n) of the tip centres, m/rad
+    contacts: Array  # (g, 3) m, the surface's points nearest to the tip centres
+    normals: Array  # (g, 3) out of the object
+    distances: Array  # (g,) m, of the tip centres
+    hessians: Array  # (g, 3, 3) of the distances, 1/m
+    jacobians: Array  # (g, 3, n) of the tip centres, m/rad
 
 
 @njit
 def evaluate(
-    q: Array, tree: RobotTree, obstacles: tuple[Obstacle, Obstacle], bounds: Bounds, with_margin: bool
-) -> Evaluation:
+    q: Array, tree: RobotTree, obstacles: tuple[Obstacle, Obstacle], bounds: Bounds, shape: Shape,
+    with_margin: bool,
+) -> Evaluation:  # fmt: skip
     """Evaluate all constraints and gradients at `q` (n,) rad.
 
     Args:
@@ -83,6 +91,7 @@ def evaluate(
         tree: the robot.
         obstacles: the object in the world frame, and what stands around it.
         bounds: thresholds.
+        shape: of the contacts.
         with_margin: whether the closure margin counts (ablation `cvae_kinematics` leaves it out).
     """
     frames = empty_frames(tree)
@@ -91,19 +100,21 @@ def evaluate(
     rows = Rows(
         np.full(MAX_ROWS, 1.0), np.zeros((MAX_ROWS, q.shape[0])), np.full((MAX_ROWS, 3), -1, dtype=np.int64)
     )
-    for i in range(3):
+    g = shape.contacts
+    fixed = 4 * g + 1
+    for i in range(g):
         gradient = touch.normals[i] @ touch.jacobians[i]
         rows.values[i], rows.gradients[i] = touch.distances[i] - bounds.low, gradient
-        rows.values[3 + i], rows.gradients[3 + i] = bounds.high - touch.distances[i], -gradient
+        rows.values[g + i], rows.gradients[g + i] = bounds.high - touch.distances[i], -gradient
         _direction_rows(i, tree, frames, touch, bounds, rows)
     margin = 1.0
     if with_margin:
-        margin = _closure_row(touch, bounds, rows)
-    for k in range(FIXED_ROWS):
+        margin = _closure_row(touch, bounds, shape, rows)
+    for k in range(fixed):
         rows.labels[k, 0] = -1 - k
-    beyond = Rows(rows.values[FIXED_ROWS:], rows.gradients[FIXED_ROWS:], rows.labels[FIXED_ROWS:])
-    total = FIXED_ROWS + clearance_rows(tree, frames, obstacles, _ACTIVATION, True, beyond)
-    for k in range(FIXED_ROWS, total):
+    beyond = Rows(rows.values[fixed:], rows.gradients[fixed:], rows.labels[fixed:])
+    total = fixed + clearance_rows(tree, frames, obstacles, _ACTIVATION, True, beyond)
+    for k in range(fixed, total):
         rows.values[k] -= bounds.off_table if rows.labels[k, 0] == TABLE else bounds.clearance
     return Evaluation(
         rows.values[:total], rows.gradients[:total], rows.labels[:total],
@@ -116,7 +127,7 @@ def _slide(touch: _Touch) -> Array:
     """Return sum J_i^T (I - n n^T) J_i."""
     n = touch.jacobians.shape[2]
     metric = np.zeros((n, n))
-    for i in range(3):
+    for i in range(len(touch.normals)):
         J, normal = touch.jacobians[i], touch.normals[i]
         along = J - np.outer(normal, normal @ J)
         metric += along.T @ along
@@ -126,25 +137,27 @@ def _slide(touch: _Touch) -> Array:
 @njit
 def _touch(tree: RobotTree, frames: Frames, obstacle: Obstacle) -> _Touch:
     tips = tip_positions(tree, frames)
-    contacts, normals, distances = np.empty((3, 3)), np.empty((3, 3)), np.empty(3)
-    hessians = np.empty((3, 3, 3))
-    for i in range(3):
+    g = len(tips)
+    contacts, normals, distances = np.empty((g, 3)), np.empty((g, 3)), np.empty(g)
+    hessians = np.empty((g, 3, 3))
+    for i in range(g):
         distances[i] = convex_distance_hessian(tips[i], obstacle, normals[i], hessians[i])
         contacts[i] = tips[i] - distances[i] * normals[i]
     return _Touch(contacts, normals, distances, hessians, tip_jacobian(tree, frames, tips))
 
 
 @njit
-def _closure_row(touch: _Touch, bounds: Bounds, rows: Rows) -> float:
+def _closure_row(touch: _Touch, bounds: Bounds, shape: Shape, rows: Rows) -> float:
     """Row of the lower problem, by the envelope theorem; return the closure margin."""
-    margin, by_point, by_normal = cone_margin(touch.contacts, touch.normals, bounds.friction)
-    rows.values[CLOSURE] = MARGIN_SCALE * (margin - bounds.margin)
-    for i in range(3):
+    margin, by_point, by_normal = cone_margin(touch.contacts, touch.normals, bounds.friction, shape)
+    row = 2 * shape.contacts
+    rows.values[row] = MARGIN_SCALE * (margin - bounds.margin)
+    for i in range(shape.contacts):
         n, H = touch.normals[i], touch.hessians[i]
         # contact = tip - d n: a shift of the tip moves the contact along the surface and turns the normal.
         along = by_point[i] - n * (n @ by_point[i]) - touch.distances[i] * (H @ by_point[i])
         g = along + H @ by_normal[i]
-        rows.gradients[CLOSURE] += MARGIN_SCALE * (g @ touch.jacobians[i])
+        rows.gradients[row] += MARGIN_SCALE * (g @ touch.jacobians[i])
     return margin
 
 
@@ -153,8 +166,8 @@ def _direction_rows(
     i: int, tree: RobotTree, frames: Frames, touch: _Touch, bounds: Bounds, rows: Rows
 ) -> None:
     """Rows that keep the inward normal on the front (axis z) and on the pad's side (x) of a fingertip."""
-    body, inward = tree.tip_body[i], -touch.normals[i]
-    for row, column, threshold in ((FIRST_AXIS + i, 2, bounds.cosine), (FIRST_PAD + i, 0, bounds.pad_cosine)):
+    body, inward, g = tree.tip_body[i], -touch.normals[i], len(touch.normals)
+    for row, column, threshold in ((2 * g + 1 + i, 2, bounds.cosine), (3 * g + 1 + i, 0, bounds.pad_cosine)):
         direction = np.empty(3)
         for r in range(3):
             direction[r] = frames.R[body, r, column]

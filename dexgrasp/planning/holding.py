@@ -25,7 +25,7 @@ class Hold(NamedTuple):
     """A squeeze and how much it is worth."""
 
     contacts: Contacts
-    forces: Array  # (3, 3) N on the object
+    forces: Array  # (N, c) N on the object
     share: float  # of the weight that the forces balance
     merit: float  # load that would be left with less friction and the surface out of place: grasps are ranked by it
 
@@ -72,9 +72,11 @@ def firmest_hold(q: Array, problem: Problem) -> Hold:
     firm = robust_squeeze(contacts, distance, problem)
     if firm.share >= 1.0:
         return Hold(contacts, firm.forces, firm.share, firm.load)
-    most = _squeeze(contacts, np.full(3, settings.friction_hold), settings, DOWN)
+    most = _squeeze(contacts, np.full_like(distance, settings.friction_hold), settings, DOWN)
     if most.share == 0.0:
-        return Hold(contacts, -settings.least_press * contacts.normals, 0.0, 0.0)
+        forces = np.zeros(contacts.jacobians.shape[:2])
+        forces[:, :3] = -settings.least_press * contacts.normals
+        return Hold(contacts, forces, 0.0, 0.0)
     return Hold(contacts, most.forces, most.share, min(firm.load, most.load))
 
 
@@ -83,7 +85,7 @@ def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: 
 
     Args:
         contacts: of the grasp.
-        distance: (3,) m, of the tips' centres from the surface.
+        distance: (N,) m, of the tips' centres from the surface.
         problem: the object; of the settings friction, error in place, least press and torque limits.
         down: (3,) the way gravity points.
     """

@@ -73,7 +73,7 @@ class _Pool:
 
     def __init__(self) -> None:
         self._all: list[Candidate[Posture]] = []
-        self._points = np.empty((0, 18))  # m
+        self._points = np.empty((0, 0))  # m
         self._gaps = np.empty(0)  # m; infinite while nothing is chosen, -1 for what has been taken
         self._chosen: list[int] = []
 
@@ -81,8 +81,9 @@ class _Pool:
         return int((self._gaps >= 0.0).sum())
 
     def add(self, candidate: Candidate[Posture], points: Array) -> bool:
-        """Add a candidate with its hand's points (6, 3), unless one like it was here before."""
+        """Add a candidate with its hand's points (m, 3), unless one like it was here before."""
         flat = points.ravel()
+        self._points = self._points.reshape(-1, len(flat))
         if (_distance(self._points, flat) < _APART).any():
             return False
         gap = _distance(self._points[self._chosen], flat).min(initial=np.inf)
@@ -105,8 +106,8 @@ class _Pool:
 
 
 def _distance(points: Array, to: Array) -> Array:
-    """Root mean square distance (N,) m of hands' points (N, 18) to those of one (18,)."""
-    return np.asarray(np.sqrt(((points - to) ** 2).sum(1) / 6.0))
+    """Root mean square distance (N,) m of hands' points (N, 3 m) to those of one (3 m,)."""
+    return np.asarray(np.sqrt(((points - to) ** 2).sum(1) / (len(to) / 3.0)))
 
 
 class _Search(Search):

@@ -1,6 +1,7 @@
 """From an object to a certified grasp: proposals, postures, bilevel optimisation, certificate, approach."""
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
@@ -9,7 +10,8 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
-from dexgrasp.planning.certifier import Candidate, Start, certified, completed
+from dexgrasp.planning.atlas import hand_atlas
+from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, Start, certified, completed
 from dexgrasp.planning.holding import Hold, firmest_hold
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.problem import Problem
@@ -50,6 +52,10 @@ class Planner:
         self.cell = cell or default_cell()
         self.settings = (settings or PlannerSettings()).for_hand(self.cell.robot.hand)
         self.tree: RobotTree = robot_tree(self.cell)
+        if self.settings.fingers == 2:
+            gap = float(hand_atlas(self.cell).search.maxes[0])  # m between the tips' centres, open
+            widest = gap - 2.0 * (self.settings.tip_radius + OPEN_CLEARANCE)
+            self.settings = replace(self.settings, widest=widest)
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
         self.source.check_hand(self.cell.robot.hand)
 

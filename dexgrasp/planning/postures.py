@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.geometry.field import Field, field_at
 from dexgrasp.kinematics.forward import (
+    contact_jacobian,
     empty_frames,
     forward,
     forward_part,
@@ -23,12 +24,12 @@ from dexgrasp.kinematics.forward import (
 from dexgrasp.kinematics.palm_ik import reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp.physics.contacts import GRAVITY, Contacts
+from dexgrasp.physics.contacts import GRAVITY, Contacts, Shape
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.claims import overlap
 from dexgrasp.planning.holding import ENOUGH, narrowed_friction
-from dexgrasp.planning.placement import ASSIGNMENTS, Placements, place_on_atlas
+from dexgrasp.planning.placement import Placements, assignments, place_on_atlas
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp_env.arrays import Array
@@ -65,7 +66,7 @@ class Posture:
 def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
     """Yield postures from the atlas, firmest first, with the arm solved; at most `settings.postures`, one a triple."""
     settings, tree = problem.settings, problem.tree
-    orders = ASSIGNMENTS[:1] if proposals.assigned else ASSIGNMENTS
+    orders = assignments(settings.proposed.contacts)[: 1 if proposals.assigned else None]
     placed = place_on_atlas(proposals.contacts, proposals.normals, problem, orders, settings.neighbours)
     merit = loads_on(placed, problem) + _POSE * placed.scores
     tried: set[int] = set()
@@ -143,17 +144,18 @@ def loads_on(placed: Placements, problem: Problem, friction: Array | None = None
     Args:
         placed: postures of the atlas on goals.
         problem: object and robot; of the settings friction, error in place and torque limits.
-        friction: (K, 3) at the goals, where it is known: what `narrowed_friction` says by default.
+        friction: (K, n) at the goals, where it is known: what `narrowed_friction` says by default.
     """
     goals, target, tree, settings = placed.goals, problem.target, problem.tree, problem.settings
+    shape = settings.proposed
     if friction is None:
         tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
-        friction = narrowed_friction(tips, normals, target, settings).reshape(-1, 3)
+        friction = narrowed_friction(tips, normals, target, settings).reshape(-1, shape.contacts)
     gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
     burden = _Burden(
         settings.tip_height, target.centre, gravity, friction, settings.torque_share * tree.torque
     )
-    return _estimates(placed, hand_atlas(problem.cell).joints, tree, burden)
+    return _estimates(placed, hand_atlas(problem.cell).joints, tree, burden, shape)
 
 
 class _Burden(NamedTuple):
@@ -162,18 +164,24 @@ class _Burden(NamedTuple):
     height: float  # m
     centre: Array  # (3,) m
     gravity: Array  # (3,) N
-    friction: Array  # (K, 3) at the goals
+    friction: Array  # (K, n) at the goals
     limit: Array  # (h,) Nm
 
 
 @njit
-def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burden) -> Array:
+def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burden, shape: Shape) -> Array:
     """Loads (M,) of placements. The arm does not matter to them."""
     height, friction, limit = burden.height, burden.friction, burden.limit
-    frames, room, q = empty_frames(tree), empty_room(3, len(limit)), np.zeros(tree.lower.shape[0])
-    out, J, nothing, shift = np.empty(len(placed.which)), np.empty((3, 3, len(q))), np.zeros(3), np.empty(3)
-    points, normals, down, middle = np.empty((3, 3)), np.empty((3, 3)), np.empty(3), np.empty(3)
-    hand = np.empty((3, 3, len(limit)))
+    n, parts = shape.contacts, len(shape.parts)
+    frames, room, q = empty_frames(tree), empty_room(shape, len(limit)), np.zeros(tree.lower.shape[0])
+    out, J, nothing, shift = (
+        np.empty(len(placed.which)),
+        np.zeros((n, parts, len(q))),
+        np.zeros(3),
+        np.empty(3),
+    )
+    points, normals, down, middle = np.empty((n, 3)), np.empty((n, 3)), np.empty(3), np.empty(3)
+    hand = np.empty((n, parts, len(limit)))
     forward(q, tree, frames)
     palm = frames.R[tree.palm] @ tree.palm_rotation
     for m in range(len(placed.which)):
@@ -191,14 +199,17 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
         tips = tip_positions(tree, frames)
         to_world(turn, shift, burden.centre, middle)
         to_world(turn, nothing, burden.gravity, down)
-        for i in range(3):
+        for i in range(n):
             inward = placed.goals.inward[goal, i]
             to_world(turn, shift, placed.goals.centres[goal, i] + height * inward, points[i])
             to_world(turn, nothing, -inward, normals[i])
             tips[i] -= height * normals[i]
-        hand_jacobian(tree, frames, tips, J)
+        if parts == 4:
+            contact_jacobian(tree, frames, tips, normals, J)
+        else:
+            hand_jacobian(tree, frames, tips, J)
         hand[:] = J[:, :, tree.arm :]
-        contacts = Contacts(points, normals, hand, limit, friction[goal], middle, down)
+        contacts = Contacts(points, normals, hand, limit, friction[goal], middle, down, shape.torsion)
         out[m] = squeeze_estimate(contacts, ENOUGH, room)
     return out
 

@@ -4,6 +4,7 @@ from typing import NamedTuple
 
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.physics.contacts import Shape, shape_of
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.robot.cell import Cell
@@ -20,6 +21,11 @@ class Problem(NamedTuple):
     def tree(self) -> RobotTree:
         """Kinematics of the robot."""
         return robot_tree(self.cell)
+
+    @property
+    def shape(self) -> Shape:
+        """Of the contacts that the grasping fingers make."""
+        return shape_of(len(self.tree.tip_body), self.tree.torsion)
 
     @property
     def obstacles(self) -> tuple[Obstacle, Obstacle]:

@@ -1,4 +1,4 @@
-"""Where three fingertips could go: contact triples of a surface, and the interface that learned sources share."""
+"""Where fingertips could go: contact triples or pairs of a surface, and the interface that learned sources share."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.samples import triangle_samples
-from dexgrasp.physics.closure import closure_sweep
+from dexgrasp.physics.closure import closure_sweep, opposed_pairs
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.ranking import best_shared, robustness
 from dexgrasp.planning.settings import PlannerSettings
@@ -20,6 +20,8 @@ LEAST_DISTANCE = 0.03
 """m between contacts: two fingertips are wider than this."""
 LEAST_OPENING = 0.006
 """m that a fingertip backs off at least before it closes."""
+LEAST_GAP = 0.01
+"""m between two contacts that face each other."""
 _ROUNDING = 1e-4  # m
 _DENSE = 20  # times as many places beside a low object are tried as are asked for
 _STEPS = 4  # of Newton's method, until a tip beside it touches
@@ -30,11 +32,11 @@ _NO_CLOSURE, _NO_SURFACE = "no_closure_triple", "no_surface_above_table"
 
 @dataclass(frozen=True)
 class Proposals:
-    """K contact triples, best first.
+    """K contact triples, or pairs for two fingers, best first; further fingers follow the first three.
 
     Attributes:
-        contacts: (K, 3, 3) m, world frame.
-        normals: (K, 3, 3) out of the object.
+        contacts: (K, n, 3) m, world frame.
+        normals: (K, n, 3) out of the object.
         assigned: whether the order is thumb, index, middle; otherwise any finger may take any contact.
         failure: why there are none.
         palms: (K, 4, 4) where the source would have the palm, world frame; None where it does not say.
@@ -69,21 +71,24 @@ class ProposalSource(ABC):
 
 
 class SurfaceProposals(ProposalSource):
-    """All triples of sampled surface points, judged for force closure and ranked."""
+    """All triples or pairs of sampled surface points, judged for force closure and ranked."""
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` triples, varied as well as good."""
         points, normals = graspable_points(target, settings, rng)
         if len(points) < 3:
             return Proposals.none(_NO_SURFACE)
-        triples = closure_sweep(points, normals, settings.friction, LEAST_DISTANCE)
+        if settings.fingers == 2:
+            triples = opposed_pairs(points, normals, settings.friction, LEAST_GAP, settings.widest)
+        else:
+            triples = closure_sweep(points, normals, settings.friction, LEAST_DISTANCE)
         if not len(triples):
             return Proposals.none(_NO_CLOSURE)
         judged = _JUDGED * settings.triples
         if len(triples) > judged:
             triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
-        margin = margins(contacts, at, settings.friction)[0]
+        margin = margins(contacts, at, settings.friction, settings.torsion)[0]
         if (margin > 0.0).any():  # the sweep's pyramids reach beyond the cones
             closed = margin > 0.0
             triples, contacts, at, margin = triples[closed], contacts[closed], at[closed], margin[closed]

@@ -21,8 +21,8 @@ def robustness(contacts: Array, normals: Array, margins: Array, target: GraspTar
     """Return how well K triples bear errors (K,), in units of closure margin: their margin, less `contact_sensitivity`.
 
     Args:
-        contacts: (K, 3, 3) m.
-        normals: (K, 3, 3) out of the object.
+        contacts: (K, N, 3) m.
+        normals: (K, N, 3) out of the object.
         margins: (K,) of force closure.
         target: the object.
     """
@@ -30,7 +30,7 @@ def robustness(contacts: Array, normals: Array, margins: Array, target: GraspTar
 
 
 def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) -> Array:
-    """Return what K triples (K, 3, 3) risk, in units of closure margin, if the surface is not quite where it was seen.
+    """Return what K grasps (K, N, 3) risk, in units of closure margin, if the surface is not quite where it was seen.
 
     Gravity turns contacts far from the centre of mass. A contact off the object's middle height, or whose normal points
     up, squeezes the object out of the hand if the true surface curves away.
@@ -55,7 +55,10 @@ def most_robust(
     score = np.full(len(order), -np.inf)
     for first in range(0, len(order), _AT_ONCE):
         some = order[first : first + _AT_ONCE]
-        margin = rough_margins(contacts[some], normals[some], settings.friction, _ROUGH) - _ROUGH
+        margin = (
+            rough_margins(contacts[some], normals[some], settings.friction, _ROUGH, settings.proposed)
+            - _ROUGH
+        )
         score[some] = np.where(margin > 0.0, np.minimum(margin, _ENOUGH) - risk[some], -np.inf)
         chosen = best_apart(contacts, score, settings.triples)
         rest = order[first + _AT_ONCE : first + _AT_ONCE + 1]
@@ -65,7 +68,7 @@ def most_robust(
 
 
 def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
-    """Return the best of triples (K, 3, 3) with contacts anywhere, without those nearly the same as a better one.
+    """Return the best of triples (K, N, 3) with contacts anywhere, without those nearly the same as a better one.
 
     A score of minus infinity is that of a triple which may not be chosen.
     """
@@ -79,12 +82,12 @@ def _best_apart(contacts: Array, order: NDArray[np.int64], count: int) -> NDArra
         near = False
         for m in range(n):
             total = 0.0
-            for i in range(3):
+            for i in range(contacts.shape[1]):
                 squared = 0.0
                 for c in range(3):
                     squared += (contacts[k, i, c] - contacts[chosen[m], i, c]) ** 2
                 total += np.sqrt(squared)
-            if total < 3.0 * _APART:
+            if total < contacts.shape[1] * _APART:
                 near = True
                 break
         if not near:
@@ -96,7 +99,7 @@ def _best_apart(contacts: Array, order: NDArray[np.int64], count: int) -> NDArra
 
 
 def best_shared(triples: NDArray[np.integer[Any]], score: Array, count: int) -> NDArray[np.int64]:
-    """Return the best of triples (K, 3) of sampled points, but no point more often than its share.
+    """Return the best of triples or pairs (K, N) of sampled points, but no point more often than its share.
 
     Points lie farther apart than `best_apart` looks: without shares one good point would be in most triples.
     """

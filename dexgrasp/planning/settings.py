@@ -1,8 +1,10 @@
 """Settings of the planner, with where each number comes from."""
 
+import math
 from dataclasses import dataclass, replace
 
 from dexgrasp.grasp.thresholds import Thresholds, planned_friction
+from dexgrasp.physics.contacts import Shape, shape_of
 from dexgrasp.shape.parts import MOST_PARTS
 from dexgrasp_env.robot.robot import Hand
 from dexgrasp_env.valid import number
@@ -37,6 +39,9 @@ class PlannerSettings(Thresholds):
             direction that is borne, in weights.
         friction_squeeze: coefficient that the squeeze is made for, and grasps are ranked by: less than is counted on.
         place_error: how far the surface may be from where it was seen, m.
+        fingers: of a grasp, as the hand has them.
+        torsion: radius of their soft tips, m; 0: points.
+        widest: m between contacts that two fingers open beyond.
         firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
     """
 
@@ -58,6 +63,9 @@ class PlannerSettings(Thresholds):
     friction_squeeze: float = 0.42
     place_error: float = 0.003
     firm_load: float = 1.2
+    fingers: int = 3
+    torsion: float = 0.0
+    widest: float = math.inf
 
     @classmethod
     def for_friction(cls, mu: float) -> "PlannerSettings":
@@ -67,7 +75,12 @@ class PlannerSettings(Thresholds):
 
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""
-        return replace(self, tip_radius=hand.tip_radius)
+        return replace(self, tip_radius=hand.tip_radius, fingers=len(hand.grasp), torsion=hand.torsion)
+
+    @property
+    def proposed(self) -> Shape:
+        """Of the contacts that are proposed: two or three; further fingers follow these."""
+        return shape_of(min(self.fingers, 3), self.torsion)
 
     @property
     def tip_height(self) -> float:

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.kinematics.clearance import KINDS
-from dexgrasp.planning.constraints import CLOSURE, FIXED_ROWS, MARGIN_SCALE, Bounds, Evaluation, evaluate
+from dexgrasp.kinematics.forward import follow
+from dexgrasp.planning.constraints import MARGIN_SCALE, Bounds, Evaluation, evaluate, fixed_rows
 from dexgrasp.planning.problem import Problem
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
@@ -83,19 +84,20 @@ class _Solver:
         self._robot, self._moved = problem.cell.robot, tree.moved
         self._block, self._turn = np.ix_(tree.moved, tree.moved), _TURN * np.eye(len(tree.moved))
         self._obstacles, self._tree, self._budget = problem.obstacles, tree, settings.iterations
-        self._with_margin = with_margin
-        self._low = tree.lower[tree.moved] + settings.joint_margin
-        self._high = tree.upper[tree.moved] - settings.joint_margin
+        self._with_margin, self._shape, self._unit = with_margin, problem.shape, tree.unit[tree.moved]
+        self._low = tree.lower[tree.moved] + settings.joint_margin * self._unit
+        self._high = tree.upper[tree.moved] - settings.joint_margin * self._unit
         self._goal = bounds_of(problem, settings.closure_aim, slack=1e-4)
         self._modest = bounds_of(problem, settings.closure_margin + 0.02, slack=1e-4)
         self._least = bounds_of(problem, settings.closure_margin)
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
-        return evaluate(q, self._tree, self._obstacles, bounds, self._with_margin)
+        return evaluate(q, self._tree, self._obstacles, bounds, self._shape, self._with_margin)
 
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""
         q[self._moved] = np.clip(q[self._moved], self._low, self._high)
+        follow(q, self._tree)
         steps = 0
         for goal in (self._goal, self._modest):
             q, now, used = self._descend(q, goal, self._budget - steps)
@@ -113,6 +115,7 @@ class _Solver:
             step = self._step(q, now, trust)
             trial = q.copy()
             trial[self._moved] = np.clip(q[self._moved] + step, self._low, self._high)
+            follow(trial, self._tree)
             evaluation = self.evaluate(trial, goal)
             reached = _merit(evaluation.values)
             if reached < merit - 1e-9:
@@ -124,8 +127,8 @@ class _Solver:
 
     def _step(self, q: Array, now: Evaluation, trust: float) -> Array:
         A = np.ascontiguousarray(now.rows[:, self._moved])
-        lower = np.maximum(self._low - q[self._moved], -trust)
-        upper = np.minimum(self._high - q[self._moved], trust)
+        lower = np.maximum(self._low - q[self._moved], -trust * self._unit)
+        upper = np.minimum(self._high - q[self._moved], trust * self._unit)
         n, m = len(self._moved), len(now.values)
         H = now.metric[self._block] / _SLIDE**2 + self._turn
         sense = np.zeros(n + m, dtype=np.int32)
@@ -138,12 +141,13 @@ class _Solver:
 
     def _solution(self, q: Array, now: Evaluation, goal: Bounds, steps: int) -> Solution:
         """Judge by the least that is accepted, not by what was aimed at."""
-        least, values = self._least, now.values.copy()
-        values[:3] += goal.low - least.low
-        values[3:6] += least.high - goal.high
+        least, values, g = self._least, now.values.copy(), self._shape.contacts
+        closure, *_, fixed = fixed_rows(g)
+        values[:g] += goal.low - least.low
+        values[g:closure] += least.high - goal.high
         if self._with_margin:
-            values[CLOSURE] += MARGIN_SCALE * (goal.margin - least.margin)
-        values[FIXED_ROWS:] += goal.clearance - least.clearance
+            values[closure] += MARGIN_SCALE * (goal.margin - least.margin)
+        values[fixed:] += goal.clearance - least.clearance
         worst = int(np.argmin(values))
         violation = max(0.0, -float(values[worst]))
         feasible = violation <= TOLERANCE
@@ -156,17 +160,17 @@ def _merit(values: Array) -> float:
 
 
 _TIP_ROWS = ("distance_min", "distance_max", "fingertip_axis", "fingertip_pad")
-"""Names of the fixed rows beside closure's, three of each, one a finger."""
+"""Names of the fixed rows beside closure's, of each one a finger."""
 
 
 def _name(label: NDArray[np.int64], robot: Robot) -> str:
     """Name a constraint in words that can be counted."""
     kind, a, b = (int(v) for v in label)
-    row = -1 - kind
-    if row == CLOSURE:
+    row, g = -1 - kind, len(robot.hand.grasp)
+    if row == 2 * g:
         return "closure_margin"
     if row >= 0:
-        row -= row > CLOSURE
-        return f"{_TIP_ROWS[row // 3]}:{robot.hand.grasp[row % 3]}"
+        row -= row > 2 * g
+        return f"{_TIP_ROWS[row // g]}:{robot.hand.grasp[row % g]}"
     other = f":{robot.bodies[b]}" if b >= 0 else ""
     return f"clearance_{KINDS[kind]}:{robot.bodies[a]}{other}"

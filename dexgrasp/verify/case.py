@@ -5,8 +5,9 @@ from functools import cached_property
 import numpy as np
 
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp.verify.cones import wrench_map
+from dexgrasp.verify.cones import slides, wrench_map
 from dexgrasp.verify.scene import Scene
+from dexgrasp_env.arrays import Array
 
 GRAVITY = 9.81  # m/s^2
 _GIVES = 1e-6  # m/N that a contact gives way besides its joints
@@ -43,6 +44,15 @@ class Case:
         return [joint for own in columns for joint in range(own.start, own.stop)]
 
     @cached_property
+    def servos(self) -> tuple[Array, Array]:
+        """Torque limits and stiffness of the hand's joints, with what those that follow them add."""
+        hand = self.robot.hand_columns
+        torque, stiffness = self.robot.torque[hand], self.robot.stiffness[hand]
+        C = np.abs(self.robot.drive[0][hand, hand])
+        follows = ~C.any(0)
+        return np.where(follows, torque, C.T @ torque), np.where(follows, stiffness, (C * C).T @ stiffness)
+
+    @cached_property
     def hold(self) -> "Hold":
         """What the planned forces do."""
         return Hold(self)
@@ -51,21 +61,19 @@ class Case:
 class Hold:
     """What the planned forces do about the centre of mass, in weights: balance, friction and torque that they use.
 
-    `compliance` (3 N, 3 N) m/N is how contacts give way to forces where set-points stand still.
+    `compliance` (c N, c N) m/N is how contacts give way to forces where set-points stand still.
     """
 
     def __init__(self, case: Case) -> None:
         """Compute it."""
         self.forces, self.normals, self.mu = case.record.forces, case.touch.normals, case.limits.friction_hold
         self.weight = GRAVITY * case.record.certificate.mass
-        self.G = wrench_map(case.touch.points, case.record.centre)
+        self.G = wrench_map(case.touch.points, case.record.centre, self.normals, case.robot.hand.torsion)
         self.wrench = self.G @ self.forces.ravel() / self.weight
         self.left = self.wrench - [0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
-        self.press = -(self.forces * self.normals).sum(1)
-        sliding = np.linalg.norm(self.forces + self.press[:, None] * self.normals, axis=1)
+        self.press, sliding = slides(self.forces, self.normals)
         self.friction_use = (sliding / np.maximum(self.mu * self.press, 1e-9)).max()
-        hand = case.robot.hand_columns
-        most, stiffness = case.robot.torque[hand], case.robot.stiffness[hand]
+        most, stiffness = case.servos
         self.torques = case.touch.jacobians.transpose(2, 0, 1).reshape(len(most), -1) / most[:, None]
         bend = self.torques * most[:, None]
         self.compliance = bend.T @ (bend / stiffness[:, None]) + _GIVES * np.eye(self.forces.size)

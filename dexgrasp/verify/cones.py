@@ -14,6 +14,7 @@ from dexgrasp_env.arrays import Array
 
 FORCE_BOUND = 1e5
 """Lower bounds hold for contact forces up to this many times f_min."""
+_RANK = 1e-4  # least singular value of a grasp matrix of rank 6
 _IMBALANCE = 1e-6  # of the total press: more than rounding
 
 
@@ -35,28 +36,46 @@ class Residual(NamedTuple):
         return True if self.upper < tolerance else False if self.lower >= tolerance else None
 
 
-def wrench_map(points: Array, centre: Array) -> Array:
-    """Return (6, 3 N): forces at points (N, 3) -> wrench about `centre` (3,), torques over the points' rms radius."""
+def wrench_map(points: Array, centre: Array, normals: Array | None = None, torsion: float = 0.0) -> Array:
+    """Return (6, c N): forces at points (N, 3) -> wrench about `centre` (3,), torques over the points' rms radius.
+
+    Of soft contacts each force has a fourth part: what it turns about its normal (N, 3) with, over `torsion`, m.
+    """
     radius = float(np.sqrt(((points - points.mean(0)) ** 2).sum(-1).mean()))
-    arms = (points - centre) / (radius if radius > 1e-12 else 1.0)
-    return np.array([[*e, *np.cross(arm, e)] for arm in arms for e in np.eye(3)]).T
+    radius = radius if radius > 1e-12 else 1.0
+    arms = (points - centre) / radius
+    columns = [[[*e, *np.cross(arm, e)] for e in np.eye(3)] for arm in arms]
+    if normals is not None and torsion:
+        columns = [
+            [*own, [0.0, 0.0, 0.0, *(torsion / radius * n)]] for own, n in zip(columns, normals, strict=True)
+        ]
+    return np.concatenate(columns).T
 
 
-def press_rows(normals: Array) -> Array:
-    """Return (N, 3 N): forces -> how hard each presses against its normal (N, 3)."""
-    rows = np.zeros((len(normals), len(normals), 3))
-    rows[np.arange(len(normals)), np.arange(len(normals))] = -normals
+def press_rows(normals: Array, parts: int = 3) -> Array:
+    """Return (N, c N): forces of c parts -> how hard each presses against its normal (N, 3)."""
+    rows = np.zeros((len(normals), len(normals), parts))
+    rows[np.arange(len(normals)), np.arange(len(normals)), :3] = -normals
     return rows.reshape(len(normals), -1)
 
 
-def cone_rows(normals: Array, mu: float) -> Array:
-    """Return (3 N, 3 N): forces -> (mu press, u, v) of each contact, which lies in a second-order cone."""
-    rows = np.zeros((len(normals), 3, len(normals), 3))
+def cone_rows(normals: Array, mu: float, parts: int = 3) -> Array:
+    """Return (c N, c N): forces -> (mu press, u, v and what turns) of each contact, in a second-order cone."""
+    rows = np.zeros((len(normals), parts, len(normals), parts))
     for i, n in enumerate(normals):
         across = np.cross(n, np.eye(3)[np.abs(n).argmin()])
         across /= np.linalg.norm(across)
-        rows[i, :, i] = [-mu * n, across, np.cross(n, across)]
-    return rows.reshape(3 * len(normals), -1)
+        rows[i, :3, i, :3] = [-mu * n, across, np.cross(n, across)]
+        rows[i, 3:, i, 3:] = np.eye(parts - 3)
+    return rows.reshape(parts * len(normals), -1)
+
+
+def slides(forces: Array, normals: Array) -> tuple[Array, Array]:
+    """Return how hard forces (..., N, c) press, and what friction they ask for, N, (..., N) each."""
+    press = -(forces[..., :3] * normals).sum(-1)
+    across = forces.copy()
+    across[..., :3] += press[..., None] * normals
+    return press, np.linalg.norm(across, axis=-1)
 
 
 def conic_residual(points: Array, normals: Array, mu: float) -> Residual:
@@ -100,29 +119,33 @@ def _lower(G: Array, wrench: Array, normals: Array, mu: float) -> float:
     return max(0.0, float(np.where(least >= 0, least, least * FORCE_BOUND).sum())) ** 2
 
 
-def conic_margin(points: Array, normals: Array, mu: float) -> float | None:
+def conic_margin(points: Array, normals: Array, mu: float, torsion: float = 0.0) -> float | None:
     """Return the closure margin in the exact cone, N x max min_i (press_i - |f_t,i| / mu), or None.
 
     The maximum is over balanced forces whose presses sum to 1. None where no balanced forces press at all (all contacts
-    on one face), or none are found.
+    on one face), or none are found, or where contacts leave some wrench free, as two points do.
 
     Args:
         points: (N, 3) m.
         normals: (N, 3) unit, out of the object.
         mu: friction coefficient.
+        torsion: radius of soft contacts, m; 0: points.
     """
-    G, N = wrench_map(points, points.mean(0)), len(points)
-    rows, first = cone_rows(normals, mu) / mu, np.tile([1.0, 0.0, 0.0], N)
+    G, N, parts = wrench_map(points, points.mean(0), normals, torsion), len(points), 4 if torsion else 3
+    if np.linalg.matrix_rank(G, tol=_RANK) < 6:
+        return None
+    rows, first = cone_rows(normals, mu, parts) / mu, np.tile(np.eye(parts)[0], N)
+    n = parts * N
     x, _ = _minimise(
-        np.zeros((3 * N + 1, 3 * N + 1)), np.r_[np.zeros(3 * N), -1.0],
-        equal=(np.c_[np.r_[G, press_rows(normals).sum(0, keepdims=True)], np.zeros(7)], np.r_[np.zeros(6), 1.0]),
-        cones=np.c_[rows, -first], tolerance=1e-10,
+        np.zeros((n + 1, n + 1)), np.r_[np.zeros(n), -1.0],
+        equal=(np.c_[np.r_[G, press_rows(normals, parts).sum(0)[None]], np.zeros(7)], np.r_[np.zeros(6), 1.0]),
+        cones=np.c_[rows, -first], tolerance=1e-10, size=parts,
     )  # fmt: skip
-    press, *across = (rows @ x[:-1]).reshape(N, 3).T
+    press, *across = (rows @ x[:-1]).reshape(N, parts).T
     total = press.sum()
     if not np.isfinite(x).all() or total < 1e-9 or np.linalg.norm(G @ x[:-1]) > _IMBALANCE * total:
         return None
-    return N * float((press - np.hypot(*across)).min()) / float(total)
+    return N * float((press - np.linalg.norm(across, axis=0)).min()) / float(total)
 
 
 def pyramid_forces(points: Array, normals: Array, mu: float) -> Array:
@@ -148,27 +171,27 @@ def largest_push(
     """Return the largest s such that forces within cones and torques balance constant + s direction; None if none do.
 
     Args:
-        G: (6, 3 N) forces -> wrench.
+        G: (6, c N) forces -> wrench.
         normals: (N, 3) unit, out of the object.
         mu: friction coefficient.
-        torques: (j, 3 N) forces -> joint torques over their limits.
+        torques: (j, c N) forces -> joint torques over their limits.
         push: constant and direction, wrenches (6,).
     """
-    n, (constant, direction) = G.shape[1], push
+    n, parts, (constant, direction) = G.shape[1], G.shape[1] // len(normals), push
     limits = np.concatenate([torques, -torques])
     x, solved = _minimise(
         np.zeros((n + 1, n + 1)), np.r_[np.zeros(n), -1.0], equal=(np.c_[G, direction], -constant),
         at_most=(np.c_[limits, np.zeros(len(limits))], np.ones(len(limits))),
-        cones=np.c_[cone_rows(normals, mu), np.zeros(n)], tolerance=1e-9,
+        cones=np.c_[cone_rows(normals, mu, parts), np.zeros(n)], tolerance=1e-9, size=parts,
     )  # fmt: skip
     return float(x[-1]) if solved else None
 
 
 def _minimise(
     P: Array, q: Array, *, equal: tuple[Array, Array], cones: Array, tolerance: float,
-    at_most: tuple[Array, Array] | None = None,
+    at_most: tuple[Array, Array] | None = None, size: int = 3,
 ) -> tuple[Array, bool]:  # fmt: skip
-    """Minimise x P x / 2 + q x with clarabel; three rows each of `cones` x lie in a second-order cone.
+    """Minimise x P x / 2 + q x with clarabel; `size` rows each of `cones` x lie in a second-order cone.
 
     Returns:
         x, and whether clarabel calls it solved, be it to reduced accuracy.
@@ -180,7 +203,7 @@ def _minimise(
     kinds = [clarabel.ZeroConeT(len(equal[1]))]
     if len(bounds):
         kinds.append(clarabel.NonnegativeConeT(len(bounds)))
-    kinds += [clarabel.SecondOrderConeT(3)] * (len(cones) // 3)
+    kinds += [clarabel.SecondOrderConeT(size)] * (len(cones) // size)
     A = csc_matrix(np.concatenate([equal[0], rows, -cones]))
     b = np.concatenate([equal[1], bounds, np.zeros(len(cones))])
     settings = clarabel.DefaultSettings()

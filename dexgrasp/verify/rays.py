@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from dexgrasp.verify.cones import slides
 from dexgrasp_env.arrays import Array
 
 _RAYS, _NEAR = 1500, 80  # directions at first, and about each of the best
@@ -13,8 +14,8 @@ def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
     """Return the least way that forces go with a push, in any direction, until one leaves its cone.
 
     Args:
-        forces: (N, 3) N, within their cones.
-        answer: (3 N, 3), what a push of one unit along x, y, z adds to them.
+        forces: (N, c) N, within their cones.
+        answer: (c N, 3), what a push of one unit along x, y, z adds to them.
         normals: (N, 3) unit, out of the object.
         mu: friction coefficient.
 
@@ -34,14 +35,14 @@ def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
 
 
 def _ways(forces: Array, moves: Array, normals: Array, mu: float) -> Array:
-    """Return (K,) how often moves (K, 3 N) can be added to forces (N, 3) until one leaves its cone, by halving."""
+    """Return (K,) how often moves (K, c N) can be added to forces (N, c) until one leaves its cone, by halving."""
     moves = moves.reshape(-1, *forces.shape)
     low, high = np.zeros(len(moves)), np.full(len(moves), _FAR)
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         f = forces + middle[:, None, None] * moves
-        press = -(f * normals).sum(-1)
-        inside = (np.linalg.norm(f + press[..., None] * normals, axis=-1) <= mu * press).all(1)
+        press, sliding = slides(f, normals)
+        inside = (sliding <= mu * press).all(1)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return low
 

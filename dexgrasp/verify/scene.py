@@ -29,7 +29,8 @@ class Touch:
         distance: (N,) m, of the centres from the nearest part.
         points: (N, 3) m on it.
         normals: (N, 3) unit, out of it.
-        jacobians: (N, 3, m) of those points, as the last links carry them, by the hand's joints.
+        jacobians: (N, c, m) of those points, as the last links carry them, by the hand's joints and what follows each;
+            of soft tips the fourth part is their turn about the normals, times its radius.
     """
 
     tips: Array
@@ -91,7 +92,7 @@ class Scene:
         frames = np.array([self.data.body(finger.bodies[-1]).xmat.reshape(3, 3) for finger in self._fingers])
         pads = np.array([R @ finger.pad for R, finger in zip(frames, self._fingers, strict=True)])
         distance, points, normals = self.closest(tips)
-        return Touch(tips, frames[:, :, 2], pads, distance, points, normals, self.jacobians(points))
+        return Touch(tips, frames[:, :, 2], pads, distance, points, normals, self.jacobians(points, normals))
 
     def closest(self, points: Array) -> Closest:
         """Return what of the parts is closest to points (N, 3) m outside; inside, how deep they lie in the deepest."""
@@ -100,12 +101,15 @@ class Scene:
         each = np.arange(len(points))
         return Closest(*(np.stack(values)[nearest, each] for values in zip(*found, strict=True)))
 
-    def jacobians(self, points: Array) -> Array:
-        """Return the Jacobians (N, 3, m) of points (N, 3) m of the last links, where the robot is now."""
-        found, J = [], np.zeros((3, self.model.nv))
-        for finger, point in zip(self._fingers, points, strict=True):
-            mujoco.mj_jac(self.model, self.data, J, None, point, self.model.body(finger.bodies[-1]).id)
-            found.append(J[:, self.robot.arm_dof :].copy())
+    def jacobians(self, points: Array, normals: Array) -> Array:
+        """Return `Touch.jacobians` at points (N, 3) m of the last links, where the robot is now; normals (N, 3)."""
+        found, torsion, hand = [], self.robot.hand.torsion, self.robot.hand_columns
+        J, turn = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
+        for finger, point, normal in zip(self._fingers, points, normals, strict=True):
+            body = self.model.body(finger.bodies[-1]).id
+            mujoco.mj_jac(self.model, self.data, J, turn, point, body)
+            rows = np.vstack([J, torsion * normal @ turn]) if torsion else J
+            found.append((rows @ self.robot.drive[0])[:, hand])
         return np.array(found)
 
     def palm(self, q: Array) -> tuple[Array, Array]:

@@ -34,7 +34,17 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
     _attach_hand(arm, hand, robot)
     arm.body(robot.arm.bodies[0]).pos = cell.base
     _set_limits(arm, robot)
+    for own in robot.hand.couplings:
+        equal = arm.add_equality(
+            name=own.joint, type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=own.joint,
+            name2=own.follows, solref=_RIGID,
+        )  # fmt: skip
+        equal.data[:5] = own.offset, own.ratio, 0.0, 0.0, 0.0
     return arm
+
+
+_RIGID = (0.004, 1.0)
+"""s and damping of couplings: two physics steps, as stiff as is stable."""
 
 
 @lru_cache(maxsize=8)

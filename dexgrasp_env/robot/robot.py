@@ -18,8 +18,11 @@ from dexgrasp_env.valid import NAMES, NATURAL, WORD, Natural, Positive, Rule, Wo
 
 Numbers = Annotated[tuple[float, ...], several(number())]
 Positives = Annotated[tuple[float, ...], several(number(gt=0))]
+Number = Annotated[float, number()]
 Vector = Annotated[tuple[float, ...], several(number(), 3)]
 Names = Annotated[tuple[str, ...], NAMES]
+SLIDE = 0.1
+"""m of a slide that count as much as a radian of a hinge."""
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
 
 
@@ -132,6 +135,16 @@ class Finger:
 
 
 @dataclass(frozen=True)
+class Coupling:
+    """A joint that stands where another one does: at `ratio` times its place, and `offset` (rad or m) farther."""
+
+    joint: Word
+    follows: Word
+    ratio: Number = 1.0
+    offset: Number = 0.0
+
+
+@dataclass(frozen=True)
 class Mount:
     """The palm frame in the frame of the arm's last link: position (3,) m and quaternion wxyz (4,)."""
 
@@ -147,10 +160,15 @@ def _fingers(value: Any) -> tuple[Finger, ...]:
     return fingers
 
 
+def _couplings(value: Any) -> tuple[Coupling, ...]:
+    return tuple(read(Coupling, coupling, "coupling") for coupling in value)
+
+
 def _mounts(value: Any) -> tuple[Mount, ...]:
     return tuple(read(Mount, {"name": name, **mount}, f"mount {name}") for name, mount in value.items())
 
 
+COUPLINGS = Rule("a list of couplings", _couplings)
 FINGERS = Rule("a list of two fingers or more", _fingers)
 
 
@@ -171,6 +189,8 @@ class Hand:
         self_pairs: bodies that the hand's own motion can bring together; found by sampling where none is named.
         frame: of the palm in its body, of an MJCF that has frames of its own.
         tip_radius: m, of the spheres that the tips are like.
+        torsion: m, torsional friction of soft tips over sliding friction; 0: they turn freely.
+        couplings: of joints that follow others rigidly.
     """
 
     name: Word
@@ -185,6 +205,8 @@ class Hand:
     self_pairs: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = ()
     frame: Frame | None = field(default=None, repr=False)
     tip_radius: Positive = field(default=0.014, repr=False)
+    torsion: Annotated[float, number(ge=0, le=0.1)] = field(default=0.0, repr=False)
+    couplings: Annotated[tuple[Coupling, ...], COUPLINGS] = field(default=(), repr=False)
 
     @property
     def bodies(self) -> Names:
@@ -265,6 +287,21 @@ class Robot:
         return _fixed(*self.arm.home, *self.hand.open)
 
     @cached_property
+    def drive(self) -> tuple[Array, Array]:
+        """C (n, n) and c (n,): joints are at C q + c where q says it; those that follow others have no say."""
+        C, c = np.eye(self.dof), np.zeros(self.dof)
+        for own in self.hand.couplings:
+            row = self.joints.index(own.joint)
+            C[row], c[row] = own.ratio * np.eye(self.dof)[self.joints.index(own.follows)], own.offset
+        return C, c
+
+    def drawn(self, count: int) -> Array:
+        """Return postures (count, n) rad, evenly from the joints' ranges, always the same."""
+        C, c = self.drive
+        postures = np.random.default_rng(0).uniform(self.lower, self.upper, (count, self.dof)) @ C.T + c
+        return np.clip(postures, self.lower, self.upper)
+
+    @cached_property
     def grasping(self) -> tuple[Finger, ...]:
         """The G fingers of a grasp, the opposing one first."""
         return tuple(map(self.hand.finger, self.hand.grasp))
@@ -303,6 +340,7 @@ class Robot:
         frames = (arm.frame, hand.frame, *(finger.frame for finger in hand.fingers), hand.tip_radius)
         own: tuple[Any, ...] = () if set(frames) == {None, Hand.tip_radius} else frames
         own += () if (arm.plinth, arm.starts) == (Arm.plinth, Arm.starts) else (arm.plinth, arm.starts)
+        own += (hand.torsion, hand.couplings) if hand.torsion or hand.couplings else ()
         described = [
             part.mjcf.read_text("utf-8", "replace") for part in (arm, hand)
         ]  # MuJoCo says what is wrong

@@ -144,6 +144,18 @@ def _check_names(hand: Hand) -> None:
     for name in hand.grasp:
         if name not in names:
             raise unknown_name("finger of a grasp", name, names)
+    known = list(hand.joints.names)
+    for own in hand.couplings:
+        for name in (own.joint, own.follows):
+            if name not in known:
+                raise unknown_name("joint of a coupling", name, known)
+    followers = [own.joint for own in hand.couplings]
+    if len(set(followers)) < len(followers) or set(followers) & {own.follows for own in hand.couplings}:
+        raise InputError("couplings: valid is one of each joint, to a joint that follows none itself")
+    if not 2 + (not hand.torsion) <= len(hand.grasp) <= 5:
+        raise InputError(
+            f"a grasp of {len(hand.grasp)} fingers: valid are 3 to 5, or 2 to 5 of a hand with a torsion"
+        )
     linked = {name for pair in hand.self_pairs for name in pair} | ({hand.beside_palm} - {""})
     if unknown := sorted(linked - set(hand.bodies)):
         raise InputError(f"self_pairs and beside_palm name {', '.join(unknown)}: no body of the hand")

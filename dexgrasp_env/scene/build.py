@@ -10,7 +10,7 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
-from dexgrasp_env.robot.robot import Names
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.arena import add_arena
 from dexgrasp_env.scene.constants import (
     FRICTION,
@@ -50,7 +50,7 @@ def scene_spec(
         if geom.contype or geom.conaffinity:
             geom.friction = [friction, TORSIONAL_FRICTION, 0.0001]
     for names in parts:
-        _add_pairs(spec, names, cell.robot.tips, friction)
+        _add_pairs(spec, names, cell.robot, friction)
     add_sensors(spec, cell.robot)
     add_neighbour_sensors(spec, cell.robot, len(neighbours))
     add_cameras(spec, cameras)
@@ -73,13 +73,13 @@ def _add_object(spec: mujoco.MjSpec, name: str, model: ObjectModel) -> list[str]
     return add_to_spec(spec, body, model, name=name)
 
 
-def _add_pairs(spec: mujoco.MjSpec, parts: list[str], tips: Names, friction: float) -> None:
-    sliding = [friction, friction]
+def _add_pairs(spec: mujoco.MjSpec, parts: list[str], robot: Robot, friction: float) -> None:
+    sliding, torsion = [friction, friction], robot.hand.torsion
     for part in parts:
-        for tip in tips:
+        for tip in robot.tips:
             spec.add_pair(
-                name=f"{tip}:{part}", geomname1=tip, geomname2=part, condim=3,
-                friction=[*sliding, TORSIONAL_FRICTION, 0.0001, 0.0001],
+                name=f"{tip}:{part}", geomname1=tip, geomname2=part, condim=4 if torsion else 3,
+                friction=[*sliding, torsion * friction or TORSIONAL_FRICTION, 0.0001, 0.0001],
                 solref=list(TIP_SOLREF), solimp=list(TIP_SOLIMP), solreffriction=list(TIP_SOLREFFRICTION),
             )  # fmt: skip
         # Rolling resistance keeps a can on its side where it was put; it has no part in the grasp.

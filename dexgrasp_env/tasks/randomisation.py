@@ -101,7 +101,7 @@ def apply_variation(
 
     What `data` holds is lost: to make some takes longer than all else here.
     """
-    _set_friction(model, variation.friction)
+    _set_friction(model, base, variation.friction)
     _set_size(model, base, variation.size)
     body = model.body("object").id
     factor = variation.mass * variation.size**3
@@ -112,10 +112,12 @@ def apply_variation(
     mujoco.mj_setConst(model, data)
 
 
-def _set_friction(model: mujoco.MjModel, friction: float) -> None:
+def _set_friction(model: mujoco.MjModel, base: mujoco.MjModel, friction: float) -> None:
     contact = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     model.geom_friction[contact, 0] = friction
     model.pair_friction[:, :2] = friction
+    soft = base.pair_dim == 4  # what turns is friction as well
+    model.pair_friction[soft, 2] = base.pair_friction[soft, 2] / base.pair_friction[soft, 0] * friction
 
 
 def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:

@@ -1,9 +1,11 @@
 """Contacts: where the tips touch, which way they face, and how far the joints are from their limits."""
 
+import mujoco
 import numpy as np
 
 from dexgrasp.verify.case import Case
-from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim
+from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, claim, same
+from dexgrasp_env.robot.robot import SLIDE
 
 _NORMAL = 1e-5  # of unit vectors
 _COSINE = 2e-4  # what the optimiser leaves of an angle
@@ -33,13 +35,17 @@ def limit_checks(case: Case) -> list[Check]:
     """Check the joint range of every configuration, and the margin of the grasp."""
     record, robot = case.record, case.robot
     rows = np.stack([record.q, record.pregrasp, record.grasp, record.squeeze])
-    rooms = np.minimum(rows - robot.lower, robot.upper - rows)
-    busy = np.delete(rooms[0], case.idle)
+    rooms, (C, c) = np.minimum(rows - robot.lower, robot.upper - rows), robot.drive
+    slide = case.scene.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    busy = np.delete(rooms[0] / np.where(slide, SLIDE, 1.0), case.idle)
+    strays = np.abs(rows - rows @ C.T - c).max()
+    coupled = [same("coupled joints", strays, ROUNDING, "rad")] if robot.hand.couplings else []
     return [
         at_least("joint margin", busy.min(), case.limits.joint_margin, "rad", 1e-6),
         *(
             at_least(f"joint limits:{name}", room.min(), 0.0, "rad", ROUNDING)
             for name, room in zip(("q", "pregrasp", "grasp", "squeeze"), rooms, strict=True)
         ),
+        *coupled,
         *claim(case, "joint_limit_margin_rad", rooms[0].min(), ROUNDING, unit="rad"),
     ]

@@ -26,7 +26,7 @@ def closure_checks(case: Case) -> list[Check]:
     """Check wrench closure in the exact cones of the planned friction, and its claims."""
     points, normals, mu = case.touch.points, case.touch.normals, case.limits.friction
     residual = conic_residual(points, normals, mu).upper
-    found = conic_margin(points, normals, mu)
+    found = conic_margin(points, normals, mu, case.robot.hand.torsion)
     margin = _NOT_SHOWN if found is None else found
     forces = pyramid_forces(points, normals, mu)  # of Eq. 4 as it is in the paper
     wrench = wrench_map(points, points.mean(0)) @ forces.ravel()
@@ -88,7 +88,7 @@ def _load(hold: Hold) -> float:
 
 
 def _way(hold: Hold, compliance: Array) -> float:
-    """Return the least way of a push where contacts give way by `compliance` (3 N, 3 N), by Lagrange multipliers."""
+    """Return the least way of a push where contacts give way by `compliance` (c N, c N), by Lagrange multipliers."""
     wanted = -hold.weight * np.eye(6, 3)
     scaled, n = compliance / np.abs(compliance).max(), len(compliance)
     system = np.block([[scaled, hold.G.T], [hold.G, np.zeros((6, 6))]])
