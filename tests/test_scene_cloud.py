@@ -81,16 +81,37 @@ def test_what_is_wrong_is_named(rng):
         assert recorded.WORDS[reason] in found.sentence
 
 
-def test_a_tilted_table_and_none_are_said(rng):
+def tilted(points, degrees, about=(0.0, 0.0, 0.0)):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    return (points - about) @ np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]) + about
+
+
+@pytest.mark.parametrize("about", [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)])
+def test_a_tilted_table_is_levelled(rng, about):
+    points = scene_points(rng, (0.5, 0.1), (0.5, -0.06))
+    for degrees in (5.0, 19.0):
+        leaning, place = tilted(points, degrees, about), np.array([[0.5, 0.1, 0.02]])
+        near = tilted(place, degrees, about)[0]
+        for pointing in ({"near": near}, {"box": [near - 0.05, near + 0.05]}):
+            found = find(leaning, **pointing)
+            assert found.reason is None
+            assert np.isclose(np.degrees(found.tilt), degrees, atol=0.5)
+            assert np.abs(found.target.points.mean(0)[:2] - [0.5, 0.1]).max() < 0.02
+            assert len(found.neighbours) == 1
+    assert find(points, near=(0.5, 0.1, 0.02)).tilt == 0.0
+
+
+def test_a_table_that_is_too_steep_and_none_are_said(rng):
     good = scene_points(rng, (0.5, 0.1))
-    for degrees in (10.0, 20.0):
-        c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
-        found = find(good @ np.array([[1, 0, 0], [0, c, s], [0, -s, c]]))
+    for degrees in (25.0, 35.0):
+        found = find(tilted(good, degrees))
         assert found.reason == recorded.TILTED
         assert f"({degrees:.0f} degrees)" in found.sentence
     alone = box(rng, (0.5, 0.1))
     low = alone[alone[:, 2] < 0.008]
     assert find(np.concatenate([alone, low, low])).reason == recorded.NO_TABLE
+    several = np.concatenate([box(rng, place) for place in ((0.5, 0.12), (0.55, -0.1))])
+    assert find(several, near=(0.5, 0.12, 0.03)).reason == recorded.NO_TABLE
 
 
 def test_a_table_at_another_height_is_where_the_cell_has_it(rng):

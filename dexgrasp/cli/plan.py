@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import make_folder, note
-from dexgrasp.cli.scan import Scan, as_json, chosen_line, list_lines
+from dexgrasp.cli.scan import Scan, as_json, chosen_line, list_lines, tilt_line
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, check
 
@@ -120,6 +120,8 @@ class Plan(Command, Scan, Scene):
             raise InputError(
                 f"several objects stand in reach: {stand}: point at one by --object-near, --box, --mask or --pixel"
             )
+        if scene.tilt:
+            note(tilt_line(scene.tilt))
         if scene.reason is None:
             note(chosen_line(seen))
         found = plan_scene(
@@ -138,7 +140,9 @@ class Plan(Command, Scan, Scene):
         lines = [f"{len(seen)} objects (middles in the frame of the robot's base, m):", *list_lines(seen)]
         if not seen:
             lines = [f"no object: {scene.sentence or scene.reason}"]
-        elif self.out is not None:
+        if scene.tilt:
+            lines.append(tilt_line(scene.tilt))
+        if seen and self.out is not None:
             lines.append(f"wrote {objects_picture(self.out / 'objects.png', scene, seen)}")
         return Answer({"objects": as_json(seen)}, "\n".join(lines), int(not seen))
 

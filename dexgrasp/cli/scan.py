@@ -83,6 +83,14 @@ def list_lines(seen: "list[Seen]") -> list[str]:
     ]
 
 
+def tilt_line(tilt: float) -> str:
+    """Return that a table was tilted by so many rad."""
+    return (
+        f"warning: the table is tilted by {57.29578 * tilt:.0f} degrees in the frame of the robot's base: levelled; "
+        "all is said of the levelled frame"
+    )
+
+
 def chosen_line(seen: "list[Seen]") -> str:
     """Return what is planned for, and what stands beside it."""
     first, *others = seen

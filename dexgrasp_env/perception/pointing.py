@@ -41,6 +41,15 @@ class Pointing:
         near, box = (None if place is None else place + by for place in (self.near, self.box))
         return replace(self, near=near, box=box)
 
+    def turned(self, cloud: Cloud, R: Array, about: Array) -> "Pointing":
+        """Return it for a cloud that is turned about a point (3,) m; a box becomes a mask of what it holds."""
+        near = None if self.near is None else (self.near - about) @ R.T + about
+        mask = self.mask
+        if self.box is not None:
+            mask = np.zeros(np.prod(cloud.shape, dtype=int), bool)
+            mask[cloud.pixel[self.marks(cloud)]] = True
+        return Pointing(near, None, mask)
+
     def marks(self, cloud: Cloud) -> NDArray[np.bool_] | None:
         """Return which points of a cloud are marked by box or mask (M,); None where neither is given.
 

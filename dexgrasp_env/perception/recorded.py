@@ -5,6 +5,8 @@ were made from, and a wrong unit or frame is likelier than noise. What comes in,
 of the robot's base; what goes out is in the world's.
 """
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.random import Generator
 
@@ -36,7 +38,7 @@ WORDS = {
     UNIT: "the coordinates are too large for metres: millimetres? scale them by 0.001, or say --unit mm",
     NO_TABLE: "no level plane that could be the table: is the cloud in the robot base frame, z up?",
     UPSIDE_DOWN: "the points lie below the table: z must point up in the robot base frame",
-    TILTED: "the table is not level in the frame of the robot's base: is the cloud in that frame, z up?",
+    TILTED: "the table is tilted in the frame of the robot's base too far to be levelled: is the cloud in that frame?",
     TABLE_HEIGHT: "the table is not at the height above the robot's base that the cell has it at (table_height)",
     NO_OBJECT: "nothing stands on the table within the workspace",
     NOTHING_NEAR: "no object near the point that was named",
@@ -52,12 +54,14 @@ _ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
 _HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, to say where it is
 _TABLE_OFF = 0.02  # m that the table may be off the cell's
-_TILTED, _STEEPEST = np.radians(3.0), np.radians(40.0)  # of a table that is not level, least and most
+_TILTED, _LEVELLED = np.radians(3.0), np.radians(20.5)  # of a table that is not level; that is levelled
+_STEEPEST = np.radians(60.0)  # of a table that is looked for, to say its angle
 _MOST, _UNDER = (
     1.5,
     0.1,
 )  # points that it holds to one that the best level plane does; share under it, at most
-_BESIDE, _JUDGED = 0.1, 2000  # share of a table that is seen beside what stands on it; of so many points
+_BESIDE, _AREA = 0.1, 0.02  # share of a table, and m2 of it, that is seen beside what stands on it
+_JUDGED = 5000  # of its points
 _WIDE = 0.14  # m, both ways, of a table that is seen
 _BELOW = 0.5  # share of the points near the table that lie under it, from where the cloud is upside down
 _AROUND = 0.25  # m beyond the workspace within which things stand in the way
@@ -96,7 +100,7 @@ def find_object(
     try:
         cloud = _in_metres(cloud)
         cloud = cloud.moved(cloud.points + cell.base)
-        plane = _find_table(cloud, rng, cell)
+        cloud, pointing, plane, tilt = _levelled(cloud, pointing, rng, cell)
         above = isolate(cloud, plane, max(0.004, _S.clearance_sigmas * plane.rms), _S, own)
         above = crop(above, np.array(_S.crop_low) - _AROUND, np.array(_S.crop_high) + _AROUND)
         parting = parted(above, plane)
@@ -116,7 +120,7 @@ def find_object(
             for one, doubt in zip(objects, doubtful, strict=True)
         )
         return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words, neighbours=seen)
-    return divided(above, parting, number, plane, _S, rng, cameras_known=False)
+    return replace(divided(above, parting, number, plane, _S, rng, cameras_known=False), tilt=tilt)
 
 
 def _in_metres(cloud: Cloud) -> Cloud:
@@ -133,14 +137,45 @@ def _in_metres(cloud: Cloud) -> Cloud:
     return cloud.select(np.sort(first))
 
 
-def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
+def _levelled(
+    cloud: Cloud, pointing: Pointing, rng: Generator, cell: Cell
+) -> tuple[Cloud, Pointing, Plane, float]:
+    """Return a cloud with its table level, what is pointed at in it, the table, and how far, rad, it was tilted.
+
+    It is turned about the robot's base, as if the frame were off; where the table is then not at its height, about the
+    middle of the workspace, as if the table were.
+    """
+    from scipy.spatial.transform import Rotation
+
+    leaning = _find_table(cloud, rng)
+    tilt = float(np.arccos(min(leaning.normal[2], 1.0)))
+    if tilt < _TILTED:
+        _check_height(leaning, cell)
+        return cloud, pointing, leaning, 0.0
+    if tilt > _LEVELLED:
+        raise _NoObjectError(TILTED, f"{np.degrees(tilt):.0f} degrees")
+    R = Rotation.align_vectors([[0.0, 0.0, 1.0]], [leaning.normal])[0].as_matrix()
+    middle = 0.5 * (np.array(_S.crop_low) + _S.crop_high)
+    middle[2] = (leaning.offset - leaning.normal[:2] @ middle[:2]) / leaning.normal[2]
+    height = leaning.offset - leaning.normal @ cell.base
+    about = np.array(cell.base) if abs(height - cell.table_height) < _TABLE_OFF else middle
+    turned = cloud.moved((cloud.points - about) @ R.T + about)
+    plane = _find_table(turned, rng)
+    _check_height(plane, cell)
+    return turned, pointing.turned(cloud, R, about), plane, tilt
+
+
+def _find_table(cloud: Cloud, rng: Generator) -> Plane:
+    """Return the table, level or not."""
     local = crop(cloud, (*_S.crop_low[:2], -np.inf), (*_S.crop_high[:2], np.inf))
     pool = local if len(local) > _S.min_points else cloud
     plane = fit_plane(pool.points, rng, min_inliers=100)
     if plane is None or _below(pool, plane) > _BELOW:
         # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
         plane = fit_plane(pool.points, rng, off=_HEIGHTS, min_inliers=100)
-    _refuse_tilted(pool, 0 if plane is None else plane.inliers)
+    leaning = _leaning(pool, 0 if plane is None else plane.inliers)
+    if leaning is not None:
+        return leaning
     if plane is None:
         raise _NoObjectError(NO_TABLE, "")
     if not _is_wide(pool, plane) or not _reaches_beyond(pool, plane):
@@ -148,19 +183,21 @@ def _find_table(cloud: Cloud, rng: Generator, cell: Cell) -> Plane:
     below = _below(pool, plane)
     if below > _BELOW:
         raise _NoObjectError(UPSIDE_DOWN, f"{100 * below:.0f} % of what is off the table")
-    if abs(plane.offset) > _TABLE_OFF:
-        found = f"found at z = {plane.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
-        raise _NoObjectError(TABLE_HEIGHT, found)
     return plane
 
 
-def _refuse_tilted(cloud: Cloud, level: int) -> None:
-    """Raise where a plane that is not level holds more of a cloud than the best level one, with nothing under it."""
+def _check_height(plane: Plane, cell: Cell) -> None:
+    if abs(plane.offset) > _TABLE_OFF:
+        found = f"found at z = {plane.offset - cell.base[2]:.3f} m, the cell has {cell.table_height:g} m"
+        raise _NoObjectError(TABLE_HEIGHT, found)
+
+
+def _leaning(cloud: Cloud, level: int) -> Plane | None:
+    """Return a plane that is not level, holds more of a cloud than the best level one, and has nothing under it."""
     plane = fit_plane(cloud.points, np.random.default_rng(0), off=_HEIGHTS, min_inliers=100, tilt=_STEEPEST)
     if plane is None or plane.normal[2] > np.cos(_TILTED) or plane.inliers < _MOST * level:
-        return
-    if _is_wide(cloud, plane) and _below(cloud, plane) < _UNDER:
-        raise _NoObjectError(TILTED, f"{np.degrees(np.arccos(plane.normal[2])):.0f} degrees")
+        return None
+    return plane if _is_wide(cloud, plane) and _below(cloud, plane) < _UNDER else None
 
 
 def _is_wide(cloud: Cloud, plane: Plane) -> bool:
@@ -177,10 +214,11 @@ def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
     level, above = (
         cloud.points[where, :2] for where in (np.abs(heights) < TOLERANCE, heights > 2.0 * TOLERANCE)
     )
-    if not len(level) or not len(above):
-        return True
-    few = level[:: max(1, len(level) // _JUDGED)]
-    return bool((cKDTree(above).query(few)[0] > 2.0 * TOLERANCE).mean() > _BESIDE)
+    level = level[:: max(1, len(level) // _JUDGED)]
+    far = cKDTree(above).query(level, distance_upper_bound=2.0 * TOLERANCE)[0] if len(above) else np.inf
+    free = level[np.broadcast_to(far == np.inf, len(level))]
+    area = TOLERANCE**2 * len(np.unique(np.floor(free / TOLERANCE), axis=0))
+    return len(free) > _BESIDE * len(level) and area > _AREA
 
 
 def _below(cloud: Cloud, plane: Plane) -> float:

@@ -68,6 +68,7 @@ class Scene:
         neighbours: other objects, each by itself.
         rest: what belongs to no object, e.g. walls.
         cameras: (K, 4, 4) T_world_camera as they are believed to be; none where they are unknown.
+        tilt: rad by which the table leaned in what came in, and was levelled.
     """
 
     target: ObjectCloud = field(default_factory=ObjectCloud)
@@ -77,6 +78,7 @@ class Scene:
     neighbours: tuple[ObjectCloud, ...] = ()
     rest: ObjectCloud = field(default_factory=ObjectCloud)
     cameras: Array = field(default_factory=lambda: np.zeros((0, 4, 4)))
+    tilt: float = 0.0
 
     def __post_init__(self) -> None:
         if np.shape(self.cameras)[1:] != (4, 4):
