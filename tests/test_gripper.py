@@ -10,6 +10,7 @@ from refusals import refused
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows
+from dexgrasp.export.grasp_export import grasp_facts
 from dexgrasp.grasp.file import read_grasp
 from dexgrasp.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.kinematics.robot_check import check_robot
@@ -72,6 +73,8 @@ def test_it_lifts_what_is_pushed_and_the_judge_agrees(tmp_path):
     record = read_grasp(tmp_path / row["grasp"], CELL)
     assert [check for check in verify(record) if not check.holds] == []
     assert record.forces.shape == (2, 4)
+    squeeze = grasp_facts(record, CELL, 6000.0)["squeeze"]
+    assert squeeze["offset"] == pytest.approx((record.squeeze - record.grasp)[7:], abs=1e-6)
     apart = record.grasp.copy()
     apart[-1] += 0.002
     object.__setattr__(record, "grasp", apart)
