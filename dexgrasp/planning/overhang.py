@@ -5,7 +5,7 @@ whose table is lower plans the grasp, and its certificate says that the hand kee
 """
 
 from dataclasses import replace
-from itertools import pairwise, product
+from itertools import islice, pairwise, product
 
 import numpy as np
 
@@ -19,14 +19,16 @@ from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
 _WANTED, _LEAST = 0.065, 0.028  # m that stick out
 _INSIDE = 0.012  # m inside the edge that the centre of mass stays
+_LONGEST = 0.56  # m
 _TOWARDS = 0.6  # cosine of the way to the edge
 _ALIKE = 0.002  # m by which one tip may touch before the other
 _SIDE = 0.03  # m, from where a straight side is pushed square
-_TURNS = np.deg2rad(np.arange(0.0, 360.0, 15.0))
-_TRIED = 12  # pushes
+_TURNS = np.deg2rad(np.arange(0.0, 360.0, 5.0))
+_TRIED = 8  # pushes that the arm can make
 _CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
 _FAR = 0.35  # m: the price of the far edge, where the arm hardly reaches round the object
 _AGAIN = 3  # seeds
+_BORNE, _FIRM = 1.2, 2.0  # weights: of a grasp worth a push, and that ends the search for one
 _FLOOR = 0.5  # m below the table
 _SUNK = 0.002  # m that the table is taken to be lower than it is: the object lies on it
 _HALF = 0.5 * np.array(TABLE_SIZE[:2])
@@ -48,15 +50,21 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
     if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
         return None
     there, home = _at_edge(planner), planner.tree.home
-    for push in pushes(target, tips_apart(planner.cell), planner.settings.tip_radius)[:_TRIED]:
-        try:
-            slide = make_slide(push, start, target, planner.cell)
-        except NoPath:
-            continue
-        found = there.plan(slid(target, push.distance * push.direction), seed, home.copy())
-        if found.grasp is not None and found.grasp.certificate.load >= 1.0:
+    found = pushes(target, tips_apart(planner.cell), planner.settings.tip_radius)
+    slides = (slide for push in found if (slide := _slide(push, start, target, planner)) is not None)
+    for slide in islice(slides, _TRIED):
+        push = slide.push
+        plan = there.plan(slid(target, push.distance * push.direction), seed, home.copy())
+        if plan.grasp is not None and plan.grasp.certificate.load >= _BORNE:
             return slide
     return None
+
+
+def _slide(push: Push, start: Array, target: GraspTarget, planner: Planner) -> Slide | None:
+    try:
+        return make_slide(push, start, target, planner.cell)
+    except NoPath:
+        return None
 
 
 def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, start: Array) -> PlanResult:
@@ -72,7 +80,7 @@ def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, st
     there = slid(target, slide.moved * slide.push.direction)
     for k in range(_AGAIN):
         plan = _at_edge(planner).plan(there, seed + k, start)
-        if plan.grasp is not None and plan.grasp.certificate.load >= 1.0:
+        if plan.grasp is not None and plan.grasp.certificate.load >= _BORNE:
             break
     return plan
 
@@ -121,7 +129,7 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
 
 def _at_edge(planner: Planner) -> Planner:
     cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
-    return Planner(replace(planner.settings, patience=0), cell=cell)
+    return Planner(replace(planner.settings, patience=0, firm_load=_FIRM), cell=cell)
 
 
 def _directions(outline: Array) -> list[Array]:
@@ -155,4 +163,4 @@ def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> fl
     most = (edge - _INSIDE - float(centre @ out)) / towards
     distance = min((edge + _WANTED - reach) / towards, most)
     sticks_out = reach + distance * towards - edge
-    return distance if distance > 0.0 and sticks_out > _LEAST else None
+    return distance if 0.0 < distance < _LONGEST and sticks_out > _LEAST else None
