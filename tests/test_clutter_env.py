@@ -15,6 +15,7 @@ from dexgrasp.evaluation.store import read_rows
 from dexgrasp_env import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import quat_multiply, rotate
+from dexgrasp_env.scene.constants import BIN_HIGH
 from dexgrasp_env.tasks.clutter import gap_between, outline
 from dexgrasp_env.tasks.constants import TOPPLED
 
@@ -241,3 +242,25 @@ def test_an_evaluation_says_what_was_clean_moved_and_hit(tmp_path):
     assert row["hit"] == len(row["hit_names"])
     assert agent["clutter"]["clutter_sparse@mask"]["clean"]["successes"] == row["clean"]
     assert "Among neighbours" in write_report([tmp_path], tmp_path / "report")
+
+
+@pytest.mark.parametrize("kind", ["Sparse", "Heap"])
+def test_a_bin_stands_around_and_is_seen(kind):
+    env = make(kind, bin=True, obs_mode="pointcloud", mask="true")
+    observation, info = env.reset(seed=0)
+    model, data = env.unwrapped.model, env.unwrapped.data
+    walls = [model.geom(f"bin_{k}") for k in range(4)]
+    poses = env.unwrapped.simulation.poses()[: info["neighbours"] + 1]
+    assert (poses[:, 0] > walls[0].pos[0]).all()
+    assert (poses[:, 0] < walls[1].pos[0]).all()
+    around, labels = observation["around"].astype(float), observation["around_labels"]
+    assert (np.abs(np.abs(around[labels != 0][:, 1]) - BIN_HIGH[1]) < 0.015).sum() > 20
+    data.qpos[30:33] = [0.5, walls[3].pos[1] - 0.03, 0.05]  # a neighbour thrown at a wall stays inside
+    data.qvel[29:32] = [0.0, 1.0, 0.0]
+    for _ in range(5):
+        env.step(HOME)
+    assert data.qpos[31] < walls[3].pos[1]
+    state = env.unwrapped.get_state()
+    env.unwrapped.set_state(state)
+    with pytest.raises(InputError, match="bin"):
+        make(kind, obs_mode="pointcloud", mask="true").unwrapped.set_state(state)

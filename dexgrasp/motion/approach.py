@@ -8,7 +8,7 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath
-from dexgrasp.motion.sampling import plan_arm
+from dexgrasp.motion.sampling import TRIES, plan_arm
 from dexgrasp_env.arrays import Array
 
 _SPACING = 0.01  # m between points of a straight motion of the palm
@@ -17,7 +17,9 @@ _HOVERS = ((0.0, 0.15), (0.0, 0.10), (0.08, 0.08), (0.12, 0.0), (0.08, 0.0), (0.
 _PALM_ERROR = 0.002  # m
 
 
-def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, seed: int = 1) -> Array:
+def plan_approach(
+    checker: CollisionChecker, start: Array, pregrasp: Array, seed: int = 1, tries: int = TRIES
+) -> Array:
     """Return waypoints (m, n) rad from `start` to `pregrasp`, free by the checker; straight lines join them.
 
     Args:
@@ -25,6 +27,7 @@ def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, seed
         start: (n,) rad.
         pregrasp: (n,) rad.
         seed: of the sampling planner, above 0.
+        tries: its budget.
 
     Raises:
         NoPath: with the bodies that are in the way.
@@ -43,7 +46,7 @@ def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, seed
         if checker.free_line(start, descent[0]):
             return np.concatenate([start[None], descent])
         descents.append(descent)
-    return _sampled(checker, start, pregrasp, descents, seed, str(contact))
+    return _sampled(checker, start, pregrasp, descents, (seed, tries), str(contact))
 
 
 def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
@@ -59,7 +62,12 @@ def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
 
 
 def _sampled(
-    checker: CollisionChecker, start: Array, pregrasp: Array, descents: list[Array], seed: int, contact: str
+    checker: CollisionChecker,
+    start: Array,
+    pregrasp: Array,
+    descents: list[Array],
+    budget: tuple[int, int],
+    contact: str,
 ) -> Array:
     opened = np.concatenate([start[: checker.tree.arm], pregrasp[checker.tree.arm :]])
     checker.allow(opened)
@@ -67,7 +75,7 @@ def _sampled(
     if blocked is not None:
         raise NoPath("approach_blocked", f"while the fingers open, {blocked}")
     for descent in [*descents[:2], pregrasp[None]]:
-        path = plan_arm(checker, opened, descent[0], seed)
+        path = plan_arm(checker, opened, descent[0], *budget)
         if path is not None:
             return np.concatenate([start[None], path, descent[1:]])
     raise NoPath("approach_blocked", f"on the straight way {contact}, and no other was found")

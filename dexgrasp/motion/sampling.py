@@ -8,12 +8,15 @@ from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp_env.arrays import Array
 
 _RANGE = 0.6  # rad: longest branch of the trees
-_TRIES = 3000  # growths of the trees; counted, not timed, so that a slow machine finds the same path
+TRIES = 3000
+"""Growths of the trees; counted, not timed, so that a slow machine finds the same path."""
 _RESOLUTION = 0.002  # of the space's extent: about 0.03 rad between checked states
 _SHORTCUTS = 120
 
 
-def plan_arm(checker: CollisionChecker, start: Array, goal: Array, seed: int) -> Array | None:
+def plan_arm(
+    checker: CollisionChecker, start: Array, goal: Array, seed: int, tries: int = TRIES
+) -> Array | None:
     """Find a path of the arm with RRT-Connect, fingers as in `goal`, and shorten it.
 
     Args:
@@ -21,12 +24,13 @@ def plan_arm(checker: CollisionChecker, start: Array, goal: Array, seed: int) ->
         start: (n,) rad; its fingers are those of `goal`.
         goal: (n,) rad.
         seed: above 0.
+        tries: growths of the trees.
 
     Returns:
         Waypoints (m, n) rad, or None when the tries are used up.
     """
     hand = goal[checker.tree.arm :]
-    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, hand])), start, goal, checker, seed)
+    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, hand])), (start, goal), checker, seed, tries)
     if arm is None:
         return None
     path = np.concatenate([arm, np.repeat(hand[None], len(arm), axis=0)], axis=1)
@@ -35,7 +39,11 @@ def plan_arm(checker: CollisionChecker, start: Array, goal: Array, seed: int) ->
 
 
 def _rrt_connect(
-    free: Callable[[Array], bool], start: Array, goal: Array, checker: CollisionChecker, seed: int
+    free: Callable[[Array], bool],
+    between: tuple[Array, Array],
+    checker: CollisionChecker,
+    seed: int,
+    tries: int,
 ) -> Array | None:
     from ompl import base, geometric, util
 
@@ -54,7 +62,7 @@ def _rrt_connect(
         setup = geometric.SimpleSetup(space)
         setup.setStateValidityChecker(lambda state: free(np.array([state[j] for j in range(dof)])))
         ends = [space.allocState(), space.allocState()]
-        for state, q in zip(ends, (start, goal), strict=True):
+        for state, q in zip(ends, between, strict=True):
             for j in range(dof):
                 state[j] = float(q[j])
         setup.setStartAndGoalStates(*ends)
@@ -63,7 +71,7 @@ def _rrt_connect(
         planner = geometric.RRTConnect(information)
         planner.setRange(_RANGE)
         setup.setPlanner(planner)
-        left = iter(range(_TRIES))
+        left = iter(range(tries))
         setup.solve(base.PlannerTerminationCondition(lambda: next(left, None) is None))
         if not setup.haveExactSolutionPath():
             return None

@@ -11,6 +11,7 @@ from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.sampling import TRIES
 from dexgrasp.motion.timing import smooth_step, time_path
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
@@ -22,6 +23,7 @@ _SETTLE = 0.35  # s after the approach: the arm's servos lag by 0.1 s
 _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
 _LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
 _BEND = 2.3e-3  # rad that a set-point of the approach may stand out of its neighbours' plane; `verify` allows 2.5e-3
+_FEW_TRIES = 500  # of the sampling planner, among neighbours
 _LIFT_ERROR = 4.5e-4  # m that the palm may miss the end of the lift by; `verify` allows 5e-4
 
 
@@ -39,8 +41,8 @@ def make_script(
         speed: share of the velocity and acceleration limits that the approach uses, above 0 and up to 1.
         margin: clearance to keep on the approach, m.
         seed: of the sampling planner, above 0.
-        among: whether neighbours are there, whose detours bend: an approach that bends too much then takes twice as
-            long.
+        among: whether neighbours are there. Other grasps are then found sooner than long detours, so fewer tries are
+            made; and detours bend: an approach that bends too much takes twice as long.
 
     Raises:
         NoPath: `approach_blocked` or `lift_out_of_reach`, with what is in the way.
@@ -49,7 +51,7 @@ def make_script(
     start = np.asarray(start, dtype=float)
     lift = _lift(tree, motion)  # cheap, so that it fails first
     checker = CollisionChecker(cell, obstacle, margin)
-    waypoints = plan_approach(checker, start, motion.pregrasp, seed)
+    waypoints = plan_approach(checker, start, motion.pregrasp, seed, _FEW_TRIES if among else TRIES)
     for slower in (1.0, 0.5) if among else (1.0,):  # corners of a sampled path bend less
         # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
         approach = np.clip(time_path(waypoints, tree, checker, slower * speed), tree.lower, tree.upper)

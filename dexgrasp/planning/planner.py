@@ -31,6 +31,10 @@ def _holds(hold: Hold) -> bool:
     return hold.holds
 
 
+def _robust(hold: Hold) -> bool:
+    return hold.merit >= 1.0
+
+
 class Planner:
     """A planner of one robot; its proposals come from any source."""
 
@@ -72,8 +76,10 @@ class Planner:
         crowded = target.around is not None
         for k, breadth in enumerate((*breadths, *breadths[-1:] * self.settings.patience)):
             late = k >= len(breadths)
-            # Among neighbours a firm grasp is rare: the best of a round that is looked at whole will do.
-            if (late or crowded) and search.take(pool, _holds):
+            # Among neighbours a firm grasp is rare: the best of a round that is looked at whole will do, of the first
+            # one if it bears the weight on slippery surfaces too.
+            enough = _robust if k == 1 else _holds
+            if (late or crowded) and search.take(pool, enough):
                 break
             if (late and not pool) or self._out_of_time(result.log):
                 break

@@ -56,6 +56,7 @@ class Clutter:
         neighbours: least and most of them.
         gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
             before; None: all are dropped into a heap, the object among them.
+        bin: whether they stand in a bin; else on the open table.
     """
 
     objects: Objects = ()
@@ -63,6 +64,7 @@ class Clutter:
         tuple[int, int], Rule(f"a number from 0 to {MOST_NEIGHBOURS}, or a pair of them", _counts)
     ] = (0, 0)
     gaps: Annotated[tuple[float, float] | None, pair(number(ge=0, le=0.5))] = None
+    bin: bool = False
 
     def draw(self, rng: Generator) -> tuple[str, ...]:
         """Draw the neighbours."""

@@ -53,7 +53,7 @@ class ClutterEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
         super().__init__(settings, views, number)
         assert isinstance(settings, ClutterSettings)
-        self.clutter = settings.clutter
+        self.clutter, self.walled = settings.clutter, settings.clutter.bin
         self.neighbours = self.clutter.neighbours[1]
         first = next(iter(self.simulations.values())).base
         self._alone = first.nq, first.nsensordata  # of a scene without neighbours
@@ -73,7 +73,9 @@ class ClutterEpisodes(Episodes):
         return spaces.Dict(parts)
 
     def _of(self) -> dict[str, Any]:
-        return super()._of() | {"neighbours": self.neighbours, "mask": self.settings.pointing}
+        return super()._of() | {
+            "neighbours": self.neighbours, "mask": self.settings.pointing, "bin": self.walled,
+        }  # fmt: skip
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Draw neighbours, and the object's pose where it is not given, until they are a scene that lies still."""
@@ -232,6 +234,7 @@ class ClutterEnv(LiftEnv):
     | `neighbour_objects` | `'all20'` | as `objects`: what neighbours are drawn from |
     | `gaps` | `(0.02, 0.05)` | m, least and most; None: dropped |
     | `mask` | `'perceived'` | `true`, `perceived` |
+    | `bin` | `False` | True: walls 8 cm high stand around where all may be, where there are neighbours |
 
     ## Version History
 
@@ -248,9 +251,13 @@ class ClutterEnv(LiftEnv):
         neighbour_objects: str | Sequence[str] = "all20",
         gaps: Sequence[float] | None = (0.02, 0.05),
         mask: str = "perceived",
+        bin: bool = False,
         **kwargs: Any,
     ) -> None:
-        own = {"neighbours": neighbours, "neighbour_objects": neighbour_objects, "gaps": gaps, "mask": mask}
+        own = {
+            "neighbours": neighbours, "neighbour_objects": neighbour_objects, "gaps": gaps, "mask": mask,
+            "bin": bin,
+        }  # fmt: skip
         given = {"objects": objects, **own, **kwargs}
         EzPickle.__init__(self, **given)
         self._make(self.arguments(**given))
@@ -268,5 +275,6 @@ class ClutterEnv(LiftEnv):
             "objects": given.pop("neighbour_objects"),
             "neighbours": given.pop("neighbours"),
             "gaps": given.pop("gaps"),
+            "bin": given.pop("bin"),
         }
         return super().arguments(**given) | {"clutter": clutter}

@@ -86,6 +86,7 @@ class Episodes:
     """Records, slots and the scenes that they share."""
 
     task = "lift"
+    walled = False  # whether what is set out stands in a bin
     options: tuple[str, ...] = ("object", "object_pose", "state")
     """Of a reset."""
     neighbours = 0
@@ -227,7 +228,7 @@ class Episodes:
         elif neighbours:
             settings = self.settings
             around = [load_target(name, settings.mesh_scale, settings.mesh_mass) for name in neighbours]
-            simulation = Simulation(simulation.object, self.settings.cell, around)
+            simulation = Simulation(simulation.object, self.settings.cell, around, walled=self.walled)
         if self.one_model:  # for good: people hold on to `unwrapped.model`
             simulation.vary(variation)
             slot.model = simulation.model

@@ -51,10 +51,12 @@ class Simulation:
     k objects. After a step the sensors of neighbours hold the most of its physics steps.
     """
 
-    def __init__(self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = ()) -> None:
+    def __init__(
+        self, model: ObjectModel, cell: Cell, neighbours: Sequence[ObjectModel] = (), *, walled: bool = False
+    ) -> None:
         self.object, self.cell, self.neighbours = model, cell, tuple(neighbours)
         self.base = (
-            build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras())
+            build_scene(model, cell, neighbours=neighbours, cameras=cell.make_cameras(), walled=walled)
             if neighbours
             else compiled_scene(model, cell)
         )
