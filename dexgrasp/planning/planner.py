@@ -78,7 +78,7 @@ class Planner:
             late = k >= len(breadths)
             # Among neighbours a firm grasp is rare: the best of a round that is looked at whole will do, of the first
             # one if it bears the weight on slippery surfaces too.
-            enough = _robust if k == 1 else _holds
+            enough = _robust if crowded and k == 1 else _holds
             if (late or crowded) and search.take(pool, enough):
                 break
             if (late and not pool) or self._out_of_time(result.log):
