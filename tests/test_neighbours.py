@@ -230,8 +230,15 @@ def test_what_stands_in_the_way_is_set_aside_where_there_is_room():
 
 def test_an_agent_without_a_grasp_makes_way_and_lifts_after_all(monkeypatch):
     agent = BilevelAgent(moves=1)
-    env = gym.make("DexGrasp/ClutterHeap-v1", objects="soda", neighbour_objects="sugar_box", neighbours=1,
-                   gaps=(0.03, 0.03), mask="true", **agent.env_settings)  # fmt: skip
+    env = gym.make(
+        "DexGrasp/ClutterHeap-v1",
+        objects="soda",
+        neighbour_objects="sugar_box",
+        neighbours=1,
+        gaps=(0.03, 0.03),
+        mask="true",
+        **agent.env_settings,
+    )
     observation, info = env.reset(seed=0)
     monkeypatch.setattr(
         bilevel, "plan_scene", lambda planner, scene, seed, start, **_: PlanResult(target_of(scene))

@@ -39,6 +39,10 @@ def add_bin(spec: mujoco.MjSpec, low: Sequence[float], high: Sequence[float], he
     walls += [((middle[0], y), (half[0], 0.5 * thick)) for y in (y0 - 0.5 * thick, y1 + 0.5 * thick)]
     for k, ((x, y), (half_x, half_y)) in enumerate(walls):
         spec.worldbody.add_geom(
-            name=f"bin_{k}", type=mujoco.mjtGeom.mjGEOM_BOX, size=[half_x, half_y, 0.5 * height],
-            pos=[x, y, 0.5 * height], rgba=[0.55, 0.6, 0.65, 1.0], group=2,
-        )  # fmt: skip
+            name=f"bin_{k}",
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=[half_x, half_y, 0.5 * height],
+            pos=[x, y, 0.5 * height],
+            rgba=[0.55, 0.6, 0.65, 1.0],
+            group=2,
+        )

@@ -74,8 +74,10 @@ class ClutterEpisodes(Episodes):
 
     def _of(self) -> dict[str, Any]:
         return super()._of() | {
-            "neighbours": self.neighbours, "mask": self.settings.pointing, "bin": self.walled,
-        }  # fmt: skip
+            "neighbours": self.neighbours,
+            "mask": self.settings.pointing,
+            "bin": self.walled,
+        }
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Draw neighbours, and the object's pose where it is not given, until they are a scene that lies still."""
@@ -255,9 +257,12 @@ class ClutterEnv(LiftEnv):
         **kwargs: Any,
     ) -> None:
         own = {
-            "neighbours": neighbours, "neighbour_objects": neighbour_objects, "gaps": gaps, "mask": mask,
+            "neighbours": neighbours,
+            "neighbour_objects": neighbour_objects,
+            "gaps": gaps,
+            "mask": mask,
             "bin": bin,
-        }  # fmt: skip
+        }
         given = {"objects": objects, **own, **kwargs}
         EzPickle.__init__(self, **given)
         self._make(self.arguments(**given))
