@@ -26,7 +26,7 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 _FINGER = (0.0, 0.2, 1.4, 0.8)  # rad: curled so that what resists a tip neither lifts it nor presses it down
 _TILT = 0.09  # rad of the palm
 _HEIGHT = 0.0105  # m of the tips' centres, at which they press on the table: what they push cannot lift them
-_BEFORE, _BEYOND, _BACK = 0.02, 0.01, 4  # m before and past the push; points back from its end
+_BEFORE, _BACK = 0.02, 4  # m before the push; points back from its end
 _SPACING = 0.01  # m between points of the push
 _SPEED = 0.21  # m/s on average
 _SLOWER = 1.15
@@ -135,7 +135,7 @@ def _way(push: Push, cell: Cell) -> Array | None:
     begin = np.array([*(push.touch - _BEFORE * push.direction), _HEIGHT]) - R @ tips
     if not reach_palm(q, R, begin, tree):
         return None
-    length = _BEFORE + push.distance + _BEYOND
+    length = _BEFORE + push.distance
     count = int(np.ceil(length / _SPACING))
     path, strayed = shift_palm(q, tree, np.linspace(0.0, length, count + 1)[1:, None] * ahead)
     way = np.concatenate([q[None], path])
