@@ -1,0 +1,29 @@
+"""All four fingers of the Allegro in one grasp: its file names them, and nothing else changes."""
+
+import yaml
+
+from dexgrasp.grasp.content import Origin, planned_record
+from dexgrasp.planning.planner import Planner, small_box
+from dexgrasp.planning.sources import make_source
+from dexgrasp.verify.verify import verify
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.robot.cell import make_cell
+
+FINGERS = ["thumb", "index", "middle", "ring"]
+
+
+def test_four_fingers_take_hold_and_the_judge_agrees(tmp_path):
+    hand = yaml.safe_load(asset_path("robot", "allegro.yaml").read_text())
+    robot = yaml.safe_load(asset_path("robot", "panda_allegro.yaml").read_text())
+    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand | {"grasp": FINGERS}))
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"hand": "hand.yaml"}))
+    cell = make_cell(str(tmp_path / "robot.yaml"))
+    planner = Planner(cell=cell, source=make_source("auto", cell.robot))
+    result = planner.plan(small_box(), 0, cell.robot.home.copy())
+    assert result.success, result.reason
+    (planned,) = result.found
+    how = {"script": planned.script, "origin": Origin("bilevel")}
+    record = planned_record("box", planned.grasp, small_box(), planner.settings, **how)
+    assert record.fingers == tuple(FINGERS)
+    assert [check for check in verify(record) if not check.holds] == []
+    assert planned.grasp.certificate.load > 1.0
