@@ -25,7 +25,7 @@ from typing import Any, NamedTuple
 
 import fuzz_inputs as inputs
 import numpy as np
-from fuzz_clouds import odd_cloud
+from fuzz_clouds import odd_cloud, odd_pointing
 from numpy.random import Generator
 
 from dexgrasp_env.assets import asset_path
@@ -99,8 +99,10 @@ def _cache(rng: Generator, good: Path, here: Path) -> Case:
 
 
 def _cloud(rng: Generator, good: Path, here: Path) -> Case:
-    np.save(here / "cloud.npy", odd_cloud(rng))
-    return Case(["plan", "--cloud", str(here / "cloud.npy"), "--json"])
+    points, listed = odd_cloud(rng), ["--objects"] if rng.random() < 0.5 else []
+    np.save(here / "cloud.npy", points)
+    pointed = odd_pointing(points, rng, here)
+    return Case(["plan", "--cloud", str(here / "cloud.npy"), *pointed, *listed, "--json"])
 
 
 def _grasp(rng: Generator, good: Path, here: Path) -> Case:

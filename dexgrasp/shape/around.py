@@ -10,8 +10,9 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 SEEN, UNSEEN = 0.003, 0.006
-"""m by which a neighbour's sides are taken to lie farther out: those that were seen, as hulls are trimmed of noise,
-and those that no camera saw."""
+"""m by which a neighbour's sides are taken to lie farther out: those that were seen, and those that no camera saw."""
+HIGHER = 0.002
+"""m by which its top is."""
 _FACING = 0.5  # cosine of the angle to a side within which a normal shows that it was seen
 _SIDES = 8  # level directions in which a neighbour may be grown
 _INSIDE = 0.006  # m: a hull that holds points of the target this deep is not the neighbour's shape
@@ -44,11 +45,13 @@ def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
 
 
 def _grown(corners: Array, cloud: ObjectCloud) -> Array:
-    """Add to corners (N, 3) m the same moved out to all sides, farther where no camera saw one."""
+    """Add to corners (N, 3) m the points that trimming left out, and all of it moved out to all sides and up."""
     angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
     sides = np.stack([np.cos(angles), np.sin(angles), np.zeros(_SIDES)], axis=1)
     grown = np.where((cloud.normals @ sides.T > _FACING).any(axis=0), SEEN, UNSEEN)
-    return np.concatenate([corners + step * side for step, side in zip(grown, sides, strict=True)])
+    corners = np.concatenate([corners, cloud.points])
+    level = np.concatenate([corners + step * side for step, side in zip(grown, sides, strict=True)])
+    return np.concatenate([level, level[level[:, 2] > level[:, 2].min() + HIGHER] + [0.0, 0.0, HIGHER]])
 
 
 def columns(points: Array) -> Parts:

@@ -206,7 +206,8 @@ class ClutterEnv(LiftEnv):
     `info` has more than that of `LiftEnv`: `is_clean`, `neighbours` (how many), `neighbours_moved` (m, the farthest
     that the centre of any has been from where it would be), `neighbours_hit` (how many the robot has touched, looked
     at in every physics step), `neighbours_hit_names` (theirs, with spaces between),
-    `neighbours_toppled` (how many have turned their vertical by 30 deg).
+    `neighbours_toppled` (how many have turned their vertical by 30 deg). With a point cloud, `perception_doubtful`:
+    whether what is held for the object may be two things, or a part of the next.
 
     ## Rewards
 
