@@ -6,6 +6,7 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.path import bend, jerkiness
 from dexgrasp.grasp.script import ActionScript
+from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
@@ -24,7 +25,8 @@ _CLOSE, _SQUEEZE, _LIFT, _HOLD = 0.6, 0.4, 1.2, 3.4  # s
 _LIFT_JERK = 3e-3  # rad that a set-point of the lift may lie from its neighbours' cubic; `verify` allows 4e-3
 _BEND = 2.3e-3  # rad that a set-point of the approach may stand out of its neighbours' plane; `verify` allows 2.5e-3
 _FEW_TRIES = 500  # of the sampling planner, among neighbours
-_LIFT_ERROR = 4.5e-4  # m that the palm may miss the end of the lift by; `verify` allows 5e-4
+_LIFT_ERROR = 0.01  # m that the palm may stray at the end of the lift
+_LIFT_SHORT = 4.5e-4  # m that the lift may miss its height by; `verify` allows 5e-4
 
 
 def make_script(
@@ -89,6 +91,9 @@ def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     path, error = shift_palm(motion.squeeze, tree, up[:, None] * np.array([0.0, 0.0, 1.0]))
     if error > _LIFT_ERROR:
         raise NoPath("lift_out_of_reach", f"the palm strays {1000 * error:.0f} mm from the way up")
+    rise = palm_frame(path[-1], tree)[1][2] - palm_frame(motion.squeeze, tree)[1][2]
+    if abs(rise - motion.lift_height) > _LIFT_SHORT:
+        raise NoPath("lift_out_of_reach", f"the lift ends {1000 * (motion.lift_height - rise):.1f} mm short")
     fast = (np.abs(np.diff(path, axis=0, prepend=motion.squeeze[None])) / max_step(tree)).max()
     if fast > 1.0:
         raise NoPath("lift_out_of_reach", f"a joint would move at {fast:.1f} times its limit")
