@@ -21,6 +21,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
+from safetensors.numpy import load_file
+
+from dexgrasp_env.files import content_hash
 
 _ARRAYS = (".safetensors", ".npz", ".hdf5", ".parquet", ".npy")
 
@@ -54,12 +57,15 @@ def killed(arguments: list[str], out: Path, kills: int, most: float, rng: Genera
 def contents(folder: Path) -> dict[str, str]:
     """Return the files of a folder: of arrays their hashes, of others that they are there."""
     files = [path for path in folder.rglob("*") if path.is_file() and "events.out" not in path.name]
-    return {
-        str(path.relative_to(folder)): (
-            hashlib.sha256(path.read_bytes()).hexdigest() if path.suffix in _ARRAYS else ""
-        )
-        for path in files
-    }
+    return {str(path.relative_to(folder)): _hash(path) if path.suffix in _ARRAYS else "" for path in files}
+
+
+def _hash(path: Path) -> str:
+    """Of weights the arrays alone: the note beside them says how long it took."""
+    if path.suffix != ".safetensors":
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    arrays = load_file(path)
+    return content_hash(*(part for name in sorted(arrays) for part in (name, arrays[name])))
 
 
 def main(argv: list[str] | None = None) -> int:
