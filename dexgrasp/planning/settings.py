@@ -1,6 +1,5 @@
 """Settings of the planner, with where each number comes from."""
 
-import math
 from dataclasses import dataclass, replace
 
 from dexgrasp.grasp.thresholds import Thresholds, planned_friction
@@ -65,7 +64,7 @@ class PlannerSettings(Thresholds):
     firm_load: float = 1.2
     fingers: int = 3
     torsion: float = 0.0
-    widest: float = math.inf
+    widest: float = 1.0
 
     @classmethod
     def for_friction(cls, mu: float) -> "PlannerSettings":

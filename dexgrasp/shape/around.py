@@ -28,8 +28,17 @@ def neighbours_of(scene: Scene) -> tuple[Parts, ...]:
     A neighbour is the hull of its cloud down to the table; where that holds a part of the target, the neighbour is
     hollow or reaches around it, and the columns that its points stand in take the hull's place.
     """
-    found = [_parts(one, scene) for one in scene.neighbours] + [columns(scene.rest.points)]
+    found = [_parts(one, scene) for one in scene.neighbours] + [columns(_beside(scene))]
     return tuple(parts[k : k + _MOST] for parts in found for k in range(0, len(parts), _MOST))
+
+
+def _beside(scene: Scene) -> Array:
+    """Return the points (N, 3) m of what is no object, without splinters of the target: those within its hull."""
+    rest = scene.rest.points
+    hull = completed_corners(scene.target, scene.plane)[0] if len(rest) >= _LEAST else None
+    if hull is None:
+        return rest
+    return rest[ConvexDistance.from_points(hull, PART_FACES).distance(rest) > SEEN]
 
 
 def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
