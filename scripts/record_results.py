@@ -3,18 +3,23 @@
     python scripts/record_results.py runs/robust runs/scans --out docs/results/robust.json --title "..." --note "..."
     python scripts/record_results.py --write         put the tables of every docs/results/*.json where they are shown
 
-A page shows results between `<!-- results:NAME -->` and `<!-- /results:NAME -->`, NAME being the JSON's stem, or some
-of its rows, `<!-- results:NAME ROW ... -->`; a test holds every page against its JSON.
+A page shows results between `<!-- results:NAME -->` and `<!-- /results:NAME -->`, NAME being the JSON's stem or
+SEASON/ENTRY of a published season (`scripts/season.py`), or some of its rows, `<!-- results:NAME ROW ... -->`; a figure
+within a sentence stands between `<!-- rate:NAME AGENT ROW -->` and `<!-- /rate -->`. A test holds every page against
+what was recorded.
 """
 
 import argparse
 import json
 import re
 import sys
+import tempfile
 import textwrap
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+
+from season import read_season, unpack
 
 from dexgrasp.evaluation.report.build import read_agents
 from dexgrasp.evaluation.report.origin import commands, describe_run
@@ -22,9 +27,13 @@ from dexgrasp.evaluation.report.tables import rate_words
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
+SEASONS = ROOT / "seasons"
 PAGES = ("README.md", "docs/*.md")
 _MARKS = re.compile(
-    r"<!-- results:(?P<name>[\w-]+)(?P<rows>[^>]*) -->\n(?P<text>.*?)<!-- /results:(?P=name) -->", re.DOTALL
+    r"<!-- results:(?P<name>[\w/-]+)(?P<rows>[^>]*) -->\n(?P<text>.*?)<!-- /results:(?P=name) -->", re.DOTALL
+)
+_RATES = re.compile(
+    r"<!-- rate:(?P<name>[\w/-]+) (?P<agent>\S+) (?P<row>\S+) -->.*?<!-- /rate -->", re.DOTALL
 )
 _WIDTH = 116  # characters of a line of a page
 _CELLS = ("trials", "successes", "rate", "ci95")
@@ -45,6 +54,8 @@ def record(folders: Sequence[Path], title: str, note: str) -> dict[str, Any]:
 
 def _kept(agent: Mapping[str, Any]) -> dict[str, Any]:
     cells = {name: {key: cell[key] for key in _CELLS} for name, cell in agent["by_protocol"].items()}
+    for name, found in agent["clutter"].items():
+        cells |= {f"{name}:{what}": {key: found[what][key] for key in _CELLS} for what in ("clean", "hit")}
     by_set = {name: {key: cell[key] for key in _CELLS} for name, cell in agent["by_set"].items()}
     return {
         **{key: agent[key] for key in _CELLS}, "by_protocol": cells, "by_set": by_set,
@@ -75,8 +86,9 @@ def _together(commands: Sequence[str]) -> list[str]:
     """Return commands as pages show them; those that differ in the seed alone are one, with S for it."""
     alike: dict[str, list[tuple[str, str]]] = {}
     for command in commands:
-        seed = command.partition("--seed ")[2].split()[0]
-        alike.setdefault(re.sub(rf"(?<!\d){seed}(?!\d)", "S", command), []).append((seed, command))
+        seed = "".join(command.partition("--seed ")[2].split()[:1])
+        same = re.sub(rf"(?<!\d){seed}(?!\d)", "S", command) if seed else command
+        alike.setdefault(same, []).append((seed, command))
     shown: list[str] = []
     for words, own in alike.items():
         note = [f"# S = {', '.join(seed for seed, _ in own)}"] if len(own) > 1 else []
@@ -106,16 +118,41 @@ def shown(text: str) -> dict[str, str]:
     return {found["name"]: found["text"] for found in _MARKS.finditer(text)}
 
 
-def rewritten(text: str, results: Path = RESULTS) -> str:
-    """Return a page with its results as they are in the JSON files."""
+def rewritten(text: str, results: Path = RESULTS, seasons: Path = SEASONS) -> str:
+    """Return a page with its results as they were recorded."""
 
-    def fill(found: re.Match[str]) -> str:
+    def table(found: re.Match[str]) -> str:
         name = found["name"]
-        content = json.loads((results / f"{name}.json").read_text())
-        text = render(content, found["rows"].split())
-        return f"<!-- results:{name}{found['rows']} -->\n{text}<!-- /results:{name} -->"
+        shown = render(recorded(name, results, seasons), found["rows"].split())
+        return f"<!-- results:{name}{found['rows']} -->\n{shown}<!-- /results:{name} -->"
 
-    return _MARKS.sub(fill, text)
+    def rate(found: re.Match[str]) -> str:
+        name, agent, row = found["name"], found["agent"], found["row"]
+        own = recorded(name, results, seasons)["agents"][agent]
+        cell = {**own["by_set"], **own["by_protocol"]}[row]
+        words = f"{cell['successes']:,} of {cell['trials']:,}, {rate_words(cell)}"
+        return f"<!-- rate:{name} {agent} {row} -->{words}<!-- /rate -->"
+
+    return _RATES.sub(rate, _MARKS.sub(table, text))
+
+
+def recorded(name: str, results: Path, seasons: Path) -> dict[str, Any]:
+    """Return a result by its name: what a JSON file holds, or what follows from an entry's published trials."""
+    season, _, entry = name.rpartition("/")
+    if not season:
+        content: dict[str, Any] = json.loads((results / f"{name}.json").read_text())
+        return content
+    path = seasons / f"{season}.json"
+    words = read_season(path).entries[entry]
+    with tempfile.TemporaryDirectory() as folder:
+        runs = [unpack(run, Path(folder)) for run in published(results / season, entry)]
+        content = record(runs, words.get("title", entry), words.get("note", ""))
+    return content | {"commands": [f"python scripts/season.py run {path.relative_to(seasons.parent)}"]}
+
+
+def published(folder: Path, entry: str) -> list[Path]:
+    """Return the evaluations that a season published of an entry, in the order of their seeds."""
+    return sorted(folder.glob(f"{entry}-[0-9]*"), key=lambda path: int(path.name.rpartition("-")[2]))
 
 
 def main() -> int:

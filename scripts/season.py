@@ -1,0 +1,213 @@
+"""A season: agents scored once, on seeds that nobody could know, and published with every trial.
+
+    python scripts/season.py seeds seasons/2026-12.json                  which seeds a tagged release gives it
+    python scripts/season.py run seasons/2026-12.json --workers 4        score it, publish it below docs/results
+    python scripts/record_results.py --write                             put its tables into README and docs
+
+Run it in the repository's root. The file says what is scored; it is committed before the release that it names is
+tagged. A seed is a hash of the tagged commit, of the file, of the entry's name and of a number, so that it exists only
+when neither planner nor season can change any more. A run that was interrupted goes on; a second scoring is refused
+without --again REASON, and `docs/results/SEASON/season.json` keeps every reason.
+"""
+
+import argparse
+import gzip
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.runs.pool import Backend
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_json_object, write_atomically, write_json
+
+ROOT = Path(__file__).resolve().parents[1]
+SCHEMA = 1
+SCORED = ("dexgrasp_env", "dexgrasp", "agents", "assets")
+"""What outcomes rest on: as released while a season is scored."""
+TRIALS = "trials.jsonl"
+
+
+@dataclass(frozen=True)
+class Season:
+    """What is scored.
+
+    Attributes:
+        name: of the season, the file's stem.
+        release: the tag whose code is scored.
+        entries: settings of evaluations by name, with `seeds` (how many of each), a `title` and a `note` for readers.
+        digest: of the file.
+    """
+
+    name: str
+    release: str
+    entries: Mapping[str, Mapping[str, Any]]
+    digest: str
+
+    def scorings(self, commit: str) -> Iterator[tuple[str, EvaluationSettings]]:
+        """Yield every evaluation by the name of its folder, with its settings.
+
+        Raises:
+            InputError: for settings that are none.
+        """
+        for name, entry in self.entries.items():
+            words = {key: value for key, value in entry.items() if key not in ("seeds", "title", "note")}
+            for number in range(entry.get("seeds", 1)):
+                seed = season_seed(commit, self.digest, name, number)
+                yield f"{name}-{number}", EvaluationSettings.of(**words, seed=seed)
+
+
+def season_seed(commit: str, digest: str, entry: str, number: int) -> int:
+    """Return a seed below 2^31 that follows from the release, the season's file, the entry and a number."""
+    words = f"{commit} {digest} {entry} {number}"
+    return int.from_bytes(hashlib.sha256(words.encode()).digest()[:4], "big") >> 1
+
+
+def read_season(path: Path) -> Season:
+    """Read a season's file.
+
+    Raises:
+        InputError: if it is none.
+    """
+    content = read_json_object(path, "name a file of seasons/")
+    entries, release = content.get("entries"), content.get("release")
+    known = isinstance(entries, dict) and all(isinstance(entry, dict) for entry in entries.values())
+    if content.get("schema") != SCHEMA or not known or not isinstance(release, str):
+        raise InputError(f"{path} is no season: it has schema {SCHEMA}, a release's tag and entries by name")
+    return Season(path.stem, release, entries, hashlib.sha256(path.read_bytes()).hexdigest())
+
+
+def released(season: Season, path: Path, root: Path = ROOT) -> str:
+    """Return the commit of the release, with which the code and the file that are here agree.
+
+    Raises:
+        InputError: if the tag does not exist, or something differs from it.
+    """
+    commit = _git(root, "rev-parse", "--verify", "--quiet", f"{season.release}^{{commit}}").strip()
+    if not commit:
+        raise InputError(f"{season.name} is of release {season.release}: there is no such tag yet")
+    rests_on = [*SCORED, str(path.resolve().relative_to(root.resolve()))]
+    changed = _git(root, "diff", "--name-only", commit, "--", *rests_on).split()
+    changed += _git(root, "ls-files", "--others", "--exclude-standard", "--", *rests_on).split()
+    if changed:
+        raise InputError(f"{changed[0]} is not as it was released ({season.release}): check that release out")
+    return commit
+
+
+def _git(root: Path, *words: str) -> str:
+    return subprocess.run(["git", "-C", str(root), *words], capture_output=True, text=True).stdout
+
+
+class Record:
+    """When a season was scored, from what, on what machine, and why again."""
+
+    def __init__(self, season: Season, results: Path) -> None:
+        """Read it, where there is one."""
+        self.path = results / season.name / "season.json"
+        self.season = season
+        self.scorings: list[dict[str, Any]] = []
+        if self.path.is_file():
+            self.scorings = read_json_object(self.path, "restore it from git")["scorings"]
+
+    def begin(self, commit: str, again: str | None) -> int:
+        """Begin a scoring, or go on with one; return its number.
+
+        Raises:
+            InputError: if the season was scored before and no reason is given.
+        """
+        last = self.scorings[-1] if self.scorings else None
+        ours = {"commit": commit, "file": self.season.digest}
+        if last and last["finished"] is None and ours.items() <= last.items():
+            return len(self.scorings)
+        if last and not again:
+            raise InputError(
+                f"season {self.season.name} was scored from {last['begun']} on, at {last['commit'][:10]}: "
+                "a second scoring needs --again REASON, which its record shows"
+            )
+        self.scorings.append({**ours, "begun": _now(), "finished": None, "again": again, "load": os.getloadavg()[0],
+                              "processors": os.cpu_count()})  # fmt: skip
+        self._write()
+        return len(self.scorings)
+
+    def finish(self) -> None:
+        """Say that every entry was scored."""
+        self.scorings[-1]["finished"] = _now()
+        self._write()
+
+    def _write(self) -> None:
+        write_json(self.path, {"schema": SCHEMA, "season": self.season.name, "scorings": self.scorings})
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="minutes")
+
+
+def run(path: Path, workers: int, again: str | None = None, root: Path = ROOT) -> Path:
+    """Score what is missing of a season and publish it; return the folder of its results.
+
+    Raises:
+        InputError: if it may not be scored: not released, changed since, or scored before.
+    """
+    season = read_season(path)
+    commit = released(season, path, root)
+    scorings = list(season.scorings(commit))  # mistakes in any entry show before the record is begun
+    record = Record(season, root / "docs" / "results")
+    number = record.begin(commit, again)
+    for name, settings in scorings:
+        folder = root / "runs" / f"{season.name}-{number}" / name
+        evaluate(settings, folder, backend=Backend(workers=workers))
+        publish(folder, record.path.parent / name)
+    record.finish()
+    return record.path.parent
+
+
+def publish(folder: Path, out: Path) -> None:
+    """Write an evaluation's settings and trials, compressed to the same bytes each time, to `out`."""
+    out.mkdir(parents=True, exist_ok=True)
+    shutil.copy(folder / "run.json", out / "run.json")
+    write_atomically(out / f"{TRIALS}.gz", gzip.compress((folder / TRIALS).read_bytes(), mtime=0))
+
+
+def unpack(published: Path, folder: Path) -> Path:
+    """Make a published evaluation one that `dexgrasp report` reads; return its folder."""
+    out = folder / published.name
+    out.mkdir(parents=True, exist_ok=True)
+    shutil.copy(published / "run.json", out / "run.json")
+    (out / TRIALS).write_bytes(gzip.decompress((published / f"{TRIALS}.gz").read_bytes()))
+    return out
+
+
+def main() -> int:
+    """Say the seeds of a season, or score it."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("what", choices=("seeds", "run"))
+    parser.add_argument("season", type=Path, help="a file of seasons/")
+    parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--again", metavar="REASON", help="score a second time, and say why")
+    args = parser.parse_args()
+    try:
+        if args.what == "run":
+            print(run(args.season, args.workers, args.again))
+        else:
+            season = read_season(args.season)
+            seeds = {name: settings.seed for name, settings in season.scorings(released(season, args.season))}
+            print(json.dumps(seeds, indent=1))
+    except InputError as error:
+        print(f"season: {error}", file=sys.stderr)
+        return 2
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
