@@ -18,8 +18,10 @@ Index = NDArray[np.int64]
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
 
 
-class RobotTree(NamedTuple):
-    """Bodies in topological order, base first; nb bodies, n joints of which `arm` are the arm's, g tips, ns spheres.
+class _Links(NamedTuple):
+    """What compiled code takes of a robot: each array more that it is told of makes every call dearer.
+
+    Bodies in topological order, base first; nb bodies, n joints of which `arm` are the arm's, g tips, ns spheres.
 
     Spheres cover the collision shapes from outside, so that a clearance computed from them never exceeds the true one.
     """
@@ -50,9 +52,16 @@ class RobotTree(NamedTuple):
     torsion: float  # m, of soft tips: torsional friction over sliding friction
     follows: Index  # (n,) the joint that each follows, -1 where it does not
     ratio: Array  # (n, 2) at which multiple of it, and how much farther
-    unit: Array  # (n,) what counts as much as a radian: 1, or `SLIDE` m
     lower: Array  # (n,) rad; of slides m, as below
     upper: Array  # (n,) rad
+    arm: int
+    base: int  # bodies from the base on that may be near the table beside it
+
+
+class RobotTree(_Links):
+    """A robot's links, and what plain code alone asks of its joints."""
+
+    unit: Array  # (n,) what counts as much as a radian: 1, or `SLIDE` m
     velocity: Array  # (n,) rad/s
     acceleration: Array  # (n,) rad/s^2
     home: Array  # (n,) rad, arm at home and hand open
@@ -64,8 +73,6 @@ class RobotTree(NamedTuple):
     starts: (
         Array  # (k, arm) rad, where inverse kinematics begins; first joints less the direction of the goal
     )
-    arm: int
-    base: int  # bodies from the base on that may be near the table beside it
 
 
 @lru_cache(maxsize=8)
@@ -87,7 +94,7 @@ def robot_tree(cell: Cell) -> RobotTree:
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
     beside, edges = _beside_palm(model, robot)
     box = _palm_box(model, robot, spheres[robot.bodies.index(palm)])
-    return RobotTree(
+    tree = RobotTree(
         parent=np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
@@ -116,9 +123,13 @@ def robot_tree(cell: Cell) -> RobotTree:
         torsion=robot.hand.torsion,
         follows=follows,
         ratio=ratio,
-        unit=np.where(slides, SLIDE, 1.0),
         lower=robot.lower.copy(),
         upper=robot.upper.copy(),
+        arm=robot.arm_dof,
+        base=robot.arm.plinth,
+    )
+    vars(tree).update(
+        unit=np.where(slides, SLIDE, 1.0),
         velocity=robot.velocity.copy(),
         acceleration=robot.acceleration.copy(),
         home=robot.home.copy(),
@@ -128,9 +139,8 @@ def robot_tree(cell: Cell) -> RobotTree:
         stiffness=driven(robot, robot.stiffness, 2)[robot.hand_columns],
         tip_radius=robot.hand.tip_radius,
         starts=_starts(model, robot),
-        arm=robot.arm_dof,
-        base=robot.arm.plinth,
     )
+    return tree
 
 
 def _starts(model: mujoco.MjModel, robot: Robot) -> Array:

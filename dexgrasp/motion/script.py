@@ -57,7 +57,7 @@ def make_script(
     for slower in (1.0, 0.5) if among else (1.0,):  # corners of a sampled path bend less
         # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
         approach = np.clip(time_path(waypoints, tree, checker, slower * speed), tree.lower, tree.upper)
-        if bend(np.concatenate([start[None], approach])) <= _BEND:
+        if not among or bend(np.concatenate([start[None], approach])) <= _BEND:
             break
     pieces = {
         "approach": np.concatenate([approach, _still(motion.pregrasp, _SETTLE)]),

@@ -17,18 +17,21 @@ def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> Arra
     Raises:
         InputError: another shape, not numbers, or NaN or infinity in it.
     """
-    wanted = "(" + ", ".join("N" if size is None else str(size) for size in shape) + ")"
     try:
         array = np.ascontiguousarray(value, dtype=np.float64)
     except (TypeError, ValueError):
-        raise InputError(f"{name} must be numbers of shape {wanted}") from None
+        raise InputError(f"{name} must be numbers of shape {_words(shape)}") from None
     if array.ndim != len(shape) or any(
         s is not None and s != n for s, n in zip(shape, array.shape, strict=True)
     ):
-        raise InputError(f"{name} must have shape {wanted}, got {array.shape}")
+        raise InputError(f"{name} must have shape {_words(shape)}, got {array.shape}")
     if not np.isfinite(array).all():
         raise InputError(f"{name} must be finite: it holds NaN or infinity")
     return array
+
+
+def _words(shape: tuple[int | None, ...]) -> str:
+    return "(" + ", ".join("N" if size is None else str(size) for size in shape) + ")"
 
 
 def check_positive(name: str, value: Any) -> float:

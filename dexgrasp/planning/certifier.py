@@ -19,7 +19,7 @@ from dexgrasp.kinematics.forward import (
 from dexgrasp.kinematics.shapes import shapes_apart
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp.planning.claims import certificate_of, contacts_of, is_clear, too_near, with_capacity
+from dexgrasp.planning.claims import certificate_of, is_clear, too_near, with_capacity
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.problem import Problem
@@ -99,10 +99,10 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
 
 def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:
     """Return the part (N, 3) m of a miss that the fingers' joints could mend: all of it where they have three each."""
-    J = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)).reshape(missed.size, -1)
-    J = J[:, tree.moved[tree.moved >= tree.arm]]
-    if J.shape[1] >= missed.size:
+    joints = tree.moved[tree.moved >= tree.arm]
+    if len(joints) >= missed.size:
         return missed
+    J = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)).reshape(missed.size, -1)[:, joints]
     mended: Array = (J @ np.linalg.pinv(J) @ missed.ravel()).reshape(missed.shape)
     return mended
 
@@ -133,14 +133,13 @@ def _closing(pregrasp: Array, q: Array) -> Array:
 def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:
     """Return the grasp of a configuration that presses with forces (N, c) N, with its certificate."""
     problem, q, at = candidate.start.problem, candidate.solution.q, candidate.solution.evaluation
-    certificate = certificate_of(q, forces, problem)
+    certificate = certificate_of(q, forces, (candidate.hold.contacts, candidate.hold.distances), problem)
     return Grasp(q, at.contacts, at.normals, forces, certificate, motion, problem.cell)
 
 
-def completed(grasp: Grasp, problem: Problem) -> Grasp:
+def completed(grasp: Grasp, hold: Hold) -> Grasp:
     """Return a grasp that was chosen with what is not worth computing for those that are not."""
-    contacts, _ = contacts_of(grasp.q, problem, problem.settings.friction_hold)
-    return replace(grasp, certificate=with_capacity(grasp.certificate, contacts))
+    return replace(grasp, certificate=with_capacity(grasp.certificate, hold.contacts))
 
 
 def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: float = 0.0) -> Array:

@@ -34,16 +34,17 @@ def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, 
     ), distance
 
 
-def certificate_of(q: Array, forces: Array, problem: Problem) -> Certificate:
+def certificate_of(q: Array, forces: Array, touched: tuple[Contacts, Array], problem: Problem) -> Certificate:
     """Return what is true of a grasp, however its configuration and forces were found, but for `capacity`.
 
     Args:
         q: (n,) rad.
         forces: (N, c) N on the object.
+        touched: `contacts_of` the configuration, with the friction that it is to hold with.
         problem: object and robot; of the settings friction coefficients and tip radius.
     """
     target, tree, settings = problem.target, problem.tree, problem.settings
-    contacts, distances = contacts_of(q, problem, settings.friction_hold)
+    contacts, distances = touched
     internal = solve_wrench_qp(contacts.points, contacts.normals, settings.friction)
     ratios = wrench_ratios(contacts.points, internal.forces, target.centre)
     load = load_of(contacts, forces, tree.stiffness)

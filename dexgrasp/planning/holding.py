@@ -25,6 +25,7 @@ class Hold(NamedTuple):
     """A squeeze and how much it is worth."""
 
     contacts: Contacts
+    distances: Array  # (N,) m, of the tips' centres from the surface
     forces: Array  # (N, c) N on the object
     share: float  # of the weight that the forces balance
     merit: float  # load that would be left with less friction and the surface out of place: grasps are ranked by it
@@ -71,13 +72,13 @@ def firmest_hold(q: Array, problem: Problem) -> Hold:
     contacts, distance = contacts_of(q, problem, settings.friction_hold)
     firm = robust_squeeze(contacts, distance, problem)
     if firm.share >= 1.0:
-        return Hold(contacts, firm.forces, firm.share, firm.load)
+        return Hold(contacts, distance, firm.forces, firm.share, firm.load)
     most = _squeeze(contacts, np.full_like(distance, settings.friction_hold), settings, DOWN)
     if most.share == 0.0:
         forces = np.zeros(contacts.jacobians.shape[:2])
         forces[:, :3] = -settings.least_press * contacts.normals
-        return Hold(contacts, forces, 0.0, 0.0)
-    return Hold(contacts, most.forces, most.share, min(firm.load, most.load))
+        return Hold(contacts, distance, forces, 0.0, 0.0)
+    return Hold(contacts, distance, most.forces, most.share, min(firm.load, most.load))
 
 
 def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: Array = DOWN) -> Squeeze:

@@ -196,7 +196,7 @@ class Search:
                 among = target.around is not None
                 script = make_script(self._start, grasp.motion, target.everything, planner.cell, among=among)
                 check_way(script, planner.cell, target)
-            self.result.found.append(Planned(completed(grasp, self._problem), script))
+            self.result.found.append(Planned(completed(grasp, candidate.hold), script))
             return True
         except NoPath as blocked:
             self.log.block(blocked.reason)

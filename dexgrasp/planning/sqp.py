@@ -97,11 +97,11 @@ class _Solver:
     def run(self, q: Array) -> Solution:
         """Work towards the margin aimed at; where that is too much, towards the least one."""
         q[self._moved] = np.clip(q[self._moved], self._low, self._high)
-        follow(q, self._tree)
         steps = 0
         for goal in (self._goal, self._modest):
             q, now, used = self._descend(q, goal, self._budget - steps)
             steps += used
+            follow(q, self._tree)
             solution = self._solution(q, now, goal, steps)
             if solution.feasible or not self._with_margin:
                 break
@@ -115,7 +115,6 @@ class _Solver:
             step = self._step(q, now, trust)
             trial = q.copy()
             trial[self._moved] = np.clip(q[self._moved] + step, self._low, self._high)
-            follow(trial, self._tree)
             evaluation = self.evaluate(trial, goal)
             reached = _merit(evaluation.values)
             if reached < merit - 1e-9:

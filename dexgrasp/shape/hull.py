@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import outward_triangles
 from dexgrasp_env.arrays import Array, fibonacci_directions
+from dexgrasp_env.compiled import njit
 from dexgrasp_env.perception.plane import Plane
 
 if TYPE_CHECKING:
@@ -94,14 +95,34 @@ def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
     centre = np.median(points, axis=0)
     local = points - centre
     along = outward @ local.T
-    last = len(points) - 1 - count
-    limit = np.maximum(np.partition(along, last, axis=1)[:, last] - _INWARDS * noise, 0.0)
-    excess = along - limit[:, None]
-    out = np.flatnonzero((excess > 0.0).any(axis=0))
-    moved = _moved(local[out], excess[:, out], outward)
+    limit, beyond = _limits(along, count, _INWARDS * noise)
+    out = np.flatnonzero(beyond)
+    moved = _moved(local[out], along[:, out] - limit[:, None], outward)
     # A corner sticks out in more than one direction.
     local[out] = _moved(moved, outward @ moved.T - limit[:, None], outward)
     return local + centre
+
+
+@njit
+def _limits(along: Array, count: int, inwards: float) -> tuple[Array, NDArray[np.bool_]]:
+    """Return how far out (K,) points may be, and which (M,) are farther in any direction; `along` (K, M) says how far.
+
+    It is `inwards` from the farthest but `count` of them, of which there are few.
+    """
+    limit, beyond, farthest = np.empty(len(along)), np.zeros(along.shape[1], np.bool_), np.empty(count + 1)
+    for k in range(len(along)):
+        farthest[:] = -np.inf
+        for far in along[k]:
+            rank = count
+            while rank >= 0 and far > farthest[rank]:
+                if rank < count:
+                    farthest[rank + 1] = farthest[rank]
+                farthest[rank] = far
+                rank -= 1
+        limit[k] = max(farthest[count] - inwards, 0.0)
+        for m in range(len(beyond)):
+            beyond[m] |= along[k, m] > limit[k]
+    return limit, beyond
 
 
 def _moved(points: Array, excess: Array, outward: Array) -> Array:
