@@ -7,9 +7,11 @@ import trimesh
 from robots import CELL
 
 from dexgrasp.benchmarks.cloud_accuracy import covered_share, surface_distance
-from dexgrasp.shape.hull import cloud_hull
+from dexgrasp.shape.hull import cloud_hull, trim_extremes
+from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.cloud import (
     Cloud,
+    cells_of,
     crop,
     downsample,
     gather,
@@ -23,6 +25,7 @@ from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, remove_plane
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
+from dexgrasp_env.robot.model import compiled_robot
 
 GEOM = mujoco.mjtGeom
 
@@ -151,6 +154,38 @@ def test_robot_points_go_and_others_stay(kind):
     local = np.array([[0, 0, 0], [0.029, 0, 0], [0, 0, reach + 0.005], [0, 0, reach + 0.02], [0.09, 0, 0]])
     assert own(local @ R.T + centre).tolist() == [True, True, True, False, False]
     assert len(own(np.empty((0, 3)))) == 0
+
+
+def test_covers_that_stand_out_of_the_robots_foot_are_its_own():
+    model = compiled_robot(CELL)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    own = RobotShape(model).at(data)
+    assert own(np.array([[0.115, 0.0, 0.02], [0.15, 0.0, 0.02]])).tolist() == [True, False]
+
+
+def test_points_that_stick_out_in_a_direction_are_moved_to_where_all_but_a_hundredth_end():
+    points = np.random.default_rng(0).uniform(-1.0, 1.0, (1000, 3))
+    trimmed = trim_extremes(points, 0.001)
+    outward = fibonacci_directions(300)
+    outward = outward[outward[:, 2] > -0.1]
+    centre = np.median(points, axis=0)
+    last = np.partition((points - centre) @ outward.T, -11, axis=0)[-11]
+    beyond = (trimmed - centre) @ outward.T - (last - 0.0003)
+    assert beyond.max() < 0.1 * ((points - centre) @ outward.T - last).max()
+    still = ((points - centre) @ outward.T <= last - 0.0003).all(1)
+    assert (
+        np.allclose(trimmed[still], points[still], atol=1e-12)
+        and not np.isclose(trimmed[~still], points[~still]).all(1).any()
+    )
+
+
+def test_points_are_numbered_by_their_cells_in_order():
+    points = np.random.default_rng(1).uniform(-1.0, 1.0, (500, 3))
+    rows, which = np.unique(np.floor(points / 0.3), axis=0, return_inverse=True)
+    numbers, same = np.unique(cells_of(points, 0.3), return_inverse=True)
+    assert len(numbers) == len(rows) and (same == which.ravel()).all()
+    assert len(cells_of(np.empty((0, 3)), 0.3)) == 0
 
 
 def test_outliers_and_small_clusters_go():

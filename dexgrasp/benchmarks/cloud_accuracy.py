@@ -6,7 +6,7 @@ import numpy as np
 
 from dexgrasp.shape.hull import cloud_hull
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import gather
+from dexgrasp_env.perception.cloud import cells_of, gather
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.sensing.perception import Perception
@@ -81,5 +81,5 @@ def covered_share(points: Array, visible: Array) -> float:
 
     if not len(visible):
         return float("nan")
-    _, first = np.unique(np.floor(visible / 0.003).astype(int), axis=0, return_index=True)
+    _, first = np.unique(cells_of(visible, 0.003), return_index=True)
     return float((cKDTree(points).query(visible[first])[0] <= COVER_RADIUS).mean())

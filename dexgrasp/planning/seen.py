@@ -3,6 +3,7 @@
 import time
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import lru_cache
 from typing import Any
 
 import mujoco
@@ -152,7 +153,12 @@ def scene_of(
     data.qpos[:] = cell.robot.home if start is None else start
     mujoco.mj_kinematics(model, data)
     rng = np.random.default_rng(seed)
-    return find_object(cloud, rng, cell, pointing=pointing, own=RobotShape(model).at(data))
+    return find_object(cloud, rng, cell, pointing=pointing, own=_shape(cell).at(data))
+
+
+@lru_cache(maxsize=8)
+def _shape(cell: Cell) -> RobotShape:
+    return RobotShape(compiled_robot(cell))
 
 
 def default_planner(

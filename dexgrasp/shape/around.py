@@ -7,6 +7,7 @@ from dexgrasp.shape.completion import completed_corners
 from dexgrasp.shape.target import PART_FACES, Parts, corners_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.cloud import cells_of
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
 SEEN, UNSEEN = 0.003, 0.006
@@ -67,10 +68,9 @@ def columns(points: Array) -> Parts:
     """Return the corners of boxes around points (N, 3) m, from the table up, one for each square that holds some."""
     if not len(points):
         return ()
-    squares, which = np.unique(np.floor(points[:, :2] / _COLUMN).astype(int), axis=0, return_inverse=True)
-    boxes = []
-    for k in range(len(squares)):
-        held = points[which.ravel() == k]
+    squares, boxes = cells_of(points[:, :2], _COLUMN), list[Array]()
+    for square in np.unique(squares):
+        held = points[squares == square]
         if len(held) < _LEAST:
             continue
         low, high = held.min(0), held.max(0)

@@ -177,6 +177,15 @@ def downsample(points: Array, count: int, rng: Generator) -> NDArray[np.int64]:
     return candidates[farthest_points(np.ascontiguousarray(points[candidates]), count, first)]
 
 
+def cells_of(points: Array, side: float) -> NDArray[np.int64]:
+    """Return the number of the cell, `side` m wide, that each of points (M, n) lies in; they sort as cells do."""
+    cells = np.floor(points / side).astype(np.int64)
+    if not len(cells):
+        return np.zeros(0, np.int64)
+    cells -= cells.min(0)
+    return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(0) + 1))
+
+
 def pad(rows: NDArray[Any], count: int) -> NDArray[Any]:
     """Return `rows` (M, ...) as (count, ...), zeros after the last."""
     padded = np.zeros((count, *rows.shape[1:]), rows.dtype)

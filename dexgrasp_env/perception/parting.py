@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud, clusters
+from dexgrasp_env.perception.cloud import Cloud, cells_of, clusters
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.plane import Plane
 
@@ -60,8 +60,7 @@ def parted(cloud: Cloud, plane: Plane) -> Parting:
         return Parting(np.zeros(len(cloud), np.int64), np.zeros(1, bool))
     cell = _cell_of(cloud.points)
     points, normals = smooth(cloud, cloud, plane.rms, _SMOOTHED)
-    _, which = np.unique(np.floor(points / cell).astype(np.int64), axis=0, return_inverse=True)
-    which = which.ravel()
+    _, which = np.unique(cells_of(points, cell), return_inverse=True)
     points, normals = _means(which, points), _means(which, normals)
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
     if not np.ptp(cloud.views, axis=0).any():  # nobody knows who saw the points

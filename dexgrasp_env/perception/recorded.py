@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud, crop
+from dexgrasp_env.perception.cloud import Cloud, cells_of, crop
 from dexgrasp_env.perception.objects import extents, object_cloud, objects_of, seen_from_outside
 from dexgrasp_env.perception.parting import parted
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
@@ -130,8 +130,7 @@ def _in_metres(cloud: Cloud) -> Cloud:
     if float(np.median(np.abs(cloud.points).max(axis=1))) > _LARGEST:
         raise _NoObjectError(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
     cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
-    cells = np.floor(cloud.points / _VOXEL).astype(np.int64)
-    _, first = np.unique(cells, axis=0, return_index=True)
+    _, first = np.unique(cells_of(cloud.points, _VOXEL), return_index=True)
     if len(first) < _S.min_points:
         raise _NoObjectError(EMPTY, f"{len(first)} points within {_ROOM:g} m of the base")
     return cloud.select(np.sort(first))
@@ -194,6 +193,8 @@ def _check_height(plane: Plane, cell: Cell) -> None:
 
 def _leaning(cloud: Cloud, level: int) -> Plane | None:
     """Return a plane that is not level, holds more of a cloud than the best level one, and has nothing under it."""
+    if len(cloud) < _MOST * level:
+        return None
     plane = fit_plane(cloud.points, np.random.default_rng(0), off=_HEIGHTS, min_inliers=100, tilt=_STEEPEST)
     if plane is None or plane.normal[2] > np.cos(_TILTED) or plane.inliers < _MOST * level:
         return None
@@ -217,7 +218,7 @@ def _reaches_beyond(cloud: Cloud, plane: Plane) -> bool:
     level = level[:: max(1, len(level) // _JUDGED)]
     far = cKDTree(above).query(level, distance_upper_bound=2.0 * TOLERANCE)[0] if len(above) else np.inf
     free = level[np.broadcast_to(far == np.inf, len(level))]
-    area = TOLERANCE**2 * len(np.unique(np.floor(free / TOLERANCE), axis=0))
+    area = TOLERANCE**2 * len(np.unique(cells_of(free, TOLERANCE)))
     return len(free) > _BESIDE * len(level) and area > _AREA
 
 

@@ -12,6 +12,8 @@ if TYPE_CHECKING:
     import mujoco
 
 
+_FOOT = 0.04  # m around what no joint moves: its covers stand out of the geoms, and nothing is grasped there
+
 Own = Callable[[Array], NDArray[np.bool_]]
 """Tells which of points (M, 3) m, world frame, are the robot's own."""
 
@@ -29,25 +31,29 @@ class RobotShape:
         self._types = model.geom_type[self.geoms].copy()
         self._sizes = model.geom_size[self.geoms].copy()
         self._radii = model.geom_rbound[self.geoms].copy()
+        self._stands = model.body_weldid[model.geom_bodyid[self.geoms]] == 0
         self._facets = [_mesh_facets(model, g) for g in self.geoms]
 
     def at(self, data: "mujoco.MjData", margin: float = 0.012) -> Own:
-        """Return what tells the points within `margin` metres of the robot where `data` has it (current kinematics)."""
+        """Return what tells the points within `margin` metres of the robot where `data` has it (current kinematics).
+
+        Of its foot they may be 4 cm away.
+        """
         return lambda points: self._contains(points, data, margin)
 
     def _contains(self, points: Array, data: "mujoco.MjData", margin: float) -> NDArray[np.bool_]:
         inside = np.zeros(len(points), bool)
         if not len(points):
             return inside
-        low, high = points.min(0) - margin, points.max(0) + margin
-        positions = data.geom_xpos[self.geoms]
-        reach = self._radii[:, None]
+        margins = np.where(self._stands, max(margin, _FOOT), margin)
+        low, high, positions = points.min(0), points.max(0), data.geom_xpos[self.geoms]
+        reach = (self._radii + margins)[:, None]
         near = ((positions + reach >= low) & (positions - reach <= high)).all(-1)
         for k in np.flatnonzero(near):
             local = points - positions[k]
-            rows = np.flatnonzero((local * local).sum(-1) <= (self._radii[k] + margin) ** 2)
+            rows = np.flatnonzero((local * local).sum(-1) <= reach[k] ** 2)
             local = local[rows] @ data.geom_xmat[self.geoms[k]].reshape(3, 3)
-            inside[rows] |= self._distance(int(k), local) <= margin
+            inside[rows] |= self._distance(int(k), local) <= margins[k]
         return inside
 
     def _distance(self, k: int, p: Array) -> Array:
