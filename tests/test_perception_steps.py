@@ -174,17 +174,16 @@ def test_points_that_stick_out_in_a_direction_are_moved_to_where_all_but_a_hundr
     beyond = (trimmed - centre) @ outward.T - (last - 0.0003)
     assert beyond.max() < 0.1 * ((points - centre) @ outward.T - last).max()
     still = ((points - centre) @ outward.T <= last - 0.0003).all(1)
-    assert (
-        np.allclose(trimmed[still], points[still], atol=1e-12)
-        and not np.isclose(trimmed[~still], points[~still]).all(1).any()
-    )
+    assert np.allclose(trimmed[still], points[still], atol=1e-12)
+    assert not np.isclose(trimmed[~still], points[~still]).all(1).any()
 
 
 def test_points_are_numbered_by_their_cells_in_order():
     points = np.random.default_rng(1).uniform(-1.0, 1.0, (500, 3))
     rows, which = np.unique(np.floor(points / 0.3), axis=0, return_inverse=True)
     numbers, same = np.unique(cells_of(points, 0.3), return_inverse=True)
-    assert len(numbers) == len(rows) and (same == which.ravel()).all()
+    assert len(numbers) == len(rows)
+    assert (same == which.ravel()).all()
     assert len(cells_of(np.empty((0, 3)), 0.3)) == 0
 
 
