@@ -14,13 +14,17 @@ from robots import CELL
 
 from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
+from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.file import record_of
+from dexgrasp.kinematics.clearance import SELF, clearance_rows, empty_rows
 from dexgrasp.kinematics.cover import hull_cells
+from dexgrasp.kinematics.forward import body_frames
 from dexgrasp.kinematics.pairs import meeting_pairs
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.kinematics.robot_check import check_robot
 from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.look import look_at
 from dexgrasp.planning.sources import make_source
 from dexgrasp.registry import make_agent
@@ -74,6 +78,20 @@ def test_a_hand_made_of_mjcf_is_where_ours_is(made):
         assert np.ptp(away[:, :3], axis=0).max() < 5e-4  # the palm's origin lies 1 mm elsewhere
         assert np.abs(away[:, :3]).max() < 2e-3
         assert np.abs(away[:, 3:]).max() < 1e-5
+
+
+def test_postures_of_what_is_made_are_those_it_can_take_and_open_in(made):
+    cell = make_cell(made)
+    hand, atlas, tree = cell.robot.hand, hand_atlas(cell), robot_tree(cell)
+    assert len(atlas.joints) > 20_000
+    assert atlas.least == pytest.approx(hand_atlas(CELL).least, abs=0.05)
+    (idle,) = [finger for finger in hand.fingers if finger.aside]
+    assert sorted(np.abs(idle.aside)) == pytest.approx([0.0, 0.0, 0.0, 0.4], abs=0.2)
+    rows = empty_rows(160, tree)
+    for k in range(0, len(atlas.joints), 200):
+        q = np.concatenate([tree.home[: tree.arm], atlas.joints[k]])
+        n = clearance_rows(tree, body_frames(q, tree), (NOTHING, NOTHING), 0.0, True, rows)
+        assert not [label for label in rows.labels[:n] if label[0] == SELF and min(label[1:]) > tree.palm]
 
 
 def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, capsys):

@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from dexgrasp.kinematics.clearance import cover_of, self_clearance
 from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, tip_positions
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
@@ -20,6 +22,17 @@ from dexgrasp_env.robot.robot import Robot
 
 _VERSION = 6
 SAMPLES = 400_000
+_ENOUGH, _ROUNDS = (
+    20_000,
+    30,
+)  # postures of a hand from elsewhere that will do, and how often to sample for them
+_APART = 0.003  # m between its bodies, so that it can open too
+_INWARD = -0.2  # least cosine of its tips' axes to the middle of all tips: the backs of tips cannot press
+_BESIDE, _DEPTH = (
+    0.003,
+    0.005,
+)  # m that the link behind a tip may lie in a face that the tip presses into so deep
+_LEAST = 0.05  # cosine of a tip's axis to what it presses against
 _RANGE = 0.92  # share of each joint's range that is sampled: the optimiser needs room to move
 _SIDE = (0.024, 0.20)  # m, sides of the triangles kept
 
@@ -33,6 +46,7 @@ class HandAtlas:
         tips: (N, g, 3) m, tip centres of the grasping fingers, the opposing one first.
         axes: (N, g, 3), fingertip axes, pointing out of the tip.
         pads: (N, g, 3), directions that the pads face.
+        least: least cosine of a tip's axis to what it presses against.
         search: KD-tree over `triangle_sides`, m.
     """
 
@@ -40,6 +54,7 @@ class HandAtlas:
     tips: Array
     axes: Array
     pads: Array
+    least: float
     search: KDTree
 
 
@@ -48,16 +63,21 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     """Return the atlas of a robot's hand, sampled with `seed` and kept in the cache; mount and table do not matter."""
     cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
     tree = robot_tree(cell)
-    drawn = np.random.default_rng(seed).uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
+    rng, foreign = np.random.default_rng(seed), cell.robot.hand.frame is not None
     key = content_hash(
-        _VERSION, SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body
-    )
-    file = cached_arrays(f"postures_{key}.npy", lambda: _kept(drawn, cell.robot, tree))
-    q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], cell.robot, tree)
+        _VERSION, SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body,
+        *([tree.sphere_centre, cell.robot.hand.stamp] if foreign else []),
+    )  # fmt: skip
+    if foreign:
+        q = cached_arrays(f"postures_{key}.npy", lambda: {"q": _many_kept(rng, cell.robot, tree)})["q"]
+    else:
+        drawn = _drawn(rng, tree)
+        file = cached_arrays(f"postures_{key}.npy", lambda: _kept(drawn, cell.robot, tree))
+        q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], cell.robot, tree)
     tips, axes, pads = _tip_frames(q, tree)
     # A tree that is not balanced takes half the time, its queries no longer.
     search = KDTree(triangle_sides(tips), leafsize=16, balanced_tree=False, compact_nodes=False)
-    return HandAtlas(q[:, tree.arm :].copy(), tips, axes, pads, search)
+    return HandAtlas(q[:, tree.arm :].copy(), tips, axes, pads, _least_facing(tree), search)
 
 
 def triangle_sides(corners: Array) -> Array:
@@ -81,11 +101,32 @@ def _postures(drawn: Array, robot: Robot, tree: RobotTree) -> Array:
     return q
 
 
+def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
+    return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
+
+
 def _kept(drawn: Array, robot: Robot, tree: RobotTree) -> Arrays:
-    """Return, as bits, in which postures the first finger faces the others and no tips meet: what is worth a file."""
+    """Return, as bits, which draws are worth a file."""
     for old in cache_dir().glob("hand_atlas_*.npy"):  # of 0.2.0: 54 MB each
         old.unlink(missing_ok=True)
-    tips, _, pads = _tip_frames(_postures(drawn, robot, tree), tree)
+    return {"kept": np.packbits(_opposed(_postures(drawn, robot, tree), tree))}
+
+
+def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree) -> Array:
+    """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn."""
+    kept = list[Array]()
+    for _ in range(_ROUNDS):
+        q = _postures(_drawn(rng, tree), robot, tree)
+        q = q[_opposed(q, tree)]
+        kept.append(q[_pressing(q, tree)])
+        if sum(map(len, kept)) > _ENOUGH:
+            break
+    return np.concatenate(kept)
+
+
+def _opposed(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
+    """Return in which postures the first finger faces the others and no tips meet."""
+    tips, _, pads = _tip_frames(q, tree)
     sides = triangle_sides(tips)
     least = [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030] if sides.shape[1] == 3 else [_SIDE[0]]
     inside = ((sides > least) & (sides < _SIDE[1])).all(1)
@@ -95,7 +136,47 @@ def _kept(drawn: Array, robot: Robot, tree: RobotTree) -> Arrays:
     for i in range(1, tips.shape[1]):
         opposed &= (pads[:, i] * between).sum(1) < 0.2
     in_front = (tips[:, :, 0] > 0.02).all(1)
-    return {"kept": np.packbits(inside & opposed & in_front)}
+    kept: NDArray[np.bool_] = inside & opposed & in_front
+    return kept
+
+
+def _pressing(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
+    """Return in which postures the hand is clear of itself, and no tip turns its back to what is between them."""
+    tips, axes, _ = _tip_frames(q, tree)
+    inward = tips.mean(1, keepdims=True) - tips
+    inward /= np.linalg.norm(inward, axis=2, keepdims=True)
+    pressing: NDArray[np.bool_] = ((axes * inward).sum(2) > _INWARD).all(1)
+    pressing[pressing] = _clear_of_itself(q[pressing], tree)
+    return pressing
+
+
+@njit
+def _clear_of_itself(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
+    frames, clear = empty_frames(tree), np.ones(len(q), np.bool_)
+    for k in range(len(q)):
+        forward(q[k], tree, frames)
+        cover = cover_of(tree, frames)
+        for a, b in tree.pairs:
+            if min(a, b) >= tree.palm and self_clearance(cover, a, b, _APART)[1] >= 0:
+                clear[k] = False
+                break
+    return clear
+
+
+def _least_facing(tree: RobotTree) -> float:
+    """Return the least cosine of a tip's axis to a face's inward normal at which the tip meets the face, not its link.
+
+    Where tips bulge towards their pads, or are thin, the link behind them gets in the way of what they could press.
+    """
+    turns, least = np.linspace(0.0, 0.5 * np.pi, 91), _LEAST
+    ways = np.stack([np.sin(turns), 0.0 * turns, np.cos(turns)])
+    for body, offset in zip(tree.tip_body, tree.tip_offset, strict=True):
+        own = slice(tree.sphere_first[body], tree.sphere_first[body + 1])
+        behind = ~tree.sphere_is_tip[own]
+        reach = (tree.sphere_centre[own][behind] - offset) @ ways + tree.sphere_radius[own][behind, None]
+        meets = reach.max(0, initial=-1.0) > tree.tip_radius - _DEPTH + _BESIDE
+        least = max(least, float(np.cos(turns[~meets].max(initial=0.0))))
+    return least
 
 
 @njit

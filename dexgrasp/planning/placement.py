@@ -41,6 +41,7 @@ class Tips(NamedTuple):
     centres: Array  # (N, g, 3) m
     axes: Array  # (N, g, 3)
     pads: Array  # (N, g, 3)
+    least: float
 
 
 class Placements(NamedTuple):
@@ -136,7 +137,7 @@ def _facing(inward: Array, posture: Tips, R: Array) -> float:
             local = R[0, r] * inward[i, 0] + R[1, r] * inward[i, 1] + R[2, r] * inward[i, 2]
             on_axis += posture.axes[i, r] * local
             on_pad += posture.pads[i, r] * local
-        if on_axis < 0.05 or on_pad < -0.1:
+        if on_axis < posture.least or on_pad < -0.1:
             return -1.0
         facing = min(facing, 0.5 * on_axis + on_pad)
     return facing
@@ -192,7 +193,7 @@ def _useful(
             _third(tips.centres[n], tips.axes[n, 0] + tips.axes[n, 1], corners)
             _frame(corners, tip_frame)
             _align(goals.centres[k], goal_frame, tips.centres[n], tip_frame, R, p)
-            posture = Tips(tips.centres[n], tips.axes[n], tips.pads[n])
+            posture = Tips(tips.centres[n], tips.axes[n], tips.pads[n], tips.least)
             score = _score(goals.inward[k], posture, R, p, obstacle, room, height)
             if score > 0.0:
                 triple[m], which[m], scores[m] = k, n, score
@@ -224,5 +225,5 @@ def place_on_atlas(
     inward = -normals[:, orders].reshape(centres.shape)
     goals = Goals(np.ascontiguousarray(centres), np.ascontiguousarray(inward))
     _, near = atlas.search.query(triangle_sides(centres), neighbours, distance_upper_bound=SIDE_TOLERANCE)
-    tips, obstacle = Tips(atlas.tips, atlas.axes, atlas.pads), problem.target.everything.obstacle
+    tips, obstacle = Tips(atlas.tips, atlas.axes, atlas.pads, atlas.least), problem.target.everything.obstacle
     return _useful(goals, near, tips, obstacle, palm, problem.settings.tip_height)

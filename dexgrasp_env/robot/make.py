@@ -18,6 +18,7 @@ from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_ha
 
 _FILES = (".yaml", ".yml")
 _BEHIND = 0.0133  # m between flange and the palm's back: a plate
+_SPREAD = 0.4  # rad that an idle finger is turned away from the others
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
 
@@ -136,9 +137,7 @@ class HandMaker:
             }
             entry["frame"] = frame_entry(part.pose(self.chains[k][-1]), self.tip(k))
             if k not in (*near, self.thumb):
-                entry["aside"] = (
-                    np.clip(0.0, *part.ranges([m.joint(name).id for name in own]).T).round(6).tolist()
-                )
+                entry["aside"] = self._aside(k, np.mean([base[i] for i in near], axis=0))
             fingers.append(entry)
         palm = m.body(self.palm).name
         return {
@@ -148,6 +147,19 @@ class HandMaker:
             "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
             "mounts": {"palm_normal": self._mount()},
         }  # fmt: skip
+
+    def _aside(self, k: int, others: Array) -> list[float]:
+        """Return the posture (n,) rad of an idle finger: straight, spread away from the bases of the others (3,) m."""
+        part = self.part
+        joints = [int(part.model.body_jntadr[b]) for b in self.chains[k]]
+        low, high = part.ranges(joints).T
+        away = part.data.xanchor[joints[0]] - others
+        away -= away @ self.frame[:3, :3][:, 2] * self.frame[:3, 2]
+        moves = np.cross(part.data.xaxis[joints], self.tip(k)[:3, 3] - part.data.xanchor[joints]) @ away
+        moves /= np.linalg.norm(away)
+        straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
+        straight[spreads] += np.sign(moves[spreads]) * _SPREAD
+        return np.clip(straight, low, high).round(6).tolist()
 
     def _mount(self) -> dict[str, list[float]]:
         """The back of the hand on the flange, the palm's middle on the flange's axis."""
