@@ -64,10 +64,9 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
     tree = robot_tree(cell)
     rng, foreign = np.random.default_rng(seed), cell.robot.hand.frame is not None
-    key = content_hash(
-        _VERSION, SAMPLES, seed, tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body,
-        *([tree.sphere_centre, cell.robot.hand.stamp] if foreign else []),
-    )  # fmt: skip
+    places = (tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body)
+    shapes = (tree.sphere_centre, cell.robot.hand.stamp) if foreign else ()
+    key = content_hash(_VERSION, SAMPLES, seed, *places, *shapes)
     if foreign:
         q = cached_arrays(f"postures_{key}.npy", lambda: {"q": _many_kept(rng, cell.robot, tree)})["q"]
     else:
@@ -152,6 +151,7 @@ def _pressing(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
 
 @njit
 def _clear_of_itself(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
+    """Whether bodies of the hand keep `_APART` m from each other (N,)."""
     frames, clear = empty_frames(tree), np.ones(len(q), np.bool_)
     for k in range(len(q)):
         forward(q[k], tree, frames)
