@@ -1,13 +1,11 @@
 """DexGrasp/ClutterSparse-v1, ClutterDense-v1 and ClutterHeap-v1."""
 
-import inspect
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.utils import EzPickle
 from numpy.random import Generator
 from numpy.typing import NDArray
 
@@ -22,6 +20,7 @@ from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.single import defaults_of
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import one_of
 
@@ -257,26 +256,13 @@ class ClutterEnv(LiftEnv):
         bin: bool = False,
         **kwargs: Any,
     ) -> None:
-        own = {
-            "neighbours": neighbours,
-            "neighbour_objects": neighbour_objects,
-            "gaps": gaps,
-            "mask": mask,
-            "bin": bin,
-        }
-        given = {"objects": objects, **own, **kwargs}
-        EzPickle.__init__(self, **given)
-        self._make(self.arguments(**given))
+        own = {key: value for key, value in locals().items() if key not in ("self", "kwargs", "__class__")}
+        self._make(own | kwargs)
 
     @classmethod
     def arguments(cls, **given: Any) -> dict[str, Any]:
         """Return all arguments: those given, the defaults of the others, and `clutter` of what stands around."""
-        defaults = {
-            name: parameter.default
-            for name, parameter in inspect.signature(ClutterEnv.__init__).parameters.items()
-            if name not in ("self", "kwargs")
-        }
-        given = defaults | given
+        given = defaults_of(ClutterEnv.__init__) | given
         clutter = {
             "objects": given.pop("neighbour_objects"),
             "neighbours": given.pop("neighbours"),

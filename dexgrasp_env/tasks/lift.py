@@ -1,34 +1,14 @@
 """DexGrasp/Lift-v2, and v1."""
 
-import copy
-import inspect
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-import gymnasium as gym
-import mujoco
-import numpy as np
-from gymnasium.utils import EzPickle
-from numpy.typing import NDArray
-
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Given
-from dexgrasp_env.scene.constants import CONTROL_PERIOD, CONTROL_STEPS
-from dexgrasp_env.tasks.control import ActionSpace, check_actions
-from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Starts
-from dexgrasp_env.tasks.observations import OBS_SUMS
-from dexgrasp_env.tasks.physics import give_physics
-from dexgrasp_env.tasks.records import TOLD
-from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.tasks.views import Views
-
-_ONLY = slice(None)
-_FAILURE = TOLD.index("failure")
-NO_WARNINGS = np.zeros(1, np.int64)
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.single import SingleEnv, defaults_of
 
 
-class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
+class LiftEnv(SingleEnv):
     """Pick an object up from a table with an arm and a hand, and hold it.
 
     ## Description
@@ -177,14 +157,6 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
       1 N each), `lift` (0.3) and `hold` (0.3) at every step, of which much is earned by hovering.
     """
 
-    episodes_type = Episodes
-    settings_type: type[LiftSettings] = LiftSettings
-    obs_modes: tuple[str, ...] = OBS_SUMS
-    metadata = {  # noqa: RUF012  (as Gymnasium has it)
-        "render_modes": ["human", "rgb_array", "depth_array"],
-        "render_fps": round(1 / CONTROL_PERIOD),
-    }
-
     def __init__(
         self,
         objects: str | Sequence[str] = "ycb6",
@@ -216,221 +188,9 @@ class LiftEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
         device: str | None = None,
     ) -> None:
         given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        EzPickle.__init__(self, **given)
         self._make(given)
-
-    def _make(self, given: dict[str, Any]) -> None:
-        self.settings = self.settings_type.of(**given)
-        self._views = Views(self.settings)
-        self.render_mode = self.settings.render_mode
-        self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
-        self._episodes = self.episodes_type(self.settings, self._views, 1)
-        robot = self.settings.cell.robot
-        self.action_space = ActionSpace(self.settings.control_mode, robot)  # type: ignore[assignment]
-        self.observation_space = self._episodes.observation_space()  # type: ignore[assignment]
-        self._simulation = next(iter(self._episodes.simulations.values()))
-        give_physics(self._episodes)
-        self._over = True
 
     @classmethod
     def arguments(cls, **given: Any) -> dict[str, Any]:
         """Return all arguments: those given, and the defaults of the others."""
-        parameters = inspect.signature(LiftEnv.__init__).parameters
-        return {name: parameter.default for name, parameter in parameters.items() if name != "self"} | given
-
-    @property
-    def simulation(self) -> Simulation:
-        """The simulation of the episode, for pictures and evaluation; agents see observations only."""
-        return self._simulation
-
-    @property
-    def target(self) -> str:
-        """The object of the episode, as `objects` names it: a name, or the path as it was given."""
-        return self._episodes.slots[0].target
-
-    @property
-    def model(self) -> mujoco.MjModel:
-        """MuJoCo's model of the episode, with its variation."""
-        return self._simulation.model
-
-    @property
-    def data(self) -> mujoco.MjData:
-        """MuJoCo's live data: the full integration state after every reset and step; `ctrl` the last set-points."""
-        return self._simulation.data
-
-    @property
-    def dt(self) -> float:
-        """Seconds of a control step."""
-        return self.settings.period
-
-    @property
-    def targets(self) -> NDArray[np.float64]:
-        """Set-points of the servos as the agent has them, (n,) rad."""
-        return self._episodes.commands[0, 0].copy()
-
-    @property
-    def disturbance_steps(self) -> int:
-        """Control steps that the disturbance takes: what a time limit should allow for."""
-        return self.settings.disturbance_steps
-
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Start an episode.
-
-        Args:
-            seed: of every draw of this and the following episodes.
-            options: `object` names one of the environment's objects; `object_pose` is (7,) position m and quaternion
-                wxyz of the object in the world frame. Or `state`, of `get_state`, where the episode is to begin.
-
-        Raises:
-            InputError: for an unknown option or object, or a pose that cannot be.
-        """
-        super().reset(seed=seed)
-        # The limit is a wrapper's: where the last episode ended shows it.
-        self.settings.disturbance.warn_of_limit(
-            int(self._episodes.records["elapsed"][0]), self.settings.frame_skip
-        )
-        self._over = True  # options may be refused
-        self._simulation = self._episodes.begin(0, self.np_random, options)
-        slot = self._episodes.slots[0]
-        observation = self._conclude(0, judge=not slot.resumed)
-        self._over = False
-        return self._look(observation, at_reset=not (slot.resumed and slot.view.seen))
-
-    def observe(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        """Return observation and info of the present: those of the last reset or step, or of the state that was set.
-
-        Nothing moves, and no camera looks again; where joint sensors are noisy, their noise is drawn anew.
-
-        Raises:
-            InputError: before the first reset.
-        """
-        self.get_state()
-        rng = copy.deepcopy(self.np_random)
-        observation = self._episodes.conclude(
-            _ONLY, self._simulation.moment, NO_WARNINGS, [rng], alone=True, judge=False
-        )
-        seen = self._episodes.slots[0].view
-        observation = dict(sorted((observation | copy.deepcopy(seen.seen)).items()))
-        return observation, self._episodes.info(0) | copy.deepcopy(seen.info)
-
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
-        """Advance 50 ms.
-
-        Raises:
-            InputError: if the action has the wrong shape or is not finite, or no episode is running.
-        """
-        return self.finish_step(self._simulation.step(self.start_step(action)))
-
-    def twin(self) -> "LiftEnv":
-        """Return another environment of the same settings, without an episode."""
-        kwargs: dict[str, Any] = self._ezpickle_kwargs
-        return type(self)(**kwargs)
-
-    def start_from(self, starts: Starts | None) -> None:
-        """Have resets that are given no options take those that `starts` gives."""
-        self._episodes.starts = starts
-
-    def start_step(self, action: NDArray[np.float32]) -> NDArray[np.float64]:
-        """Do the first part of a step, before the physics: move the set-points, and push what is to be pushed.
-
-        Args:
-            action: as for `step`.
-
-        Returns:
-            Set-points of the physics steps (1, frame_skip, n) rad, for `simulation.step`.
-
-        Raises:
-            InputError: as `step`.
-        """
-        if self._over:
-            raise InputError("step() called without a running episode: call reset() first")
-        rows, push = self._episodes.set_points(_ONLY, check_actions(action, self.action_space.shape)[None])
-        if self.settings.disturbance.kind == "pushed":
-            self._simulation.data.xfrc_applied[self._simulation.body, :3] = push[0]
-        return rows
-
-    def finish_step(self, bits: int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
-        """Do the last part of a step, after the physics: judge and observe.
-
-        Args:
-            bits: the physics' warnings, as `simulation.step` returns them.
-
-        Returns:
-            What `step` returns.
-        """
-        observation, episodes = self._conclude(bits), self._episodes
-        self._over = bool(episodes.told[0, _FAILURE])
-        observation, info = self._look(observation, at_reset=False)
-        return observation, float(episodes.rewards[0]), self._over, False, info
-
-    def _conclude(self, bits: int, judge: bool = True) -> dict[str, NDArray[Any]]:
-        warnings = np.array([bits]) if bits else NO_WARNINGS
-        rngs = [self.np_random]
-        return self._episodes.conclude(
-            _ONLY, self._simulation.moment, warnings, rngs, alone=True, judge=judge
-        )
-
-    def _look(
-        self, observation: dict[str, NDArray[Any]], at_reset: bool
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        episodes, simulation = self._episodes, self._simulation
-        info = episodes.info(0)
-        if self.settings.obs_mode != "state":
-            looks = simulation if at_reset or self._views.due(simulation.data.qpos) else None
-            views, seen = self._views.observe(episodes.slots[0].view, looks, self.np_random, at_reset)
-            observation = dict(sorted((observation | views).items()))
-            info |= seen
-        if self.render_mode == "human":
-            self.render()
-        return observation, info
-
-    def get_state(self) -> EpisodeState:
-        """Return everything that the running episode's future depends on.
-
-        Raises:
-            InputError: before the first reset.
-        """
-        if not self._episodes.slots[0].target:
-            raise InputError("get_state() called without an episode: call reset() first")
-        physics, sensors = self._simulation.get_state(), self._simulation.data.sensordata
-        return self._episodes.get_state(0, physics, sensors, self.np_random)
-
-    def set_state(self, state: EpisodeState) -> None:
-        """Go on from a state, of this environment or of another with the same settings.
-
-        Raises:
-            InputError: if the state is of an object that is not among this environment's, or of other settings.
-        """
-        self._simulation = self._episodes.set_state(0, state, self.np_random)
-        self._over = bool(state.record["failure"])
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The constructor's arguments and the episode: compiled models and windows are made anew."""
-        episode = self.get_state() if self._episodes.slots[0].target else None
-        return {
-            "made": EzPickle.__getstate__(self),
-            "episode": episode,
-            "spec": self.spec,
-            "seed": self._np_random_seed,
-            "starts": self._episodes.starts,
-        }
-
-    def __setstate__(self, kept: dict[str, Any]) -> None:
-        EzPickle.__setstate__(self, kept["made"])
-        self.spec = kept["spec"]
-        self._episodes.starts = kept["starts"]
-        if kept["episode"] is not None:
-            self.set_state(kept["episode"])
-            self._np_random_seed = kept["seed"]
-
-    def render(self) -> Any:
-        """Return a picture (`rgb_array`: (H, W, 3) uint8; `depth_array`: (H, W) float32 m), or show it (`human`)."""
-        return self._views.render(self.render_mode, self._simulation)
-
-    def close(self) -> None:
-        """Free what rendering holds."""
-        self._views.close()
+        return defaults_of(LiftEnv.__init__) | given

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from gymnasium.utils import EzPickle
 from numpy.random import Generator
 from numpy.typing import NDArray
 
@@ -199,8 +198,7 @@ class PlaceEnv(LiftEnv):
         self, objects: str | Sequence[str] = "ycb6", reward_mode: str = "sparse", **kwargs: Any
     ) -> None:
         given = {"objects": objects, "reward_mode": reward_mode, **kwargs}
-        EzPickle.__init__(self, **given)
-        self._make(self.arguments(**given))
+        self._make(given)
 
     @classmethod
     def arguments(cls, **given: Any) -> dict[str, Any]:

@@ -18,13 +18,14 @@ from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import EpisodeState, Moment, Starts
 from dexgrasp_env.tasks.infos import masked, objects, with_masks
-from dexgrasp_env.tasks.lift import NO_WARNINGS, LiftEnv
+from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.physics import make_physics
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
 from dexgrasp_env.tasks.rests import Rests
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
+from dexgrasp_env.tasks.single import NO_WARNINGS
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import COUNT, Rule, check
 
