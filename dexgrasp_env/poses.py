@@ -6,6 +6,7 @@ No BLAS: a batch of one and a batch of many give the same bits.
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dexgrasp_env.arrays import Array
 
@@ -113,6 +114,19 @@ def pose_matrix(position: Array, quat_wxyz: Array) -> Array:
     T[..., :3, 3] = position
     T[..., 3, 3] = 1.0
     return T
+
+
+def rigid(R: Array, position: ArrayLike) -> Array:
+    """Return the pose (4, 4) with a rotation matrix (3, 3) and a position (3,)."""
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, position
+    return T
+
+
+def about_z(angle: float) -> Array:
+    """Return the matrix (3, 3) of a turn about z by `angle` rad."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def shifted(T: Array, offset: Array) -> Array:

@@ -31,6 +31,7 @@ from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.perception.segment import segment
+from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.sensing.raycast import RayCameras
@@ -118,9 +119,7 @@ def _scene(mesh: trimesh.Trimesh) -> mujoco.MjModel:
 
 
 def _yaw(rng: Generator) -> Array:
-    angle = rng.uniform(0.0, 2.0 * np.pi)
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    return about_z(rng.uniform(0.0, 2.0 * np.pi))
 
 
 def _cameras(rng: Generator) -> tuple[Camera, ...]:

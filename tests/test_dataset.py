@@ -19,7 +19,7 @@ from dexgrasp.cli.main import main
 from dexgrasp.dataset.dataset import read_dataset
 from dexgrasp.dataset.generate import Job, generate, make
 from dexgrasp.dataset.info import check_sample, summary
-from dexgrasp.dataset.rest_scene import placed, rest_scene, turn
+from dexgrasp.dataset.rest_scene import placed, rest_scene
 from dexgrasp.dataset.sampler import bearable
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest, shape_of
@@ -30,6 +30,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import closure_sweep
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.shards import text_of, write_shard
+from dexgrasp_env.poses import about_z
 
 SETTINGS = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5)
 
@@ -96,11 +97,11 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
 def test_placing_moves_the_distance_with_the_object():
     scene, placement = rest_scene("gelatin_box", 0, SETTINGS), np.array([0.5, -0.1, 1.1])
     queries = np.random.default_rng(0).uniform(-0.1, 0.1, (50, 3))
-    moved = queries @ turn(1.1).T + [0.5, -0.1, 0.0]
+    moved = queries @ about_z(1.1).T + [0.5, -0.1, 0.0]
     there, out = placed(scene.grasp_target, placement).distance.distance_gradient(moved)
     here, straight = scene.grasp_target.distance.distance_gradient(queries)
     assert_allclose(there, here, atol=1e-12)
-    assert_allclose(out, straight @ turn(1.1).T, atol=1e-9)
+    assert_allclose(out, straight @ about_z(1.1).T, atol=1e-9)
 
 
 def test_two_workers_make_the_same_files(made, tmp_path):

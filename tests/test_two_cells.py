@@ -11,7 +11,6 @@ from processes import python
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.dataset.generate import Job, make
-from dexgrasp.dataset.rest_scene import turn
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.dataset.shards import read_arrays
 from dexgrasp.evaluation.evaluate import evaluate
@@ -24,6 +23,7 @@ from dexgrasp.planning.look import look_at
 from dexgrasp.registry import make_agent
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.assets import asset_path
+from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import make_cell
 
 RING = slice(8, 12)
@@ -112,5 +112,5 @@ def test_a_dataset_is_of_the_cell_that_it_is_made_for(tmp_path):
     assert shard["q"].shape == (1, 19)
     tips = fingertips(shard["q"][0].astype(float), robot_tree(make_cell(str(cell))))
     x, y, yaw = shard["placement"][0].astype(float)
-    contacts = shard["contacts"][0] @ turn(yaw).T + [x, y, 0.0]
+    contacts = shard["contacts"][0] @ about_z(yaw).T + [x, y, 0.0]
     assert np.linalg.norm(tips - contacts, axis=1).max() < 0.015

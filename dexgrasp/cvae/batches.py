@@ -7,11 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.dataset.dataset import PoseGrasps
-from dexgrasp.dataset.rest_scene import turn
 from dexgrasp.planning.decoder import CROPPED, SCALE, centre_of
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import about_z, quat_to_matrix
 
 _TESTED = 0.05  # share of the contact triples that are kept for the test
 _MOST = 128  # grasps of a rest pose that are tested on
@@ -122,7 +121,11 @@ def test_batches(poses: list[PoseSplit], seed: int, points: int, latent: int) ->
         rng = np.random.default_rng([seed, 11, k])
         at = rng.permutation(len(pose))[:_MOST]
         made = _made(
-            pose, at, rng.permutation(len(pose.cloud))[:points], turn(rng.uniform(-np.pi, np.pi)), np.ones(3)
+            pose,
+            at,
+            rng.permutation(len(pose.cloud))[:points],
+            about_z(rng.uniform(-np.pi, np.pi)),
+            np.ones(3),
         )
         batches.append(_batch([made], np.zeros((1, len(at), latent))))
     return batches
@@ -134,7 +137,7 @@ def _augmented(pose: PoseSplit, rng: np.random.Generator, grasps: int, points: i
     stretch = rng.uniform(0.88, 1.12, 3)
     keep = _visible(pose.cloud, rng)
     chosen = rng.choice(keep, points, replace=len(keep) < points)
-    cloud, grasp = _made(pose, at, chosen, turn(rng.uniform(-np.pi, np.pi)), stretch)
+    cloud, grasp = _made(pose, at, chosen, about_z(rng.uniform(-np.pi, np.pi)), stretch)
     cloud[:, :3] += SCALE * rng.uniform(0.0, 0.0015) * rng.standard_normal((points, 3))
     cloud[:, 3:] += rng.uniform(0.0, 0.1) * rng.standard_normal((points, 3))
     return cloud, grasp
@@ -144,7 +147,7 @@ def _visible(cloud: Array, rng: np.random.Generator) -> NDArray[np.int64]:
     """Leave out, in half of the cases, up to a quarter of the points on one side."""
     if rng.random() < 0.5:
         return np.arange(len(cloud))
-    direction = turn(rng.uniform(-np.pi, np.pi))[0]
+    direction = about_z(rng.uniform(-np.pi, np.pi))[0]
     order = np.argsort(cloud[:, :3] @ direction, kind="stable")
     return order[: int(len(cloud) * rng.uniform(0.75, 1.0))]
 

@@ -13,7 +13,7 @@ from dexgrasp.dataset.rest_scene import placed
 from dexgrasp.dataset.shards import read_manifest
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.cell import Cell, make_cell
 
 _BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
@@ -102,7 +102,6 @@ def _tuples(value: Any) -> Any:
 def _record(pose: PoseGrasps, k: int, settings: PlannerSettings, cell: Cell) -> Any:
     import trimesh
 
-    from dexgrasp.dataset.rest_scene import turn
     from dexgrasp.grasp.certificate import Certificate
     from dexgrasp.grasp.content import planned_record
     from dexgrasp.grasp.grasp import Grasp, GraspMotion
@@ -113,7 +112,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings, cell: Cell) -> 
     target = placed(
         GraspTarget.of(seen, mass=float(pose.scene["mass"]), centre=pose.scene["centre"]), g["placement"]
     )
-    R, shift = turn(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
+    R, shift = about_z(float(g["placement"][2])), np.array([*g["placement"][:2], 0.0])
     forces = g["forces"] @ R.T
     borne = float(forces[:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
     # Most claims are not made here.

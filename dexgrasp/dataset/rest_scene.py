@@ -21,7 +21,7 @@ from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.load import load_target, object_name
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import RestPose, rest_poses
-from dexgrasp_env.poses import pose_matrix
+from dexgrasp_env.poses import about_z, pose_matrix
 
 CLOUD = 2048
 """Points of the surface kept for training."""
@@ -90,18 +90,12 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
     return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)
 
 
-def turn(yaw: float) -> Array:
-    """Return the rotation (3, 3) about z by `yaw` rad."""
-    c, s = np.cos(yaw), np.sin(yaw)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-
-
 def placed(grasp_target: GraspTarget, placement: Array) -> GraspTarget:
     """Return the grasp_target at a placement (x m, y m, yaw rad) for the optimiser, which looks at distances alone.
 
     NB: `hull` stays where it was; moving a mesh costs more than solving.
     """
-    R, shift = turn(float(placement[2])), np.array([placement[0], placement[1], 0.0])
+    R, shift = about_z(float(placement[2])), np.array([placement[0], placement[1], 0.0])
     old = grasp_target.distance
     planes = old.planes.copy()
     planes[:, :3] = old.planes[:, :3] @ R.T

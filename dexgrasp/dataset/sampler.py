@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of, turn
+from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.physics.contacts import GRAVITY, Contacts, Shape, shape_of
@@ -33,7 +33,7 @@ from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
-from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.poses import about_z, matrix_to_quat
 
 BATCH = 128  # triples drawn at once
 PLACEMENTS = 3  # placements tried until the arm reaches
@@ -142,7 +142,7 @@ class _Sampler:
         for u in self._rng.random((PLACEMENTS, 3)):
             x, y = low + u[:2] * (high - low)
             placement = np.array([x, y, 2.0 * np.pi * u[2] - np.pi])
-            turned = turn(placement[2])
+            turned = about_z(placement[2])
             if reach_palm(q, turned @ R, turned @ p + np.array([x, y, 0.0]), self._planner.tree):
                 return placement
         return None
@@ -150,7 +150,7 @@ class _Sampler:
     def _add(self, candidate: Candidate[Placed]) -> None:
         start, solution, hold = candidate
         (x, y, yaw), settings, tree = start.placement, self._planner.settings, self._planner.tree
-        at, back, shift = solution.evaluation, turn(-yaw), np.array([x, y, 0.0])
+        at, back, shift = solution.evaluation, about_z(-yaw), np.array([x, y, 0.0])
         palm_R, palm_p = palm_frame(solution.q, tree)
         level = level_of(load_of(hold.contacts, hold.forces), settings)
         clearances = at.values[fixed_rows(len(at.contacts))[-1] :]

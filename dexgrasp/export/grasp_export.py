@@ -18,7 +18,7 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
-from dexgrasp_env.poses import matrix_to_quat
+from dexgrasp_env.poses import matrix_to_quat, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 
@@ -129,7 +129,7 @@ def _seen(record: GraspRecord) -> tuple[ObjectModel, Array]:
     from dexgrasp_env.objects.shapes import union
 
     hulls = [trimesh.Trimesh(part, process=False).convex_hull for part in record.parts]
-    mesh, pose = hulls[0] if len(hulls) == 1 else union(hulls), np.eye(4)
-    pose[:3, 3] = mesh.center_mass
+    mesh = hulls[0] if len(hulls) == 1 else union(hulls)
+    pose = rigid(np.eye(3), mesh.center_mass)
     parts = [hull_part(part) for part in record.parts]
     return centred_model(record.object.name, mesh, parts, record.certificate.mass), pose

@@ -18,6 +18,8 @@ from dexgrasp_env.compiled import njit
 
 TURN_SCALE = 0.15
 """m a radian: how much a turn of the palm weighs against its shift."""
+PALM_DOWN = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
+"""Rotation of a palm whose face looks down, fingers along x."""
 _DAMPING = 1e-3
 _LARGEST = 0.5  # rad a joint in a step
 _REACHED = 2e-3  # m, error with which a palm pose counts as reached

@@ -8,10 +8,11 @@ import mujoco
 import numpy as np
 
 from dexgrasp.kinematics.forward import body_frames, fingertips
-from dexgrasp.kinematics.palm_ik import reach_palm
+from dexgrasp.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.findings import Finding
+from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.scene.arena import read_arena
@@ -290,14 +291,13 @@ def _reach(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
 @lru_cache(maxsize=1)
 def _palms_down(cell: Cell) -> tuple[list[Array], int]:
     """Postures (n,) rad of palms that look down on the middle of the table, and how many were asked for."""
-    tree, down, found, total = robot_tree(cell), np.array([[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]), [], 0
+    tree, found, total = robot_tree(cell), [], 0
     for x, y, yaw in product(
         (0.4, 0.5, 0.6), (-0.2, 0.0, 0.2), np.linspace(-np.pi, np.pi, 6, endpoint=False)
     ):
-        c, s = np.cos(yaw), np.sin(yaw)
-        turn, q = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), tree.home.copy()
+        q = tree.home.copy()
         total += 1
-        reached = reach_palm(q, turn @ down, np.array([x, y, 0.2]), tree)
+        reached = reach_palm(q, about_z(yaw) @ PALM_DOWN, np.array([x, y, 0.2]), tree)
         if reached and body_frames(q, tree).p[tree.base : tree.palm, 2].min() > 0.0:
             found.append(q)
     return found, total

@@ -7,6 +7,7 @@ from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.timing import smooth_step, within_limits
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import about_z
 
 STILL = 0.001
 """m that count as no way."""
@@ -29,7 +30,7 @@ def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple
         return targets[None], 0.0
     ends = middle + np.linspace(0.0, 1.0, int(np.linalg.norm(leg) / _SPEED) + 2)[1:, None] * leg
     azimuths = np.arctan2(ends[:, 1], ends[:, 0]) - np.arctan2(middle[1], middle[0])
-    turns = np.stack([_about_vertical(angle) for angle in azimuths])
+    turns = np.stack([about_z(angle) for angle in azimuths])
     arm = palm_frame(targets, tree)[1] - middle
     path, error = shift_palm(targets, tree, ends - middle + turns @ arm - arm, turns)
     points, count = np.concatenate([targets[None], path]), len(path)
@@ -39,8 +40,3 @@ def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple
         if within_limits(targets, timed, tree):
             return timed, error
         count = int(1.3 * count) + 1
-
-
-def _about_vertical(angle: float) -> Array:
-    c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])

@@ -21,7 +21,7 @@ from dexgrasp.kinematics.forward import (
     tip_positions,
     to_world,
 )
-from dexgrasp.kinematics.palm_ik import reach_palm
+from dexgrasp.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.contacts import GRAVITY, Contacts, Shape
@@ -34,6 +34,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
+from dexgrasp_env.poses import about_z
 
 _REACH_ATTEMPTS = 4  # arm solutions attempted for a posture that is asked for
 _FOLDED, _SPREADS = (
@@ -222,10 +223,7 @@ def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> 
     postures = []
     for k in range(settings.initial_orientations):
         yaw = 2.0 * np.pi * k / settings.initial_orientations
-        c, s = np.cos(yaw), np.sin(yaw)
-        R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ np.array(
-            [[0.0, 0, 1], [0, 1, 0], [-1, 0, 0]]
-        )
+        R = about_z(yaw) @ PALM_DOWN
         middle = np.array([*targets.mean(0)[:2], top + 0.09])
         q = tree.home.copy()
         if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):

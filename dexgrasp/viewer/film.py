@@ -9,6 +9,7 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.cell import Cell
 
 
@@ -70,7 +71,4 @@ def carried(states: Array, first_lifted: int, T_world_object: Array, cell: Cell)
 
 def palm_poses(states: Array, cell: Cell) -> Array:
     """Return the palm's poses (T, 4, 4) in the world frame."""
-    poses, tree = np.tile(np.eye(4), (len(states), 1, 1)), robot_tree(cell)
-    for pose, q in zip(poses, states, strict=True):
-        pose[:3, :3], pose[:3, 3] = palm_frame(q, tree)
-    return poses
+    return np.stack([rigid(*palm_frame(q, robot_tree(cell))) for q in states])

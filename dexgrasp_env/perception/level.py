@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
 from dexgrasp_env.perception.plane import Plane, refine_plane
+from dexgrasp_env.poses import rigid
 
 _TOLERANCE = 0.012  # m: points this close to the common plane count as table
 _LEAST = 100  # points: a view with fewer of them stays as it is
@@ -46,10 +47,8 @@ def level_views(cloud: Cloud, corrections: NDArray[np.float64]) -> Cloud:
 
 def _onto(own: Plane, common: Plane, centre: Array) -> Array:
     pivot = centre - own.heights(centre) * own.normal
-    T = np.eye(4)
-    T[:3, :3] = _smallest_turn(own.normal, common.normal)
-    T[:3, 3] = pivot - common.heights(pivot) * common.normal - T[:3, :3] @ pivot
-    return T
+    R = _smallest_turn(own.normal, common.normal)
+    return rigid(R, pivot - common.heights(pivot) * common.normal - R @ pivot)
 
 
 def _smallest_turn(a: Array, b: Array) -> Array:

@@ -11,6 +11,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import rigid
 
 
 @dataclass(frozen=True)
@@ -96,9 +97,7 @@ class Camera:
         up = np.array([0.0, 0.0, 1.0]) if abs(forward[2]) < 0.999 else np.array([1.0, 0.0, 0.0])
         right = np.cross(forward, up)
         right /= np.linalg.norm(right)
-        T = np.eye(4)
-        T[:3, :3] = np.stack([right, np.cross(forward, right), forward], axis=1)
-        T[:3, 3] = eye
+        T = rigid(np.stack([right, np.cross(forward, right), forward], axis=1), eye)
         return cls(name, T, intrinsics or CameraIntrinsics())
 
     @property

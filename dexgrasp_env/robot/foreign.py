@@ -14,6 +14,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.hulls import cut, hull_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 
@@ -282,10 +283,9 @@ def add_mesh_geom(
 
 def matrix(frame: Frame) -> Array:
     """Return a frame as a transform (4, 4)."""
-    T, R = np.eye(4), np.zeros(9)
+    R = np.zeros(9)
     mujoco.mju_quat2Mat(R, np.array(frame.quat_wxyz))
-    T[:3, :3], T[:3, 3] = R.reshape(3, 3), frame.position
-    return T
+    return rigid(R.reshape(3, 3), frame.position)
 
 
 def placed(T: Array) -> dict[str, Array]:
@@ -302,21 +302,15 @@ def about(origin: Array, z: Array, x: Array) -> Array:
         across = np.eye(3)[int(np.argmin(np.abs(z)))]
         across = across - z * (across @ z)
     across = across / np.linalg.norm(across)
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = np.stack([across, np.cross(z, across), z], axis=1), origin
-    return T
+    return rigid(np.stack([across, np.cross(z, across), z], axis=1), origin)
 
 
 def _pose(body: Any) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = body.xmat.reshape(3, 3), body.xpos
-    return T
+    return rigid(body.xmat.reshape(3, 3), body.xpos)
 
 
 def _geom_pose(data: mujoco.MjData, g: int) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g]
-    return T
+    return rigid(data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g])
 
 
 def _rounded(vector: Array) -> Array:

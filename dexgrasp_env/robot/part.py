@@ -9,6 +9,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.foreign import compile_file
 
 _TORQUE = 0.7  # Nm
@@ -54,9 +55,7 @@ class Part:
 
     def pose(self, body: int) -> Array:
         """Return the pose (4, 4) of a body."""
-        T = np.eye(4)
-        T[:3, :3], T[:3, 3] = self.data.xmat[body].reshape(3, 3), self.data.xpos[body]
-        return T
+        return rigid(self.data.xmat[body].reshape(3, 3), self.data.xpos[body])
 
     def below(self, body: int) -> list[int]:
         """Return the bodies that hang on a body and have or lead to joints."""

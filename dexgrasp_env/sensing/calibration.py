@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import quat_to_matrix, rigid
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.valid import number
 
@@ -38,7 +38,4 @@ class Calibration:
         shift, axis = (v / np.linalg.norm(v) for v in rng.standard_normal((2, 3)))
         half = 0.5 * self.rotation
         R = quat_to_matrix(np.array([np.cos(half), *(np.sin(half) * axis)]))
-        T = np.eye(4)
-        T[:3, :3] = R
-        T[:3, 3] = np.array(PIVOT) - R @ PIVOT + self.position * shift
-        return T
+        return rigid(R, np.array(PIVOT) - R @ PIVOT + self.position * shift)

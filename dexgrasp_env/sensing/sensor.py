@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.valid import one_of, read
 
@@ -133,13 +134,9 @@ class SensorModel:
     def _calibration_error(self, rng: np.random.Generator) -> NDArray[Any]:
         from scipy.spatial.transform import Rotation
 
-        T = np.eye(4)
         per_axis = 1.0 / np.sqrt(3.0)
-        T[:3, :3] = Rotation.from_rotvec(
-            self.calibration_rotation * per_axis * rng.standard_normal(3)
-        ).as_matrix()
-        T[:3, 3] = self.calibration_position * per_axis * rng.standard_normal(3)
-        return T
+        turn = Rotation.from_rotvec(self.calibration_rotation * per_axis * rng.standard_normal(3))
+        return rigid(turn.as_matrix(), self.calibration_position * per_axis * rng.standard_normal(3))
 
     def _with_flying(self, true: Depth, rng: np.random.Generator) -> Depth:
         if not self.edge_flying:

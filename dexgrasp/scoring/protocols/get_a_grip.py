@@ -11,6 +11,7 @@ from dexgrasp.scoring.candidate import Candidate
 from dexgrasp.scoring.protocols.base import AXES, GRAVITY, GraspProtocol, Verdict
 from dexgrasp.scoring.scene import BASE, FloatingScene, Physics
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import rigid
 
 
 class GetAGrip(GraspProtocol):
@@ -32,10 +33,9 @@ class GetAGrip(GraspProtocol):
         rng, scene = np.random.default_rng(seed), self._scene(candidate)
         verdicts = []
         for _ in range(self._draws):
-            T = np.eye(4)
-            T[:3, 3] = rng.uniform(-self._noise, self._noise, 3)
-            T[:3, :3] = Rotation.from_euler("xyz", rng.uniform(-self._tilt, self._tilt, 3)).as_matrix()
-            verdicts.append(self._draw(scene, candidate.displaced(T)))
+            shift = rng.uniform(-self._noise, self._noise, 3)
+            turn = Rotation.from_euler("xyz", rng.uniform(-self._tilt, self._tilt, 3)).as_matrix()
+            verdicts.append(self._draw(scene, candidate.displaced(rigid(turn, shift))))
         held = sum(v.success for v in verdicts)
         worst = next((v for v in verdicts if not v.success), verdicts[-1])
         text = f"{held} of {self._draws} draws held" + ("" if worst.success else f"; {worst.sentence}")

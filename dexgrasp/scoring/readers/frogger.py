@@ -18,6 +18,7 @@ from dexgrasp.scoring.readers.fields import Fields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz, readable
+from dexgrasp_env.poses import rigid
 
 PALM = "algr_rh_palm"
 _PALM_HEIGHT = (
@@ -47,8 +48,7 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     bodies, poses = data.words("body_names"), data.numbers("body_poses_W")
     if PALM not in bodies or len(bodies) != len(poses):
         raise InputError(f"{path}: body_names with body_poses_W must have {PALM}")
-    to_ours = np.eye(4)
-    to_ours[2, 3] = _PALM_HEIGHT
+    to_ours = rigid(np.eye(3), (0.0, 0.0, _PALM_HEIGHT))
     T_palm = as_pose(poses[bodies.index(PALM)], f"{path}: pose of {PALM}") @ to_ours
     target = find_object(str(data.get("object")), 1.0, options, path)
     T_world_object = pose_of_centre(data.pose("X_WO"), target)

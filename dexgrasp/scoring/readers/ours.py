@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dexgrasp.grasp.file import record_of
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
@@ -13,6 +11,7 @@ from dexgrasp.scoring.hand import find_hand
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.cell import Cell, make_cell
 
 SERVO_KP = 10.0  # Nm/rad, of the hand that the squeeze is made for
@@ -39,6 +38,5 @@ def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list
 
 def _stage(cell: Cell, q: Array) -> HandStage:
     """Return palm and hand of a configuration (n,)."""
-    tree, T = robot_tree(cell), np.eye(4)
-    T[:3, :3], T[:3, 3] = palm_frame(q, tree)
-    return HandStage(T, q[tree.arm :].copy())
+    tree = robot_tree(cell)
+    return HandStage(rigid(*palm_frame(q, tree)), q[tree.arm :].copy())
