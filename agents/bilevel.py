@@ -1,6 +1,5 @@
 """Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel optimisation -> certified grasp -> actions."""
 
-import time
 from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
@@ -189,10 +188,9 @@ class BilevelAgent(Agent):
         """Return the state in which a neighbour is taken to be set aside; None where there is none to take."""
         if not (moves and scene.neighbours and plan.target is not None):
             return None
-        began = time.perf_counter()
-        start = self._start(observation)
-        aside = plan_aside(self._planner, scene, plan.target, self._seed + moves, start)
-        plan.planning_seconds += time.perf_counter() - began
+        with plan.going_on():
+            start = self._start(observation)
+            aside = plan_aside(self._planner, scene, plan.target, self._seed + moves, start)
         if aside is None:
             return None
         self.report.details["moves"] = self._moves - moves + 1
@@ -202,17 +200,17 @@ class BilevelAgent(Agent):
         """Return the state in which what lies flat is slid over the table's edge; None where that does not help."""
         if plan.target is None or not looks:
             return None
-        began = time.perf_counter()
-        slide = plan_slide(self._planner, plan.target, self._seed, self._start(observation))
-        plan.planning_seconds += time.perf_counter() - began
+        with plan.going_on():
+            slide = plan_slide(self._planner, plan.target, self._seed, self._start(observation))
         return None if slide is None else State(slide, plan, looks)
 
     def _grasp_slid(self, state: State, slide: Slide, observation: Observation) -> State:
         """Plan the grasp of what now sticks out over the edge, from where the joints say that it was pushed to."""
         assert state.plan.target is not None  # it was pushed
-        began, start = time.perf_counter(), self._start(observation)
-        plan = plan_slid(self._planner, state.plan.target, slide, self._seed, start)
-        self.report.planning_seconds = state.plan.planning_seconds + time.perf_counter() - began
+        with state.plan.going_on():
+            start = self._start(observation)
+            plan = plan_slid(self._planner, state.plan.target, slide, self._seed, start)
+        self.report.planning_seconds = state.plan.planning_seconds
         self.report.again = False
         self.report.details["slid"] = slide.moved
         if not plan.found:

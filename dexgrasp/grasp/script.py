@@ -1,5 +1,6 @@
 """What is executed of a grasp: set-points for every control step, phase by phase."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,6 +21,12 @@ class ActionScript:
     targets: Array
     phases: tuple[tuple[str, int], ...]
     start: Array
+
+    @classmethod
+    def of(cls, pieces: Mapping[str, Array], start: Array) -> "ActionScript":
+        """Put phases (k, n) rad together, by their names in order."""
+        first = np.cumsum([0, *map(len, pieces.values())])[:-1].tolist()
+        return cls(np.concatenate(list(pieces.values())), tuple(zip(pieces, first, strict=True)), start)
 
     def at(self, step: int) -> Array:
         """Return the set-points (n,) rad of a step from 0 on; the last are held."""

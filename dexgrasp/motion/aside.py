@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.motion.guarded import GuardedGrasp
-from dexgrasp.motion.motion import Motion
+from dexgrasp.motion.motion import Played
 from dexgrasp_env.arrays import Array
 
 _SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
@@ -18,8 +18,8 @@ class WayAside(NamedTuple):
     away: Array  # (k, n) rad, the same of the open hand
 
 
-class SettingAside(Motion):
-    """Carries what was taken hold of to its place; nothing is felt."""
+class SettingAside(Played):
+    """Carries what was taken hold of to its place; nothing is felt. It is done when the hand has left the object."""
 
     def __init__(self, held: GuardedGrasp, way: WayAside) -> None:
         """Prepare.
@@ -28,20 +28,10 @@ class SettingAside(Motion):
             held: that is done.
             way: from the end of its lift.
         """
-        self.tree = held.tree
         first, arm = dict(held.script.phases), held.tree.arm
         rows = np.concatenate([held.script.targets[first["lift"] : first["hold"]], way.there])
         rows = np.concatenate([rows, np.repeat(rows[-1:], _SETTLE, axis=0)])
         rows[:, arm:] = held.targets[arm:]
         opened = np.concatenate([rows[-1, :arm], way.away[0, arm:]])
         opening = rows[-1] + np.arange(1, _OPEN + 1)[:, None] / _OPEN * (opened - rows[-1])
-        self._rows, self._step = np.concatenate([rows, opening, way.away]), 0
-
-    @property
-    def done(self) -> bool:
-        """Whether the hand has left the object."""
-        return self._step >= len(self._rows)
-
-    def _next(self, q: Array) -> Array:
-        self._step += 1
-        return self._rows[min(self._step, len(self._rows)) - 1]
+        super().__init__(np.concatenate([rows, opening, way.away]), held.tree)

@@ -5,7 +5,7 @@ import numpy as np
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.cartesian import shift_palm
-from dexgrasp.motion.timing import smooth_step, within_limits
+from dexgrasp.motion.timing import points_at, smooth_step, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z
 
@@ -36,7 +36,7 @@ def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple
     points, count = np.concatenate([targets[None], path]), len(path)
     while True:
         at = smooth_step(np.arange(1, count + 1) / count) * len(path)
-        timed = np.stack([np.interp(at, np.arange(len(points)), column) for column in points.T], axis=1)
+        timed = points_at(at, np.arange(0.0, len(points)), points)
         if within_limits(targets, timed, tree):
             return timed, error
         count = int(1.3 * count) + 1

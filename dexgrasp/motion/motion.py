@@ -28,6 +28,23 @@ class Motion(ABC):
         """Return the next set-points (n,) rad."""
 
 
+class Played(Motion):
+    """Set-points that are known beforehand, one a control step; the last are held."""
+
+    def __init__(self, rows: Array, tree: RobotTree) -> None:
+        """Take set-points (T, n) rad, and the robot."""
+        self.tree, self._rows, self._step = tree, rows, 0
+
+    @property
+    def done(self) -> bool:
+        """Whether all have been played."""
+        return self._step >= len(self._rows)
+
+    def _next(self, q: Array) -> Array:
+        self._step += 1
+        return np.asarray(self._rows[min(self._step, len(self._rows)) - 1])
+
+
 class NoPath(Exception):  # noqa: N818  (it is an outcome, not a defect)
     """A grasp that cannot be carried out.
 

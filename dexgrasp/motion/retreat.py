@@ -6,7 +6,7 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.motion import Motion
+from dexgrasp.motion.motion import Played
 from dexgrasp.motion.timing import time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
@@ -16,7 +16,7 @@ _SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
 _MARGIN = 0.004  # m that the robot keeps from the table and from itself
 
 
-class Retreat(Motion):
+class Retreat(Played):
     """Goes home and stays there; where the object lies now nobody knows, so only its neighbours are kept clear of."""
 
     def __init__(self, start: Array, cell: Cell, around: ConvexDistance | None = None) -> None:
@@ -31,22 +31,11 @@ class Retreat(Motion):
             NoPath: where that, the table or the robot itself is in the way.
         """
         checker, home = CollisionChecker(cell, around, _MARGIN), cell.robot.home
-        tree = self.tree = robot_tree(cell)
+        tree = robot_tree(cell)
         start = np.clip(start, tree.lower, tree.upper)
         opened = np.concatenate([start[: tree.arm], home[tree.arm :]])
         # Unchecked: pressing fingers are set inside one another.
         opening = time_path(np.stack([start, opened]), tree)
         way = time_path(plan_approach(checker, opened, home), tree, checker)
         still = np.repeat(home[None], round(_SETTLE / CONTROL_PERIOD), axis=0)
-        self._targets = np.clip(np.concatenate([opening, way, still]), tree.lower, tree.upper)
-        self._step = 0
-
-    @property
-    def done(self) -> bool:
-        """Whether the robot stands at home."""
-        return self._step >= len(self._targets)
-
-    def _next(self, q: Array) -> Array:
-        target = self._targets[min(self._step, len(self._targets) - 1)]
-        self._step += 1
-        return target
+        super().__init__(np.clip(np.concatenate([opening, way, still]), tree.lower, tree.upper), tree)

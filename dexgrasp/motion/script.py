@@ -66,12 +66,7 @@ def make_script(
         "lift": lift,
         "hold": _still(lift[-1], _HOLD),
     }
-    first = np.concatenate([[0], np.cumsum([len(piece) for piece in pieces.values()])[:-1]])
-    return ActionScript(
-        np.concatenate(list(pieces.values())),
-        tuple(zip(pieces, (int(f) for f in first), strict=True)),
-        start,
-    )
+    return ActionScript.of(pieces, start)
 
 
 def _still(q: Array, seconds: float) -> Array:

@@ -16,8 +16,8 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.motion import Motion, NoPath
-from dexgrasp.motion.timing import smooth_step, time_path, within_limits
+from dexgrasp.motion.motion import NoPath, Played
+from dexgrasp.motion.timing import points_at, smooth_step, time_path, within_limits
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell, default_cell
@@ -44,7 +44,7 @@ class Push(NamedTuple):
     touch: Array  # (2,) m, the middle between the two tips' centres as they touch
 
 
-class Slide(Motion):
+class Slide(Played):
     """Carries a push out.
 
     Attributes:
@@ -55,21 +55,15 @@ class Slide(Motion):
 
     def __init__(self, script: ActionScript, push: Push, tree: RobotTree) -> None:
         """Prepare; `make_slide` plans one."""
-        self.script, self.push, self.tree, self.moved = script, push, tree, 0.0
-        self._step, self._leave = 0, dict(script.phases)["leave"]
-
-    @property
-    def done(self) -> bool:
-        """Whether the tips have left the object where it is."""
-        return self._step >= len(self.script.targets)
+        super().__init__(script.targets, tree)
+        self.script, self.push, self.moved = script, push, 0.0
+        self._leave = dict(script.phases)["leave"]
 
     def _next(self, q: Array) -> Array:
         if self._step == self._leave:
             middle = fingertips(q, self.tree)[1:, :2].mean(0)
             self.moved = max(float((middle - self.push.touch) @ self.push.direction), 0.0)
-        target = self.script.at(self._step)
-        self._step += 1
-        return target
+        return super()._next(q)
 
 
 def can_push(cell: Cell) -> bool:
@@ -106,10 +100,8 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
         "slide": np.concatenate([_timed(way, tree), np.repeat(way[-1:], _SETTLE, axis=0)]),
         "leave": _timed(way[: -_BACK - 2 : -1], tree),
     }
-    first = np.cumsum([0, *map(len, pieces.values())])[:-1]
-    phases = tuple(zip(pieces, map(int, first), strict=True))
-    targets = np.clip(np.concatenate(list(pieces.values())), tree.lower, tree.upper)
-    return Slide(ActionScript(targets, phases, start), push, tree)
+    kept = {name: np.clip(rows, tree.lower, tree.upper) for name, rows in pieces.items()}
+    return Slide(ActionScript.of(kept, start), push, tree)
 
 
 def _pushing(tree: RobotTree) -> Array:
@@ -149,7 +141,7 @@ def _timed(path: Array, tree: RobotTree) -> Array:
     while True:
         count = round(seconds / CONTROL_PERIOD)
         at = smooth_step(np.arange(1, count + 1) / count) * (len(path) - 1)
-        rows = np.stack([np.interp(at, np.arange(len(path)), column) for column in path.T], axis=1)
+        rows = points_at(at, np.arange(0.0, len(path)), path)
         if within_limits(path[0], rows, tree):
             return rows
         seconds *= _SLOWER

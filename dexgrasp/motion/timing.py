@@ -59,7 +59,7 @@ def round_corners(path: Array, blend: float) -> tuple[Array, Array]:
     corners = np.concatenate([[0.0], np.cumsum(legs)])
     tangents = np.diff(path, axis=0) / legs[:, None]
     at = np.linspace(0.0, corners[-1], max(20, int(np.ceil(corners[-1] / _SPACING)) + 1))
-    points = np.stack([np.interp(at, corners, column) for column in path.T], axis=1)
+    points = points_at(at, corners, path)
     for i in range(1, len(path) - 1):
         reach = min(blend, 0.5 * legs[i - 1], 0.5 * legs[i])
         near = np.abs(at - corners[i]) < reach
@@ -110,10 +110,15 @@ def _slow(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     while True:
         count = int(np.ceil(duration / CONTROL_PERIOD))
         when = smooth_step(np.arange(1, count + 1) / count) * at[-1]
-        samples = np.stack([np.interp(when, at, column) for column in points.T], axis=1)
+        samples = points_at(when, at, points)
         if _gentle(points[0], samples, tree, speed):
             return samples
         duration *= 1.2
+
+
+def points_at(at: Array, places: Array, path: Array) -> Array:
+    """Return points (m, n) of a polyline, `at` (m,) its corners `path` (k, n) being at `places` (k,)."""
+    return np.stack([np.interp(at, places, column) for column in path.T], axis=1)
 
 
 def smooth_step(t: Array) -> Array:

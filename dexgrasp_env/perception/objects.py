@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud, downsample
@@ -30,12 +31,21 @@ def extents(points: Array) -> Array:
 
 
 def object_cloud(
-    cloud: Cloud, plane: Plane | None, radius: float, count: int, doubtful: bool = False
+    cloud: Cloud,
+    plane: Plane | None,
+    radius: float,
+    count: int,
+    doubtful: bool = False,
+    rng: Generator | None = None,
 ) -> ObjectCloud:
-    """Return a cloud as `count` smoothed points at most, the same ones each time, in single precision."""
+    """Return a cloud as `count` smoothed points at most, in single precision, as observations hold them.
+
+    Without a generator the same points are drawn each time.
+    """
     if not len(cloud):
         return ObjectCloud()
-    chosen = cloud.select(downsample(cloud.points, count, np.random.default_rng(len(cloud))))
+    rng = rng or np.random.default_rng(len(cloud))
+    chosen = cloud.select(downsample(cloud.points, count, rng))
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms, radius)
     return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful)
 

@@ -13,13 +13,11 @@ from dexgrasp_env.perception.cloud import (
     Cloud,
     clusters,
     crop,
-    downsample,
     gather,
     remove_flying,
     remove_outliers,
 )
 from dexgrasp_env.perception.level import level_views, view_corrections
-from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.objects import object_cloud, objects_of, seen_from_outside
 from dexgrasp_env.perception.parting import Parting, parted
 from dexgrasp_env.perception.plane import (
@@ -32,7 +30,7 @@ from dexgrasp_env.perception.plane import (
 )
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own
-from dexgrasp_env.perception.scene import ObjectCloud, Scene
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.camera import Camera
 
 OUT_OF_VIEW = "object_out_of_view"
@@ -176,9 +174,4 @@ def finish(
     """Return the scene with an isolated object as `count` smoothed points, or the reason why it is none."""
     if len(cloud) < s.min_points:
         return Scene(plane=plane, reason=TOO_FEW if len(cloud) else OUT_OF_VIEW)
-    chosen = cloud.select(downsample(cloud.points, s.count, rng))
-    points, normals = smooth(cloud, chosen, plane.rms, s.smoothing_radius)
-    # In single precision, as observations hold them.
-    return Scene(
-        ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful), plane
-    )
+    return Scene(object_cloud(cloud, plane, s.smoothing_radius, s.count, doubtful, rng), plane)
