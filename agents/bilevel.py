@@ -27,6 +27,8 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import Cell, default_cell
 
+_GIVES = (0.01, 0.05)  # m that neighbours may be pushed where nothing else helps
+
 
 class State(NamedTuple):
     """Where in an episode the agent is: it looks, grasps, carries; what it loses it leaves, and looks again."""
@@ -60,7 +62,7 @@ class BilevelAgent(Agent):
         *,
         regrasps: int = 2,
         turns: bool = True,
-        moves: int = 3,
+        moves: int = 8,
     ) -> None:
         """Prepare the planner.
 
@@ -225,8 +227,11 @@ class BilevelAgent(Agent):
         tries = self._regrasps - looks
         scene, start = self._scene(observation), self._start(observation)
         plan = plan_scene(self._planner, scene, self._seed + tries, start)
+        way = None if plan.found else self._make_way(observation, plan, moves, looks, scene)
+        if way is None and not (plan.found or looks):
+            plan = self._among(scene, plan, start)
         waiting = State(self._grasp(plan) if plan.found else state.motion, plan, looks, moves)
-        after = waiting if plan.found else self._make_way(observation, plan, moves, looks, scene) or waiting
+        after = way or waiting
         if tries:
             self.report.details["regrasps"] = tries
         if self.report.failure:  # the first grasp is still to be found
@@ -235,8 +240,19 @@ class BilevelAgent(Agent):
             self.report.again = not plan.found and (looks > 0 or after.aside is not None)
             if plan.found:
                 # Moves may have shifted the object: such a grasp is not of the pose that files state.
-                self.report.failure, self.result = None, plan if moves == self._moves else None
+                touching = "touching" in self.report.details
+                self.report.failure, self.result = None, None if moves < self._moves or touching else plan
         return after
+
+    def _among(self, scene: Scene, plan: PlanResult, start: Array) -> PlanResult:
+        """Return a plan that pushes what stands around the object, the less the better; `plan` where there is none."""
+        for give in _GIVES if scene.neighbours and plan.target is not None else ():
+            pushing = plan_scene(self._planner, scene, self._seed, start, give=give)
+            pushing.planning_seconds += plan.planning_seconds
+            if pushing.found:
+                self.report.details["touching"] = give
+                return pushing
+        return plan
 
 
 class AloneAgent(BilevelAgent):

@@ -49,7 +49,7 @@ _register("LiftSlippery", friction=0.35)
 _register("LiftPushed", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
 _register("LiftOneView", obs_mode="pointcloud", views=1)
 
-_ASIDE = 600  # control steps in which three of a heap can be set aside
+_ASIDE = 1500  # control steps in which eight of a heap can be set aside
 
 for name, count, gaps, limit in (
     ("Sparse", (4, 8), (0.02, 0.05), _LIMIT), ("Dense", (9, 15), (0.005, 0.02), _LIMIT),

@@ -1,5 +1,6 @@
 """Whether configurations of the whole robot are free of the object, the table and the robot itself."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -35,7 +36,8 @@ from dexgrasp_env.robot.cell import Cell
 _MAX_ROWS = 256  # more than there are bodies and pairs of them
 _CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
 _FAR, _NEAR = 0.016, 0.004  # m beyond the margin: up to there clearances from object and self are measured
-_CARRIED, _DEEPER = 200, 0.001  # points of an object in the hand; m that it may get deeper into a neighbour
+_CARRIED, _DEEPER = 200, 0.0015  # points of an object in the hand; m that it may get deeper into a neighbour
+_RISE = 0.005  # m between looks at an object that is raised
 _OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
 
 
@@ -126,15 +128,26 @@ def carried_into(target: GraspTarget, path: Array, tree: RobotTree, start: Array
         tree: the robot.
         start: (n,) rad, where the hand has taken it; the first row by default.
     """
+    R, p = palm_frame(path[0] if start is None else start, tree)
+    frames = [palm_frame(q, tree) for q in path]
+    return _moved_into(target, p, [(now @ R.T, at) for now, at in frames])
+
+
+def raised_into(target: GraspTarget, height: float) -> float:
+    """Return how far, m, an object gets into its neighbours on a straight way up of `height` m, however it is held."""
+    ways = np.linspace(0.0, height, round(height / _RISE) + 1)[1:]
+    return _moved_into(target, np.zeros(3), [(np.eye(3), np.array([0.0, 0.0, up])) for up in ways])
+
+
+def _moved_into(target: GraspTarget, origin: Array, poses: Sequence[tuple[Array, Array]]) -> float:
+    """Return how much deeper, m, an object gets into its neighbours at poses of a frame at `origin`."""
     if target.around is None:
         return 0.0
     points = triangle_samples(target.distance.triangles, _CARRIED, 0).points
-    R, p = palm_frame(path[0] if start is None else start, tree)
-    held = np.concatenate([points, *target.corners]) - p
-    deepest = least = min(float(target.around.distance(held + p).min()), 0.0)
-    for q in path:
-        now, at = palm_frame(q, tree)
-        deepest = min(deepest, float(target.around.distance(held @ (now @ R.T).T + at).min()))
+    held = np.concatenate([points, *target.corners]) - origin
+    deepest = least = min(float(target.around.distance(held + origin).min()), 0.0)
+    for turn, at in poses:
+        deepest = min(deepest, float(target.around.distance(held @ turn.T + at).min()))
     return max(least - deepest - _DEEPER, 0.0)
 
 

@@ -12,9 +12,9 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.aside import WayAside
 from dexgrasp.motion.carried import carried
-from dexgrasp.motion.collision import CollisionChecker, carried_into
+from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
 from dexgrasp.planning.claims import overlap
-from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.planner import LIFTED, Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.seen import plan_scene
@@ -23,7 +23,7 @@ from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 
-_ASKED = 4  # neighbours for which a grasp is looked for
+_ASKED = 8  # neighbours for which a grasp is looked for
 _TABLE = ((0.34, 0.70), (-0.36, 0.36))  # m, x and y, where things are set down
 _GRID = 0.04  # m between places that are looked at
 _HEIGHTS = (0.03, 0.10, 0.17)  # m above the table, at which a place must be free
@@ -69,9 +69,9 @@ def plan_aside(planner: Planner, scene: Scene, target: GraspTarget, seed: int, s
 def _most_in_the_way(
     planner: Planner, scene: Scene, target: GraspTarget, seed: int, start: Array
 ) -> list[int]:
-    """Return the neighbours by how deep they are in the hand, or in what it lifts, of the grasp without neighbours.
+    """Return the neighbours by how deep they are in the hand of the grasp without neighbours, or in what is lifted.
 
-    Of those that are not in its way the highest come first.
+    Of those that are not in its way the near and high ones come first.
     """
     alone = planner.plan(replace(target, neighbours=()), seed, start)
     ranks = []
@@ -82,7 +82,8 @@ def _most_in_the_way(
         deep = max(
             (_depth(found.script, beside, planner) for found in alone.found if found.script), default=0.0
         )
-        ranks.append((-deep, -float(one.points[:, 2].max()), k))
+        off = np.linalg.norm(one.points[:, :2] - target.centre[:2], axis=1).min() - one.points[:, 2].max()
+        ranks.append((-max(deep, raised_into(beside, LIFTED)), float(off), k))
     return [k for _, _, k in sorted(ranks)]
 
 

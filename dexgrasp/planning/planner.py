@@ -8,6 +8,7 @@ import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.motion.collision import raised_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
 from dexgrasp.planning.atlas import hand_atlas
@@ -24,7 +25,9 @@ from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell, default_cell
 
-NO_POSTURE, BUDGET = "no_reachable_posture", "time_budget"
+NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
+LIFTED = 0.14
+"""m that an object must be free to rise: what does not get past its neighbours straight up is lifted by no grasp."""
 
 
 def _holds(hold: Hold) -> bool:
@@ -74,6 +77,10 @@ class Planner:
         search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
         result, breadths = search.result, self.settings.breadths
         crowded = target.around is not None
+        if start is not None and raised_into(target, LIFTED) > 0.0:
+            search.log.block(LIFT_BLOCKED)
+            result.shortfall = LIFT_BLOCKED
+            return result
         for k, breadth in enumerate((*breadths, *breadths[-1:] * self.settings.patience)):
             late = k >= len(breadths)
             # Among neighbours a firm grasp is rare: the best of a round that is looked at whole will do, of the first

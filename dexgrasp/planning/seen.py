@@ -35,7 +35,7 @@ _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and
 
 def plan_scene(
     planner: Planner, scene: Scene, seed: int, start: Array, *,
-    mass: float | None = None, count: int | None = None, progress: Progress | None = None,
+    mass: float | None = None, count: int | None = None, progress: Progress | None = None, give: float = 0.0,
 ) -> PlanResult:  # fmt: skip
     """Plan a grasp of the object in a scene, or several that differ.
 
@@ -47,6 +47,7 @@ def plan_scene(
         mass: kg where it is known; None assumes one from the volume.
         count: grasps asked for; None plans one.
         progress: called with steps done and steps in all, where there is a count.
+        give: see `neighbours_of`.
 
     Raises:
         InputError: for a count out of range.
@@ -56,7 +57,7 @@ def plan_scene(
     began = time.perf_counter()
     try:
         target = target_of(scene, mass, planner.settings.most_parts)
-        target = replace(target, neighbours=neighbours_of(scene))
+        target = replace(target, neighbours=neighbours_of(scene, give))
     except NoTarget as none:
         seconds = time.perf_counter() - began
         return PlanResult(

@@ -23,13 +23,19 @@ _LEAST = 3  # points of a column: fewer are noise
 _THICK = 0.004  # m that a column reaches at least to either side of its middle
 
 
-def neighbours_of(scene: Scene) -> tuple[Parts, ...]:
+def neighbours_of(scene: Scene, give: float = 0.0) -> tuple[Parts, ...]:
     """Return the corners (N, 3) m of the convex parts of each neighbour; the last are those of what is no object.
 
     A neighbour is the hull of its cloud down to the table; where that holds a part of the target, the neighbour is
     hollow or reaches around it, and the columns that its points stand in take the hull's place.
+
+    Args:
+        scene: what is seen.
+        give: m that neighbours, which are loose, may be pushed: by so much they are taken for smaller. What is no
+            object stays as it is.
     """
-    found = [_parts(one, scene) for one in scene.neighbours] + [columns(_beside(scene))]
+    found = [tuple(_smaller(part, give) for part in _parts(one, scene)) for one in scene.neighbours]
+    found.append(columns(_beside(scene)))
     return tuple(parts[k : k + _MOST] for parts in found for k in range(0, len(parts), _MOST))
 
 
@@ -62,6 +68,17 @@ def _grown(corners: Array, cloud: ObjectCloud) -> Array:
     corners = np.concatenate([corners, cloud.points])
     level = np.concatenate([corners + step * side for step, side in zip(grown, sides, strict=True)])
     return np.concatenate([level, level[level[:, 2] > level[:, 2].min() + HIGHER] + [0.0, 0.0, HIGHER]])
+
+
+def _smaller(corners: Array, give: float) -> Array:
+    """Return corners (N, 3) m of a part whose sides and top are `give` m farther in, its foot where it was."""
+    low, high = corners.min(0), corners.max(0)
+    foot, half = np.array([*0.5 * (low + high)[:2], low[2]]), np.array([0.5, 0.5, 1.0]) * (high - low)
+    return (
+        foot + np.maximum(half - give, np.minimum(half, _THICK)) / half * (corners - foot)
+        if give
+        else corners
+    )
 
 
 def columns(points: Array) -> Parts:

@@ -224,7 +224,7 @@ class ClutterEnv(LiftEnv):
 
     ## Episode End
 
-    As `LiftEnv`; a heap's time limit is 900 control steps, so that neighbours can be set aside first.
+    As `LiftEnv`; a heap's time limit is 1,800 control steps, so that neighbours can be set aside first.
 
     ## Arguments
 
