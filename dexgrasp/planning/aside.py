@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
@@ -14,7 +15,7 @@ from dexgrasp.motion.aside import WayAside
 from dexgrasp.motion.carried import carried
 from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
 from dexgrasp.planning.claims import overlap
-from dexgrasp.planning.planner import LIFTED, Planner
+from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.seen import plan_scene
@@ -83,7 +84,7 @@ def _most_in_the_way(
             (_depth(found.script, beside, planner) for found in alone.found if found.script), default=0.0
         )
         off = np.linalg.norm(one.points[:, :2] - target.centre[:2], axis=1).min() - one.points[:, 2].max()
-        ranks.append((-max(deep, raised_into(beside, LIFTED)), float(off), k))
+        ranks.append((-max(deep, raised_into(beside, GraspMotion.lift_height)), float(off), k))
     return [k for _, _, k in sorted(ranks)]
 
 

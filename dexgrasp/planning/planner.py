@@ -6,7 +6,7 @@ from itertools import islice, product
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.collision import raised_into
 from dexgrasp.motion.motion import NoPath
@@ -26,8 +26,6 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell, default_cell
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
-LIFTED = 0.14
-"""m that an object must be free to rise: what does not get past its neighbours straight up is lifted by no grasp."""
 
 
 def _holds(hold: Hold) -> bool:
@@ -77,7 +75,8 @@ class Planner:
         search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
         result, breadths = search.result, self.settings.breadths
         crowded = target.around is not None
-        if start is not None and raised_into(target, LIFTED) > 0.0:
+        # What does not get past its neighbours straight up is lifted by no grasp.
+        if start is not None and raised_into(target, GraspMotion.lift_height) > 0.0:
             search.log.block(LIFT_BLOCKED)
             result.shortfall = LIFT_BLOCKED
             return result
