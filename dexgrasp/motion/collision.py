@@ -1,6 +1,6 @@
 """Whether configurations of the whole robot are free of the object, the table and the robot itself."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -129,17 +129,17 @@ def carried_into(target: GraspTarget, path: Array, tree: RobotTree, start: Array
         start: (n,) rad, where the hand has taken it; the first row by default.
     """
     R, p = palm_frame(path[0] if start is None else start, tree)
-    frames = [palm_frame(q, tree) for q in path]
-    return _moved_into(target, p, [(now @ R.T, at) for now, at in frames])
+    frames = (palm_frame(q, tree) for q in path)
+    return _moved_into(target, p, ((now @ R.T, at) for now, at in frames))
 
 
 def raised_into(target: GraspTarget, height: float) -> float:
     """Return how far, m, an object gets into its neighbours on a straight way up of `height` m, however it is held."""
     ways = np.linspace(0.0, height, round(height / _RISE) + 1)[1:]
-    return _moved_into(target, np.zeros(3), [(np.eye(3), np.array([0.0, 0.0, up])) for up in ways])
+    return _moved_into(target, np.zeros(3), ((np.eye(3), np.array([0.0, 0.0, up])) for up in ways))
 
 
-def _moved_into(target: GraspTarget, origin: Array, poses: Sequence[tuple[Array, Array]]) -> float:
+def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array, Array]]) -> float:
     """Return how much deeper, m, an object gets into its neighbours at poses of a frame at `origin`."""
     if target.around is None:
         return 0.0
