@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.extras import usable_cores
-from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.simulation import Arrays, Moment, Simulation
 
 _CONTROL = int(mujoco.mjtState.mjSTATE_CTRL)
 
@@ -78,6 +78,11 @@ class BatchPhysics:
         self._scenes[i] = simulation
         data = simulation.data
         self._note(i, data.qpos, data.qvel, data.sensordata)
+
+    def moment(self, i: int) -> Moment:
+        """Return where environment `i` is."""
+        only = slice(i, i + 1)
+        return Arrays(self.qpos[only], self.qvel[only], self.sensors[only])
 
     def _note(self, ids: Any, *values: Array) -> None:
         """Write positions, velocities and sensors of environments, zeros where there is room for more objects."""

@@ -15,11 +15,11 @@ from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.poses import quat_conjugate, rotate
 from dexgrasp_env.tasks.clutter import Clutter
 from dexgrasp_env.tasks.constants import AROUND_POINTS, NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
-from dexgrasp_env.tasks.episodes import Episodes, Moment
+from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.simulation import Moment, Simulation
 from dexgrasp_env.tasks.single import defaults_of
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import one_of
@@ -111,9 +111,9 @@ class ClutterEpisodes(Episodes):
         """Do what `Episodes.conclude` does, look what became of the neighbours, and observe them in `state`."""
         state = super().conclude(part, moment, warnings, rngs, alone=alone, judge=judge)
         records, (positions, sensors) = self.records[part], self._alone
-        poses = moment[0][:, positions:].reshape(len(records), -1, 7)
+        poses = moment.qpos[:, positions:].reshape(len(records), -1, 7)
         if judge:
-            _judge(records, poses, moment[2][:, sensors:] > 0)
+            _judge(records, poses, moment.sensors[:, sensors:] > 0)
         if self.settings.obs_mode.startswith("state"):
             seen = np.zeros((len(records), self.neighbours, 7), np.float32)
             seen[:, : poses.shape[1]] = np.nan_to_num(poses)

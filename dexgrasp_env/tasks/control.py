@@ -1,6 +1,6 @@
 """Control modes: what actions in [-1, 1] mean for the set-points of a robot's servos; `set_points` computes them."""
 
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from gymnasium import spaces
@@ -59,12 +59,20 @@ def denormalise(action: Array, robot: Ranges) -> Array:
 
 
 def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
-    """Return a copy of actions of the right shape, in double precision.
-
-    Raises:
-        InputError: if their shape is wrong.
-    """
+    """Return a copy of actions of the right shape, in double precision; raises as `check_shape`."""
     own = np.array(action, dtype=np.float64)
-    if own.shape != shape:
-        raise InputError(f"action has shape {own.shape}: valid is {shape}")
+    check_shape(own.shape, shape)
     return own
+
+
+def check_shape(given: tuple[int, ...], valid: tuple[int, ...] | None) -> None:
+    """Raise an InputError for actions of a wrong shape."""
+    if given != valid:
+        raise InputError(f"action has shape {tuple(given)}: valid is {valid}")
+
+
+def check_finite(actions: NDArray[Any]) -> None:
+    """Raise an InputError for actions that are not finite."""
+    if not np.isfinite(actions).all():
+        bad = np.argwhere(~np.isfinite(actions)).tolist()
+        raise InputError(f"action has NaN or infinite entries at {bad}")

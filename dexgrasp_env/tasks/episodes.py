@@ -19,20 +19,16 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.constants import DISTURB_AFTER, GRASP_STEPS, HOLD_STEPS, at_pace
+from dexgrasp_env.tasks.control import check_finite
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, STAGES, TOLD
-from dexgrasp_env.tasks.rules import Rules
+from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import NO_PHYSICS, Simulation, arm_chain, warning_names
+from dexgrasp_env.tasks.simulation import NO_PHYSICS, Moment, Simulation, arm_chain, warning_names
 from dexgrasp_env.tasks.views import View, Views
-
-Moment = tuple[Array, Array, Array]
-"""Positions (N, n + 7 k), velocities (N, n + 6 k) and sensors (N, m) of N environments with robots of n joints and room
-for k objects, the target first; zeros where there are fewer."""
 
 Starts = Callable[[int, Generator, NDArray[np.void]], Mapping[str, Any]]
 """Returns the options of a reset that is given none: of a slot, its generator and the record of its last episode."""
@@ -115,23 +111,14 @@ class Episodes:
             for target, hull, end in zip(self.simulations, hulls, ends, strict=True)
         }
         first = next(iter(self.simulations.values()))
-        fingers = [finger.name for finger in robot.hand.fingers]
-        self._control = control_of(settings, arm_chain(first.base, robot))
-        hold, grasped, wait = (
-            at_pace(steps, settings.frame_skip) for steps in (HOLD_STEPS, GRASP_STEPS, DISTURB_AFTER)
-        )
-        self._rules = Rules(
-            at=first.columns, fingers=len(fingers),
-            grasp=np.array([fingers.index(name) for name in robot.hand.grasp]),
-            hulls=np.concatenate(hulls), period=settings.period, hold=hold, grasped=grasped, wait=wait,
-            length=settings.disturbance_steps, bad_numbers=NO_PHYSICS,
-            weights=np.array(list(settings.weights.values())), version=settings.version,
-            dense=settings.reward_mode == "dense",
-        )  # fmt: skip
-        self._layout = layout(settings.obs_mode, robot)
-        self._width = max(part.stop for part in self._layout.values())
+        self.control = control_of(settings, arm_chain(first.base, robot))
+        self.rules = rules_of(settings, first.columns, np.concatenate(hulls), NO_PHYSICS)
+        self.layout = layout(settings.obs_mode, robot)
+        self.width = max(part.stop for part in self.layout.values())
         self._no_noise = np.zeros((1, robot.dof))
         self.starts: Starts | None = None
+        self.device: Any = None
+        """Where progress is kept between resets, if not here: a `WarpEpisodes`."""
 
     def observation_space(self) -> spaces.Dict:
         """Return the space of one environment's observations."""
@@ -152,6 +139,7 @@ class Episodes:
         """
         settings, names = self.settings, list(self.simulations)
         if not options and self.starts is not None:
+            self.fetch()
             options = self.starts(i, rng, self.records[i])
         options = self._check_options(options, names)
         self.slots[i].resumed = "state" in options
@@ -273,9 +261,10 @@ class Episodes:
             InputError: for an action that is not finite.
         """
         records, commands, _, _, rows, push = self._part(part)
-        if not set_points(records, commands, actions, self._control, rows, push):
-            bad = np.argwhere(~np.isfinite(actions)).tolist()
-            raise InputError(f"action has NaN or infinite entries at {bad}")
+        if self.device and part == slice(None):
+            self.device.set_points(actions)
+        elif not set_points(records, commands, actions, self.control, rows, push):
+            check_finite(actions)
         return rows, push
 
     def conclude(
@@ -301,11 +290,15 @@ class Episodes:
             The observation without cameras: arrays (n, ...) by key.
         """
         records, commands, told, rewards = self._part(part)[:4]
-        rows = np.empty((len(records), self._width), np.float32)
         noise = self._joint_noise(records, rngs)
-        state, out = (*moment, commands), (told, rewards, rows)
-        kernel.conclude(records, state, warnings, noise, self._rules, out, judge)
-        return cut(rows[0] if alone else rows, self._layout)
+        if self.device and part == slice(None):
+            return cut(self.device.conclude(noise), self.layout)
+        rows = np.empty((len(records), self.width), np.float32)
+        state, out = (moment.qpos, moment.qvel, moment.sensors, commands), (told, rewards, rows)
+        kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
+        if self.device:
+            self.device.load(part.start, rows)
+        return cut(rows[0] if alone else rows, self.layout)
 
     def _part(self, part: slice) -> tuple[NDArray[Any], ...]:
         """Return records, commands, told, rewards, rows, pushes of a part; slices cost, so the whole is not sliced."""
@@ -359,11 +352,17 @@ class Episodes:
     def get_state(self, i: int, physics: Array, sensors: Array, rng: Generator) -> EpisodeState:
         """Return the state of episode `i`."""
         slot = self.slots[i]
+        self.fetch()
         return EpisodeState(
             self._of(), slot.target, physics, sensors.copy(), self.told[i].copy(), self.records[i].copy(),
             self.commands[i].copy(), copy.deepcopy(rng.bit_generator.state), slot.variation,
             copy.deepcopy(slot.view), slot.neighbours,
         )  # fmt: skip
+
+    def fetch(self) -> None:
+        """Have records and commands be those of now, wherever they are kept."""
+        if self.device:
+            self.device.fetch()
 
     def _of(self) -> dict[str, Any]:
         """Return what a state has to agree with."""
@@ -394,4 +393,6 @@ class Episodes:
         rng.bit_generator.state = copy.deepcopy(state.rng)
         simulation.set_state(state.physics)
         simulation.data.sensordata[:] = state.sensors[: len(simulation.data.sensordata)]
+        if self.device:
+            self.device.load(i)
         return simulation

@@ -53,40 +53,43 @@ _X1, _Y1, _Z1 = WORKSPACE_HIGH
 
 
 @njit
-def _judge(
-    episodes: Records,
-    state: State,
-    warnings: Columns,
-    rules: Rules,
-    told: Array,
-    rewards: Array,
-) -> None:
-    """Advance what the episodes have achieved by the control step just taken; see `conclude`."""
-    qpos, qvel, sensors, commands = state
-    at, n = rules.at, commands.shape[2]
-    for i in range(len(episodes)):
-        e, s, pose = episodes[i], sensors[i], qpos[i, n : n + 7]
-        e.warnings |= warnings[i]
-        _fail(e, qpos[i], qvel[i], pose, rules.bad_numbers)
-        R = _rotation(pose[3], pose[4], pose[5], pose[6])
-        e.height = _lowest_point(e, pose, R, rules.hulls)
-        touching, alone = s[at[TOUCHING_HAND]] > 0, s[at[TOUCHING_HAND]] == s[at[TOUCHING_ANY]]
-        e.touched = e.touched or touching
-        e.grasped = _opposed(s, at[PRESSES], rules)
-        at_height = e.height >= LIFT_HEIGHT and touching and alone
-        if at_height:
-            _hold_on(e, rules.hold)
-        else:
-            _hold_anew(e)
-        e.lifted = e.lifted or at_height
-        inverse = (s[at[PALM_QUAT]], -s[at[PALM_QUAT] + 1], -s[at[PALM_QUAT] + 2], -s[at[PALM_QUAT] + 3])
-        palm = at[PALM]
-        position = _rotated(inverse, (pose[0] - s[palm], pose[1] - s[palm + 1], pose[2] - s[palm + 2]))
-        _follow_grip(e, position, _product(inverse, (pose[3], pose[4], pose[5], pose[6])), touching and alone)
-        _disturb(e, position, rules)
-        _conclude(e, rules)
-        rewards[i] = _reward(e, pose, R, s, rules, told[i, _TERMS:])
-        _tell(e, rules.period, told[i])
+def judge(e: Record, q: Array, v: Array, s: Array, warnings: int, rules: Rules, told: Array) -> float:
+    """Advance what an episode has achieved by the control step just taken, and return the reward.
+
+    Args:
+        e: the episode.
+        q: positions (n + 7 k,).
+        v: velocities (n + 6 k,).
+        s: `sensordata`.
+        warnings: bits of MuJoCo's that came up in the control step.
+        rules: of the environment.
+        told: (12 + T,) out.
+    """
+    at, n = rules.at, rules.joints
+    pose = q[n : n + 7]
+    e.warnings |= warnings
+    _fail(e, q, v, pose, rules.bad_numbers)
+    R = _rotation(pose[3], pose[4], pose[5], pose[6])
+    e.height = _lowest_point(e, pose, R, rules.hulls)
+    touching, alone = s[at[TOUCHING_HAND]] > 0.0, s[at[TOUCHING_HAND]] == s[at[TOUCHING_ANY]]
+    e.touched = e.touched or touching
+    e.grasped = _opposed(s, at[PRESSES], rules)
+    at_height = e.height >= LIFT_HEIGHT and touching and alone
+    if at_height:
+        _hold_on(e, rules.hold)
+    else:
+        _hold_anew(e)
+    e.lifted = e.lifted or at_height
+    inverse = (s[at[PALM_QUAT]], -s[at[PALM_QUAT] + 1], -s[at[PALM_QUAT] + 2], -s[at[PALM_QUAT] + 3])
+    palm = at[PALM]
+    position = _rotated(inverse, (pose[0] - s[palm], pose[1] - s[palm + 1], pose[2] - s[palm + 2]))
+    quat = _product(inverse, (pose[3], pose[4], pose[5], pose[6]))
+    _follow_grip(e, position, quat, touching and alone)
+    _disturb(e, position, rules)
+    _conclude(e, rules)
+    reward = _reward(e, pose, R, s, rules, told[_TERMS:])
+    _tell(e, rules.period, told)
+    return reward
 
 
 @njit
@@ -97,13 +100,15 @@ def _reward(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules
     else:
         progress_terms(e, pose, R, s, rules, terms)
     if e.failure == _DIVERGED and rules.version == 1:
-        terms[:] = 0.0
+        for k in range(len(terms)):
+            terms[k] = 0.0
     total = 0.0
     for k in range(len(rules.weights)):
         total += rules.weights[k] * terms[k]
-    gain, e.total = total - e.total, total
+    gain = total - e.total
+    e.total = total
     if not rules.dense:
-        return 1.0 * e.success if e.failure != _DIVERGED else 0.0
+        return 1.0 if e.success and e.failure != _DIVERGED else 0.0
     return total if rules.version == 1 else gain
 
 
@@ -113,20 +118,25 @@ def _tell(e: Record, period: float, t: Array) -> None:
     t[0] = e.success
     t[1] = e.airborne and e.slip < STABLE_SLIP and e.tilt < STABLE_TILT
     t[2] = e.grasped
-    t[3], t[4] = e.stage, e.failure
-    t[5], t[6], t[7], t[8] = e.height, e.slip, e.tilt, e.shift
-    t[9] = e.held * period
-    t[10], t[11] = e.phase, e.warnings
+    t[3] = e.stage
+    t[4] = e.failure
+    t[5] = e.height
+    t[6] = e.slip
+    t[7] = e.tilt
+    t[8] = e.shift
+    t[9] = float(e.held) * period
+    t[10] = e.phase
+    t[11] = e.warnings
 
 
 @njit
 def _fail(e: Record, q: Array, v: Array, pose: Array, bad_numbers: int) -> None:
     finite = True
-    for value in q:
-        finite = finite and math.isfinite(value)
-    for value in v:
-        finite = finite and math.isfinite(value)
-    if not finite or e.warnings & bad_numbers:
+    for k in range(len(q)):
+        finite = finite and math.isfinite(q[k])
+    for k in range(len(v)):
+        finite = finite and math.isfinite(v[k])
+    if not finite or e.warnings & bad_numbers != 0:
         e.failure = _DIVERGED
     elif not (_X0 <= pose[0] <= _X1 and _Y0 <= pose[1] <= _Y1 and _Z0 <= pose[2] <= _Z1):
         e.failure = _LOST
@@ -198,7 +208,8 @@ def _hold_on(e: Record, hold: int) -> None:
 @njit
 def _hold_anew(e: Record) -> None:
     if e.held > 0:
-        e.window[:] = 0
+        for k in range(len(e.window)):
+            e.window[k] = 0
     e.held = e.grasps = 0
 
 
@@ -236,26 +247,38 @@ def _conclude(e: Record, rules: Rules) -> None:
 
 
 @njit
-def _observe(episodes: Records, state: State, noise: Array, rules: Rules, out: Array) -> None:
-    """Write what the robot knows of itself, and where `out` has room for it the privileged state; see `conclude`."""
-    qpos, qvel, sensors, commands = state
-    at, n, tips = rules.at, commands.shape[2], 3 * rules.fingers
+def observe(
+    e: Record, q: Array, v: Array, s: Array, targets: Array, noise: Array, rules: Rules, o: Array
+) -> None:
+    """Write what the robot knows of itself, and where `o` has room for it the privileged state.
+
+    Args:
+        e: the episode.
+        q: positions (n + 7 k,).
+        v: velocities (n + 6 k,).
+        s: `sensordata`.
+        targets: (n,) set-points, rad.
+        noise: (n,) rad.
+        rules: of the environment.
+        o: (m,) out.
+    """
+    at, n, tips = rules.at, rules.joints, 3 * rules.fingers
     palm = 3 * n + tips
-    for i in range(len(episodes)):
-        e, q, v, s, o = episodes[i], qpos[i], qvel[i], sensors[i], out[i]
-        for j in range(n):
-            o[j], o[n + j], o[2 * n + j] = q[j] + noise[i, j], v[j], commands[i, 0, j]
-        for j in range(tips):
-            o[3 * n + j] = s[at[TIPS] + j]
-        for j in range(3):
-            o[palm + j] = s[at[PALM] + j]
-        for j in range(4):
-            o[palm + 3 + j] = s[at[PALM_QUAT] + j]
-        if len(o) > palm + 7:
-            _observe_object(e, q[n:], v[n:], s, rules, o[palm + 7 :])
-        if e.failure == _DIVERGED:
-            for j in range(len(o)):
-                o[j] = o[j] if math.isfinite(o[j]) else 0.0
+    for j in range(n):
+        o[j] = q[j] + noise[j]
+        o[n + j] = v[j]
+        o[2 * n + j] = targets[j]
+    for j in range(tips):
+        o[3 * n + j] = s[at[TIPS] + j]
+    for j in range(3):
+        o[palm + j] = s[at[PALM] + j]
+    for j in range(4):
+        o[palm + 3 + j] = s[at[PALM_QUAT] + j]
+    if len(o) > palm + 7:
+        _observe_object(e, q[n:], v[n:], s, rules, o[palm + 7 :])
+    if e.failure == _DIVERGED:
+        for j in range(len(o)):
+            o[j] = o[j] if math.isfinite(o[j]) else 0.0
 
 
 @njit
@@ -282,7 +305,7 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Ar
 @njit
 def conclude(
     episodes: Records, state: State, warnings: Columns, noise: Array, rules: Rules,
-    out: tuple[Array, Array, Array], judge: bool,
+    out: tuple[Array, Array, Array], judge_too: bool,
 ) -> None:  # fmt: skip
     """Advance what the episodes have achieved by the control step just taken, reward and observe it.
 
@@ -294,9 +317,12 @@ def conclude(
         rules: of the environment.
         out: written: what is told (N, 12 + T), `records.TOLD` and the terms, each in [0, 1]; rewards (N,);
             observations (N, m) float32, in the order of `observations`, with the privileged state where there is room.
-        judge: False to observe alone.
+        judge_too: False to observe alone.
     """
+    qpos, qvel, sensors, commands = state
     told, rewards, seen = out
-    if judge:
-        _judge(episodes, state, warnings, rules, told, rewards)
-    _observe(episodes, state, noise, rules, seen)
+    for i in range(len(episodes)):
+        e, q, v, s = episodes[i], qpos[i], qvel[i], sensors[i]
+        if judge_too:
+            rewards[i] = judge(e, q, v, s, warnings[i], rules, told[i])
+        observe(e, q, v, s, commands[i, 0], noise[i], rules, seen[i])

@@ -8,21 +8,20 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
-from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.simulation import Moment, Simulation
 
 if TYPE_CHECKING:
     from dexgrasp_env.tasks.episodes import Episodes
 
 
-class Physics(Protocol):
-    """N environments; see `BatchPhysics`, whose attributes and arguments these are."""
-
-    qpos: Array
-    qvel: Array
-    sensors: Array
+class Physics(Moment, Protocol):
+    """N environments; see `BatchPhysics`, whose arguments these are."""
 
     def load(self, i: int, simulation: Simulation) -> None:
         """Make environment `i` what a scene holds now."""
+
+    def moment(self, i: int) -> Moment:
+        """Return where environment `i` is, which has just been loaded."""
 
     def state(self, i: int) -> Array:
         """Return the full integration state of environment `i`."""

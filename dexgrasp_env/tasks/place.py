@@ -22,13 +22,13 @@ from dexgrasp_env.tasks.constants import (
     WORKSPACE_LOW,
     at_pace,
 )
-from dexgrasp_env.tasks.episodes import Episodes, Moment
+from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import key_sizes
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import LiftSettings
-from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.simulation import Moment, Simulation
 from dexgrasp_env.tasks.views import Views
 
 _SUCCESS = TOLD.index("is_success")
@@ -107,14 +107,14 @@ class PlaceEpisodes(Episodes):
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Do what `Episodes.conclude` does; rewards, success and the observation are those of the goal."""
         state = super().conclude(part, moment, warnings, rngs, judge=judge)
-        records, centres = self.records[part], moment[0][:, -7:-4]
+        records, centres = self.records[part], moment.qpos[:, -7:-4]
         goals = records["goal"][:, : self._size].astype(np.float32)
         self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)
         achieved = centres.astype(np.float32)
         if self._size == 4:
             if judge:
                 records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
-            touching = moment[2][:, self._rules.at[TOUCHING_HAND]] > 0
+            touching = moment.sensors[:, self.rules.at[TOUCHING_HAND]] > 0
             hand = np.where(records["moved"], touching, -1.0)
             achieved = np.clip(np.column_stack([centres, hand]), _LOWEST, _HIGHEST).astype(np.float32)
         self.rewards[part] = goal_rewards(achieved, goals, self.settings.reward_mode)

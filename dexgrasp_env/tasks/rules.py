@@ -7,6 +7,8 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.sensors import READINGS
+from dexgrasp_env.tasks.constants import DISTURB_AFTER, GRASP_STEPS, HOLD_STEPS, at_pace
+from dexgrasp_env.tasks.settings import LiftSettings
 
 Columns = NDArray[np.int64]
 
@@ -18,6 +20,7 @@ class Rules(NamedTuple):
 
     Attributes:
         at: (7,) first columns of the readings in `sensordata`, in the order of `READINGS`.
+        joints: n, of the robot.
         fingers: of the hand.
         grasp: (G,) numbers of the fingers of a grasp; the first opposes the others.
         hulls: (V, 3) hull vertices of all objects, m, object frames.
@@ -33,6 +36,7 @@ class Rules(NamedTuple):
     """
 
     at: Columns
+    joints: int
     fingers: int
     grasp: Columns
     hulls: Array
@@ -45,3 +49,17 @@ class Rules(NamedTuple):
     weights: Array
     version: int
     dense: bool
+
+
+def rules_of(settings: LiftSettings, at: Columns, hulls: Array, bad_numbers: int) -> Rules:
+    """Return the rules of an environment; arguments as of `Rules`."""
+    hand, pace = settings.cell.robot.hand, settings.frame_skip
+    fingers = [finger.name for finger in hand.fingers]
+    hold, grasped, wait = (at_pace(steps, pace) for steps in (HOLD_STEPS, GRASP_STEPS, DISTURB_AFTER))
+    return Rules(
+        at=at, joints=settings.cell.robot.dof, fingers=len(fingers),
+        grasp=np.array([fingers.index(name) for name in hand.grasp]), hulls=hulls, period=settings.period,
+        hold=hold, grasped=grasped, wait=wait, length=settings.disturbance_steps, bad_numbers=bad_numbers,
+        weights=np.array(list(settings.weights.values())), version=settings.version,
+        dense=settings.reward_mode == "dense",
+    )  # fmt: skip

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import product_components, rotated_components
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN, at_pace
@@ -28,6 +29,7 @@ _RUNNING = PHASES.index("running")
 
 _LOWER, _UPPER, _STEP, _HOME = range(4)
 _TARGETS, _COMMAND, _BEFORE = range(len(COMMANDS))
+ARM_ROOM = 16  # joints, the palm as one of them, that `ee_delta` has room for
 
 _GRAVITY = 9.81  # m/s^2, MuJoCo's default
 _DAMPING = 0.02  # of the least-squares inverse; keeps joint steps bounded near singularities
@@ -44,7 +46,7 @@ class Control(NamedTuple):
         shaken: (2,) the joints that a shaking turns.
         kind: index of `disturbance.KINDS`.
         size: of the disturbance.
-        push: control steps of a push, and of the pause after it.
+        push: (2,) control steps of a push, and of the pause after it.
         period: s, of a control step.
         scale: of the actions that are changes.
     """
@@ -55,17 +57,19 @@ class Control(NamedTuple):
     shaken: NDArray[np.int64]
     kind: int
     size: float
-    push: tuple[int, int]
+    push: NDArray[np.int64]
     period: float
     scale: float
 
 
 def control_of(settings: LiftSettings, chain: Array) -> Control:
-    """Return the control of an environment; see `Control`."""
+    """Return the control of an environment; see `Control`. Raises an InputError for too many joints."""
+    if settings.control_mode == "ee_delta" and len(chain) > ARM_ROOM:
+        raise InputError(f"ee_delta is for arms of less than {ARM_ROOM} joints")
     robot, disturbance, period = settings.cell.robot, settings.disturbance, settings.period
     joints = np.stack([robot.lower, robot.upper, max_step(robot, period), robot.home])
     shaken = np.array(robot.arm.shaken, dtype=np.int64)
-    push = at_pace(PUSH_STEPS, settings.frame_skip), at_pace(PAUSE_STEPS, settings.frame_skip)
+    push = np.array([at_pace(steps, settings.frame_skip) for steps in (PUSH_STEPS, PAUSE_STEPS)])
     return Control(
         CONTROL_MODES.index(settings.control_mode), chain, joints, shaken, KINDS.index(disturbance.kind),
         disturbance.size, push, period, settings.action_scale,
@@ -93,17 +97,24 @@ def set_points(
         if not math.isfinite(action):
             return False
     for i in range(len(episodes)):
-        e, c = episodes[i], commands[i]
-        e.elapsed += 1
-        for j in range(actions.shape[1]):
-            actions[i, j] = min(max(actions[i, j], -1.0), 1.0)
-        _advance_targets(c[_TARGETS], actions[i], control)
-        command = _command(e, c[_TARGETS], control)
-        _ramp(c[_BEFORE], c[_COMMAND], command, e.latency, rows[i])
-        c[_BEFORE] = c[_COMMAND]
-        c[_COMMAND] = command
-        _push(e, control, push[i])
+        advance(episodes[i], commands[i], actions[i], control, rows[i], push[i])
     return True
+
+
+@njit
+def advance(e: Record, c: Array, action: Array, control: Control, rows: Array, push: Array) -> None:
+    """Do what `set_points` does for one episode, with an action that is finite; arguments without the first axis."""
+    e.elapsed += 1
+    for j in range(len(action)):
+        action[j] = min(max(action[j], -1.0), 1.0)
+    _advance_targets(c[_TARGETS], action, control)
+    for j in range(control.joints.shape[1]):
+        end = _command(e, c[_TARGETS, j], j, control)
+        for k in range(rows.shape[0]):
+            rows[k, j] = _ramp(c[_BEFORE, j], c[_COMMAND, j], end, k + 1 - e.latency, rows.shape[0])
+        c[_BEFORE, j] = c[_COMMAND, j]
+        c[_COMMAND, j] = end
+    _push(e, control, push)
 
 
 @njit
@@ -118,9 +129,7 @@ def _advance_targets(targets: Array, action: Array, control: Control) -> None:
         for j in range(n):
             _move(targets, j, targets[j] + scale * action[j] * most[j], joints)
     else:
-        arm = _palm_step(action, targets, control)
-        for j in range(arm_dof):
-            _move(targets, j, arm[j], joints)
+        _palm_step(action, targets, control)
         for j in range(arm_dof, n):
             desired = lower[j] + 0.5 * (action[6 + j - arm_dof] + 1.0) * (upper[j] - lower[j])
             _move(targets, j, desired, joints)
@@ -135,72 +144,75 @@ def _move(targets: Array, j: int, desired: float, joints: Array) -> None:
 
 
 @njit
-def _palm_step(action: Array, targets: Array, control: Control) -> Array:
-    """Return arm positions (a,) that move the palm by the action: damped least squares, home in the null space."""
+def _palm_step(action: Array, targets: Array, control: Control) -> None:
+    """Move the arm's set-points as the action moves the palm: damped least squares, home in the null space."""
     joints, share = control.joints, control.period / CONTROL_PERIOD
-    J = palm_jacobian(targets, control.chain)
-    n, scale = J.shape[1], share * control.scale
-    pull = np.empty(n)
+    n, scale = control.chain.shape[0] - 1, share * control.scale
+    J, pull, residual = np.empty((6, ARM_ROOM)), np.empty(ARM_ROOM), np.empty(6)
+    palm_jacobian(targets, control.chain, J)
     for j in range(n):
         pull[j] = share * _POSTURE_GAIN * (joints[_HOME, j] - targets[j])
-    residual = np.empty(6)
     for r in range(6):
         residual[r] = scale * action[r] * (PALM_STEP if r < 3 else PALM_TURN)
         for j in range(n):
             residual[r] -= J[r, j] * pull[j]
-    weights = _solve(J, residual)
-    step = np.empty(n)
+    _solve(J, n, residual)
     excess = 1.0
     for j in range(n):
-        step[j] = pull[j]
         for r in range(6):
-            step[j] += J[r, j] * weights[r]
-        excess = max(excess, abs(step[j]) / joints[_STEP, j])
+            pull[j] += J[r, j] * residual[r]
+        excess = max(excess, abs(pull[j]) / joints[_STEP, j])
     # One factor for all joints keeps the direction of the palm's motion.
     for j in range(n):
-        step[j] = targets[j] + step[j] / excess
-    return step
+        _move(targets, j, targets[j] + pull[j] / excess, joints)
 
 
 @njit
-def palm_jacobian(targets: Array, chain: Array) -> Array:
-    """Jacobian of the palm (6, a) at arm positions: rows linear m and angular rad in the world frame."""
+def palm_jacobian(targets: Array, chain: Array, J: Array) -> None:
+    """Write the Jacobian of the palm (6, a) at arm positions: rows linear m and angular rad in the world frame."""
     n = chain.shape[0] - 1
-    axes, anchors = np.empty((n, 3)), np.empty((n + 1, 3))
-    q = (1.0, 0.0, 0.0, 0.0)
+    axes, anchors = np.empty((ARM_ROOM, 3)), np.empty((ARM_ROOM, 3))
+    qw, qx, qy, qz = 1.0, 0.0, 0.0, 0.0
     x, y, z = 0.0, 0.0, 0.0
     for j in range(n + 1):
-        c = chain[j]
-        dx, dy, dz = _rotated(q, (c[0], c[1], c[2]))
+        link = chain[j]
+        dx, dy, dz = _rotated((qw, qx, qy, qz), (link[0], link[1], link[2]))
         x, y, z = x + dx, y + dy, z + dz
-        anchors[j, 0], anchors[j, 1], anchors[j, 2] = x, y, z
-        q = _product(q, (c[3], c[4], c[5], c[6]))
+        anchors[j, 0] = x
+        anchors[j, 1] = y
+        anchors[j, 2] = z
+        qw, qx, qy, qz = _product((qw, qx, qy, qz), (link[3], link[4], link[5], link[6]))
         if j < n:
-            axes[j, 0], axes[j, 1], axes[j, 2] = _rotated(q, (0.0, 0.0, 1.0))
+            ax, ay, az = _rotated((qw, qx, qy, qz), (0.0, 0.0, 1.0))
+            axes[j, 0] = ax
+            axes[j, 1] = ay
+            axes[j, 2] = az
             half = 0.5 * targets[j]
-            q = _product(q, (math.cos(half), 0.0, 0.0, math.sin(half)))
-    J = np.empty((6, n))
+            turn = (math.cos(half), 0.0, 0.0, math.sin(half))
+            qw, qx, qy, qz = _product((qw, qx, qy, qz), turn)
     for j in range(n):
-        a, b, c = axes[j]
+        a, b, c = axes[j, 0], axes[j, 1], axes[j, 2]
         dx, dy, dz = x - anchors[j, 0], y - anchors[j, 1], z - anchors[j, 2]
-        J[0, j], J[1, j], J[2, j] = b * dz - c * dy, c * dx - a * dz, a * dy - b * dx
-        J[3, j], J[4, j], J[5, j] = a, b, c
-    return J
+        J[0, j] = b * dz - c * dy
+        J[1, j] = c * dx - a * dz
+        J[2, j] = a * dy - b * dx
+        J[3, j] = a
+        J[4, j] = b
+        J[5, j] = c
 
 
 @njit
-def _solve(J: Array, b: Array) -> Array:
-    """Return x (6,) with (J Jt + d^2 I) x = b by Cholesky, which keeps to one order of operations."""
-    L = np.zeros((6, 6))
+def _solve(J: Array, n: int, x: Array) -> None:
+    """Make b (6,) the x with (J Jt + d^2 I) x = b by Cholesky, which keeps to one order of operations; n columns."""
+    L = np.empty((6, 6))
     for r in range(6):
         for c in range(r + 1):
             total = _DAMPING * _DAMPING if r == c else 0.0
-            for j in range(J.shape[1]):
+            for j in range(n):
                 total += J[r, j] * J[c, j]
             for k in range(c):
                 total -= L[r, k] * L[c, k]
             L[r, c] = math.sqrt(total) if r == c else total / L[c, c]
-    x = b.copy()
     for r in range(6):
         for k in range(r):
             x[r] -= L[r, k] * x[k]
@@ -209,47 +221,40 @@ def _solve(J: Array, b: Array) -> Array:
         for k in range(r + 1, 6):
             x[r] -= L[k, r] * x[k]
         x[r] /= L[r, r]
-    return x
 
 
 @njit
-def _command(e: Record, targets: Array, control: Control) -> Array:
-    """Return what the servos are to be told at the end of the control step, (n,): targets and shaking."""
-    command, joints, size = targets.copy(), control.joints, control.size
+def _command(e: Record, target: float, j: int, control: Control) -> float:
+    """Return what the servo of a joint is to be told at the end of the control step: target and shaking."""
+    command, joints, size = target, control.joints, control.size
     if control.kind == _SHAKEN and e.phase == _RUNNING:
-        t = (e.disturbed + 1) * control.period
-        first, second = control.shaken
-        command[first] += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
-        command[second] += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
-        for j in (first, second):
-            command[j] = min(max(command[j], joints[_LOWER, j]), joints[_UPPER, j])
+        t = float(e.disturbed + 1) * control.period
+        first, second = control.shaken[0], control.shaken[1]
+        if j == first:
+            command += size * 0.06 * math.sin(2.0 * math.pi * 3.0 * t)
+        if j == second:
+            command += size * 0.04 * (math.sin(2.0 * math.pi * 2.4 * t + 1.0) - math.sin(1.0))
+        command = min(max(command, joints[_LOWER, j]), joints[_UPPER, j])
     return command
 
 
 @njit
-def _ramp(before: Array, start: Array, end: Array, latency: int, rows: Array) -> None:
-    """Fill rows (frame_skip, n) of commands: evenly from `start` to exactly `end`, late by `latency`."""
-    steps = len(rows)
-    for k in range(steps):
-        at = k + 1 - latency
-        if at == steps:
-            rows[k] = end
-        elif at > 0:
-            fraction = at / steps
-            for j in range(len(start)):
-                rows[k, j] = start[j] + fraction * (end[j] - start[j])
-        elif at == 0:
-            rows[k] = start
-        else:
-            fraction = (steps + at) / steps
-            for j in range(len(start)):
-                rows[k, j] = before[j] + fraction * (start[j] - before[j])
+def _ramp(before: float, start: float, end: float, at: int, steps: int) -> float:
+    """Return a joint's command in physics step `at` of `steps`: evenly from `start` to exactly `end`."""
+    if at == steps:
+        return end
+    if at > 0:
+        return start + at / steps * (end - start)
+    if at == 0:
+        return start
+    return before + (steps + at) / steps * (start - before)
 
 
 @njit
 def _push(e: Record, control: Control, push: Array) -> None:
-    push[:] = 0.0
-    lasts, pause = control.push
-    turn, at = divmod(e.disturbed, lasts + pause)
+    for k in range(3):
+        push[k] = 0.0
+    lasts = control.push[0]
+    turn, at = e.disturbed // (lasts + control.push[1]), e.disturbed % (lasts + control.push[1])
     if control.kind == _PUSHED and e.phase == _RUNNING and at < lasts:
         push[turn // 2] = control.size * e.mass * _GRAVITY * (1.0 if turn % 2 == 0 else -1.0)

@@ -3,7 +3,7 @@
 import copy
 from collections.abc import Sequence
 from functools import lru_cache
-from typing import Any
+from typing import Any, NamedTuple, Protocol
 
 import mujoco
 import numpy as np
@@ -44,11 +44,35 @@ def compiled_scene(model: ObjectModel, cell: Cell) -> mujoco.MjModel:
     return build_scene(model, cell, cameras=cell.make_cameras())
 
 
+class Moment(Protocol):
+    """Where N environments are, with robots of n joints, and room for k objects, zeros where there are fewer."""
+
+    @property
+    def qpos(self) -> Array:
+        """(N, n + 7 k) positions, the target's after the robot's."""
+
+    @property
+    def qvel(self) -> Array:
+        """(N, n + 6 k) velocities."""
+
+    @property
+    def sensors(self) -> Array:
+        """(N, m) `sensordata`."""
+
+
+class Arrays(NamedTuple):
+    """A `Moment` of arrays."""
+
+    qpos: Array
+    qvel: Array
+    sensors: Array
+
+
 class Simulation:
     """A compiled scene with its data; `base` stays as compiled, `model` carries the variation of the episode.
 
-    `moment` are views of the data: positions (1, n + 7 k), velocities (1, n + 6 k) and sensors (1, m) of n joints and
-    k objects. After a step the sensors of neighbours hold the most of its physics steps.
+    `moment` are views of the data, of one environment. After a step the sensors of neighbours hold the most of its
+    physics steps.
     """
 
     def __init__(
@@ -71,7 +95,7 @@ class Simulation:
         self.touches = slice(self.base.nsensordata - len(self.neighbours), self.base.nsensordata)
         # Views into `data`, which stays where it is.
         data = self.data
-        self.moment = (data.qpos[None], data.qvel[None], data.sensordata[None])
+        self.moment = Arrays(data.qpos[None], data.qvel[None], data.sensordata[None])
         self._forces = (data.qfrc_applied, data.xfrc_applied)
         self._warmstart = data.qacc_warmstart
         self._warnings = data.warning.number

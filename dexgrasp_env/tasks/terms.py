@@ -51,8 +51,9 @@ def progress_terms(
     e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array
 ) -> None:
     """Write the terms of version 2: (7,), of `rewards.WEIGHTS`; arguments as of `level_terms`."""
-    terms[:] = 0.0
-    terms[6] = 1.0 * e.solved
+    for k in range(len(terms)):
+        terms[k] = 0.0
+    terms[6] = e.solved
     if e.failure != _NO_FAILURE:
         return
     far, near, fingers = 0.0, 0.0, len(rules.grasp) - 1

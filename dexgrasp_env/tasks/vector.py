@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.tasks.control import ActionSpace, check_actions
-from dexgrasp_env.tasks.episodes import EpisodeState, Moment, Starts
+from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_shape
+from dexgrasp_env.tasks.episodes import EpisodeState, Starts
 from dexgrasp_env.tasks.infos import masked, objects, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.observations import cut
 from dexgrasp_env.tasks.physics import make_physics
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
@@ -27,7 +28,7 @@ from dexgrasp_env.tasks.rests import Rests
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.single import NO_WARNINGS
 from dexgrasp_env.tasks.views import Views
-from dexgrasp_env.valid import COUNT, Rule, check
+from dexgrasp_env.valid import COUNT, Rule, check, instance
 
 _Observations = dict[str, NDArray[Any]]
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
@@ -49,6 +50,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     | `max_episode_steps` | `300` | control steps after which an episode is truncated; None for no limit |
     | `autoreset_mode` | `'NextStep'` | `NextStep`, `SameStep`, `Disabled` |
     | `threads` | `None` | threads at a time; None for one a core |
+    | `tensors` | `False` | with `backend="warp"`: take and return torch tensors on the device; see below |
 
     ## Physics on a GPU
 
@@ -66,6 +68,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     - An object that leaves the table falls through the floor.
     - `obs_mode` is `state`, and there are no neighbours.
 
+    What an episode achieves is computed on the device too: actions go there, and rewards, observations and the numbers
+    of the infos come back. With `tensors=True` nothing but the infos does: `step` takes a tensor, observations and
+    rewards are tensors that share memory with the device's arrays and change with the next step, and the flags are
+    tensors.
+
     `obs_mode="rgbd"` is not here: GL draws one picture at a time, so many environments gain nothing.
     """
 
@@ -77,9 +84,10 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         max_episode_steps: int | None = MAX_EPISODE_STEPS,
         autoreset_mode: str | AutoresetMode = AutoresetMode.NEXT_STEP,
         threads: int | None = None,
+        tensors: bool = False,
         **kwargs: Any,
     ) -> None:
-        EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, **kwargs)
+        EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, tensors, **kwargs)
         given = self._env_type.arguments(**kwargs)
         self.num_envs = check("num_envs", num_envs, COUNT)
         if str(given["obs_mode"]).endswith("rgbd") or given["render_mode"] == "human":
@@ -88,6 +96,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
             )
         if given["backend"] == "warp" and given["obs_mode"] != "state":
             raise InputError("backend='warp' has obs_mode='state' alone in the vector environment")
+        self._tensors = check("tensors", tensors, instance(bool, "true or false"))
+        if tensors and (given["backend"] != "warp" or self._env_type is not LiftEnv):
+            raise InputError("tensors=True is of DexGrasp/Lift with backend='warp'")
         limit = max_episode_steps
         self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
@@ -101,6 +112,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._physics = make_physics(self._episodes, num_envs, threads)
         if self.settings.backend == "warp":  # resets by MuJoCo would take longer than the steps of the others
             self._episodes.one_model, self._episodes.settle = True, Rests().settle
+            from dexgrasp_env.tasks.warp_episodes import WarpEpisodes
+
+            self._episodes.device = WarpEpisodes(self._episodes, self._physics, tensors)
         self.single_action_space = ActionSpace(self.settings.control_mode, self.settings.cell.robot)
         self.single_observation_space = self._episodes.observation_space()
         self.action_space = batch_space(self.single_action_space, num_envs)
@@ -109,13 +123,16 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._observation: _Observations = {
             key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
             for key, part in self.single_observation_space.items()
+            if not (tensors and key in self._episodes.layout)
         }
+        """What is kept on the host."""
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
         self._started = np.zeros(num_envs, bool)
 
     @property
     def targets(self) -> NDArray[np.float64]:
         """Set-points of the servos as the agent has them, (N, n) rad."""
+        self._episodes.fetch()
         return self._episodes.commands[:, 0].copy()
 
     # -- Gymnasium -----------------------------------------------------------------------------------------------
@@ -155,7 +172,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         Raises:
             InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
         """
-        clipped = check_actions(actions, self.action_space.shape)
+        if self._tensors:
+            check_shape(actions.shape, self.action_space.shape)
+        clipped = actions if self._tensors else check_actions(actions, self.action_space.shape)
         if not self._started.all() or (self._mode is AutoresetMode.DISABLED and self._ended.any()):
             which = np.flatnonzero(self._ended).tolist()
             raise InputError(
@@ -175,7 +194,10 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         )
         self._ended = terminated | truncated
         final = self._finish() if self._mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
-        return self._observations(), rewards, terminated, truncated, self._infos() | final
+        told: tuple[Any, ...] = rewards, terminated, truncated
+        if self._tensors:
+            told = self._episodes.device.told_tensors(waiting, terminated, truncated)
+        return self._observations(), *told, self._infos() | final
 
     def render(self) -> tuple[Any, ...] | None:
         """Return a picture of each environment."""
@@ -257,7 +279,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._started[i], self._ended[i] = False, True  # options may be refused
         simulation = self._episodes.begin(i, self._rng(i), options)
         self._physics.load(i, simulation)
-        only, moment = self._part(i)
+        only, moment = slice(i, i + 1), self._physics.moment(i)
         slot, rngs = self._episodes.slots[i], [self._rng(i)]
         self._note(only, self._episodes.conclude(only, moment, NO_WARNINGS, rngs, judge=not slot.resumed))
         fresh = not (slot.resumed and slot.view.seen)
@@ -268,11 +290,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     def _advance(self, actions: NDArray[np.float64], running: NDArray[np.intp]) -> None:
         """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
         episodes, physics = self._episodes, self._physics
-        everything, moment = slice(None), (physics.qpos, physics.qvel, physics.sensors)
+        everything = slice(None)
         rows, push = episodes.set_points(everything, actions)
         warnings = physics.step(rows, push if self.settings.disturbance.kind == "pushed" else None, running)
         rngs = [self._rng(i) if not self._ended[i] else None for i in range(self.num_envs)]
-        self._note(everything, episodes.conclude(everything, moment, warnings, rngs))
+        self._note(everything, episodes.conclude(everything, physics, warnings, rngs))
         if self.settings.obs_mode != "state":
             for i in map(int, running):
                 due = self._views.due(physics.qpos[i])
@@ -281,8 +303,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     def _finish(self) -> dict[str, Any]:
         """Return the last observations and infos of those that ended, and reset them."""
         final: dict[str, Any] = {}
+        now = self._observations() if self._tensors else self._observation
         for i in np.flatnonzero(self._ended).tolist():
-            last = {key: values[i].copy() for key, values in self._observation.items()}
+            last = {
+                key: values[i].clone() if self._tensors else values[i].copy() for key, values in now.items()
+            }
             info = self._episodes.info(i) | copy.deepcopy(self._episodes.slots[i].view.info)
             final = self._add_info(final, {"final_obs": last, "final_info": info}, i)
         for i in np.flatnonzero(self._ended).tolist():
@@ -301,16 +326,16 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         simulation.data.qpos[:] = self._physics.qpos[i, : simulation.base.nq]
         return simulation
 
-    def _part(self, i: int) -> tuple[slice, Moment]:
-        only, physics = slice(i, i + 1), self._physics
-        return only, (physics.qpos[only], physics.qvel[only], physics.sensors[only])
-
     def _note(self, part: slice | int, seen: _Observations) -> None:
         for key, values in seen.items():
-            self._observation[key][part] = values
+            if key in self._observation:
+                self._observation[key][part] = values
 
     def _observations(self) -> _Observations:
-        return {key: values.copy() for key, values in self._observation.items()}
+        copies = {key: values.copy() for key, values in self._observation.items()}
+        if not self._tensors:
+            return copies
+        return cut(self._episodes.device.rows(), self._episodes.layout) | copies
 
     def _infos(self) -> dict[str, Any]:
         """Return what `Episodes.info` says of every environment, as arrays by key with their masks."""
