@@ -354,7 +354,7 @@ def test_wrong_use_is_named_in_one_line():
     ("settings", "words"),
     [
         ({"backend": "mjx"}, "backend is 'mjx'"),
-        ({"backend": "warp", "obs_mode": "depth"}, "backend='warp' has obs_mode='state' alone"),
+        ({"tensors": True}, "tensors=True is of DexGrasp/Lift with backend='warp'"),
         ({"backend": "warp", "env_id": "DexGrasp/ClutterSparse-v1"}, "no neighbours"),
     ],
 )

@@ -59,16 +59,20 @@ def denormalise(action: Array, robot: Ranges) -> Array:
 
 
 def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
-    """Return a copy of actions of the right shape, in double precision; raises as `check_shape`."""
-    own = np.array(action, dtype=np.float64)
-    check_shape(own.shape, shape)
+    """Return a copy of actions of the right shape, in double precision; raises as `check_tensor`."""
+    own: NDArray[np.float64] = check_tensor(np.array(action, dtype=np.float64), shape)
     return own
 
 
-def check_shape(given: tuple[int, ...], valid: tuple[int, ...] | None) -> None:
-    """Raise an InputError for actions of a wrong shape."""
-    if given != valid:
-        raise InputError(f"action has shape {tuple(given)}: valid is {valid}")
+def check_tensor(actions: Any, shape: tuple[int, ...] | None) -> Any:
+    """Return actions of the right shape.
+
+    Raises:
+        InputError: if their shape is wrong.
+    """
+    if actions.shape != shape:
+        raise InputError(f"action has shape {tuple(actions.shape)}: valid is {shape}")
+    return actions
 
 
 def check_finite(actions: NDArray[Any]) -> None:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
-from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_shape
+from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
 from dexgrasp_env.tasks.episodes import EpisodeState, Starts
 from dexgrasp_env.tasks.infos import masked, objects, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
@@ -66,7 +66,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
       `mjWARN_CONTACTFULL` or `mjWARN_CNSTRFULL`.
     - Worlds share meshes: `randomisation` of `size` is for objects of boxes, cylinders, spheres and capsules.
     - An object that leaves the table falls through the floor.
-    - `obs_mode` is `state`, and there are no neighbours.
+    - There are no neighbours.
 
     What an episode achieves is computed on the device too: actions go there, and rewards, observations and the numbers
     of the infos come back. With `tensors=True` nothing but the infos does: `step` takes a tensor, observations and
@@ -94,8 +94,6 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
             raise InputError(
                 "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
             )
-        if given["backend"] == "warp" and given["obs_mode"] != "state":
-            raise InputError("backend='warp' has obs_mode='state' alone in the vector environment")
         self._tensors = check("tensors", tensors, instance(bool, "true or false"))
         if tensors and (given["backend"] != "warp" or self._env_type is not LiftEnv):
             raise InputError("tensors=True is of DexGrasp/Lift with backend='warp'")
@@ -125,7 +123,6 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
             for key, part in self.single_observation_space.items()
             if not (tensors and key in self._episodes.layout)
         }
-        """What is kept on the host."""
         self._ended = np.ones(num_envs, bool)  # waiting for a reset
         self._started = np.zeros(num_envs, bool)
 
@@ -172,9 +169,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         Raises:
             InputError: for actions of a wrong shape or not finite, or if an environment needs a reset first.
         """
-        if self._tensors:
-            check_shape(actions.shape, self.action_space.shape)
-        clipped = actions if self._tensors else check_actions(actions, self.action_space.shape)
+        clipped = (check_tensor if self._tensors else check_actions)(actions, self.action_space.shape)
         if not self._started.all() or (self._mode is AutoresetMode.DISABLED and self._ended.any()):
             which = np.flatnonzero(self._ended).tolist()
             raise InputError(
@@ -194,10 +189,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         )
         self._ended = terminated | truncated
         final = self._finish() if self._mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
-        told: tuple[Any, ...] = rewards, terminated, truncated
         if self._tensors:
-            told = self._episodes.device.told_tensors(waiting, terminated, truncated)
-        return self._observations(), *told, self._infos() | final
+            rewards, terminated, truncated = self._episodes.device.told_tensors(
+                waiting, terminated, truncated
+            )
+        return self._observations(), rewards, terminated, truncated, self._infos() | final
 
     def render(self) -> tuple[Any, ...] | None:
         """Return a picture of each environment."""
