@@ -30,9 +30,13 @@ _PROGRESS = list(_NAMES[_NAMES.index("elapsed") : _NAMES.index("goal")])
 
 @wp.kernel(enable_backward=False)
 def _set_points(
-    records: Any, commands: wp.array3d[float], actions: wp.array2d[float], control: Any,
-    rows: wp.array3d[float], push: wp.array2d[float],
-) -> None:  # fmt: skip
+    records: Any,
+    commands: wp.array3d[float],
+    actions: wp.array2d[float],
+    control: Any,
+    rows: wp.array3d[float],
+    push: wp.array2d[float],
+) -> None:
     i = wp.tid()
     _advance(records, i, commands[i], actions[i], control, rows[i], push[i])
 
