@@ -135,10 +135,16 @@ def _apart(a: Thing, b: Thing) -> float:
     return float(np.maximum(q.min(0) - p.max(0), p.min(0) - q.max(0)).max())
 
 
+def bare_table() -> mujoco.MjSpec:
+    """Return a scene of a wide table alone, whose top is z = 0."""
+    spec = mujoco.MjSpec()
+    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.6, 0.8, 0.02], pos=[0.55, 0.0, -0.02])
+    return spec
+
+
 def seen(things: list[Thing], rng: Generator) -> tuple[Array, Array]:
     """Return a cloud (N, 3) m, frame of the base, and which thing each point shows, from 1 on, 0 the table."""
-    cell, spec = default_cell(), mujoco.MjSpec()
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, size=[0.6, 0.8, 0.02], pos=[0.55, 0.0, -0.02])
+    cell, spec = default_cell(), bare_table()
     for one in things:
         size = [one.sides[0] / 2, one.sides[2] / 2, 0] if one.can else [side / 2 for side in one.sides]
         kind = mujoco.mjtGeom.mjGEOM_CYLINDER if one.can else mujoco.mjtGeom.mjGEOM_BOX

@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 import torch
 import trimesh
+from crowded_clouds import bare_table
 from numpy.random import Generator
 from safetensors.torch import save_file
 from torch import Tensor, nn
@@ -103,15 +104,13 @@ def example(scene: Scene, hull: Array, mirror: bool) -> tuple[Array, Array]:
 
 
 def _scene(mesh: trimesh.Trimesh) -> mujoco.MjModel:
-    spec = mujoco.MjSpec()
+    spec = bare_table()
     spec.add_mesh(
         name="shape",
         uservert=mesh.vertices.ravel(),
         userface=mesh.faces.ravel(),
         inertia=mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL,
     )
-    table = {"size": [0.6, 0.8, 0.02], "pos": [0.55, 0.0, -0.02]}
-    spec.worldbody.add_geom(type=mujoco.mjtGeom.mjGEOM_BOX, **table)
     body = spec.worldbody.add_body(name="object")
     body.add_freejoint()
     body.add_geom(type=mujoco.mjtGeom.mjGEOM_MESH, meshname="shape")

@@ -26,6 +26,11 @@ def catalogue(name):
     return mesh
 
 
+def lying(size, at=(0.5, 0.0), mass=None):
+    """A box on the table."""
+    return GraspTarget.of(trimesh.creation.box(size).apply_translation([*at, size[2] / 2]), mass=mass)
+
+
 def users_mesh():
     """A mug without its handle's charm: not convex, off centre."""
     cup = trimesh.creation.annulus(0.026, 0.032, 0.09)

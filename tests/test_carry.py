@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
+from planned import lying
 from robots import CELL, HOME, ROBOT
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
@@ -20,16 +20,13 @@ from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.tasks.control import denormalise
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 
 
 def planned(mass):
-    box = trimesh.creation.box((0.05, 0.1, 0.14))
-    box.apply_translation([0.5, 0.0, 0.07])
-    target = GraspTarget.of(box, mass=mass)
+    target = lying((0.05, 0.1, 0.14), mass=mass)
     plan = Planner(SETTINGS).plan(target, 0, np.array(HOME))
     assert plan.grasp is not None
     return plan, target

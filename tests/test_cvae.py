@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
+from planned import lying
 from processes import typed
 from refusals import refused
 from robots import CELL
@@ -11,7 +12,6 @@ from robots import CELL
 torch = pytest.importorskip("torch")
 pytest.importorskip("safetensors")
 
-import trimesh  # noqa: E402
 
 from dexgrasp import make_agent  # noqa: E402
 from dexgrasp.agents.ablations import (  # noqa: E402
@@ -64,10 +64,8 @@ def trained(data, tmp_path_factory):
     return out, state
 
 
-def box(size=(0.06, 0.09, 0.1), at=(0.5, 0.05)):
-    mesh = trimesh.creation.box(size)
-    mesh.apply_translation([*at, size[2] / 2])
-    return GraspTarget.of(mesh)
+def box():
+    return lying((0.06, 0.09, 0.1), (0.5, 0.05))
 
 
 def tensors(data, step=0):
@@ -279,9 +277,7 @@ def test_agents_carry_out_learned_grasps(name):
 
 def test_what_the_ablations_reject_and_what_not():
     """`cvae` checks IK, collisions and Eq. 4 of a grasp; `cvae_kinematics` that its forces bear the weight."""
-    target = GraspTarget.of(
-        trimesh.creation.box((0.05, 0.1, 0.08)).apply_translation([0.5, 0.0, 0.04]), mass=0.2
-    )
+    target = lying((0.05, 0.1, 0.08), mass=0.2)
     heavy = GraspTarget.of(target.hull, mass=60.0)
     raw = RawPlanner(PlannerSettings(), CELL).plan(target, 0)
     assert set(raw.log.blocked) <= {COLLISION, NO_CLOSURE, NO_IK}
@@ -310,7 +306,7 @@ class Given(ProposalSource):
 
 
 def test_decoded_palms_are_rotations_near_the_fingertips():
-    target = GraspTarget.of(trimesh.creation.box((0.05, 0.1, 0.08)).apply_translation([0.5, 0.0, 0.04]))
+    target = lying((0.05, 0.1, 0.08))
     tips, palms = decode(read_decoder(shipped_weights()), target, 40, np.random.default_rng(0))
     R = palms[:, :3, :3]
     assert_allclose(R @ R.transpose(0, 2, 1), np.tile(np.eye(3), (40, 1, 1)), atol=1e-9)

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import trimesh
 from numpy.testing import assert_allclose, assert_array_equal
+from planned import lying
 from robots import CELL, HOME, LOWER, UPPER
 
 from dexgrasp.benchmarks.proposals import UniformProposals
@@ -25,12 +25,6 @@ from dexgrasp.planning.sqp import TOLERANCE, bounds_of, solve
 from dexgrasp.shape.target import GraspTarget
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
-
-
-def lying(size, at=(0.5, 0.0)):
-    mesh = trimesh.creation.box(size)
-    mesh.apply_translation([*at, size[2] / 2])
-    return GraspTarget.of(mesh)
 
 
 BOX = lying((0.05, 0.08, 0.12))

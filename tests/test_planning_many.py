@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import pytest
-import trimesh
+from planned import lying
 from processes import typed
 from refusals import refused
 from robots import HOME
@@ -17,22 +17,19 @@ from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.seen import plan_cloud
 from dexgrasp.planning.settings import MOST
-from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.verify import verify
 
 COUNT = 6
 
 
-def box(x=0.5, size=(0.05, 0.07, 0.08)):
-    mesh = trimesh.creation.box(size)
-    mesh.apply_translation([x, 0.0, size[2] / 2])
-    return mesh
+def box(x=0.5):
+    return lying((0.05, 0.07, 0.08), (x, 0.0), 0.2)
 
 
 @pytest.fixture(scope="module")
 def found():
     steps = []
-    planner, target = Planner(), GraspTarget.of(box(), mass=0.2)
+    planner, target = Planner(), box()
     return (
         planner,
         target,
@@ -87,7 +84,7 @@ def test_the_same_seed_gives_the_same_set(found):
 
 
 def test_out_of_reach_ends_with_a_reason():
-    grasps = plan_many(Planner(), GraspTarget.of(box(x=1.4), mass=0.2), 3, 0, HOME)
+    grasps = plan_many(Planner(), box(x=1.4), 3, 0, HOME)
     assert grasps.found == []
     assert grasps.reason == "no_grasp:no_reachable_posture"
     assert grasps.diversity == []

@@ -26,6 +26,13 @@ _PHANTOM = '<position name="phantom" joint="index_1" kp="10"/></actuator>'
 _BACKWARDS = [0.5**0.5, 0.0, 0.5**0.5, 0.0]
 
 
+def check_of(folder, parts):
+    """Write a robot of some parts into a folder; return the command that checks it."""
+    robot = {"schema": 1, "kind": "robot", "name": "mine", "arm": "panda.yaml", "hand": "allegro.yaml"}
+    (folder / "robot.yaml").write_text(yaml.safe_dump(robot | {"mount": "palm_normal"} | parts))
+    return ["robot", "check", str(folder / "robot.yaml")]
+
+
 def _shifted(hand: dict, finger: int, frame: dict) -> dict:
     fingers = [dict(entry) for entry in hand["fingers"]]
     fingers[finger]["frame"] = fingers[finger]["frame"] | frame
@@ -76,9 +83,7 @@ def test_the_check_finds_a_fault_of_a_description(change, problem, tmp_path, cap
     assert change(text) != text
     (tmp_path / "hand.xml").write_text(change(text))
     (tmp_path / "hand.yaml").write_text(yaml.safe_dump(HAND | {"mjcf": "hand.xml"}))
-    robot = {"schema": 1, "kind": "robot", "name": "mine", "arm": "panda.yaml", "hand": "hand.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"mount": "palm_normal"}))
-    run_command(["robot", "check", str(tmp_path / "robot.yaml")])
+    run_command(check_of(tmp_path, {"hand": "hand.yaml"}))
     said = capsys.readouterr()
     assert re.search(problem, said.out + said.err)
     assert "Traceback" not in said.err
@@ -111,9 +116,7 @@ FRAME = {"position": [0.0, 0.0, 0.0]}
 )  # fmt: skip
 def test_a_broken_robot_file_is_said_in_one_line(change, words, tmp_path, capsys):
     (tmp_path / "hand.yaml").write_text(yaml.safe_dump(HAND | change))
-    robot = {"schema": 1, "kind": "robot", "name": "mine", "arm": "panda.yaml", "hand": "hand.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"mount": "palm_normal"}))
-    assert run_command(["robot", "check", str(tmp_path / "robot.yaml")]) == 2
+    assert run_command(check_of(tmp_path, {"hand": "hand.yaml"})) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
 
@@ -144,9 +147,7 @@ _ARM = yaml.safe_load(asset_path("robot", "panda.yaml").read_text())
 )  # fmt: skip
 def test_a_broken_arm_or_robot_is_said_in_one_line(arm, robot, words, tmp_path, capsys):
     (tmp_path / "arm.yaml").write_text(yaml.safe_dump(_ARM | arm))
-    whole = {"schema": 1, "kind": "robot", "name": "mine", "arm": "arm.yaml", "hand": "allegro.yaml"}
-    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(whole | {"mount": "palm_normal"} | robot))
-    assert run_command(["robot", "check", str(tmp_path / "robot.yaml")]) == 2
+    assert run_command(check_of(tmp_path, {"arm": "arm.yaml"} | robot)) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert re.search(words, line), line
 

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
-from dexgrasp.physics.contacts import GRAVITY, Contacts, Shape, shape_of
+from dexgrasp.physics.contacts import Contacts, Shape, shape_of
 from dexgrasp.physics.margin import rough_margins
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.physics.strength import load_of, torque_fraction
@@ -183,9 +183,8 @@ def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSett
     """Return the triples that have the margin asked for, and at which some forces of `MOST_FORCE` bear the object."""
     target, least = scene.grasp_target, settings.least_load
     planner = settings.planner.for_hand(settings.cell.robot.hand)
-    gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
     loads = _free_loads(
-        scene.points, scene.normals, scene.friction, triples, target.centre, gravity, least, shape_of(3)
+        scene.points, scene.normals, scene.friction, triples, target.centre, target.weight, least, shape_of(3)
     )
     firm = triples[loads >= least]
     margins = rough_margins(scene.points[firm], scene.normals[firm], planner.friction, _ROUGH, shape_of(3))

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearance_rows, empty_rows
 from dexgrasp.kinematics.forward import body_frames, fingertips, hand_contact_jacobian
-from dexgrasp.physics.contacts import GRAVITY, Contacts
+from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.ratios import wrench_ratios
 from dexgrasp.physics.strength import capacity_of, hold_residual, load_of, torque_fraction
@@ -28,9 +28,9 @@ def contacts_of(q: Array, problem: Problem, friction: float) -> tuple[Contacts, 
     distance, normals = target.distance.distance_gradient(tips)
     points = tips - distance[:, None] * normals
     jacobians = hand_contact_jacobian(q, points, normals, tree)
-    mu, gravity = np.full(len(points), friction), np.array([0.0, 0.0, -GRAVITY * target.mass])
+    mu = np.full(len(points), friction)
     return Contacts(
-        points, normals, jacobians, tree.torque, mu, target.centre, gravity, tree.torsion
+        points, normals, jacobians, tree.torque, mu, target.centre, target.weight, tree.torsion
     ), distance
 
 

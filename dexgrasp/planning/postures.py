@@ -24,7 +24,7 @@ from dexgrasp.kinematics.forward import (
 from dexgrasp.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp.physics.contacts import GRAVITY, Contacts, Shape
+from dexgrasp.physics.contacts import Contacts, Shape
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.claims import overlap
@@ -152,10 +152,8 @@ def loads_on(placed: Placements, problem: Problem, friction: Array | None = None
     if friction is None:
         tips, normals = goals.centres.reshape(-1, 3), -goals.inward.reshape(-1, 3)
         friction = narrowed_friction(tips, normals, target, settings).reshape(-1, shape.contacts)
-    gravity = np.array([0.0, 0.0, -GRAVITY * target.mass])
-    burden = _Burden(
-        settings.tip_height, target.centre, gravity, friction, settings.torque_share * tree.torque
-    )
+    limit = settings.torque_share * tree.torque
+    burden = _Burden(settings.tip_height, target.centre, target.weight, friction, limit)
     return _estimates(placed, hand_atlas(problem.cell).joints, tree, burden, shape)
 
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.field import Field, field_of
 from dexgrasp.geometry.volume import volume_and_centre
+from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.shape.hull import REACH
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -99,6 +100,11 @@ class GraspTarget:
         middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
         known = assumed_mass(hull_volume(distance)[0]) if mass is None else float(mass)
         return cls(distance, middle, known, spread)
+
+    @property
+    def weight(self) -> Array:
+        """The force of gravity (3,) N."""
+        return np.array([0.0, 0.0, -GRAVITY * self.mass])
 
     @property
     def is_convex(self) -> bool:
