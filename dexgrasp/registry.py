@@ -67,12 +67,13 @@ def placing_agent(name: str) -> Agent:
     return placing
 
 
-def agent_for(name: str, friction: float | None) -> Agent:
+def agent_for(name: str, friction: float | None, at_least: float | None = None) -> Agent:
     """Make an agent for surfaces of some friction: one that plans grasps counts on its usual share of it.
 
     Args:
         name: see `make_agent`.
         friction: coefficient; None leaves the agent with what it counts on by default.
+        at_least: probability of being held that one that plans grasps must see in a grasp; None for any.
 
     Raises:
         InputError: as `make_agent`.
@@ -81,9 +82,9 @@ def agent_for(name: str, friction: float | None) -> Agent:
     from dexgrasp.planning.settings import PlannerSettings
 
     agent = make_agent(name)
-    if friction is None or not isinstance(agent, PlansGrasps):
+    if (friction is None and at_least is None) or not isinstance(agent, PlansGrasps):
         return agent
-    return make_agent(name, settings=PlannerSettings.for_friction(friction))
+    return make_agent(name, settings=PlannerSettings.of(friction, at_least))
 
 
 def check_name(name: str) -> None:

@@ -104,10 +104,11 @@ def test_extras_say_what_they_bring(project):
     for extra, modules in EXTRAS.items():
         brought = names(extras[extra]) - names(project["dependencies"])
         assert {normal(OWNERS.get(module, [module])[0]) for module in modules} <= brought, extra
-    assert set(extras) == {*EXTRAS, "docs", "dev", "all"}
+    assert set(extras) == {*EXTRAS, "docs", "dev", "fit", "all"}
     (everything,) = extras["all"]
     assert set(everything.removeprefix("dexgrasp[").removesuffix("]").split(",")) == set(extras) - {
         "all",
+        "fit",
         "gpu",
     }
 

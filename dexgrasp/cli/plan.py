@@ -10,7 +10,7 @@ from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check
 from dexgrasp.cli.output import make_folder, note
 from dexgrasp.cli.scan import Scan, as_json, chosen_line, list_lines, tilt_line
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.valid import Count, check
+from dexgrasp_env.valid import Count, Share, check
 
 if TYPE_CHECKING:
     from dexgrasp.planning.look import Look
@@ -30,23 +30,26 @@ class Plan(Command, Scan, Scene):
       dexgrasp plan --cloud scene.ply --objects           what is seen there; point at one of them:
       dexgrasp plan --cloud scene.ply --object-near 0.5 0.1 0.03
       dexgrasp plan pear --count 20 --out grasps/pear     20 grasps that differ: grasp_000.json is the firmest
+      dexgrasp plan pear --at-least 0.95                  a grasp that holds with this probability, or none
       dexgrasp plan pear --friction 0.35                  a slippery one, and a planner that knows it: it counts on 5/7
                                                           of MU for closure, 6/7 for the forces (never over 0.5 and 0.6)
 
     The object is put on the table in a pose drawn from --seed, seen with the default sensor noise, and planned for
     without knowledge of its pose or mass. Exit code 1 says that there is no grasp, or none that
-    bears the assumed weight; the reason is printed.
+    bears the assumed weight, or none so sure as --at-least asks; the reason is printed.
 
     Attributes:
         target: object of the catalogue or mesh file (obj, stl, ply, glb).
         agent: which planner.
         count: K grasps that differ, firmest first; with --out, grasp_000.json and so on (exit code 1 for fewer).
+        at_least: a grasp that is lifted and held with at least this probability, or none (exit code 1).
         out: folder for grasp.json and grasp.png.
     """
 
     target: Argument[str | None] = None
     agent: Annotated[str, "AGENT"] = "bilevel"
     count: Annotated[Count | None, "K"] = None
+    at_least: Annotated[Share | None, "P"] = None
     out: Folder | None = None
 
     def run(self) -> Answer:
@@ -101,7 +104,9 @@ class Plan(Command, Scan, Scene):
 
     def _plan(self, progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
         """Plan for the named object; return what came of it, and the same as JSON."""
-        look, found = plan_target(str(self.target), self.agent, self, self.count, progress)
+        look, found = plan_target(
+            str(self.target), self.agent, self, progress, count=self.count, at_least=self.at_least
+        )
         return found, found.as_json(look.subject.identity, self.agent, look.subject.pose)
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
@@ -111,8 +116,7 @@ class Plan(Command, Scan, Scene):
         from dexgrasp_env.perception.objects import listed
         from dexgrasp_env.perception.recorded import SEVERAL
 
-        settings = None if self.friction is None else PlannerSettings.for_friction(self.friction)
-        planner = default_planner(self.cell, settings)
+        planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least))
         scene, home = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell), self.cell.robot.home
         seen = listed(scene, self.cell.base)
         if scene.reason == SEVERAL:
@@ -166,7 +170,13 @@ def check_target(target: str, agent: str, scene: Scene) -> None:
 
 
 def plan_target(
-    target: str, agent_name: str, scene: Scene, count: int | None = None, progress: "Progress | None" = None
+    target: str,
+    agent_name: str,
+    scene: Scene,
+    progress: "Progress | None" = None,
+    *,
+    count: int | None = None,
+    at_least: float | None = None,
 ) -> "tuple[Look, PlanResult]":
     """Let an agent look at an object, and plan.
 
@@ -178,7 +188,7 @@ def plan_target(
     from dexgrasp.planning.result import PlansGrasps
     from dexgrasp.registry import agent_for
 
-    agent = agent_for(agent_name, scene.friction)
+    agent = agent_for(agent_name, scene.friction, at_least)
     if not isinstance(agent, PlansGrasps):
         raise InputError(
             f"agent {agent_name!r} makes no certified plans: valid are bilevel, cvae, cvae_kinematics"

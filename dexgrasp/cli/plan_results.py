@@ -64,6 +64,9 @@ def describe(result: dict[str, Any], unseen: str = "") -> str:
     if not result["certificate"]["holds"]:
         found = coloured("grasp found that does not bear the assumed weight", "look")
     figures = _figures(result["certificate"], _CERTIFICATE)
+    if (known := result["grasp"]["holds_probability"]) is not None:
+        chances = f"{_chance(known['lifted'])}, {_chance(known['pushed'])}"
+        figures["probability to be lifted and held, and pushed by its weight"] = chances
     return "\n  ".join([f"{name}: {found} in {seconds}", *columns(figures)])
 
 
@@ -74,7 +77,7 @@ def _describe_set(result: dict[str, Any]) -> str:
     speed = f"{result['grasps_per_cpu_second']:.0f} a second of one core"
     lines = [f"{result['object']}: {found} in {seconds:.2f} s, {speed}"]
     if result["grasps"]:
-        rows = [_figures(grasp["certificate"], _SET) for grasp in result["grasps"]]
+        rows = [_figures(grasp["certificate"], _SET) | _sure(grasp) for grasp in result["grasps"]]
         lines += [
             record_table([{"grasp": f"{k:03d}", **row} for k, row in enumerate(rows)]),
             f"each bears the {1000 * result['certificate']['mass']:.0f} g that the object is assumed to weigh",
@@ -93,6 +96,15 @@ def _figures(certificate: dict[str, Any], formats: dict[str, str]) -> dict[str, 
         "grams": 1000 * certificate["mass"],
     }
     return {name: form.format(**shown) for name, form in formats.items()}
+
+
+def _sure(grasp: dict[str, Any]) -> dict[str, str]:
+    known = grasp["holds_probability"]
+    return {} if known is None else {"holds": _chance(known["lifted"])}
+
+
+def _chance(chance: dict[str, float]) -> str:
+    return f"{chance['value']:.2f} [{chance['low']:.2f}, {chance['high']:.2f}]"
 
 
 def _why(result: dict[str, Any]) -> str:

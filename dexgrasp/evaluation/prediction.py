@@ -13,8 +13,10 @@ PREDICTORS = {
     "load": "load, in weights",
     "capacity": "capacity, in weights",
     "closure_margin": "closure margin",
+    "lifted": "probability to be lifted and held",
+    "pushed": "probability to be held through pushes",
 }
-"""Fields of a certificate of which more should be better -> what reports call them."""
+"""Fields of a certificate, or probabilities, of which more should be better -> what reports call them."""
 _BINS = 5
 _LEAST = 10
 """Trials in a bin at least."""
@@ -60,7 +62,8 @@ def predictions(rows: Sequence[Mapping[str, Any]]) -> dict[str, Prediction]:
 
 
 def _field(row: Mapping[str, Any], name: str) -> float | None:
-    value = (row["details"].get("certificate") or {}).get(name)
+    chances = row["details"].get("holds_probability") or {}
+    value = chances[name]["value"] if name in chances else (row["details"].get("certificate") or {}).get(name)
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
 
 

@@ -117,7 +117,10 @@ def run_trial(
         outcome.details = jsonable(report.details)
     outcome.seconds = time.perf_counter() - start
     # A grasp that was found at a later look is of the same pose: nothing was touched before.
-    return outcome, None if subject is None else _certified(agent, name, subject)
+    grasp = None if subject is None else _certified(agent, name, subject)
+    if grasp is not None and grasp["holds_probability"] is not None:
+        outcome.details["holds_probability"] = grasp["holds_probability"]
+    return outcome, grasp
 
 
 def _begin(

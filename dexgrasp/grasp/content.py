@@ -10,6 +10,7 @@ from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.path import bend, stray
+from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.record import APPROACH, LIFT, Contact, GraspRecord, Neighbour, Phase, Script, as_json
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.thresholds import thresholds_for
@@ -67,7 +68,7 @@ def planned_record(
     origin, motion = origin or Origin(), grasp.motion
     torsion = grasp.cell.robot.hand.torsion * grasp.forces[:, 3:].sum(1)
     contacts = zip(grasp.fingers, grasp.contacts, grasp.normals, grasp.forces[:, :3], torsion, strict=True)
-    return GraspRecord(
+    record = GraspRecord(
         **vars(origin),
         **conventions(grasp.cell),
         here=grasp.cell,
@@ -90,6 +91,7 @@ def planned_record(
         certificate=grasp.certificate,
         holds_probability=None,
     )
+    return replace(record, holds_probability=probability_of(record, target.guessed(grasp.normals)))
 
 
 def grasp_json(record: GraspRecord) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.conventions import RobotName, conventions
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
-from dexgrasp.grasp.values import Number, Parts, Pose, Row, Vector, Word, array, several
+from dexgrasp.grasp.values import Number, Parts, Pose, Positive, Row, Share, Vector, Word, array, several
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
@@ -84,6 +84,36 @@ class Neighbour:
     parts: Parts
 
 
+@dataclass(frozen=True)
+class Chance:
+    """A probability, and between what the members of the model that says it lie, 95 %."""
+
+    value: Share
+    low: Share
+    high: Share
+
+
+@dataclass(frozen=True)
+class HoldsProbability:
+    """How likely the grasp holds, as a model says that was fitted on episodes (`probability.probability_of`).
+
+    Attributes:
+        model: hash of its file.
+        friction: coefficient of the surfaces that it says so of.
+        mass: kg of the object that it says so of.
+        guessed: m, mean error expected of the surface at the contacts where no camera saw it; else 0.
+        lifted: to be lifted and held for 3 s.
+        pushed: to be held through pushes by its weight from six sides as well.
+    """
+
+    model: Word
+    friction: Positive
+    mass: Positive
+    guessed: Annotated[float, number(ge=0, le=1)]
+    lifted: Chance
+    pushed: Chance
+
+
 @dataclass(frozen=True, eq=False)
 class GraspRecord:
     """A grasp as a file holds it, but in the world frame (the file's is the robot's base); m, rad, N.
@@ -104,7 +134,7 @@ class GraspRecord:
         neighbours: what stands around the object.
         script: what is executed; None where the grasp was planned without a start.
         certificate: what the planner claims.
-        holds_probability: of being lifted and held; None where no model has said one.
+        holds_probability: of being lifted and held; None where no model says one.
     """
 
     agent: Word
@@ -133,7 +163,7 @@ class GraspRecord:
     neighbours: Annotated[tuple[Neighbour, ...], several(Neighbour, 0, 100)]
     script: Script | None
     certificate: Certificate
-    holds_probability: Annotated[float, number(ge=0, le=1)] | None
+    holds_probability: HoldsProbability | None
 
     def __post_init__(self) -> None:
         """Check that the fields go together.

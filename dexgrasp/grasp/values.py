@@ -69,6 +69,7 @@ def _has_words(value: Any) -> bool:
 
 Number = Annotated[float, number(ge=-LARGEST, le=LARGEST)]
 Positive = Annotated[float, number(gt=0, le=LARGEST)]
+Share = Annotated[float, number(ge=0, le=1)]
 Word = Annotated[str, Rule("a word", _word)]
 Vector = Annotated[Array, array(3)]
 Row = Annotated[Array, array(None)]

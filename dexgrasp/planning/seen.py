@@ -15,6 +15,7 @@ from dexgrasp.planning.planner import Planner, warm_up
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.settings import GRASPS, PlannerSettings
 from dexgrasp.planning.sources import make_source
+from dexgrasp.planning.sure import sure_of
 from dexgrasp.shape.around import neighbours_of
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp_env.arrays import Array
@@ -69,6 +70,8 @@ def plan_scene(
         result = planner.plan(target, seed, start)
     else:
         result = plan_many(planner, target, count, seed, start, progress)
+    if planner.settings.at_least:
+        result = sure_of(result, planner, start, progress)
     result.log.seconds = {"hull": hull_seconds} | result.log.seconds
     result.planning_seconds = time.perf_counter() - began
     return result

@@ -41,6 +41,7 @@ class PlannerSettings(Thresholds):
         fingers: of a grasp, as the hand has them.
         torsion: radius of their soft tips, m; 0: points.
         widest: m between contacts that two fingers open beyond.
+        at_least: probability of being lifted and held that a grasp must have; 0 asks for none.
         firm_load: load under `friction_squeeze` and `place_error` with which the search ends.
     """
 
@@ -61,6 +62,7 @@ class PlannerSettings(Thresholds):
     loads: tuple[tuple[float, float], ...] = ((1.0, 1.2), (1.0, 0.8), (1.0, 0.5), (1.0, 0.2), (0.6, 0.0))
     friction_squeeze: float = 0.42
     place_error: float = 0.003
+    at_least: float = 0.0
     firm_load: float = 1.2
     fingers: int = 3
     torsion: float = 0.0
@@ -71,6 +73,12 @@ class PlannerSettings(Thresholds):
         """Return settings that keep the usual reserve on surfaces of coefficient `mu`; see `planned_friction`."""
         friction, friction_hold = planned_friction(mu)
         return cls(friction=friction, friction_hold=friction_hold)
+
+    @classmethod
+    def of(cls, friction: float | None, at_least: float | None) -> "PlannerSettings":
+        """Return settings for surfaces of a friction, and a probability, where they are given."""
+        settings = cls() if friction is None else cls.for_friction(friction)
+        return replace(settings, at_least=at_least or 0.0)
 
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""

@@ -111,6 +111,10 @@ class GraspTarget:
         """Whether there is but one part."""
         return len(self.distance.parts) == 1
 
+    def guessed(self, normals: Array) -> float:
+        """Return the largest error, m, expected of surfaces with normals (N, 3); 0 where all sides were seen."""
+        return 0.0 if self.spread is None else float(self.spread.along(normals).max())
+
     def was_seen(self, points: Array) -> NDArray[np.bool_]:
         """Return which points (..., 3) m of the parts' surface lie where the object was seen to be (...).
 

@@ -55,7 +55,7 @@ def success_by_hardness(agents: Agents) -> list[Figure]:
 def reliability(found: Mapping[str, Mapping[str, Prediction]]) -> list[Figure]:
     """Return success against what certificates claim: agent -> predictor -> what it says of trials."""
     figures = []
-    for name in ("load", "closure_margin"):
+    for name in ("load", "closure_margin", "lifted", "pushed"):
         words = PREDICTORS[name]
         bins = {
             agent: {b.median: b._asdict() for b in own[name].bins}

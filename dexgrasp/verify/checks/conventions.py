@@ -4,6 +4,7 @@ import re
 from dataclasses import fields, replace
 
 from dexgrasp.grasp.conventions import conventions
+from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, FROZEN, HOLD_SHARE, Thresholds
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import ROUNDING, Check
@@ -21,8 +22,15 @@ def convention_checks(case: Case) -> list[Check]:
         *threshold_checks(case),
         *_exact_thresholds(case.limits, replace(FROZEN, tip_radius=case.robot.hand.tip_radius)),
         _flag("agent", _AGENT.fullmatch(record.agent) is not None),
-        _flag("no holds_probability, which no model says yet", record.holds_probability is None),
+        _probability(case),
     ]
+
+
+def _probability(case: Case) -> Check:
+    """Nothing, or what the shipped model says of this file: that is all that anybody can hold it to."""
+    stated = case.record.holds_probability
+    said = None if stated is None else probability_of(case.record, stated.guessed)
+    return _flag("holds_probability as the model says", stated is None or stated == said)
 
 
 def threshold_checks(case: Case) -> list[Check]:

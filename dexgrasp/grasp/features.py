@@ -1,0 +1,159 @@
+"""What the probability of a grasp is judged by: figures of its file alone, at a friction and a mass.
+
+A grasp is as good as it bears what was not seen right. So the planned forces are put on a surface that lies elsewhere:
+in each of 64 fixed draws every contact, and the centre of mass, is moved by a few millimetres, normals are those of the
+hull there and tilted a little, and what the object weighs more or less than assumed is answered by the least forces.
+What push is borne in weights, D of `load`, is asked of all of them.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dexgrasp.grasp.record import GraspRecord
+from dexgrasp_env.arrays import Array
+
+GRAVITY = 9.81  # m/s^2
+_DRAWS = 64
+_PLACE, _TILT = 0.003, 0.07  # m of contacts and centre; rad of normals: standard deviations
+_MOST = 8.0  # weights: larger pushes tell nothing more
+_NEAR = (0.003, 0.008)  # m along the surface within which its turn is looked at
+_SIDES = np.array([s for s in np.ndindex(3, 3, 3) if s != (1, 1, 1)]) - 1.0
+_SIDES /= np.linalg.norm(_SIDES, axis=1, keepdims=True)
+
+
+class Draws(NamedTuple):
+    """Surfaces that the object may have: contacts (K, N, 3) m, normals out of it (K, N, 3), centres (K, 3) m."""
+
+    points: Array
+    normals: Array
+    centres: Array
+
+
+def features_of(record: GraspRecord, friction: float, mass: float, guessed: float) -> dict[str, float]:
+    """Return the figures of a grasp, by name.
+
+    Args:
+        record: the grasp; of its certificate, what does not depend on friction and mass.
+        friction: coefficient of the surfaces that meet.
+        mass: kg of the object.
+        guessed: m, mean error expected of the surface at the contacts where no camera saw it; else 0.
+    """
+    weight, certificate = GRAVITY * mass, record.certificate
+    faces = _faces(record)
+    exact = Draws(record.points[None], record.normals[None], record.centre[None])
+    planned = _balanced(record.forces[:, :3], exact, weight)[0]
+    borne = _borne(record.forces[:, :3], exact, weight, friction)[0]
+    around = _borne(
+        record.forces[:, :3], _drawn(record, faces, float(np.hypot(_PLACE, guessed))), weight, friction
+    )
+    low, middle = np.quantile(around, [0.1, 0.5])
+    press = -(planned * record.normals).sum(1)
+    slide = np.linalg.norm(planned + press[:, None] * record.normals, axis=1)
+    turns = [_turn(record, faces, near) for near in _NEAR]
+    corners, level = record.hull, record.points.mean(0) - record.centre
+    return {
+        "friction": friction,
+        "mass": mass,
+        "guessed": guessed,
+        "borne": borne,
+        "borne_low": float(low),
+        "borne_middle": float(middle),
+        "slips": float((around < 0.0).mean()),
+        "slips_pushed": float((around < 1.0).mean()),
+        "friction_use": float(np.clip(slide / np.maximum(friction * press, 1e-6), 0.0, 4.0).max()),
+        "press_least": float(press.min()) / weight,
+        "press": float(press.sum()) / weight,
+        "turn_near": turns[0],
+        "turn_far": turns[1],
+        "load": min(certificate.load, _MOST),
+        "capacity": min(certificate.capacity, _MOST),
+        "closure_margin": certificate.closure_margin,
+        "torque": certificate.max_joint_torque_fraction,
+        "clearance": certificate.min_clearance_m,
+        "assumed": certificate.mass / mass,
+        "above_centre": float(level[2]),
+        "beside_centre": float(np.linalg.norm(level[:2])),
+        "lowest": float(record.points[:, 2].min()),
+        "upward": float(record.normals[:, 2].max()),
+        "downward": float(record.normals[:, 2].min()),
+        "opposed": float((record.normals @ record.normals.T).min()),
+        "apart": float(np.linalg.norm(record.points - record.points.mean(0), axis=1).mean()),
+        "height": float(np.ptp(corners[:, 2])),
+        "parts": float(len(record.parts)),
+    }
+
+
+def _faces(record: GraspRecord) -> list[Array]:
+    """Return the planes (F, 4) of each part: unit normals out of it, and what of them is 0 on the face."""
+    from scipy.spatial import ConvexHull
+
+    return [np.asarray(ConvexHull(part).equations) for part in record.parts]
+
+
+def _nearest(faces: list[Array], points: Array) -> Array:
+    """Return the normals (..., 3) of the faces that points (..., 3) m are farthest out of, of the nearest part."""
+    out = [points @ part[:, :3].T + part[:, 3] for part in faces]
+    normals = np.stack([part[values.argmax(-1), :3] for part, values in zip(faces, out, strict=True)])
+    first = np.stack([values.max(-1) for values in out]).argmin(0)
+    return np.asarray(np.take_along_axis(normals, first[None, ..., None], 0)[0])
+
+
+def _drawn(record: GraspRecord, faces: list[Array], place: float) -> Draws:
+    rng, shape = np.random.default_rng(0), (_DRAWS, *record.points.shape)
+    moved = place * rng.standard_normal(shape)
+    tips = record.points + record.thresholds.tip_radius * record.normals
+    normals = _nearest(faces, tips + moved) + _TILT * rng.standard_normal(shape)
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    centres = record.centre + place * rng.standard_normal((_DRAWS, 3))
+    return Draws(record.points + moved, normals, centres)
+
+
+def _answers(draws: Draws) -> tuple[Array, Array]:
+    """Return the grasp maps (K, 6, 3 N), and the least forces that answer a wrench (K, 3 N, 6)."""
+    arms = draws.points - draws.centres[:, None]
+    scale = float(np.sqrt((arms[0] ** 2).sum(-1).mean()))
+    x, y, z = np.moveaxis(arms / scale, -1, 0)
+    o = np.zeros_like(x)
+    cross = np.stack([np.stack(row, -1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], -2)
+    whole = np.concatenate([np.broadcast_to(np.eye(3), cross.shape), cross], -2)
+    G = np.moveaxis(whole, 1, 2).reshape(len(arms), 6, -1)
+    return G, np.linalg.pinv(G, rcond=1e-6)
+
+
+def _balanced(forces: Array, draws: Draws, weight: float) -> Array:
+    """Return the forces (K, N, 3) N that bear the weight in each draw, as near the planned ones (N, 3) as can be."""
+    G, answer = _answers(draws)
+    left = np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]) - G @ forces.ravel()
+    return forces + (answer @ left[..., None]).reshape(-1, *forces.shape)
+
+
+def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> Array:
+    """Return the push (K,), in weights, that is borne in every direction; where forces slide already, less than 0."""
+    held = _balanced(forces, draws, weight)[:, None]
+    answer = _answers(draws)[1][..., :3]
+    change = -weight * (answer @ _SIDES.T).transpose(0, 2, 1).reshape(len(held), -1, *forces.shape)
+    n = draws.normals[:, None]
+    press, gain = -(held * n).sum(-1), -(change * n).sum(-1)
+    slide, drift = held + press[..., None] * n, change + gain[..., None] * n
+    a = (drift**2).sum(-1) - (friction * gain) ** 2
+    b = (slide * drift).sum(-1) - friction**2 * press * gain
+    c = (slide**2).sum(-1) - (friction * press) ** 2
+    root = np.sqrt(np.maximum(b * b - a * c, 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        # The first push that leaves the cone: of a d^2 + 2 b d + c, which is negative inside.
+        first = np.where(b * b < a * c, np.inf, -c / (b + root))
+    first = np.where((first > 0.0) & np.isfinite(first), first, _MOST).min((-1, -2))
+    short = (friction * press - np.linalg.norm(slide, axis=-1)).min((-1, -2)) / weight
+    return np.asarray(np.clip(np.where(short < 0.0, short, first), -2.0, _MOST))
+
+
+def _turn(record: GraspRecord, faces: list[Array], near: float) -> float:
+    """Return the largest angle, rad, that the surface turns by within `near` m of a contact."""
+    most = 0.0
+    for point, normal in zip(record.points, record.normals, strict=True):
+        part = min(faces, key=lambda planes: float((planes[:, :3] @ point + planes[:, 3]).max()))
+        angle = np.arccos(np.clip(part[:, :3] @ normal, -1.0, 1.0))
+        far = -(part[:, :3] @ point + part[:, 3]) / np.maximum(np.sin(angle), 1e-6)
+        most = max(most, float(angle[(far < near) & (angle < 2.0)].max(initial=0.0)))
+    return most

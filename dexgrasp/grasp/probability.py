@@ -1,0 +1,132 @@
+"""How likely a grasp holds: what a model says of it that was fitted on episodes (`scripts/fit_probability.py`).
+
+The model is an ensemble of boosted trees on `features.features_of`, each member fitted on shapes drawn anew, so that
+how far they disagree says how much hangs on which shapes were met. Their mean is calibrated on shapes that a member had
+not met. It knows one robot; of grasps of another, among neighbours, or on surfaces more slippery than any it was
+fitted on it says nothing.
+"""
+
+import json
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.grasp.features import features_of
+from dexgrasp.grasp.record import Chance, GraspRecord, HoldsProbability
+from dexgrasp.grasp.thresholds import HOLD_SHARE
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash, read_file
+
+SCHEMA = 1
+OUTCOMES = ("lifted", "pushed")
+"""What is foretold: lifted and held for 3 s (`lift`); and through pushes by the weight from six sides (`pushed@1`)."""
+_SPREAD = 1.96  # standard deviations of the members' log odds, to either side
+
+
+class Trees(NamedTuple):
+    """The trees of all members: nodes (K,), of which a leaf's `left` is -1; roots (T,), and whose each is (T,)."""
+
+    feature: NDArray[np.int64]
+    threshold: Array
+    left: NDArray[np.int64]
+    right: NDArray[np.int64]
+    value: Array
+    roots: NDArray[np.int64]
+    member: NDArray[np.int64]
+
+    def log_odds(self, x: Array) -> Array:
+        """Return the sum (M,) of each member's trees for features (F,)."""
+        node = self.roots
+        while (self.left[node] >= 0).any():
+            below = np.where(x[self.feature[node]] <= self.threshold[node], self.left[node], self.right[node])
+            node = np.where(self.left[node] >= 0, below, node)
+        return np.asarray(np.bincount(self.member, self.value[node]), dtype=float)
+
+
+class Model(NamedTuple):
+    """A fitted model.
+
+    Attributes:
+        hash: of its file.
+        robot: hash of the robot that it was fitted with.
+        features: names, in the order of the trees.
+        least_friction: that it was fitted on.
+        outcomes: trees of each, and the line that calibrates the log odds: offset and slope.
+    """
+
+    hash: str
+    robot: str
+    features: tuple[str, ...]
+    least_friction: float
+    outcomes: dict[str, tuple[Trees, tuple[float, float]]]
+
+    def chances(self, features: dict[str, float]) -> dict[str, Chance]:
+        """Return how likely each outcome is."""
+        x = np.nan_to_num(np.array([features[name] for name in self.features]))
+        found = {}
+        for name, (trees, (offset, slope)) in self.outcomes.items():
+            odds = offset + slope * trees.log_odds(x)
+            middle, around = float(odds.mean()), _SPREAD * float(odds.std())
+            found[name] = Chance(*(_share(each) for each in (middle, middle - around, middle + around)))
+        return found
+
+
+def _share(log_odds: float) -> float:
+    return round(float(1.0 / (1.0 + np.exp(-log_odds))), 6)
+
+
+def probability_of(record: GraspRecord, guessed: float = 0.0) -> HoldsProbability | None:
+    """Return how likely a grasp holds an object as heavy as assumed, on surfaces of the friction that it counts on.
+
+    Args:
+        record: the grasp.
+        guessed: m, mean error expected of the surface at the contacts where no camera saw it; else 0.
+
+    Returns:
+        What the shipped model says; None of a grasp that it does not know the like of.
+    """
+    model = shipped_model()
+    friction = round(record.thresholds.friction_hold / HOLD_SHARE, 9)
+    if (
+        record.robot.hash != model.robot or record.neighbours or friction < model.least_friction
+    ):  # no such was met
+        return None
+    mass = record.certificate.mass
+    chances = model.chances(features_of(record, friction, mass, guessed))
+    return HoldsProbability(model.hash, friction, mass, guessed, **chances)
+
+
+@lru_cache(maxsize=1)
+def shipped_model() -> Model:
+    """Return the model that comes with the package."""
+    return read_model(asset_path("weights/probability.json"))
+
+
+def read_model(path: Path) -> Model:
+    """Return the model of a file.
+
+    Raises:
+        InputError: missing, damaged, or of another schema.
+    """
+    content = read_file(path)
+    try:
+        stated = json.loads(content)
+        if stated["schema"] != SCHEMA:
+            raise ValueError
+        outcomes = {name: _outcome(stated["outcomes"][name]) for name in OUTCOMES}
+        names, least = tuple(stated["features"]), float(stated["least_friction"])
+        return Model(content_hash(content), str(stated["robot"]), names, least, outcomes)
+    except (ValueError, LookupError, TypeError):
+        raise InputError(f"{path} holds no model of probabilities of schema {SCHEMA}") from None
+
+
+def _outcome(stated: dict[str, Any]) -> tuple[Trees, tuple[float, float]]:
+    whole = ("feature", "left", "right", "roots", "member")
+    columns = {name: np.array(stated[name], dtype=int if name in whole else float) for name in Trees._fields}
+    offset, slope = stated["calibration"]
+    return Trees(**columns), (float(offset), float(slope))

@@ -1,0 +1,340 @@
+"""Fit how likely a grasp holds, on the episodes of `probability_data.py`, and judge it on shapes that it never met.
+
+    pip install -c constraints.txt 'dexgrasp[fit,planner]'
+    python scripts/fit_probability.py DATA --held-out TEST --out assets/weights/probability.json
+
+Judged by cross-validation over shapes: every row is foretold by a model that met no episode of its shape, within each
+cell of friction and mass, beside `load` alone and friction and mass alone. The model that is written is fitted on all
+of DATA, and judged on TEST, of other shapes. DATA/judged.json has the figures, DATA/judged.png the reliability
+diagrams.
+"""
+
+import argparse
+import json
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from tqdm import tqdm
+
+from dexgrasp.evaluation.prediction import auc
+from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.grasp.features import features_of
+from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.probability import OUTCOMES, SCHEMA, Model, read_model
+from dexgrasp.runs.shards import read_shard, text_of
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.files import write_atomically, write_json
+
+LABELS = {"lifted": "lift", "pushed": "pushed@1"}
+RISES = ("friction", "borne", "borne_low", "borne_middle")
+FALLS = ("slips", "slips_pushed", "friction_use")
+"""Features that a grasp can only be more, or less, likely to hold with."""
+FRICTIONS, MASSES = (0.3, 0.45, 0.6, 0.75, 0.9), (0.5, 1.0, 1.75, 3.0)
+"""Ends of the cells."""
+GIVEN = ("friction", "mass")
+MEMBERS, FOLDS, LEAST = 12, 5, 8  # LEAST: successes and failures that a cell must have for an area
+_TREES: dict[str, Any] = {
+    "max_iter": 60, "learning_rate": 0.1, "max_leaf_nodes": 6, "min_samples_leaf": 20, "l2_regularization": 5.0,
+    "early_stopping": False,
+}  # fmt: skip
+
+
+class Rows(NamedTuple):
+    """Episodes: features by name (N,), outcomes by name (N,), shapes, and what a row is of."""
+
+    features: dict[str, Array]
+    held: dict[str, NDArray[np.bool_]]
+    shapes: NDArray[np.str_]
+    factor: Array
+    planner: NDArray[np.str_]
+    seen: NDArray[np.str_]
+
+    @property
+    def matrix(self) -> Array:
+        """(N, F), in the order of the names."""
+        return np.nan_to_num(np.stack(list(self.features.values()), 1))
+
+
+def read_rows(folder: Path) -> Rows:
+    """Compute the features of every episode in a folder."""
+    found: list[dict[str, Any]] = []
+    for path in tqdm(sorted(folder.glob("scene-*.npz")), unit="scene", disable=None):
+        arrays = read_shard(path)
+        scene = json.loads(text_of(arrays["row"]))
+        if not scene["rows"]:
+            continue
+        record, guessed = record_of(scene["record"]), 0.0
+        if "spread_errors" in arrays:
+            nearest = (record.normals @ arrays["spread_directions"].T).argmax(1)
+            guessed = float(arrays["spread_errors"][nearest].max())
+        for row in scene["rows"]:
+            features = features_of(record, row["friction"], row["mass_factor"] * scene["mass"], guessed)
+            found.append({"features": features, "row": row, "job": scene["job"]})
+    names = list(found[0]["features"])
+    return Rows(
+        {name: np.array([one["features"][name] for one in found]) for name in names},
+        {name: np.array([one["row"][of]["success"] for one in found]) for name, of in LABELS.items()},
+        np.array([one["job"]["target"].split("/")[-1] for one in found]),
+        np.array([one["row"]["mass_factor"] for one in found]),
+        np.array([one["job"]["planner"] for one in found]),
+        np.array([one["job"]["seen"] for one in found]),
+    )
+
+
+class Ensemble:
+    """Trees fitted on shapes drawn anew, calibrated on those that were not drawn."""
+
+    def __init__(
+        self, x: Array, held: NDArray[np.bool_], shapes: NDArray[np.str_], names: list[str], seed: int = 0
+    ) -> None:
+        """Fit."""
+        from sklearn.ensemble import HistGradientBoostingClassifier  # the extra `fit`
+        from sklearn.linear_model import LogisticRegression
+
+        rng, kinds = np.random.default_rng(seed), np.unique(shapes)
+        ways = [1 if name in RISES else -1 if name in FALLS else 0 for name in names]
+        self.members, total, count = [], np.zeros(len(x)), np.zeros(len(x))
+        for member in range(MEMBERS):
+            drawn, times = np.unique(rng.choice(kinds, len(kinds)), return_counts=True)
+            weight = dict(zip(drawn, times, strict=True))
+            w = np.array([weight.get(shape, 0) for shape in shapes], float)
+            trees = HistGradientBoostingClassifier(monotonic_cst=ways, random_state=member, **_TREES)
+            trees.fit(x[w > 0], held[w > 0], w[w > 0])
+            self.members.append(trees)
+            out = w == 0
+            total[out] += trees.decision_function(x[out])
+            count[out] += 1
+        met = count > 0
+        line = LogisticRegression(C=1e3).fit((total[met] / count[met])[:, None], held[met])
+        self.offset, self.slope = float(line.intercept_[0]), float(line.coef_[0, 0])
+
+    def odds(self, x: Array) -> Array:
+        """Return the calibrated log odds (M, N) of the members."""
+        return np.array([self.offset + self.slope * trees.decision_function(x) for trees in self.members])
+
+    def as_json(self) -> dict[str, Any]:
+        """Return it as the model file holds it."""
+        columns: dict[str, list[Any]] = {
+            name: [] for name in ("feature", "threshold", "left", "right", "value", "roots", "member")
+        }
+        for number, trees in enumerate(self.members):
+            first = float(np.ravel(trees._baseline_prediction)[0])
+            for (tree,) in trees._predictors:
+                _add(columns, tree.nodes, number, first)
+                first = 0.0
+        return columns | {"calibration": [self.offset, self.slope]}
+
+
+def _add(columns: dict[str, list[Any]], nodes: Any, number: int, more: float) -> None:
+    """Add a tree's nodes; `more` is added to what its leaves say."""
+    start = len(columns["feature"])
+    columns["roots"].append(start)
+    columns["member"].append(number)
+    for node in nodes:
+        leaf = bool(node["is_leaf"])
+        columns["feature"].append(0 if leaf else int(node["feature_idx"]))
+        columns["threshold"].append(0.0 if leaf else float(f"{node['num_threshold']:.7g}"))
+        columns["left"].append(-1 if leaf else start + int(node["left"]))
+        columns["right"].append(-1 if leaf else start + int(node["right"]))
+        columns["value"].append(float(f"{node['value'] + more:.5g}") if leaf else 0.0)
+
+
+def foretold(rows: Rows, names: list[str], outcome: str) -> tuple[Array, Array, Array]:
+    """Return what models say that met no episode of a row's shape: probabilities (N,) and their intervals."""
+    kinds = np.unique(rows.shapes)
+    fold_of = dict(zip(kinds, np.random.default_rng(1).permutation(len(kinds)) % FOLDS, strict=True))
+    fold = np.array([fold_of[shape] for shape in rows.shapes])
+    x = np.nan_to_num(np.stack([rows.features[name] for name in names], 1))
+    odds = np.zeros((MEMBERS, len(x)))
+    for k in range(FOLDS):
+        met, own = fold != k, fold == k
+        odds[:, own] = Ensemble(x[met], rows.held[outcome][met], rows.shapes[met], names).odds(x[own])
+    middle, around = odds.mean(0), 1.96 * odds.std(0)
+    low, high = middle - around, middle + around
+    return tuple(1.0 / (1.0 + np.exp(-each)) for each in (middle, low, high))  # type: ignore[return-value]
+
+
+def cells(rows: Rows) -> list[tuple[str, NDArray[np.bool_]]]:
+    """Return the cells of friction and mass: what each is called, and which rows are in it."""
+    friction, found = rows.features["friction"], []
+    for low, high in pairwise(FRICTIONS):
+        for least, most in pairwise(MASSES):
+            inside = (friction >= low) & (friction <= high) & (rows.factor >= least) & (rows.factor <= most)
+            found.append((f"friction {low} to {high}, mass {least} to {most}", inside))
+    return found
+
+
+def expected_error(chance: Array, held: NDArray[np.bool_], bins: int = 10) -> float:
+    """Return the expected calibration error, of bins of equal width."""
+    at = np.minimum((chance * bins).astype(int), bins - 1)
+    gaps = [
+        abs(chance[at == k].mean() - held[at == k].mean()) * (at == k).sum()
+        for k in range(bins)
+        if (at == k).any()
+    ]
+    return float(sum(gaps) / len(chance))
+
+
+def diagram(chance: Array, held: NDArray[np.bool_], bins: int = 10) -> list[dict[str, Any]]:
+    """Return a reliability diagram: what was said, in bins of equal width, and what came true."""
+    at = np.minimum((chance * bins).astype(int), bins - 1)
+    return [
+        {
+            "said": float(chance[at == k].mean()), "held": int(held[at == k].sum()), "of": int((at == k).sum()),
+            "ci95": wilson_interval(int(held[at == k].sum()), int((at == k).sum())),
+        }
+        for k in range(bins) if (at == k).any()
+    ]  # fmt: skip
+
+
+def crossed(rows: Rows, outcome: str) -> dict[str, Any]:
+    """Return how good models are that met none of the shapes."""
+    said = foretold(rows, list(rows.features), outcome)
+    return judged(rows, outcome, said, foretold(rows, list(GIVEN), outcome)[0])
+
+
+def tried(model: Model, met: Rows, rows: Rows, outcome: str) -> dict[str, Any]:
+    """Return how good a model is on rows of other shapes than it was fitted on, `met`."""
+    each = [dict(zip(rows.features, row, strict=True)) for row in rows.matrix]
+    said = np.array(
+        [getattr(model.chances(one)[outcome], end) for one in each for end in ("value", "low", "high")]
+    )
+    x, x0 = (np.stack([r.features[name] for name in GIVEN], 1) for r in (rows, met))
+    given = Ensemble(x0, met.held[outcome], met.shapes, list(GIVEN)).odds(x).mean(0)
+    value, low, high = said.reshape(-1, 3).T
+    return judged(rows, outcome, (value, low, high), given)
+
+
+def judged(rows: Rows, outcome: str, said: tuple[Array, Array, Array], given: Array) -> dict[str, Any]:
+    """Return how good probabilities are, beside load alone, and what friction and mass alone give."""
+    held, load = rows.held[outcome], rows.features["load"]
+    chance, low, high = said
+    table = []
+    for name, inside in cells(rows):
+        n, fails = int(inside.sum()), int((~held[inside]).sum())
+        row: dict[str, Any] = {"cell": name, "episodes": n, "failed": fails}
+        if min(fails, n - fails) >= LEAST:
+            for key, score in (("area", chance), ("area_load", load), ("area_given", given)):
+                row[key] = auc(score[inside], held[inside])
+        row["calibration_error"] = expected_error(chance[inside], held[inside], 5) if n else None
+        table.append(row)
+    told = [row for row in table if "area" in row]
+    sets = {
+        "varied": np.char.startswith(rows.shapes, "varied"), "outside": np.char.find(rows.shapes, "outside") >= 0,
+        **{name: rows.planner == name for name in np.unique(rows.planner)},
+        **{name: rows.seen == name for name in np.unique(rows.seen)},
+    }  # fmt: skip
+    return {
+        "episodes": len(held), "failed": int((~held).sum()), "shapes": len(np.unique(rows.shapes)),
+        "cells_told": len(told),
+        **{
+            f"{key}_of_cells": float(np.mean([row[key] for row in told])) if told else None
+            for key in ("area", "area_load", "area_given")
+        },
+        "calibration_error_of_cells": float(np.mean([row["calibration_error"] for row in table if row["episodes"]])),
+        "area": auc(chance, held), "area_load": auc(load, held), "area_given": auc(given, held),
+        "calibration_error": expected_error(chance, held),
+        "brier": float(((chance - held) ** 2).mean()),
+        "interval_width": float((high - low).mean()),
+        "cells": table,
+        "sets": {
+            name: {
+                "episodes": int(of.sum()), "failed": int((~held[of]).sum()), "area": auc(chance[of], held[of]),
+                "calibration_error": expected_error(chance[of], held[of]), "diagram": diagram(chance[of], held[of]),
+            } for name, of in sets.items() if of.any()
+        },
+        "diagram": diagram(chance, held),
+        "sure": _sure(chance, held),
+    }  # fmt: skip
+
+
+def _sure(chance: Array, held: NDArray[np.bool_]) -> list[dict[str, Any]]:
+    """Return how much is answered, and held, where a probability is asked for."""
+    return [
+        {
+            "at_least": least,
+            "answered": int((chance >= least).sum()),
+            "held": int(held[chance >= least].sum()),
+        }
+        for least in (0.8, 0.9, 0.95, 0.98)
+    ]
+
+
+def write_model(path: Path, rows: Rows, robot: str, judgement: dict[str, Any]) -> Model:
+    """Fit on all episodes, write the model, and return it as it is read again."""
+    names = list(rows.features)
+    content = {
+        "schema": SCHEMA, "robot": robot, "features": names,
+        "least_friction": FRICTIONS[0],
+        "outcomes": {
+            name: Ensemble(rows.matrix, rows.held[name], rows.shapes, names).as_json() for name in OUTCOMES
+        },
+        "card": judgement,
+    }  # fmt: skip
+    write_atomically(path, json.dumps(content, separators=(",", ":")).encode())
+    return read_model(path)
+
+
+def plot(path: Path, found: dict[str, Any]) -> None:
+    """Draw the reliability diagrams."""
+    from matplotlib.figure import Figure
+
+    names = ["all", "varied", "outside", "one_view", "miscalibrated", "held_out"]
+    names = names if "held_out" in found[OUTCOMES[0]] else names[:-1]
+    figure = Figure(figsize=(3 * len(names), 6.4), layout="constrained")
+    for k, axes in enumerate(figure.subplots(2, len(names), sharex=True, sharey=True).ravel()):
+        outcome, name = OUTCOMES[k // len(names)], names[k % len(names)]
+        one = found[outcome]
+        bins = {"all": one, "held_out": one.get("held_out"), **one["sets"]}[name]["diagram"]
+        said, share = [b["said"] for b in bins], [b["held"] / b["of"] for b in bins]
+        around = [[s - b["ci95"][0], b["ci95"][1] - s] for b, s in zip(bins, share, strict=True)]
+        axes.plot([0, 1], [0, 1], color="0.8")
+        axes.errorbar(said, share, np.abs(np.transpose(around)), fmt="o", markersize=4)
+        axes.set_title(f"{outcome}, {name}", fontsize=9)
+    figure.supxlabel("probability said")
+    figure.supylabel("share that held")
+    figure.savefig(path, dpi=90)
+
+
+def main(argv: list[str] | None = None) -> None:
+    """Judge, fit, write."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
+    )
+    parser.add_argument("data", type=Path)
+    parser.add_argument("--held-out", type=Path)
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args(argv)
+    rows = read_rows(args.data)
+    found = {outcome: crossed(rows, outcome) for outcome in OUTCOMES}
+    if args.out:
+        scene = json.loads(text_of(read_shard(min(args.data.glob("scene-*.npz")))["row"]))
+        card = {"data": "scripts/probability_data.py", "scikit-learn": _version(), **{
+            name: {key: one[key] for key in ("episodes", "failed", "shapes", "area_of_cells", "calibration_error")}
+            for name, one in found.items()
+        }}  # fmt: skip
+        model = write_model(args.out, rows, scene["record"]["robot"]["hash"], card)
+        print(f"wrote {args.out}, {args.out.stat().st_size / 1e3:.0f} kB, {model.hash}")
+        if args.held_out:
+            others = read_rows(args.held_out)
+            for name in OUTCOMES:
+                found[name]["held_out"] = tried(model, rows, others, name)
+    write_json(args.data / "judged.json", found)
+    plot(args.data / "judged.png", found)
+    for outcome, one in found.items():
+        for kind, of in (("crossed", one), ("held out", one.get("held_out", {}))):
+            figures = {key: value for key, value in of.items() if not isinstance(value, dict | list)}
+            print(outcome, kind, json.dumps(figures))
+
+
+def _version() -> str:
+    import sklearn
+
+    return str(sklearn.__version__)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,144 @@
+"""How likely a grasp holds: figures, model, file, `plan --at-least`."""
+
+import copy
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from processes import typed
+from robots import CELL, HOME
+
+from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
+from dexgrasp.grasp.features import Draws, _borne, features_of
+from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.probability import OUTCOMES, probability_of, read_model, shipped_model
+from dexgrasp.grasp.record import as_json
+from dexgrasp.planning.planner import Planner, small_box
+from dexgrasp.planning.result import PlanResult
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.planning.sure import UNSURE, chance_of, sure_of
+from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+
+
+@pytest.fixture(scope="module")
+def found():
+    return Planner().plan(small_box(), 0, HOME)
+
+
+@pytest.fixture(scope="module")
+def record(found):
+    return record_of(found.contents("box")[0])
+
+
+def test_pushes_are_borne_to_the_edge_of_the_cones():
+    """Three level presses of 3 N at 120 degrees, weight 1 N: friction 1/9 of the press bears it, and no push more."""
+    angle = 2.0 * np.pi * np.arange(3) / 3.0
+    normals = np.c_[np.cos(angle), np.sin(angle), np.zeros(3)]
+    draws = Draws(0.05 * normals[None], normals[None], np.zeros((1, 3)))
+    forces = -3.0 * normals + [0.0, 0.0, 1.0 / 3.0]
+    assert _borne(forces, draws, 1.0, 1.0 / 9.0) == pytest.approx([0.0], abs=1e-9)
+    # Upwards and downwards a push d asks for (1 + d) / 3 of friction at each; sideways for less.
+    assert _borne(forces, draws, 1.0, 2.0 / 9.0)[0] <= 1.0 + 1e-9
+    assert _borne(forces, draws, 1.0, 0.1)[0] == pytest.approx(0.3 - 1.0 / 3.0)
+    # An object that weighs more than was planned for is answered by the contacts.
+    assert _borne(forces, draws, 2.0, 2.0 / 9.0) == pytest.approx([0.0], abs=1e-9)
+
+
+def test_more_friction_and_less_weight_hold_better(record):
+    mass = record.certificate.mass
+    frictions = [shipped_model().chances(features_of(record, mu, mass, 0.0)) for mu in (0.3, 0.5, 0.7, 0.9)]
+    for name in OUTCOMES:
+        values = [chances[name].value for chances in frictions]
+        assert values == sorted(values)
+        assert all(c[name].low <= c[name].value <= c[name].high for c in frictions)
+    heavy, light = (features_of(record, 0.4, times * mass, 0.0) for times in (3.0, 1.0))
+    assert heavy["slips"] >= light["slips"]
+    assert heavy["borne"] < light["borne"]
+
+
+def test_a_file_states_what_the_model_says_of_it(found, record):
+    stated = record.holds_probability
+    assert stated is not None
+    assert stated == probability_of(record)
+    assert stated.model == shipped_model().hash
+    assert stated.mass == record.certificate.mass
+    assert stated.friction == pytest.approx(0.7)
+    assert stated.lifted.value == chance_of(found.found[0], found)
+    again = json.loads(json.dumps(as_json(record)))
+    assert record_of(again).holds_probability == stated
+
+
+def test_nothing_is_said_of_what_no_episode_was_of(record):
+    other = replace(record, robot=replace(record.robot, hash="00000000"))
+    slippery = replace(record, thresholds=replace(record.thresholds, friction=0.1, friction_hold=0.12))
+    content = as_json(record)
+    some = {"name": None, "pose": np.eye(4).tolist(), "parts": content["parts"]}
+    among = record_of(content | {"neighbours": [some]})
+    assert [probability_of(one) for one in (other, slippery, among)] == [None, None, None]
+
+
+def test_guessed_surfaces_are_less_certain(record):
+    seen, guessed = (features_of(record, 0.5, 0.3, error) for error in (0.0, 0.02))
+    assert guessed["slips"] >= seen["slips"]
+    assert guessed["borne_low"] <= seen["borne_low"]
+
+
+def test_a_damaged_model_is_refused(tmp_path):
+    path = tmp_path / "model.json"
+    for text in ("", "[]", '{"schema": 9}'):
+        path.write_text(text)
+        with pytest.raises(InputError, match="holds no model of probabilities"):
+            read_model(path)
+    assert asset_path("weights/probability.json").stat().st_size < 1e6
+
+
+def asked(at_least):
+    planner = Planner(PlannerSettings(at_least=at_least), cell=CELL)
+    return planner, sure_of(planner.plan(small_box(), 0, HOME), planner, HOME)
+
+
+def test_a_grasp_is_as_sure_as_asked_or_there_is_none(found):
+    chance = chance_of(found.found[0], found)
+    _, sure = asked(0.5 * chance)
+    assert np.array_equal(sure.grasp.q, found.grasp.q)
+    planner, none = asked(0.999999)
+    assert not none.success
+    assert none.reason == f"no_grasp:{UNSURE}"
+    assert 0.0 < none.log.blocked[UNSURE][1] < 1.0
+    nothing = PlanResult(small_box(), planner.settings, shortfall="no_closure_triple")
+    assert sure_of(nothing, planner, HOME).reason == "no_grasp:no_closure_triple"
+
+
+def test_others_are_looked_at_where_the_first_is_not_sure(found):
+    """One that the model says less of than of others gives way to the surest."""
+    chance = chance_of(found.found[0], found)
+    _, sure = asked(min(chance + 1e-4, 0.9999))
+    assert not sure.success or chance_of(sure.found[0], sure) > chance
+
+
+def test_of_a_set_those_remain_that_are_sure(found, monkeypatch):
+    planner = Planner(PlannerSettings(at_least=0.9), cell=CELL)
+    result = PlanResult(small_box(), planner.settings, asked=3, found=[*found.found] * 3)
+    chances = iter((0.95, 0.2, 0.92))
+    monkeypatch.setattr("dexgrasp.planning.sure.chance_of", lambda one, result: next(chances))
+    left = sure_of(copy.copy(result), planner, HOME)
+    assert (len(left.found), left.success, left.reason) == (2, False, UNSURE)
+
+
+def test_no_probability_is_known_of_others(found, monkeypatch):
+    unknown = SimpleNamespace(holds_probability=None)
+    monkeypatch.setattr("dexgrasp.planning.sure.planned_record", lambda *args: unknown)
+    with pytest.raises(InputError, match=r"friction 0\.3 or more"):
+        chance_of(found.found[0], found)
+
+
+def test_plan_at_least(printed, capsys):
+    assert typed("plan pear --at-least 0.6 --json") == OK
+    assert printed()["grasp"]["holds_probability"]["lifted"]["value"] >= 0.6
+    assert typed("plan pear --at-least 0.99999") == ANSWER_IS_NO
+    assert "not_sure_enough" in capsys.readouterr().out
+    assert typed("plan pear --at-least 1.5") == BAD_INPUT
+    assert typed("plan pear --at-least 0.9 --friction 0.1") == BAD_INPUT
