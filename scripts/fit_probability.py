@@ -37,9 +37,13 @@ FRICTIONS, MASSES = (0.3, 0.45, 0.6, 0.75, 0.9), (0.5, 1.0, 1.75, 3.0)
 GIVEN = ("friction", "mass")
 MEMBERS, FOLDS, LEAST = 12, 5, 8  # LEAST: successes and failures that a cell must have for an area
 _TREES: dict[str, Any] = {
-    "max_iter": 60, "learning_rate": 0.1, "max_leaf_nodes": 6, "min_samples_leaf": 20, "l2_regularization": 5.0,
+    "max_iter": 60,
+    "learning_rate": 0.1,
+    "max_leaf_nodes": 6,
+    "min_samples_leaf": 20,
+    "l2_regularization": 5.0,
     "early_stopping": False,
-}  # fmt: skip
+}
 
 
 class Rows(NamedTuple):
@@ -183,11 +187,14 @@ def diagram(chance: Array, held: NDArray[np.bool_], bins: int = 10) -> list[dict
     at = np.minimum((chance * bins).astype(int), bins - 1)
     return [
         {
-            "said": float(chance[at == k].mean()), "held": int(held[at == k].sum()), "of": int((at == k).sum()),
+            "said": float(chance[at == k].mean()),
+            "held": int(held[at == k].sum()),
+            "of": int((at == k).sum()),
             "ci95": wilson_interval(int(held[at == k].sum()), int((at == k).sum())),
         }
-        for k in range(bins) if (at == k).any()
-    ]  # fmt: skip
+        for k in range(bins)
+        if (at == k).any()
+    ]
 
 
 def crossed(rows: Rows, outcome: str) -> dict[str, Any]:
@@ -223,32 +230,44 @@ def judged(rows: Rows, outcome: str, said: tuple[Array, Array, Array], given: Ar
         table.append(row)
     told = [row for row in table if "area" in row]
     sets = {
-        "varied": np.char.startswith(rows.shapes, "varied"), "outside": np.char.find(rows.shapes, "outside") >= 0,
+        "varied": np.char.startswith(rows.shapes, "varied"),
+        "outside": np.char.find(rows.shapes, "outside") >= 0,
         **{name: rows.planner == name for name in np.unique(rows.planner)},
         **{name: rows.seen == name for name in np.unique(rows.seen)},
-    }  # fmt: skip
+    }
     return {
-        "episodes": len(held), "failed": int((~held).sum()), "shapes": len(np.unique(rows.shapes)),
+        "episodes": len(held),
+        "failed": int((~held).sum()),
+        "shapes": len(np.unique(rows.shapes)),
         "cells_told": len(told),
         **{
             f"{key}_of_cells": float(np.mean([row[key] for row in told])) if told else None
             for key in ("area", "area_load", "area_given")
         },
-        "calibration_error_of_cells": float(np.mean([row["calibration_error"] for row in table if row["episodes"]])),
-        "area": auc(chance, held), "area_load": auc(load, held), "area_given": auc(given, held),
+        "calibration_error_of_cells": float(
+            np.mean([row["calibration_error"] for row in table if row["episodes"]])
+        ),
+        "area": auc(chance, held),
+        "area_load": auc(load, held),
+        "area_given": auc(given, held),
         "calibration_error": expected_error(chance, held),
         "brier": float(((chance - held) ** 2).mean()),
         "interval_width": float((high - low).mean()),
         "cells": table,
         "sets": {
             name: {
-                "episodes": int(of.sum()), "failed": int((~held[of]).sum()), "area": auc(chance[of], held[of]),
-                "calibration_error": expected_error(chance[of], held[of]), "diagram": diagram(chance[of], held[of]),
-            } for name, of in sets.items() if of.any()
+                "episodes": int(of.sum()),
+                "failed": int((~held[of]).sum()),
+                "area": auc(chance[of], held[of]),
+                "calibration_error": expected_error(chance[of], held[of]),
+                "diagram": diagram(chance[of], held[of]),
+            }
+            for name, of in sets.items()
+            if of.any()
         },
         "diagram": diagram(chance, held),
         "sure": _sure(chance, held),
-    }  # fmt: skip
+    }
 
 
 def _sure(chance: Array, held: NDArray[np.bool_]) -> list[dict[str, Any]]:
@@ -267,13 +286,15 @@ def write_model(path: Path, rows: Rows, robot: str, judgement: dict[str, Any]) -
     """Fit on all episodes, write the model, and return it as it is read again."""
     names = list(rows.features)
     content = {
-        "schema": SCHEMA, "robot": robot, "features": names,
+        "schema": SCHEMA,
+        "robot": robot,
+        "features": names,
         "least_friction": FRICTIONS[0],
         "outcomes": {
             name: Ensemble(rows.matrix, rows.held[name], rows.shapes, names).as_json() for name in OUTCOMES
         },
         "card": judgement,
-    }  # fmt: skip
+    }
     write_atomically(path, json.dumps(content, separators=(",", ":")).encode())
     return read_model(path)
 
@@ -312,10 +333,17 @@ def main(argv: list[str] | None = None) -> None:
     found = {outcome: crossed(rows, outcome) for outcome in OUTCOMES}
     if args.out:
         scene = json.loads(text_of(read_shard(min(args.data.glob("scene-*.npz")))["row"]))
-        card = {"data": "scripts/probability_data.py", "scikit-learn": _version(), **{
-            name: {key: one[key] for key in ("episodes", "failed", "shapes", "area_of_cells", "calibration_error")}
-            for name, one in found.items()
-        }}  # fmt: skip
+        card = {
+            "data": "scripts/probability_data.py",
+            "scikit-learn": _version(),
+            **{
+                name: {
+                    key: one[key]
+                    for key in ("episodes", "failed", "shapes", "area_of_cells", "calibration_error")
+                }
+                for name, one in found.items()
+            },
+        }
         model = write_model(args.out, rows, scene["record"]["robot"]["hash"], card)
         print(f"wrote {args.out}, {args.out.stat().st_size / 1e3:.0f} kB, {model.hash}")
         if args.held_out:

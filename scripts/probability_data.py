@@ -200,9 +200,13 @@ def arrays_of(job: Job) -> Arrays:
     """Plan, carry out, and return all that is kept of a scene."""
     result, scene, mass = plan(job)
     row: dict[str, Any] = {
-        "job": job._asdict(), "mass": mass, "reason": result.reason, "pose": json.loads(result.sentence or "null"),
-        "cameras": len(scene.cameras), "rows": [],
-    }  # fmt: skip
+        "job": job._asdict(),
+        "mass": mass,
+        "reason": result.reason,
+        "pose": json.loads(result.sentence or "null"),
+        "cameras": len(scene.cameras),
+        "rows": [],
+    }
     arrays: dict[str, Any] = {
         "points": scene.target.points.astype(np.float32),
         "normals": scene.target.normals.astype(np.float32),
@@ -251,9 +255,12 @@ def main(argv: list[str] | None = None) -> None:
     jobs = [job_of(number, shapes) for number in range(args.scenes)]
     with progress_bar("scene", "scenes") as show:
         make_missing(
-            partial(make, folder=args.out), jobs, lambda job: is_shard(path_of(args.out, job), KEY),
-            Backend(workers=args.workers), show,
-        )  # fmt: skip
+            partial(make, folder=args.out),
+            jobs,
+            lambda job: is_shard(path_of(args.out, job), KEY),
+            Backend(workers=args.workers),
+            show,
+        )
 
 
 if __name__ == "__main__":
