@@ -29,7 +29,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_atomically, write_json
 
 LABELS = {"lifted": "lift", "pushed": "pushed@1"}
-RISES = ("friction", "borne", "borne_low", "borne_middle")
+RISES = ("friction", "borne", "borne_low")
 FALLS = ("slips", "slips_pushed", "friction_use")
 """Features that a grasp can only be more, or less, likely to hold with."""
 FRICTIONS, MASSES = (0.3, 0.45, 0.6, 0.75, 0.9), (0.5, 1.0, 1.75, 3.0)
@@ -47,8 +47,9 @@ _TREES: dict[str, Any] = {
 
 
 class Rows(NamedTuple):
-    """Episodes: features by name (N,), outcomes by name (N,), shapes, and what a row is of."""
+    """Episodes: features by name (N,), outcomes by name (N,), `load`, shapes, and what a row is of."""
 
+    load: Array
     features: dict[str, Array]
     held: dict[str, NDArray[np.bool_]]
     shapes: NDArray[np.str_]
@@ -76,9 +77,11 @@ def read_rows(folder: Path) -> Rows:
             guessed = float(arrays["spread_errors"][nearest].max())
         for row in scene["rows"]:
             features = features_of(record, row["friction"], row["mass_factor"] * scene["mass"], guessed)
-            found.append({"features": features, "row": row, "job": scene["job"]})
+            of = {"row": row, "job": scene["job"], "load": record.certificate.load}
+            found.append({"features": features, **of})
     names = list(found[0]["features"])
     return Rows(
+        np.array([one["load"] for one in found]),
         {name: np.array([one["features"][name] for one in found]) for name in names},
         {name: np.array([one["row"][of]["success"] for one in found]) for name, of in LABELS.items()},
         np.array([one["job"]["target"].split("/")[-1] for one in found]),
@@ -217,7 +220,7 @@ def tried(model: Model, met: Rows, rows: Rows, outcome: str) -> dict[str, Any]:
 
 def judged(rows: Rows, outcome: str, said: tuple[Array, Array, Array], given: Array) -> dict[str, Any]:
     """Return how good probabilities are, beside load alone, and what friction and mass alone give."""
-    held, load = rows.held[outcome], rows.features["load"]
+    held, load = rows.held[outcome], rows.load
     chance, low, high = said
     table = []
     for name, inside in cells(rows):

@@ -17,7 +17,6 @@ GRAVITY = 9.81  # m/s^2
 _DRAWS = 64
 _PLACE, _TILT = 0.003, 0.07  # m of contacts and centre; rad of normals: standard deviations
 _MOST = 8.0  # weights: larger pushes tell nothing more
-_NEAR = (0.003, 0.008)  # m along the surface within which its turn is looked at
 _SIDES = np.array([s for s in np.ndindex(3, 3, 3) if s != (1, 1, 1)]) - 1.0
 _SIDES /= np.linalg.norm(_SIDES, axis=1, keepdims=True)
 
@@ -34,53 +33,27 @@ def features_of(record: GraspRecord, friction: float, mass: float, guessed: floa
     """Return the figures of a grasp, by name.
 
     Args:
-        record: the grasp; of its certificate, what does not depend on friction and mass.
+        record: the grasp.
         friction: coefficient of the surfaces that meet.
         mass: kg of the object.
         guessed: m, mean error expected of the surface at the contacts where no camera saw it; else 0.
     """
-    weight, certificate = GRAVITY * mass, record.certificate
-    faces = _faces(record)
+    weight, forces = GRAVITY * mass, record.forces[:, :3]
     exact = Draws(record.points[None], record.normals[None], record.centre[None])
-    planned = _balanced(record.forces[:, :3], exact, weight)[0]
-    borne = _borne(record.forces[:, :3], exact, weight, friction)[0]
-    around = _borne(
-        record.forces[:, :3], _drawn(record, faces, float(np.hypot(_PLACE, guessed))), weight, friction
-    )
-    low, middle = np.quantile(around, [0.1, 0.5])
+    planned = _balanced(forces, exact, weight)[0]
+    around = _borne(forces, _drawn(record, float(np.hypot(_PLACE, guessed))), weight, friction)
     press = -(planned * record.normals).sum(1)
     slide = np.linalg.norm(planned + press[:, None] * record.normals, axis=1)
-    turns = [_turn(record, faces, near) for near in _NEAR]
-    corners, level = record.hull, record.points.mean(0) - record.centre
     return {
         "friction": friction,
         "mass": mass,
         "guessed": guessed,
-        "borne": borne,
-        "borne_low": float(low),
-        "borne_middle": float(middle),
+        "borne": float(_borne(forces, exact, weight, friction)[0]),
+        "borne_low": float(np.quantile(around, 0.1)),
         "slips": float((around < 0.0).mean()),
         "slips_pushed": float((around < 1.0).mean()),
         "friction_use": float(np.clip(slide / np.maximum(friction * press, 1e-6), 0.0, 4.0).max()),
-        "press_least": float(press.min()) / weight,
-        "press": float(press.sum()) / weight,
-        "turn_near": turns[0],
-        "turn_far": turns[1],
-        "load": min(certificate.load, _MOST),
-        "capacity": min(certificate.capacity, _MOST),
-        "closure_margin": certificate.closure_margin,
-        "torque": certificate.max_joint_torque_fraction,
-        "clearance": certificate.min_clearance_m,
-        "assumed": certificate.mass / mass,
-        "above_centre": float(level[2]),
-        "beside_centre": float(np.linalg.norm(level[:2])),
-        "lowest": float(record.points[:, 2].min()),
-        "upward": float(record.normals[:, 2].max()),
-        "downward": float(record.normals[:, 2].min()),
-        "opposed": float((record.normals @ record.normals.T).min()),
-        "apart": float(np.linalg.norm(record.points - record.points.mean(0), axis=1).mean()),
-        "height": float(np.ptp(corners[:, 2])),
-        "parts": float(len(record.parts)),
+        "closure_margin": record.certificate.closure_margin,
     }
 
 
@@ -99,11 +72,11 @@ def _nearest(faces: list[Array], points: Array) -> Array:
     return np.asarray(np.take_along_axis(normals, first[None, ..., None], 0)[0])
 
 
-def _drawn(record: GraspRecord, faces: list[Array], place: float) -> Draws:
+def _drawn(record: GraspRecord, place: float) -> Draws:
     rng, shape = np.random.default_rng(0), (_DRAWS, *record.points.shape)
     moved = place * rng.standard_normal(shape)
     tips = record.points + record.thresholds.tip_radius * record.normals
-    normals = _nearest(faces, tips + moved) + _TILT * rng.standard_normal(shape)
+    normals = _nearest(_faces(record), tips + moved) + _TILT * rng.standard_normal(shape)
     normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
     centres = record.centre + place * rng.standard_normal((_DRAWS, 3))
     return Draws(record.points + moved, normals, centres)
@@ -146,14 +119,3 @@ def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> Array
     first = np.where((first > 0.0) & np.isfinite(first), first, _MOST).min((-1, -2))
     short = (friction * press - np.linalg.norm(slide, axis=-1)).min((-1, -2)) / weight
     return np.asarray(np.clip(np.where(short < 0.0, short, first), -2.0, _MOST))
-
-
-def _turn(record: GraspRecord, faces: list[Array], near: float) -> float:
-    """Return the largest angle, rad, that the surface turns by within `near` m of a contact."""
-    most = 0.0
-    for point, normal in zip(record.points, record.normals, strict=True):
-        part = min(faces, key=lambda planes: float((planes[:, :3] @ point + planes[:, 3]).max()))
-        angle = np.arccos(np.clip(part[:, :3] @ normal, -1.0, 1.0))
-        far = -(part[:, :3] @ point + part[:, 3]) / np.maximum(np.sin(angle), 1e-6)
-        most = max(most, float(angle[(far < near) & (angle < 2.0)].max(initial=0.0)))
-    return most
