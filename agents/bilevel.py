@@ -165,10 +165,10 @@ class BilevelAgent(Agent):
     def _start(self, observation: Observation) -> Array:
         return start_of(observation, self._planner.cell.robot)
 
-    def _grasp(self, plan: PlanResult) -> GuardedGrasp:
+    def _grasp(self, plan: PlanResult, **how: float) -> GuardedGrasp:
         grasp, script = plan.found[0]
         assert script is not None  # every plan here begins where the robot stands
-        return GuardedGrasp(script, grasp)
+        return GuardedGrasp(script, grasp, **how)
 
     def _carry(self, held: GuardedGrasp, plan: PlanResult) -> GuardedCarry:
         turn = None
@@ -219,7 +219,8 @@ class BilevelAgent(Agent):
             return state
         # The object is not where files state it, and no camera looks past the edge.
         self.report.failure, self.result = None, None
-        return State(self._grasp(plan), plan, looks=0)
+        # It lies on the table, so its height is known; a finger that went on from below would tip it over.
+        return State(self._grasp(plan, overtravel=0.0), plan, looks=0)
 
     def _look_again(self, state: State, observation: Observation) -> State:
         """Plan from what the cameras see now that the hand is out of their way; without a grasp, make way, or stay."""

@@ -48,9 +48,16 @@ def test_pushes_leave_the_object_lying_and_sticking_out():
         there = np.concatenate(phone.corners)[:, :2] + push.distance * push.direction
         centre = phone.centre[:2] + push.distance * push.direction
         size = np.array(TABLE_SIZE[:2])
-        assert max((LOW - there).max(), (there - LOW - size).max()) > 0.027
-        assert min((centre - LOW).min(), (LOW + size - centre).min()) > 0.011
+        assert max((LOW - there).max(), (there - LOW - size).max()) > 0.0215
+        assert min((centre - LOW).min(), (LOW + size - centre).min()) > 0.0155
     assert not pushes(lying(size=(0.05, 0.05, 0.012)), tips_apart(CELL), 0.014)
+
+
+def test_the_best_push_is_square_into_a_side():
+    turn = 0.6
+    best = pushes(lying(size=(0.147, 0.105, 0.01), turn=turn), tips_apart(CELL), 0.014)[0]
+    off = np.arctan2(best.direction[1], best.direction[0]) - turn
+    assert abs((off + np.pi / 4) % (np.pi / 2) - np.pi / 4) < np.deg2rad(1.6)
 
 
 def test_the_tips_go_straight_and_say_how_far(planned):
@@ -62,7 +69,7 @@ def test_the_tips_go_straight_and_say_how_far(planned):
         q = denormalise(slide.action(q), TREE)
         assert_allclose(q, slide.script.at(k), atol=1e-6)
     assert slide.done
-    assert abs(slide.moved - slide.push.distance) < 0.003
+    assert 0.006 < slide.moved - slide.push.distance < 0.012  # what the table's friction takes
     first = dict(slide.script.phases)
     tips = np.array([fingertips(q, TREE)[1:] for q in slide.script.targets[first["slide"] : first["leave"]]])
     across = [-slide.push.direction[1], slide.push.direction[0]]

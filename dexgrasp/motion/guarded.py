@@ -36,13 +36,15 @@ class GuardedGrasp(Motion):
         spans: (g - 1,) m, distances of the other tips from the opposing one's at the end.
     """
 
-    def __init__(self, script: ActionScript, grasp: Grasp) -> None:
+    def __init__(self, script: ActionScript, grasp: Grasp, overtravel: float = _OVERTRAVEL) -> None:
         """Prepare.
 
         Args:
             script: whose approach is followed; from the close on feedback replaces its fingers.
             grasp: with the forces to press with.
+            overtravel: m that tips close past where the surface is believed to be.
         """
+        self._overtravel = overtravel
         self.script, self.grasp, self.tree = script, grasp, robot_tree(grasp.cell)
         first = dict(script.phases)
         self._approach_end = first["close"]
@@ -71,7 +73,7 @@ class GuardedGrasp(Motion):
         behind = fingertips(self.targets, self.tree) - fingertips(q, self.tree)
         lag = -(behind * self.grasp.normals).sum(1)
         self._touched |= (lag > _TOUCH_LAG) & (self._progress > 0.3)
-        limit = 1.0 + _OVERTRAVEL / self._travel
+        limit = 1.0 + self._overtravel / self._travel
         moving = ~self._touched & (self._progress < limit)
         self._progress[moving] += _CLOSE_SPEED * CONTROL_PERIOD / self._travel[moving]
         self._progress = np.minimum(self._progress, limit)

@@ -20,6 +20,7 @@ from dexgrasp.motion.motion import NoPath, Played
 from dexgrasp.motion.timing import points_at, smooth_step, time_path, within_limits
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import quat_to_matrix, yaw_quat
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -27,6 +28,7 @@ _FINGER = (0.0, 0.2, 1.4, 0.8)  # rad: curled so that what resists a tip neither
 _TILT = 0.09  # rad of the palm
 _HEIGHT = 0.0105  # m of the tips' centres, at which they press on the table: what they push cannot lift them
 _BEFORE, _BACK = 0.02, 4  # m before the push; points back from its end
+_LAG = 0.009  # m that tips end short of where they are sent: the table's friction
 _SPACING = 0.01  # m between points of the push
 _SPEED = 0.21  # m/s on average
 _SLOWER = 1.15
@@ -119,20 +121,26 @@ def _way(push: Push, cell: Cell) -> Array | None:
     tree = robot_tree(cell)
     q = _pushing(tree)
     R0, p0 = palm_frame(q, tree)
-    tips = (fingertips(q, tree)[1:].mean(0) - p0) @ R0
+    tips = (fingertips(q, tree)[1:] - p0) @ R0
     ahead = np.array([*push.direction, 0.0])
     c, s, up = np.cos(_TILT), np.sin(_TILT), np.array([0.0, 0.0, 1.0])
     x, z = s * ahead - c * up, -c * ahead - s * up
     R = np.stack([x, np.cross(z, x), z], axis=1)
-    begin = np.array([*(push.touch - _BEFORE * push.direction), _HEIGHT]) - R @ tips
-    if not reach_palm(q, R, begin, tree):
-        return None
-    length = _BEFORE + push.distance
-    count = int(np.ceil(length / _SPACING))
-    path, strayed = shift_palm(q, tree, np.linspace(0.0, length, count + 1)[1:, None] * ahead)
-    way = np.concatenate([q[None], path])
-    blocked = strayed > _STRAY or CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is not None
-    return None if blocked else way
+    line = (R @ (tips[0] - tips[1]))[:2]
+    off_square = np.arctan(line @ push.direction / (line @ [-push.direction[1], push.direction[0]]))
+    R = quat_to_matrix(yaw_quat(off_square)) @ R  # both tips touch a straight side at once
+    begin = np.array([*(push.touch - _BEFORE * push.direction), _HEIGHT]) - R @ tips.mean(0)
+    length = _BEFORE + push.distance + _LAG
+    along = np.linspace(length, 0.0, int(np.ceil(length / _SPACING)) + 1)
+    end, back = begin + length * ahead, (along[1:, None] - length) * ahead
+    for start in tree.starts:  # the end is next to the base, where the arm has the least room
+        if not reach_palm(q, R, end, tree._replace(starts=start[None])):
+            continue
+        path, strayed = shift_palm(q, tree, back)
+        way = np.concatenate([q[None], path])[::-1]
+        if strayed < _STRAY and CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is None:
+            return way
+    return None
 
 
 def _timed(path: Array, tree: RobotTree) -> Array:

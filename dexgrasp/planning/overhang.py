@@ -4,8 +4,10 @@ There the table is one of the things that stand around the object, and the floor
 whose table is lower plans the grasp, and its certificate says that the hand keeps clear of the real one.
 """
 
+from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
-from itertools import islice, pairwise, product
+from itertools import islice, product
 
 import numpy as np
 
@@ -17,17 +19,19 @@ from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
 
-_WANTED, _LEAST = 0.065, 0.028  # m that stick out
-_INSIDE = 0.012  # m inside the edge that the centre of mass stays
+_WANTED, _LEAST = 0.065, 0.022  # m that stick out
+_INSIDE = 0.016  # m inside the edge that the centre of mass stays
 _LONGEST = 0.56  # m
 _TOWARDS = 0.6  # cosine of the way to the edge
-_ALIKE = 0.002  # m by which one tip may touch before the other
-_SIDE = 0.03  # m, from where a straight side is pushed square
-_TURNS = np.deg2rad(np.arange(0.0, 360.0, 5.0))
+_ALIKE = 0.001  # m by which one tip may touch before the other: what is pushed turns until both do
+_ROUND = 20.0  # m a m that a side stands out between them: a corner lets what is pushed turn away
+_TURNS = np.deg2rad(np.arange(0.0, 360.0, 1.5))
+_MARCH = 30  # steps until a tip touches
 _TRIED = 8  # pushes that the arm can make
+_APART = np.cos(np.deg2rad(10.0))  # of their directions
 _CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
 _FAR = 0.35  # m: the price of the far edge, where the arm hardly reaches round the object
-_AGAIN = 3  # seeds
+_AGAIN = 6  # seeds
 _BORNE, _FIRM = 1.0, 2.0  # weights: of a grasp worth a push, and that ends the search for one
 _FLOOR = 0.5  # m below the table
 _SUNK = 0.002  # m that the table is taken to be lower than it is: the object lies on it
@@ -51,20 +55,25 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
         return None
     there, home = _at_edge(planner), planner.tree.home
     found = pushes(target, tips_apart(planner.cell), planner.settings.tip_radius)
-    slides = (slide for push in found if (slide := _slide(push, start, target, planner)) is not None)
-    for slide in islice(slides, _TRIED):
+    best, most = None, _BORNE
+    for slide in islice(_slides(found, start, target, planner), _TRIED):
         push = slide.push
-        plan = there.plan(slid(target, push.distance * push.direction), seed, home.copy())
-        if plan.grasp is not None and plan.grasp.certificate.load >= _BORNE:
-            return slide
-    return None
+        load = _load(there.plan(slid(target, push.distance * push.direction), seed, home.copy()))
+        if load >= most:
+            best, most = slide, load
+        if load >= _FIRM:
+            break
+    return best
 
 
-def _slide(push: Push, start: Array, target: GraspTarget, planner: Planner) -> Slide | None:
-    try:
-        return make_slide(push, start, target, planner.cell)
-    except NoPath:
-        return None
+def _slides(found: list[Push], start: Array, target: GraspTarget, planner: Planner) -> Iterator[Slide]:
+    """Yield those of pushes that the arm can make, but none nearly in the direction of another."""
+    made = list[Array]()
+    for push in found:
+        if all(push.direction @ other < _APART for other in made):
+            with suppress(NoPath):
+                yield make_slide(push, start, target, planner.cell)
+                made.append(push.direction)
 
 
 def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, start: Array) -> PlanResult:
@@ -77,12 +86,16 @@ def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, st
         seed: of the proposals.
         start: (n,) rad, set-points now.
     """
-    there = slid(target, slide.moved * slide.push.direction)
+    there, plans = slid(target, slide.moved * slide.push.direction), list[PlanResult]()
     for k in range(_AGAIN):
-        plan = _at_edge(planner).plan(there, seed + k, start)
-        if plan.grasp is not None and plan.grasp.certificate.load >= _BORNE:
+        plans.append(_at_edge(planner).plan(there, seed + k, start))
+        if _load(plans[-1]) >= _FIRM:
             break
-    return plan
+    return max(plans, key=_load)
+
+
+def _load(plan: PlanResult) -> float:
+    return -1.0 if plan.grasp is None else plan.grasp.certificate.load
 
 
 def slid(target: GraspTarget, shift: Array) -> GraspTarget:
@@ -109,48 +122,41 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
     points = np.concatenate(target.corners)[:, :2]
     outline = points[ConvexHull(points).vertices]
     centre, found = target.centre[:2], []
-    radius = float(np.sqrt(tip**2 - max(tip - target.top, 0.0) ** 2))
-    for direction in _directions(outline):
-        across = np.array([-direction[1], direction[0]])
-        tips = [centre + side * 0.5 * apart * across for side in (1.0, -1.0)]
-        ways = [_touch(outline, direction, at, radius) for at in tips]
-        if not abs(ways[0] - ways[1]) <= _ALIKE:
+    for direction, (one, between, other) in zip(*_touches(target, apart, tip), strict=True):
+        if not abs(one - other) <= _ALIKE:
             continue
-        touch = centre + (min(ways) - centre @ direction) * direction
+        touch = centre + min(one, other) * direction
         for out in map(np.array, _EDGES):
             distance = _distance(outline, centre, direction, out)
             there = centre + (distance or 0.0) * direction
             if distance is not None and (np.abs(there - _MIDDLE) <= _HALF - 0.99 * _INSIDE).all():
                 before_base = out[0] < 0.0 and abs(there[1]) < _NEAR_BASE
-                price = _CROWDED * before_base + _FAR * (out[0] > 0.0)
+                price = _CROWDED * before_base + _FAR * (out[0] > 0.0) + _ROUND * max(one - between, 0.0)
                 found.append((distance + price, Push(direction, distance, touch)))
     return [push for _, push in sorted(found, key=lambda item: item[0])]
+
+
+def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Array]:
+    """Return level directions (D, 2), and where along them, m from the centre, tips on the table touch (D, 3).
+
+    The first and the last are the two that push, the second one between them; nan where one touches nothing.
+    """
+    directions = np.stack([np.cos(_TURNS), np.sin(_TURNS)], axis=1)
+    across = np.stack([-directions[:, 1], directions[:, 0]], axis=1)
+    beside = target.centre[:2] + apart * np.array([0.5, 0.0, -0.5])[:, None] * across[:, None]
+    way = np.full(beside.shape[:2], -np.linalg.norm(np.ptp(np.concatenate(target.corners), axis=0)))
+    off = np.zeros_like(way)
+    for _ in range(_MARCH):
+        level = beside + way[..., None] * directions[:, None]
+        tips = np.dstack([level, np.full(way.shape, tip)]).reshape(-1, 3)
+        off = target.distance.distance_gradient(tips)[0].reshape(way.shape) - tip
+        way += off
+    return directions, np.where(np.abs(off) < _ALIKE, way, np.nan)
 
 
 def _at_edge(planner: Planner) -> Planner:
     cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
     return Planner(replace(planner.settings, patience=0, firm_load=_FIRM), cell=cell)
-
-
-def _directions(outline: Array) -> list[Array]:
-    """Return level directions square into the sides of an outline (N, 2), and others all round."""
-    square = []
-    for a, b in pairwise([*outline, outline[0]]):
-        side = b - a
-        if (length := float(np.linalg.norm(side))) > _SIDE:
-            square.append(np.array([-side[1], side[0]]) / length)
-    return square + [np.array([np.cos(turn), np.sin(turn)]) for turn in _TURNS]
-
-
-def _touch(outline: Array, direction: Array, at: Array, radius: float) -> float:
-    """Return where along a direction, m, a disc that comes along a line through `at` (2,) touches; nan: nowhere."""
-    across = np.array([-direction[1], direction[0]])
-    shares = np.linspace(0.0, 1.0, 40)[:, None]
-    points = np.concatenate([a + shares * (b - a) for a, b in pairwise([*outline, outline[0]])])
-    beside = (points - at) @ across
-    met = np.abs(beside) < radius
-    reached = points[met] @ direction - np.sqrt(radius**2 - beside[met] ** 2)
-    return float(reached.min()) if met.any() else np.nan
 
 
 def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> float | None:
