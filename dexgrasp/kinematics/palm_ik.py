@@ -1,5 +1,7 @@
 """Inverse kinematics of the arm for a palm pose, compiled (damped least squares within the joint range)."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dexgrasp.kinematics.damped import damped_step
@@ -70,13 +72,17 @@ def solve_palm(
 
 def reach_palm(q: Array, R: Array, p: Array, tree: RobotTree) -> bool:
     """Solve the arm's part of `q` for a palm pose, in place, from the arm's starts; tell whether it is reached."""
+    return any(True for _ in palm_postures(q, R, p, tree))
+
+
+def palm_postures(q: Array, R: Array, p: Array, tree: RobotTree) -> Iterator[Array]:
+    """Yield `q` itself with the arm's part solved for a palm pose, from each of the arm's starts that reaches it."""
     toward = np.arctan2(p[1], p[0])
     for start in tree.starts:
         q[: tree.arm] = start
         q[0] = np.clip(toward + start[0], tree.lower[0], tree.upper[0])
         if solve_palm(q, R, p, tree, 40, 1e-4) < _REACHED:
-            return True
-    return False
+            yield q
 
 
 @njit

@@ -11,7 +11,7 @@ import numpy as np
 
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import fingertips
-from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
+from dexgrasp.kinematics.palm_ik import palm_frame, palm_postures
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
@@ -133,9 +133,7 @@ def _way(push: Push, cell: Cell) -> Array | None:
     length = _BEFORE + push.distance + _LAG
     along = np.linspace(length, 0.0, int(np.ceil(length / _SPACING)) + 1)
     end, back = begin + length * ahead, (along[1:, None] - length) * ahead
-    for start in tree.starts:  # the end is next to the base, where the arm has the least room
-        if not reach_palm(q, R, end, tree._replace(starts=start[None])):
-            continue
+    for q in palm_postures(q, R, end, tree):  # the end is next to the base, where the arm has the least room
         path, strayed = shift_palm(q, tree, back)
         way = np.concatenate([q[None], path])[::-1]
         if strayed < _STRAY and CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is None:
