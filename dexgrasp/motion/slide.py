@@ -133,9 +133,11 @@ def _way(push: Push, cell: Cell) -> Array | None:
     length = _BEFORE + push.distance + _LAG
     along = np.linspace(length, 0.0, int(np.ceil(length / _SPACING)) + 1)
     end, back = begin + length * ahead, (along[1:, None] - length) * ahead
-    for q in palm_postures(q, R, end, tree):  # the end is next to the base, where the arm has the least room
-        path, strayed = shift_palm(q, tree, back)
-        way = np.concatenate([q[None], path])[::-1]
+    for last in palm_postures(
+        q, R, end, tree
+    ):  # the end is next to the base, where the arm has the least room
+        path, strayed = shift_palm(last, tree, back)
+        way = np.concatenate([last[None], path])[::-1]
         if strayed < _STRAY and CollisionChecker(cell, None, _OFF_TABLE).first_contact(way) is None:
             return way
     return None
