@@ -24,7 +24,7 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 def box(x, y, size):
     mesh = trimesh.creation.box(size)
     mesh.apply_translation([x, y, size[2] / 2])
-    return ConvexDistance.from_mesh(mesh)
+    return ConvexDistance.from_points(mesh.vertices)
 
 
 def palm_down(x, y, z, yaw=0.78):

@@ -14,12 +14,12 @@ SIDES = np.array([0.06, 0.16, 0.21])
 
 @pytest.fixture(scope="module")
 def box():
-    return ConvexDistance.from_mesh(trimesh.creation.box(SIDES))
+    return ConvexDistance.from_points(trimesh.creation.box(SIDES).vertices)
 
 
 @pytest.fixture(scope="module")
 def can():
-    return ConvexDistance.from_mesh(trimesh.creation.cylinder(0.033, 0.1, sections=64))
+    return ConvexDistance.from_points(trimesh.creation.cylinder(0.033, 0.1, sections=64).vertices)
 
 
 def scatter(rng, n, size=0.3):
@@ -99,7 +99,7 @@ def hammer():
     """A handle along x and a head across its end."""
     handle, head = trimesh.creation.box((0.2, 0.03, 0.03)), trimesh.creation.box((0.03, 0.1, 0.03))
     head.apply_translation([0.1, 0.0, 0.0])
-    return [ConvexDistance.from_mesh(handle), ConvexDistance.from_mesh(head)]
+    return [ConvexDistance.from_points(handle.vertices), ConvexDistance.from_points(head.vertices)]
 
 
 def test_distance_to_a_union_is_the_least_of_its_parts(hammer):
@@ -131,7 +131,7 @@ def test_a_union_of_one_is_that_one(hammer):
 
 def test_simplified_hull_keeps_its_stated_error():
     mesh = trimesh.creation.icosphere(4, 0.05)
-    full, small = ConvexDistance.from_mesh(mesh), ConvexDistance.from_mesh(mesh, max_faces=200)
+    full, small = ConvexDistance.from_points(mesh.vertices), ConvexDistance.from_points(mesh.vertices, 200)
     points = scatter(np.random.default_rng(6), 2000)
     points = points[full.distance(points) > 0]
     gap = small.distance(points) - full.distance(points)

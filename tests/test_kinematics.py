@@ -24,7 +24,7 @@ PALM, THUMB = BODIES.index("palm"), BODIES.index("thumb_medial")
 HULL = trimesh.convex.convex_hull(
     np.random.default_rng(4).normal(size=(30, 3)) * [0.02, 0.03, 0.05] + [0.5, 0.05, 0.1]
 )
-SHAPE = ConvexDistance.from_mesh(HULL)
+SHAPE = ConvexDistance.from_points(HULL.vertices)
 
 
 @lru_cache

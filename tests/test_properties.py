@@ -79,7 +79,7 @@ def test_distances_to_a_box_are_the_analytic_ones(points, sides):
     box = trimesh.creation.box(sides)
     expected = box_distance(points, sides)
     assert_allclose(closest_on_mesh(box, points).distances, expected, atol=1e-9)
-    assert_allclose(ConvexDistance.from_mesh(box).distance(points), expected, atol=1e-9)
+    assert_allclose(ConvexDistance.from_points(box.vertices).distance(points), expected, atol=1e-9)
 
 
 @given(hnp.arrays(np.float64, (40, 3), elements=st.floats(0.0, 0.1)), st.floats(0.005, 0.05))

@@ -3,8 +3,9 @@
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from scipy.spatial import ConvexHull
 
-from dexgrasp.shape.hull import cloud_hull
+from dexgrasp.shape.hull import cloud_corners
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import cells_of, gather
 from dexgrasp_env.perception.scene import Scene
@@ -50,7 +51,8 @@ def measure_accuracy(
     visible = gather(np.where(of_object, perception.rays.render(data), np.inf), perception.cameras).points
     elsewhere = ~of_object.ravel()[scene.target.pixels]
     stray = (distance > OFF_OBJECT) & elsewhere
-    hull = cloud_hull(points, scene.plane)
+    corners = cloud_corners(points, scene.plane)
+    volume = np.nan if corners is None else ConvexHull(corners).volume
     return {
         "median": float(np.median(distance)),
         "p95": float(np.percentile(distance, 95)),
@@ -59,7 +61,7 @@ def measure_accuracy(
         "false_points": int((distance > FALSE_POINT).sum()),
         "stray_points": int(stray.sum()),
         "table_points": int((stray & (points[:, 2] < TABLE_BAND)).sum()),
-        "hull_volume": float("nan") if hull is None else float(hull.volume / mesh.convex_hull.volume),
+        "hull_volume": float(volume / mesh.convex_hull.volume),
         "reason": None,
     }
 

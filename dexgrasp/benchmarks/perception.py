@@ -8,7 +8,7 @@ import numpy as np
 
 from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy
 from dexgrasp.benchmarks.timing import seconds_of
-from dexgrasp.shape.hull import cloud_hull
+from dexgrasp.shape.hull import cloud_corners
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
@@ -145,7 +145,7 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
     found = step("largest_cluster", lambda: largest_cluster(dense, s.link))
     chosen = found.select(step("downsample", lambda: downsample(found.points, s.count, rng)))
     points, _ = step("smooth", lambda: smooth(found, chosen, plane.rms, s.smoothing_radius))
-    step("hull (not in the total)", lambda: cloud_hull(points, plane))
+    step("hull (not in the total)", lambda: cloud_corners(points, plane))
     step("total", lambda: perception.observe(data, rng))
     return steps
 

@@ -21,6 +21,7 @@ from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 
+_MOST = 100  # demonstrations
 _EVERY = 4  # control steps from one kept state to the next
 _LATEST, _BACK = 0.9, 0.05  # shares of a demonstration: where episodes begin at first, what is won at a time
 _WON, _OF = 0.6, 100  # share of the last so many episodes from the front that succeed before it moves back
@@ -39,19 +40,18 @@ class DemoResets:
         states: of each demonstration, in time.
     """
 
-    def __init__(self, folder: str | Path, whole: float = 0.2, most: int = 100) -> None:
+    def __init__(self, folder: str | Path, whole: float = 0.2) -> None:
         """Read demonstrations.
 
         Args:
             folder: of `dexgrasp demos generate`.
             whole: share of the episodes that begin as usual.
-            most: demonstrations at most.
 
         Raises:
             InputError: if there are none, or they are damaged.
         """
         self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
-        self._demos = [demo for demo, _ in zip(read_episodes(Path(folder)), range(most), strict=False)]
+        self._demos = [demo for demo, _ in zip(read_episodes(Path(folder)), range(_MOST), strict=False)]
         self._whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
         self._recent: deque[bool] = deque(maxlen=_OF)

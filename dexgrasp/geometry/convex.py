@@ -16,7 +16,7 @@ from dexgrasp.geometry.outline import outline
 from dexgrasp_env.errors import InputError
 
 if TYPE_CHECKING:
-    import trimesh
+    pass
 
 FLAT = 1e-6
 """A hull thinner than this [m] is refused: its inside has no meaning at the scale of a hand."""
@@ -58,11 +58,6 @@ class ConvexDistance:
         if max_faces is not None and len(triangles) > max_faces:
             triangles, planes, error = _simplify(vertices[hull.vertices], max_faces)
         return cls(triangles, planes, error)
-
-    @classmethod
-    def from_mesh(cls, mesh: trimesh.Trimesh, max_faces: int | None = None) -> ConvexDistance:
-        """Build the convex hull of a mesh's vertices; the arguments and errors are those of `from_points`."""
-        return cls.from_points(mesh.vertices, max_faces)
 
     @classmethod
     def union(cls, parts: Sequence[ConvexDistance]) -> ConvexDistance:

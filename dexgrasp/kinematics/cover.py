@@ -11,6 +11,7 @@ from dexgrasp_env.arrays import Array
 
 _COLLISION_GROUP = 3
 _LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
+_SPACING = 0.0015  # m between points of a box's edges
 _TIP_CELL, _LINK_CELL = 0.0045, 0.006  # m: cells of meshes, which are no smaller
 
 
@@ -131,11 +132,11 @@ def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
     return centres, np.array(radii)
 
 
-def box_edges(centre: Array, half: Array, spacing: float = 0.0015) -> Array:
-    """Return points (n, 3) m along the twelve edges of an axis-aligned box, at most `spacing` apart."""
+def box_edges(centre: Array, half: Array) -> Array:
+    """Return points (n, 3) m along the twelve edges of an axis-aligned box, at most 1.5 mm apart."""
     points = []
     for axis in range(3):
-        count = int(np.ceil(2.0 * half[axis] / spacing)) + 1
+        count = int(np.ceil(2.0 * half[axis] / _SPACING)) + 1
         along = np.linspace(-half[axis], half[axis], count)
         for u in (-1, 1):
             for v in (-1, 1):

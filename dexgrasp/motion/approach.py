@@ -17,17 +17,14 @@ _HOVERS = ((0.0, 0.15), (0.0, 0.10), (0.08, 0.08), (0.12, 0.0), (0.08, 0.0), (0.
 _PALM_ERROR = 0.002  # m
 
 
-def plan_approach(
-    checker: CollisionChecker, start: Array, pregrasp: Array, seed: int = 1, tries: int = TRIES
-) -> Array:
+def plan_approach(checker: CollisionChecker, start: Array, pregrasp: Array, tries: int = TRIES) -> Array:
     """Return waypoints (m, n) rad from `start` to `pregrasp`, free by the checker; straight lines join them.
 
     Args:
         checker: of the scene; both ends are told to it (`CollisionChecker.allow`).
         start: (n,) rad.
         pregrasp: (n,) rad.
-        seed: of the sampling planner, above 0.
-        tries: its budget.
+        tries: budget of the sampling planner.
 
     Raises:
         NoPath: with the bodies that are in the way.
@@ -46,7 +43,7 @@ def plan_approach(
         if checker.free_line(start, descent[0]):
             return np.concatenate([start[None], descent])
         descents.append(descent)
-    return _sampled(checker, start, pregrasp, descents, (seed, tries), str(contact))
+    return _sampled(checker, start, pregrasp, descents, tries, str(contact))
 
 
 def _descents(checker: CollisionChecker, pregrasp: Array) -> Iterator[Array]:
@@ -66,7 +63,7 @@ def _sampled(
     start: Array,
     pregrasp: Array,
     descents: list[Array],
-    budget: tuple[int, int],
+    tries: int,
     contact: str,
 ) -> Array:
     opened = np.concatenate([start[: checker.tree.arm], pregrasp[checker.tree.arm :]])
@@ -75,7 +72,7 @@ def _sampled(
     if blocked is not None:
         raise NoPath("approach_blocked", f"while the fingers open, {blocked}")
     for descent in [*descents[:2], pregrasp[None]]:
-        path = plan_arm(checker, opened, descent[0], *budget)
+        path = plan_arm(checker, opened, descent[0], seed=1, tries=tries)
         if path is not None:
             return np.concatenate([start[None], path, descent[1:]])
     raise NoPath("approach_blocked", f"on the straight way {contact}, and no other was found")

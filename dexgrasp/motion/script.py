@@ -13,7 +13,7 @@ from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.sampling import TRIES
-from dexgrasp.motion.timing import smooth_step, time_path
+from dexgrasp.motion.timing import SPEED, smooth_step, time_path
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
@@ -31,7 +31,7 @@ _LIFT_SHORT = 4.5e-4  # m that the lift may miss its height by; `verify` allows 
 
 def make_script(
     start: Array, motion: GraspMotion, obstacle: ConvexDistance | None, cell: Cell, *,
-    speed: float = 0.65, margin: float = 0.004, seed: int = 1, among: bool = False,
+    margin: float = 0.004, among: bool = False,
 ) -> ActionScript:  # fmt: skip
     """Plan the approach and put all phases together; the same arguments give the same script bit for bit.
 
@@ -40,9 +40,7 @@ def make_script(
         motion: the grasp.
         obstacle: the object in the world frame, with what stands around it, or None to approach as if there were none.
         cell: of the robot.
-        speed: share of the velocity and acceleration limits that the approach uses, above 0 and up to 1.
         margin: clearance to keep on the approach, m.
-        seed: of the sampling planner, above 0.
         among: whether neighbours are there. Other grasps are then found sooner than long detours, so fewer tries are
             made; and detours bend: an approach that bends too much takes twice as long.
 
@@ -53,10 +51,10 @@ def make_script(
     start = np.asarray(start, dtype=float)
     lift = _lift(tree, motion)  # cheap, so that it fails first
     checker = CollisionChecker(cell, obstacle, margin)
-    waypoints = plan_approach(checker, start, motion.pregrasp, seed, _FEW_TRIES if among else TRIES)
+    waypoints = plan_approach(checker, start, motion.pregrasp, _FEW_TRIES if among else TRIES)
     for slower in (1.0, 0.5) if among else (1.0,):  # corners of a sampled path bend less
         # Smoothing may overshoot by a hair where the pregrasp stands at the end of a joint's range.
-        approach = np.clip(time_path(waypoints, tree, checker, slower * speed), tree.lower, tree.upper)
+        approach = np.clip(time_path(waypoints, tree, checker, slower * SPEED), tree.lower, tree.upper)
         if not among or bend(np.concatenate([start[None], approach])) <= _BEND:
             break
     pieces = {

@@ -9,6 +9,8 @@ from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
+SPEED = 0.65
+"""Share of the limits of velocity and acceleration that ways use."""
 _BLENDS = (0.3, 0.15, 0.06)  # rad along the path: how far before a corner the turn begins, widest first
 _SPACING = 0.015  # rad along the path between the points that are timed
 _EXCESS = 1.1  # acceleration of the sampled set-points over what was asked for
@@ -17,7 +19,7 @@ _CUT = 0.001  # m
 
 
 def time_path(
-    path: Array, tree: RobotTree, checker: CollisionChecker | None = None, speed: float = 0.65
+    path: Array, tree: RobotTree, checker: CollisionChecker | None = None, speed: float = SPEED
 ) -> Array:
     """Return set-points (T, n) rad, one a control step, from rest to rest along a polyline.
 

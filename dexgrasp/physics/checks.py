@@ -41,9 +41,9 @@ def check_positive(name: str, value: Any) -> float:
     return float(value)
 
 
-def check_contacts(points: object, normals: object, count: int | None = None) -> tuple[Array, Array]:
+def check_contacts(points: object, normals: object) -> tuple[Array, Array]:
     """Return points and unit normals, both (N, 3), after checking shapes, finiteness and unit length."""
-    points = check_array("points", points, (count, 3))
+    points = check_array("points", points, (None, 3))
     normals = check_array("normals", normals, (len(points), 3))
     check_unit(normals)
     return points, normals

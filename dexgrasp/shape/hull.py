@@ -1,18 +1,14 @@
 """The convex hull of a cloud, trimmed of noise and completed down to the table."""
 
-from typing import TYPE_CHECKING, Any
+from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.geometry.convex_kernel import outward_triangles
 from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.perception.plane import Plane
-
-if TYPE_CHECKING:
-    import trimesh
-    from scipy.spatial import ConvexHull
 
 REACH = 0.020
 """m above the table within which points are dropped onto it."""
@@ -23,65 +19,38 @@ _TRIMMED = 0.01  # share of the points that count as extremes in a direction, fr
 _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the last point that is none
 
 
-def cloud_hull(
-    points: NDArray[Any], plane: Plane | None = None, *, reach: float = REACH, noise: float | None = None
-) -> "trimesh.Trimesh | None":
-    """Return the convex hull of the points as a watertight mesh in the world frame; see `cloud_corners`."""
-    import trimesh
-
-    found = _hull(points, plane, reach, noise)
-    if found is None:
-        return None
-    points, hull = found
-    triangles = outward_triangles(points, hull.simplices, hull.equations)
-    return trimesh.Trimesh(triangles.reshape(-1, 3), np.arange(triangles.size // 3).reshape(-1, 3))
-
-
-def cloud_corners(
-    points: NDArray[Any], plane: Plane | None = None, *, reach: float = REACH, noise: float | None = None
-) -> Array | None:
-    """Return the corners of the convex hull of the points in the world frame.
+def cloud_corners(points: NDArray[Any], plane: Plane | None = None) -> Array | None:
+    """Return the corners of the convex hull of the points in the world frame, trimmed for the plane's noise.
 
     No camera sees the underside, and points near the table are removed with it. The object stands on the
-    table, so points within `reach` of the plane are dropped straight onto it before the hull is taken, and
+    table, so points within `REACH` of the plane are dropped straight onto it before the hull is taken, and
     the point of the table under the middle of the cloud is added: an object whose lowest visible points are
     higher, a ball say, then ends in a cone.
 
     Args:
         points: (M, 3) m.
-        plane: the table; None completes nothing.
-        reach: how far down the completion goes, metres.
-        noise: RMS noise of the sensor that the hull is trimmed for, metres; None takes the plane's.
+        plane: the table; None completes and trims nothing.
 
     Returns:
         (N, 3) m, or None if the points span no volume.
     """
-    found = _hull(points, plane, reach, noise)
-    return None if found is None else found[0][found[1].vertices]
-
-
-def _hull(
-    points: NDArray[Any], plane: Plane | None, reach: float, noise: float | None
-) -> "tuple[Array, ConvexHull] | None":
-    """Return the points that the hull is taken of, and their hull."""
     from scipy.spatial import ConvexHull, QhullError
 
     points = np.asarray(points, dtype=float)
     if len(points) < 4:
         return None
-    noise = noise if noise is not None else (plane.rms if plane is not None else 0.0)
-    points = trim_extremes(points, noise)
     if plane is not None:
+        points = trim_extremes(points, plane.rms)
         heights = plane.heights(points)
         dropped = points - heights[:, None] * plane.normal
-        points = np.concatenate([points, dropped[heights < reach], np.median(dropped, axis=0, keepdims=True)])
+        points = np.concatenate([points, dropped[heights < REACH], np.median(dropped, axis=0, keepdims=True)])
     try:
-        return points, ConvexHull(points)
+        return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:  # all points in a plane or on a line
         return None
 
 
-def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
+def trim_extremes(points: Array, noise: float) -> Array:
     """Return the points (M, 3) with those that stick out moved inwards.
 
     In each of many directions, the farthest 1 % of the points are moved back to the next one and 0.3 of the
@@ -91,7 +60,7 @@ def trim_extremes(points: Array, noise: float, directions: int = 300) -> Array:
     count = round(_TRIMMED * min(1.0, noise / 0.001) * len(points))
     if count < 1:
         return points
-    outward = _directions(directions)
+    outward = _outward()
     centre = np.median(points, axis=0)
     local = points - centre
     along = outward @ local.T
@@ -132,7 +101,8 @@ def _moved(points: Array, excess: Array, outward: Array) -> Array:
     return np.asarray(points - back[:, None] * outward[worst])
 
 
-def _directions(count: int) -> Array:
+@cache
+def _outward() -> Array:
     """Even directions (n, 3) over the upper half sphere and a little below its equator."""
-    directions = fibonacci_directions(count)
+    directions = fibonacci_directions(300)
     return directions[directions[:, 2] > -0.1]
