@@ -13,6 +13,7 @@ from dexgrasp.cli import plan_results
 from dexgrasp.cli.codes import ANSWER_IS_NO, BAD_INPUT, OK
 from dexgrasp.cli.main import main
 from dexgrasp.planning import look
+from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.rendering import rendering_fault
 
 CERTIFICATE = {
@@ -223,3 +224,22 @@ def test_demo_of_what_cannot_be_lifted_is_1(printed, tmp_path, monkeypatch):
     result = printed()
     assert result["success"] is False
     assert result["outcome"]["failure"] == result["reason"]
+
+
+def test_a_floating_grasp_is_of_the_known_shape_and_is_scored(tmp_path, printed):
+    assert typed(f"plan sugar_box --floating --seed 5 --friction 0.6 --out {tmp_path} --json") == OK
+    grasp = printed()["grasp"]
+    T = np.array(grasp["T_world_object"])
+    assert T[2, 3] > 0.3
+    assert grasp["certificate"]["mass"] == pytest.approx(0.1)
+    mesh = load_object("sugar_box").mesh
+    local = (np.array([contact["point"] for contact in grasp["contacts"]]) - T[:3, 3]) @ T[:3, :3]
+    assert np.abs(trimesh.proximity.signed_distance(mesh, local)).max() < 1e-4
+    assert typed(f"score {tmp_path / 'grasp.json'} --protocol dgb_fc --json") == OK
+    assert printed()["protocols"]["dgb_fc"]["successes"] == 1
+
+
+@pytest.mark.parametrize("words", ["--cloud x.ply --floating", "pear --floating --agent cvae"])
+def test_floating_is_of_a_target_and_of_one_planner(words, capsys):
+    assert typed(f"plan {words}") == BAD_INPUT
+    assert "--floating" in capsys.readouterr().err

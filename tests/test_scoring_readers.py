@@ -3,6 +3,7 @@
 import json
 import os
 import pickle
+from dataclasses import replace
 from types import SimpleNamespace
 
 import mujoco
@@ -280,6 +281,8 @@ def test_our_files_float_the_hand_where_the_arm_had_it(tmp_path, monkeypatch, mo
     for tip in TIPS:
         assert_allclose(T[:3, :3] @ alone.site(tip).xpos + T[:3, 3], whole.site(tip).xpos, atol=1e-9)
     assert_allclose(found.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.04))
+    stiffer = replace(found, servo_kp=20.0 * np.ones(16))
+    assert_allclose(stiffer.squeeze_for(5.0).joints - found.grasp.joints, np.full(16, 0.08))
     record.T_world_object = None
     with refused("T_world_object is missing"):
         ours.read_ours({}, tmp_path / "grasp.json", ReadOptions())

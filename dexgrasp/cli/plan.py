@@ -13,7 +13,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Share, check
 
 if TYPE_CHECKING:
-    from dexgrasp.planning.look import Look
+    from dexgrasp.planning.look import Look, Subject
     from dexgrasp.planning.result import PlanResult, Progress
     from dexgrasp_env.perception.cloud import Cloud
 
@@ -31,6 +31,7 @@ class Plan(Command, Scan, Scene):
       dexgrasp plan --cloud scene.ply --object-near 0.5 0.1 0.03
       dexgrasp plan pear --count 20 --out grasps/pear     20 grasps that differ: grasp_000.json is the firmest
       dexgrasp plan pear --at-least 0.95                  a grasp that holds with this probability, or none
+      dexgrasp plan pear --floating --out grasps/pear     in mid-air, by the hand alone: for dexgrasp score
       dexgrasp plan pear --friction 0.35                  a slippery one, and a planner that knows it: it counts on 5/7
                                                           of MU for closure, 6/7 for the forces (never over 0.5 and 0.6)
 
@@ -44,6 +45,7 @@ class Plan(Command, Scan, Scene):
         count: K grasps that differ, firmest first; with --out, grasp_000.json and so on (exit code 1 for fewer).
         at_least: a grasp that is lifted and held with at least this probability, or none (exit code 1).
         out: folder for grasp.json and grasp.png.
+        floating: in mid-air, its shape known, no approach: for dexgrasp score.
     """
 
     target: Argument[str | None] = None
@@ -51,6 +53,7 @@ class Plan(Command, Scan, Scene):
     count: Annotated[Count | None, "K"] = None
     at_least: Annotated[Share | None, "P"] = None
     out: Folder | None = None
+    floating: bool = False
 
     def run(self) -> Answer:
         """Plan, and write what was asked for."""
@@ -85,6 +88,8 @@ class Plan(Command, Scan, Scene):
                 raise InputError(
                     "name a TARGET: an object (see `dexgrasp list objects`), a mesh file, or --cloud FILE"
                 )
+            if self.floating and (self.agent, self.at_least) != ("bilevel", None):
+                raise InputError("--agent and --at-least do not apply to --floating")
             if self.of_cloud:
                 raise InputError(
                     f"{', '.join(self.of_cloud)} are of --cloud: of a TARGET the planner is told nothing "
@@ -92,8 +97,8 @@ class Plan(Command, Scan, Scene):
                 )
             check_target(self.target, self.agent, self)
             return None
-        if self.target is not None:
-            raise InputError("give a TARGET or --cloud, not both")
+        if self.target is not None or self.floating:
+            raise InputError("give a TARGET or --cloud, not both; --floating is of a TARGET")
         if (self.agent, self.mesh_mass, self.mesh_scale) != ("bilevel", None, 1.0):
             raise InputError(
                 "--agent, --mesh-scale and --mesh-mass do not apply to --cloud (its mass is --mass)"
@@ -104,10 +109,32 @@ class Plan(Command, Scan, Scene):
 
     def _plan(self, progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
         """Plan for the named object; return what came of it, and the same as JSON."""
-        look, found = plan_target(
-            str(self.target), self.agent, self, progress, count=self.count, at_least=self.at_least
+        if self.floating:
+            subject, found = self._plan_floating(progress)
+        else:
+            look, found = plan_target(
+                str(self.target), self.agent, self, progress, count=self.count, at_least=self.at_least
+            )
+            subject = look.subject
+        return found, found.as_json(subject.identity, self.agent, subject.pose)
+
+    def _plan_floating(self, progress: "Progress") -> "tuple[Subject, PlanResult]":
+        from dexgrasp.planning.floating import plan_floating
+        from dexgrasp.planning.seen import default_planner
+        from dexgrasp.planning.settings import PlannerSettings
+        from dexgrasp_env.robot.cell import make_cell
+
+        settings = None if self.friction is None else PlannerSettings.for_friction(self.friction)
+        planner = default_planner(make_cell(self.robot, self.mount), settings, "surface")
+        return plan_floating(
+            planner,
+            str(self.target),
+            self.seed,
+            scale=self.mesh_scale,
+            mass=self.mesh_mass,
+            count=self.count,
+            progress=progress,
         )
-        return found, found.as_json(look.subject.identity, self.agent, look.subject.pose)
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
         """Plan on a cloud; return what came of it, and the same as JSON."""

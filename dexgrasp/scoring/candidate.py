@@ -39,7 +39,7 @@ class Candidate:
         pregrasp: around the object, touching nothing.
         grasp: in contact.
         squeeze: set-points inside the object.
-        servo_kp: Nm/rad, of the servos that the squeeze is meant for; None where the file does not say, and the
+        servo_kp: Nm/rad, one or (n,), of the servos that the squeeze is meant for; None where the file does not say:
             set-points are then taken as they are.
     """
 
@@ -50,7 +50,7 @@ class Candidate:
     pregrasp: HandStage
     grasp: HandStage
     squeeze: HandStage
-    servo_kp: float | None = None
+    servo_kp: float | Array | None = None
 
     def squeeze_for(self, servo_kp: float | None) -> HandStage:
         """Return the squeeze for servos of another gain, so that they press with the same torques."""

@@ -14,8 +14,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.cell import Cell, make_cell
 
-SERVO_KP = 10.0  # Nm/rad, of the hand that the squeeze is made for
-
 
 def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list[Candidate]:
     """Return the grasp that a file holds; the object's true pose must be in it.
@@ -32,8 +30,9 @@ def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list
     identity = record.object
     target = find_object(identity.source or identity.name, identity.scale, options, path)
     first, middle, last = (_stage(cell, q) for q in (record.pregrasp, record.grasp, record.squeeze))
+    gains = cell.robot.stiffness[cell.robot.hand_columns]
     hand, pose = find_hand(cell.robot.hand), record.T_world_object
-    return [Candidate(str(path), hand, target, pose, first, middle, last, SERVO_KP)]
+    return [Candidate(str(path), hand, target, pose, first, middle, last, gains)]
 
 
 def _stage(cell: Cell, q: Array) -> HandStage:

@@ -1,0 +1,61 @@
+"""Grasps of an object in mid-air whose shape is known: what the protocols of floating hands score."""
+
+import time
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from dexgrasp.geometry.samples import surface_samples
+from dexgrasp.grasp.content import ObjectPose
+from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp.planning.look import Subject
+from dexgrasp.planning.many import plan_many
+from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.result import PlanResult, Progress
+from dexgrasp.shape.parts import parts_within
+from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.objects.load import has_own_size, load_target
+
+MASS = 0.1  # kg that the object is taken for, as DexGraspBench weighs it
+_MIDDLE = np.array([0.5, 0.0, 0.45])  # m, where an arm gets a hand to most sides of an object
+_POINTS = 3000  # of the surface, to see hollows by
+
+
+def plan_floating(
+    planner: Planner,
+    source: str,
+    seed: int = 0,
+    *,
+    scale: float = 1.0,
+    mass: float | None = None,
+    count: int | None = None,
+    progress: Progress | None = None,
+) -> tuple[Subject, PlanResult]:
+    """Plan grasps of an object that is turned at random, far above the table, without an approach.
+
+    Args:
+        planner: whose arm holds the hand; files of grasps say where the palm is.
+        source: a name of the catalogue or a mesh file.
+        seed: of the turn and of the proposals.
+        scale: factor from a mesh file's unit to metres.
+        mass: kg; None takes `MASS`.
+        count: grasps asked for, that differ; None plans one.
+        progress: called with steps done and steps in all, where there is a count.
+
+    Raises:
+        InputError: for an unknown object or a count out of range.
+    """
+    began, model = time.perf_counter(), load_target(source, scale, None)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = Rotation.random(rng=seed).as_matrix(), _MIDDLE
+    points = surface_samples(model.mesh, _POINTS, seed).points @ T[:3, :3].T + _MIDDLE
+    parts, _ = parts_within(model.solid.corners @ T[:3, :3].T + _MIDDLE, points, None)
+    target = GraspTarget.of_corners(parts, mass or MASS, _MIDDLE)
+    found = (
+        planner.plan(target, seed)
+        if count is None
+        else plan_many(planner, target, count, seed, None, progress)
+    )
+    found.planning_seconds = time.perf_counter() - began
+    identity = ObjectIdentity.of(model, source, 1.0 if has_own_size(source) else scale)
+    return Subject(identity, ObjectPose(model.solid, T)), found
