@@ -124,8 +124,8 @@ class Plan(Command, Scan, Scene):
         from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.robot.cell import make_cell
 
-        settings = None if self.friction is None else PlannerSettings.for_friction(self.friction)
-        planner = default_planner(make_cell(self.robot, self.mount), settings, "surface")
+        cell = make_cell(self.robot, self.mount)
+        planner = default_planner(cell, PlannerSettings.of(self.friction, None), "surface")
         return plan_floating(
             planner,
             str(self.target),
