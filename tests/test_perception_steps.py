@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 import trimesh
-from robots import CELL
+from robots import CELL, HOME
 from scipy.spatial import ConvexHull
 
 from dexgrasp.benchmarks.cloud_accuracy import covered_share, surface_distance
@@ -28,7 +28,7 @@ from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, remove_plane
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
-from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.model import compiled_robot, posed
 
 GEOM = mujoco.mjtGeom
 
@@ -161,9 +161,7 @@ def test_robot_points_go_and_others_stay(kind):
 
 def test_covers_that_stand_out_of_the_robots_foot_are_its_own():
     model = compiled_robot(CELL)
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    own = RobotShape(model).at(data)
+    own = RobotShape(model).at(posed(model, HOME))
     assert own(np.array([[0.115, 0.0, 0.02], [0.15, 0.0, 0.02]])).tolist() == [True, False]
 
 

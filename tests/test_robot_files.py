@@ -4,7 +4,6 @@ import json
 import re
 
 import gymnasium as gym
-import mujoco
 import numpy as np
 import pytest
 import yaml
@@ -35,7 +34,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.robot.hulls import cut, hull_of
 from dexgrasp_env.robot.make import make_robot
-from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot_file import read_robot
 
 PANDA = asset_path("robot", "panda.xml")
@@ -65,9 +64,7 @@ def test_a_hand_made_of_mjcf_is_where_ours_is(made):
         q = rng.uniform(CELL.robot.lower, CELL.robot.upper)
         places = []
         for model, part in ((theirs, hand), (ours, mine)):
-            data = mujoco.MjData(model)
-            data.qpos[:] = q
-            mujoco.mj_kinematics(model, data)
+            data = posed(model, q)
             palm = data.site(part.palm)
             R = palm.xmat.reshape(3, 3)
             places.append([
@@ -123,9 +120,7 @@ def test_an_arm_made_of_mjcf_stands_as_ours(tmp_path, made):
     q = np.random.default_rng(0).uniform(CELL.robot.lower, CELL.robot.upper)
     last = []
     for model in (theirs, ours):
-        data = mujoco.MjData(model)
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
+        data = posed(model, q)
         last.append(np.r_[data.body("panda_link7").xpos, data.body("panda_link7").xmat])
     np.testing.assert_allclose(last[0], last[1], atol=1e-6)
     assert [finding for finding in check_robot(cell) if finding.level == "error"] == []

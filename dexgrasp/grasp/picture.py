@@ -10,6 +10,7 @@ from dexgrasp.physics.cones import cone_edges
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.model import posed
 
 _COLOURS = ("#d1495b", "#2e6f95", "#3a7d44", "#8f5aa8", "#b8860b")  # of the contacts, in their order
 _VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
@@ -89,15 +90,12 @@ def _save(figure: Any, path: Path) -> Path:
 
 def _hand_triangles(cell: Cell, q: Array) -> Array:
     """The hand's collision shapes in a posture (n,) rad, (N, 3, 3) m in the world frame."""
-    import mujoco
 
     from dexgrasp_env.robot.model import compiled_robot
     from dexgrasp_env.scene.shapes import geom_mesh
 
     model = compiled_robot(cell)
-    data = mujoco.MjData(model)
-    data.qpos[:] = q
-    mujoco.mj_kinematics(model, data)
+    data = posed(model, q)
     of_hand = np.isin(model.geom_bodyid, [model.body(name).id for name in cell.robot.hand.bodies])
     return np.concatenate([
         geom_mesh(model, geom).triangles @ data.geom_xmat[geom].reshape(3, 3).T + data.geom_xpos[geom]

@@ -9,7 +9,7 @@ from dexgrasp.kinematics.pairs import meeting_pairs, solid_geoms
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.model import compiled_robot, posed
 
 _LEAST = 0.002  # m
 
@@ -20,9 +20,7 @@ def shapes_apart(q: Array, cell: Cell) -> bool:
     if not pairs:
         return True
     model, nothing = compiled_robot(cell), np.zeros(6)
-    data = mujoco.MjData(model)
-    data.qpos[:] = q
-    mujoco.mj_kinematics(model, data)
+    data = posed(model, q)
     return all(mujoco.mj_geomDistance(model, data, a, b, _LEAST, nothing) >= _LEAST for a, b in pairs)
 
 

@@ -11,7 +11,7 @@ from dexgrasp.kinematics.cover import Spheres, body_spheres, box_edges, rotation
 from dexgrasp.kinematics.pairs import meeting_pairs, told_apart
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import SLIDE, Robot
 
 Index = NDArray[np.int64]
@@ -146,10 +146,7 @@ def robot_tree(cell: Cell) -> RobotTree:
 def _starts(model: mujoco.MjModel, robot: Robot) -> Array:
     if robot.arm.starts:
         return np.array(robot.arm.starts)
-    data = mujoco.MjData(model)
-    data.qpos[:] = robot.home
-    mujoco.mj_kinematics(model, data)
-    x, y, _ = data.body(robot.arm.bodies[-1]).xpos
+    x, y, _ = posed(model, robot.home).body(robot.arm.bodies[-1]).xpos
     heading = round(float(robot.home[0] - np.arctan2(y, x)), 9) + 0.0
     starts = np.tile(robot.arm.home, (5, 1))
     starts[:, 0] = heading

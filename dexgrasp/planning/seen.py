@@ -6,7 +6,6 @@ from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
-import mujoco
 import numpy as np
 
 from dexgrasp.agent import Observation
@@ -27,7 +26,7 @@ from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scan import cloud_of
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
-from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.valid import check
 
@@ -152,10 +151,7 @@ def scene_of(
     """Return the scene of a cloud without the robot of a cell; the rest is as in `plan_cloud`."""
     cloud = points if isinstance(points, Cloud) else cloud_of(points)
     cell = cell or default_cell()
-    model = compiled_robot(cell)
-    data = mujoco.MjData(model)
-    data.qpos[:] = cell.robot.home if start is None else start
-    mujoco.mj_kinematics(model, data)
+    data = posed(compiled_robot(cell), cell.robot.home if start is None else start)
     rng = np.random.default_rng(seed)
     return find_object(cloud, rng, cell, pointing=pointing, own=_shape(cell).at(data))
 

@@ -7,6 +7,7 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.foreign import described
@@ -158,3 +159,11 @@ def _add_adapter(arm: mujoco.MjSpec, link: mujoco.MjsBody, adapter: Adapter) -> 
         size=(adapter.radius, half, 0.0),
         material=adapter.material,
     )
+
+
+def posed(model: mujoco.MjModel, q: Array) -> mujoco.MjData:
+    """Return where the bodies of a model are with its joints at `q` (n,) rad."""
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    mujoco.mj_kinematics(model, data)
+    return data
