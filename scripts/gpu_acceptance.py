@@ -5,7 +5,7 @@
 
 Environment steps a second over all20, with and without its object of 33 parts; how much of that is physics, resets and
 the rest on the host; memory and cold start; episodes of the agent `rl` beside MuJoCo's on the same scenes; random
-actions for long; and, with --tests, those of tests/test_warp.py on the device, replays among them. Every part prints
+actions for long; and, with --tests, those of tests/test_warp*.py on the device, replays among them. Every part prints
 its line as it ends; --out has all as JSON. It needs the repository, numpy's and warp's wheels, and a driver.
 """
 
@@ -149,7 +149,15 @@ def random_steps(total: int, number: int, objects: list[str], device: str, secon
 
 def tested(device: str) -> Result:
     """Run the tests that hold the physics to MuJoCo's, on the device."""
-    command = [sys.executable, "-m", "pytest", "-m", "warp", "tests/test_warp.py"]
+    command = [
+        sys.executable,
+        "-m",
+        "pytest",
+        "-m",
+        "warp",
+        "tests/test_warp.py",
+        "tests/test_warp_device.py",
+    ]
     done = subprocess.run(
         command, cwd=ROOT, env=os.environ | {"DEXGRASP_WARP_DEVICE": device}, capture_output=True, text=True
     )
@@ -174,7 +182,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--episodes", type=int, default=1000, help="of rl, here and in MuJoCo")
     parser.add_argument("--random-steps", type=int, default=10_000_000)
     parser.add_argument("--random-seconds", type=float, default=120.0, help="after which random actions end")
-    parser.add_argument("--tests", action="store_true", help="tests/test_warp.py on the device as well")
+    parser.add_argument("--tests", action="store_true", help="tests/test_warp*.py on the device as well")
     parser.add_argument("--out", type=Path)
     given = parser.parse_args(arguments)
     objects = resolve_targets(["all20"])

@@ -1,39 +1,22 @@
 """Physics of mujoco_warp on its processor device, beside MuJoCo's; a stage of its own in .ci/run installs it."""
 
-import os
-
 import gymnasium as gym
 import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
+from warp_envs import ID, N, make, throw
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
 from dexgrasp.cli.main import main
-from dexgrasp_env.tasks import kernel
-from dexgrasp_env.tasks.records import EPISODE
-from dexgrasp_env.tasks.rules import PALM, PALM_QUAT, TOUCHING_ANY, TOUCHING_HAND
-from dexgrasp_env.tasks.set_points import set_points
-from dexgrasp_env.tasks.simulation import Simulation
 
 pytestmark = pytest.mark.warp
 
-ID = "DexGrasp/Lift-v2"
-N = 40  # of every environment here: a kernel is compiled for each number of worlds
 OBJECTS = 20
-DEVICE = os.environ.get("DEXGRASP_WARP_DEVICE", "cpu")  # `scripts/gpu_acceptance.py --tests` names another
 PUSHED, STEPS = {"kind": "pushed", "size": 0.5}, 380
-
-
-def make(backend, objects="all20", env_id=ID, **kwargs):
-    """Make environments in which every object settles for itself: the physics alone differ."""
-    given = {"backend": "warp", "device": DEVICE} if backend == "warp" else {}
-    envs = gym.make_vec(env_id, num_envs=N, objects=objects, **given, **kwargs)
-    envs.unwrapped._episodes.settle = Simulation.settle
-    return envs
 
 
 @pytest.fixture(scope="module")
@@ -81,164 +64,40 @@ def test_episodes_are_those_of_mujoco_while_objects_change(pair):
     assert max(apart) < 5e-3
 
 
-def anywhere(records, hold, rng):
-    """Write any progress to records; what they are of is as a reset left it."""
-    for name in ("held", "grasps"):
-        records[name] = rng.choice([0, 10, hold - 1, hold + 3], N)
-    records["disturbed"], records["warnings"] = rng.integers(0, 80, N), 0
-    for name in ("touched", "lifted", "airborne", "grasped", "success", "solved", "window"):
-        records[name] = rng.integers(0, 2, records[name].shape)
-    for name in ("slip", "tilt", "shift", "height", "grip_position"):
-        records[name] = rng.uniform(0.0, 0.1, records[name].shape)
-    records["origin"] = rng.normal(0.0, 0.01, (N, 3))
-    records["grip_quat"] = quats(rng)
-    records["total"], records["latency"] = rng.uniform(0.0, 100.0, N), rng.integers(0, 30, N)
-    records["phase"] = np.where(records["phase"] > 0, rng.integers(1, 4, N), 0)
-
-
-def quats(rng):
-    drawn = rng.normal(size=(N, 4))
-    return drawn / np.linalg.norm(drawn, axis=1, keepdims=True)
-
-
-def somewhere(envs, rng):
-    """Return positions, velocities and sensors of which some are of a held object, and some are no numbers."""
-    robot, at = envs.settings.cell.robot, envs._episodes.rules.at
-    qpos, qvel = (
-        rng.normal(0.0, 1.0, envs._physics.qpos.shape),
-        rng.normal(0.0, 1.0, envs._physics.qvel.shape),
-    )
-    qpos[:, robot.dof : robot.dof + 3] = rng.uniform([0.0, -0.7, 0.0], [1.1, 0.7, 0.3], (N, 3))
-    qpos[:, robot.dof + 3 :] = quats(rng)
-    qpos[0, 0] = np.nan
-    sensors = rng.normal(0.0, 1.0, envs._physics.sensors.shape)
-    sensors[:, at[PALM] : at[PALM] + 3] = qpos[:, robot.dof : robot.dof + 3] + rng.normal(0.0, 0.02, (N, 3))
-    sensors[:, at[PALM_QUAT] : at[PALM_QUAT] + 4] = quats(rng)
-    sensors[:, at[TOUCHING_HAND]] = rng.integers(0, 3, N)
-    sensors[:, at[TOUCHING_ANY]] = sensors[:, at[TOUCHING_HAND]] + (rng.random(N) < 0.2)
-    return [values.astype(np.float32).astype(float) for values in (qpos, qvel, sensors)]
-
-
-@pytest.mark.parametrize(
-    ("env_id", "mode", "kind", "rewards"),
-    [
-        ("DexGrasp/Lift-v2", "joint_position", "pushed", "dense"),
-        ("DexGrasp/Lift-v2", "ee_delta", "shaken", "sparse"),
-        ("DexGrasp/Lift-v1", "joint_delta", "none", "dense"),
-    ],
-)
-def test_the_device_computes_what_numba_does(env_id, mode, kind, rewards):
-    envs = make(
-        "warp",
-        "ycb6",
-        env_id,
-        control_mode=mode,
-        disturbance=kind,
-        reward_mode=rewards,
-        max_episode_steps=None,
-    ).unwrapped
-    envs.reset(seed=0)
-    here, physics, rng = envs._episodes, envs._physics, np.random.default_rng(0)
-    there, ended = here.device, set()
-    for _ in range(50):
-        there.fetch()
-        anywhere(here.records, here.rules.hold, rng)
-        for i in range(N):
-            there.load(i)
-        there.send()
-        records, commands = here.records.copy(), here.commands.copy()
-        actions = rng.uniform(-1.5, 1.5, envs.action_space.shape).astype(np.float32)
-        rows, push = np.zeros((N, 25, commands.shape[2])), np.zeros((N, 3))
-        assert set_points(records, commands, actions.astype(float), here.control, rows, push)
-        there.set_points(actions)
-        assert_allclose(physics.rows.numpy(), rows, atol=2e-6)
-        assert_allclose(physics.push.numpy(), push, rtol=1e-5)
-        qpos, qvel, sensors = somewhere(envs, rng)
-        noise, warnings = (
-            rng.normal(0.0, 0.01, (N, commands.shape[2])),
-            np.where(rng.random(N) < 0.1, rng.integers(0, 128, N), 0),
-        )
-        for name, values in (("qpos", qpos), ("qvel", qvel), ("sensordata", sensors)):
-            getattr(physics.data, name).assign(values)
-        physics.warnings.assign(warnings)
-        out = np.zeros_like(here.told), np.zeros(N), np.zeros((N, here.width), np.float32)
-        kernel.conclude(records, (qpos, qvel, sensors, commands), warnings, noise, here.rules, out, True)
-        seen = there.conclude(noise)
-        for ours, theirs in zip((here.told, here.rewards, seen), out, strict=True):
-            assert_allclose(ours, theirs, rtol=1e-4, atol=2e-5)
-        there.fetch()
-        for name in EPISODE.names:
-            assert_allclose(here.records[name], records[name], rtol=1e-4, atol=2e-5, err_msg=name)
-        ended |= {*here.records["stage"].tolist(), *(-here.records["failure"]).tolist()}
-    assert ended == {-2, -1, 0, 1, 2, 3, 4}
-
-
-@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
-def test_tensors_hold_what_arrays_do(mode):
-    import torch
-
-    kwargs = {"max_episode_steps": 4, "autoreset_mode": mode}
-    ours, theirs = (make("warp", "sugar_box", tensors=tensors, **kwargs) for tensors in (True, False))
-    (a, _), (b, _) = (envs.reset(seed=1) for envs in (ours, theirs))
-    first, rng, ended = {key: values.clone() for key, values in a.items()}, np.random.default_rng(0), 0
-    for _ in range(6):
-        assert all(np.array_equal(values.cpu(), b[key]) for key, values in a.items())
-        actions = rng.uniform(-1, 1, ours.action_space.shape).astype(np.float32)
-        now, *told, infos = ours.step(torch.as_tensor(actions, device=a["object_pose"].device))
-        b, *theirs_told, theirs_infos = theirs.step(actions)
-        assert all(now[key].data_ptr() == values.data_ptr() for key, values in a.items())
-        assert [part.dtype for part in told] == [torch.float32, torch.bool, torch.bool]
-        assert all(np.array_equal(part.cpu(), other) for part, other in zip(told, theirs_told, strict=True))
-        assert np.array_equal(infos["object_height"], theirs_infos["object_height"])
-        for last, other in zip(infos.get("final_obs", ()), theirs_infos.get("final_obs", ()), strict=True):
-            assert all(np.array_equal(values.cpu(), other[key]) for key, values in last.items())
-            ended += 1
-    assert not torch.equal(first["joint_positions"], a["joint_positions"])
-    assert ended == (N if mode == "SameStep" else 0)
-    with refused("action has shape \\(3,\\)"):
-        ours.step(torch.zeros(3))
-    with refused("NaN or infinite entries at"):
-        ours.step(torch.full(ours.action_space.shape, torch.nan))
-    with refused("tensors=True is of DexGrasp/Lift with backend='warp'"):
-        gym.make_vec(ID, num_envs=2, objects="sugar_box", tensors=True)
-
-
-def throw(scene, rng):
-    """Bend the joints, and put the object at the palm or above the table, so that nothing is deeper than 1 cm."""
-    robot, data = scene.cell.robot, scene.data
-    while True:
-        mujoco.mj_resetData(scene.model, data)
-        bent = rng.uniform(robot.lower, robot.upper) - robot.home
-        data.qpos[: robot.dof] = robot.home + rng.uniform(0.0, 1.0) * bent
-        mujoco.mj_forward(scene.model, data)
-        near = data.site(robot.hand.palm).xpos if rng.random() < 0.5 else [0.5, 0.0, 0.03]
-        quat = rng.normal(size=4)
-        data.qpos[robot.dof :] = [*(near + rng.normal(0.0, 0.04, 3)), *(quat / np.linalg.norm(quat))]
-        mujoco.mj_forward(scene.model, data)
-        if data.ncon and data.contact.dist.min() > -0.01:
-            return data.ncon
-
-
 def test_bodies_meet_as_in_mujoco(physics, scenes):
     import mujoco_warp as mjw
 
-    rng, met, differ = np.random.default_rng(0), 0, 0
+    rng, met, differ = np.random.default_rng(0), 0, []
     for _ in range(2000 // N):
-        theirs = []
+        theirs, states = [], []
         for i in range(N):
             scene = scenes[i % len(scenes)]
             theirs.append(throw(scene, rng))
+            states.append(scene.data.qpos.copy())
             physics.load(i, scene)
         physics._letters.send()
         mjw.forward(physics._model, physics.data)
         found = physics.data.contact.worldid.numpy()[: int(physics.data.nacon.numpy()[0])]
         ours = np.bincount(found, minlength=N)
-        differ += np.count_nonzero(ours != theirs)
+        for i in np.flatnonzero(ours != theirs).tolist():
+            differ.append(ours[i] in counts_about(scenes[i % len(scenes)], states[i], rng))
         met += sum(theirs)
     assert met > 2000
-    assert (
-        differ <= 10
-    )  # of 2,000: now and then one corner more or less of the face where a mesh or a can meets a box
+    assert len(differ) <= 10  # of 2,000
+    assert all(differ)
+
+
+def counts_about(scene, qpos, rng):
+    """Return how many contacts MuJoCo finds with all joints and the object within 1e-4 rad and 0.1 mm of a state.
+
+    How many points of two faces count depends on the normal; the search for it ends at 1e-6 m, in either.
+    """
+    counts = set()
+    for _ in range(400):
+        scene.data.qpos[:] = qpos + rng.uniform(-1e-4, 1e-4, len(qpos))
+        mujoco.mj_forward(scene.model, scene.data)
+        counts.add(scene.data.ncon)
+    return counts
 
 
 @pytest.mark.parametrize(("share", "slides"), [(0.99, False), (1.01, True)])
@@ -394,6 +253,8 @@ def test_evaluation_and_comparison_show_the_gap(tmp_path, printed, capsys):
 def test_what_cannot_be_is_refused_in_one_line():
     with refused("device 'cuda:7' is not here: valid are cpu"):
         gym.make_vec(ID, num_envs=N, objects="sugar_box", backend="warp", device="cuda:7")
+    with refused("backend='warp' has no neighbours"):
+        gym.make_vec("DexGrasp/ClutterSparse-v1", num_envs=4, backend="warp", device=DEVICE)
     envs = make("warp", objects="mustard_bottle", randomisation={"size": (0.9, 1.1)})
     with refused("scales no meshes"):
         envs.reset(seed=0)

@@ -1,5 +1,6 @@
 """Cameras, sensor and pipeline tied to one scene."""
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,6 +29,7 @@ class Perception:
         cameras: tuple[Camera, ...],
         *,
         sensor: SensorModel | None = None,
+        rays: Callable[..., RayCameras] = RayCameras,
         settings: SegmentationSettings | None = None,
     ) -> None:
         """Prepare the cameras.
@@ -36,12 +38,13 @@ class Perception:
             model: robot, table and object.
             cameras: where they truly are.
             sensor: `SensorModel.realistic()`.
+            rays: makes what casts them, of model and cameras.
             settings: of the pipeline.
         """
         self.cameras = tuple(cameras)
         self.sensor = SensorModel.realistic() if sensor is None else sensor
         self.settings = settings or SegmentationSettings()
-        self.rays = RayCameras(model, self.cameras)
+        self.rays = rays(model, self.cameras)
         self.robot = RobotShape(model)
         self._bodies, self._object = model.geom_bodyid.copy(), int(model.body("object").id)
         self.believed = self.cameras

@@ -1,6 +1,7 @@
 """What advances many environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
 
-from typing import TYPE_CHECKING, Protocol
+from functools import partial
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,6 +9,7 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
+from dexgrasp_env.tasks.rests import Rests
 from dexgrasp_env.tasks.simulation import Moment, Simulation
 
 if TYPE_CHECKING:
@@ -48,10 +50,24 @@ def make_physics(episodes: "Episodes", number: int, threads: int | None = None) 
     if settings.backend == "mujoco":
         return BatchPhysics(scenes, number, threads, episodes.neighbours)
     if episodes.neighbours:
-        raise InputError("backend='warp' has no neighbours: use backend='mujoco'")
+        raise InputError(
+            "backend='warp' has no neighbours, with which its one model has tens of thousands of pairs of geoms: "
+            "use backend='mujoco'"
+        )
     from dexgrasp_env.tasks.warp_batch import WarpPhysics
 
     return WarpPhysics(scenes, number, settings.device, settings.frame_skip)
+
+
+def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:
+    """Have episodes kept on the device of their `WarpPhysics`, and cameras look there; see `WarpEpisodes`."""
+    from dexgrasp_env.sensing.warp_rays import WarpCameras
+    from dexgrasp_env.tasks.warp_episodes import WarpEpisodes
+
+    # Resets by MuJoCo would take longer than the steps of the others.
+    episodes.one_model, episodes.settle = True, Rests().settle
+    episodes.device = WarpEpisodes(episodes, physics, tensors)
+    episodes.views.rays = partial(WarpCameras, device=physics.device)
 
 
 def give_physics(episodes: "Episodes") -> None:

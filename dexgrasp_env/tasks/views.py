@@ -16,6 +16,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.perception import Perception
+from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.tasks.constants import AROUND_POINTS
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
@@ -47,6 +48,8 @@ class Views:
         self._settings = settings
         self._perceptions: WeakKeyDictionary[Simulation, tuple[float, tuple[str, ...], Perception]]
         self._perceptions = WeakKeyDictionary()
+        self.rays: Callable[..., RayCameras] = RayCameras
+        """Makes what casts the rays."""
         self._contexts: dict[str, tuple[tuple[Simulation, float], Any]] = {}
         self._cameras = settings.cell.make_cameras()
         intrinsics = self._cameras[0].intrinsics
@@ -129,7 +132,8 @@ class Views:
         known, size = self._perceptions.get(simulation), simulation.variation.size
         if known is None or known[:2] != (size, names):
             cameras = tuple(camera for camera in self._cameras if camera.name in names)
-            known = (size, names, Perception(simulation.model, cameras, sensor=self._settings.sensor))
+            perception = Perception(simulation.model, cameras, sensor=self._settings.sensor, rays=self.rays)
+            known = (size, names, perception)
             self._perceptions[simulation] = known
         return known[2]
 

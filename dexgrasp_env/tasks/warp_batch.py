@@ -1,4 +1,4 @@
-"""The only place that knows mujoco_warp: physics of many environments on a GPU, or on the processor, as one graph."""
+"""Physics of many environments by mujoco_warp, on a GPU or on the processor, as one graph."""
 
 from collections.abc import Iterable
 from typing import Any
