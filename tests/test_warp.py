@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 from refusals import refused
-from warp_envs import ID, N, make, throw
+from warp_envs import DEVICE, ID, N, make, throw
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
