@@ -17,7 +17,7 @@ from dexgrasp.motion.slide import Slide
 from dexgrasp.planning.aside import plan_aside
 from dexgrasp.planning.carry import plan_turn
 from dexgrasp.planning.overhang import plan_slid, plan_slide
-from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.planner import LIFT_BLOCKED, Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.seen import default_planner, plan_scene, start_of
@@ -27,7 +27,8 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import Cell, default_cell
 
-_GIVES = (0.01, 0.05)  # m that neighbours may be pushed where nothing else helps
+_NUDGE = 0.01  # m that neighbours may be pushed where a second look gives no grasp
+_PUSH = 0.05  # m, where none of them can be set aside either
 
 
 class State(NamedTuple):
@@ -80,7 +81,7 @@ class BilevelAgent(Agent):
         self._proposals = proposals
         self._planner = self._make(cell or default_cell())
         self._regrasps, self.turns, self._moves = regrasps, turns, moves
-        self._seed = 0
+        self._seed, self._looks = 0, regrasps
         self._state: State | None = None
 
     def _make(self, cell: Cell) -> Planner:
@@ -120,7 +121,10 @@ class BilevelAgent(Agent):
         self.report = plan.report()
         # Only where the cameras look again: what they saw at first is no longer where the object is.
         again = info.get("observe") in ("clear", "step")
-        looks, moves = (self._regrasps, self._moves) if again else (0, 0)
+        crowded = plan.target is not None and plan.target.around is not None
+        # Among neighbours each try shifts something, and another grasp may then be there.
+        self._looks = max(self._regrasps, self._moves) if crowded and self._regrasps else self._regrasps
+        looks, moves = (self._looks, self._moves) if again else (0, 0)
         if plan.found:
             self._state = State(self._grasp(plan), plan, looks, moves)
         elif plan.target is not None and again:
@@ -152,7 +156,7 @@ class BilevelAgent(Agent):
             case SettingAside(done=True):
                 home = self._way_home(observation, state.plan)
                 return state if home is None else state._replace(motion=home)
-            case GuardedCarry(lost=True) if state.looks:
+            case GuardedCarry() as carry if state.looks and (carry.lost or self._missed(carry, state.plan)):
                 home = self._way_home(observation, state.plan)
                 return state._replace(looks=0) if home is None else state._replace(motion=home)
             case Retreat(done=True) if state.looks or state.aside is not None:
@@ -175,6 +179,10 @@ class BilevelAgent(Agent):
         if self.turns and plan.target is not None:
             turn = plan_turn(held.grasp, held.script, Problem(plan.target, held.grasp.cell, plan.settings))
         return GuardedCarry(held, turn)
+
+    def _missed(self, carry: GuardedCarry, plan: PlanResult) -> bool:
+        """Whether the hold is long over, so that the hand has something else: neighbours feel like the object."""
+        return carry.overdue and plan.target is not None and plan.target.around is not None
 
     def _way_home(self, observation: Observation, plan: PlanResult) -> Retreat | None:
         """Return the way home, where the cameras look again; None where there is none."""
@@ -225,12 +233,15 @@ class BilevelAgent(Agent):
     def _look_again(self, state: State, observation: Observation) -> State:
         """Plan from what the cameras see now that the hand is out of their way; without a grasp, make way, or stay."""
         looks, moves = state.looks - (state.aside is None), state.moves
-        tries = self._regrasps - looks
+        tries = self._looks - looks
         scene, start = self._scene(observation), self._start(observation)
         plan = plan_scene(self._planner, scene, self._seed + tries, start)
+        if tries and plan.shortfall != LIFT_BLOCKED:
+            plan = self._among(scene, plan, start, _NUDGE)
         way = None if plan.found else self._make_way(observation, plan, moves, looks, scene)
-        if way is None and not (plan.found or looks):
-            plan = self._among(scene, plan, start)
+        if way is None and tries >= self._regrasps:
+            plan = self._among(scene, plan, start, _PUSH)
+            looks *= bool(plan.found)  # what has not been found so far is not there
         waiting = State(self._grasp(plan) if plan.found else state.motion, plan, looks, moves)
         after = way or waiting
         if tries:
@@ -245,15 +256,17 @@ class BilevelAgent(Agent):
                 self.report.failure, self.result = None, None if moves < self._moves or touching else plan
         return after
 
-    def _among(self, scene: Scene, plan: PlanResult, start: Array) -> PlanResult:
-        """Return a plan that pushes what stands around the object, the less the better; `plan` where there is none."""
-        for give in _GIVES if scene.neighbours and plan.target is not None else ():
-            pushing = plan_scene(self._planner, scene, self._seed, start, give=give)
-            pushing.planning_seconds += plan.planning_seconds
-            if pushing.found:
-                self.report.details["touching"] = give
-                return pushing
-        return plan
+    def _among(self, scene: Scene, plan: PlanResult, start: Array, give: float) -> PlanResult:
+        """Return a plan that may push neighbours by `give` m; `plan` where that has a grasp, or this gives none."""
+        if plan.found or plan.target is None or not scene.neighbours:
+            return plan
+        pushing = plan_scene(self._planner, scene, self._seed, start, give=give)
+        plan.planning_seconds += pushing.planning_seconds
+        if not pushing.found:
+            return plan
+        self.report.details["touching"] = give
+        pushing.planning_seconds = plan.planning_seconds
+        return pushing
 
 
 class AloneAgent(BilevelAgent):

@@ -49,11 +49,13 @@ _register("LiftSlippery", friction=0.35)
 _register("LiftPushed", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
 _register("LiftOneView", obs_mode="pointcloud", views=1)
 
-_ASIDE = 1500  # control steps in which eight of a heap can be set aside
+_TWICE, _HEAP = (
+    600,
+    1800,
+)  # control steps in which a lost object is grasped again, and eight of a heap are set aside
 
 for name, count, gaps, limit in (
-    ("Sparse", (4, 8), (0.02, 0.05), _LIMIT), ("Dense", (9, 15), (0.005, 0.02), _LIMIT),
-    ("Heap", 8, None, _LIMIT + _ASIDE),
+    ("Sparse", (4, 8), (0.02, 0.05), _TWICE), ("Dense", (9, 15), (0.005, 0.02), _TWICE), ("Heap", 8, None, _HEAP),
 ):  # fmt: skip
     register(
         id=f"DexGrasp/Clutter{name}-v1", entry_point="dexgrasp_env.tasks.cluttered:ClutterEnv",

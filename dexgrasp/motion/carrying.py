@@ -15,6 +15,7 @@ from dexgrasp_env.arrays import Array
 
 _FREE_SHARE = 0.15  # of the torque asked for: a finger that lags by less has nothing left to press against
 _GIVEN_WAY = 0.008  # m that thumb and finger come closer where nothing is between them any more
+_LATE = 10  # control steps past the end of the hold
 _LOST_STEPS = 11  # control steps that it must last: a push of 0.5 s may unload a finger
 
 
@@ -39,6 +40,11 @@ class GuardedCarry(Motion):
     def lost(self) -> bool:
         """Whether the object has left the hand, as far as the joints can tell."""
         return self._lost_steps >= _LOST_STEPS
+
+    @property
+    def overdue(self) -> bool:
+        """Whether an episode in which the object was held would have ended."""
+        return self._step >= len(self._held.script.targets) + _LATE
 
     def _next(self, q: Array) -> Array:
         self._lost_steps = self._lost_steps + 1 if self._nothing_to_press(q) else 0

@@ -27,6 +27,10 @@ from dexgrasp_env.robot.cell import Cell, default_cell
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
+_AMONG = (
+    1  # rounds more at most among neighbours: another look, or one set aside, gives more than the same again
+)
+
 
 def _holds(hold: Hold) -> bool:
     return hold.holds
@@ -80,7 +84,8 @@ class Planner:
             search.log.block(LIFT_BLOCKED)
             result.shortfall = LIFT_BLOCKED
             return result
-        for k, breadth in enumerate((*breadths, *breadths[-1:] * self.settings.patience)):
+        patience = min(self.settings.patience, _AMONG) if crowded else self.settings.patience
+        for k, breadth in enumerate((*breadths, *breadths[-1:] * patience)):
             late = k >= len(breadths)
             # Among neighbours a firm grasp is rare: the best of a round that is looked at whole will do, of the first
             # one if it bears the weight on slippery surfaces too.

@@ -224,7 +224,8 @@ class ClutterEnv(LiftEnv):
 
     ## Episode End
 
-    As `LiftEnv`; a heap's time limit is 1,800 control steps, so that neighbours can be set aside first.
+    As `LiftEnv`; the time limit is 600 control steps, so that a lost object can be grasped again, and 1,800 in a heap,
+    so that neighbours can be set aside first.
 
     ## Arguments
 
