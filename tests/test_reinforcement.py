@@ -20,6 +20,7 @@ import gymnasium as gym  # noqa: E402
 import dexgrasp_env  # noqa: E402, F401
 from dexgrasp.reinforcement import policy_training  # noqa: E402
 from dexgrasp.reinforcement import settings as settings_module  # noqa: E402
+from dexgrasp.reinforcement.grasp_space import GraspSpace  # noqa: E402
 from dexgrasp.reinforcement.policy_training import PolicyTraining  # noqa: E402
 from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
 
@@ -65,9 +66,11 @@ def test_only_lifting_is_learned():
         read(RlSettings, given)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
-def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
-    settings = settings_of(algorithm)
+@pytest.mark.parametrize(
+    ("algorithm", "more"), [("ppo", {}), ("sac", {}), ("ppo", {"control_mode": "grasp", "hold": 3})]
+)
+def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
+    settings = settings_of(algorithm, **more)
     PolicyTraining(tmp_path / "out", settings).run()
     work = PolicyTraining(tmp_path / "out", settings)
     work.begin()
@@ -75,8 +78,39 @@ def test_the_agent_does_what_the_learner_means(algorithm, tmp_path):
     looks = work.envs.reset()
     agent, observation = begun(tmp_path / "out", 5)
     meant, _ = work.model.predict(looks[:1], deterministic=True)
-    np.testing.assert_allclose(agent.act(observation), meant[0], atol=1e-4)
+    acted = [agent.act(observation) for _ in range(settings.hold)]
+    np.testing.assert_allclose(acted, np.tile(acted[0], (settings.hold, 1)))
+    if not more:
+        np.testing.assert_allclose(acted[0], meant[0], atol=1e-4)
+    played = []
+    work.envs.venv.step = lambda actions, step=work.envs.venv.step: played.append(actions) or step(actions)
+    work.envs.step(np.repeat(meant, 2, axis=0))
+    assert len(played) == settings.hold
+    np.testing.assert_allclose(played[0][0], acted[0], atol=1e-4)
     work.envs.close()
+
+
+def test_training_of_grasps_goes_on_to_the_same_bits(tmp_path):
+    settings = settings_of("ppo", control_mode="grasp", hold=3, episode_steps=12)
+    whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    assert [row["steps"] for row in whole.curve] == [24, 48, 72]
+
+
+def test_a_grasp_is_a_few_points_of_the_grasp_space():
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
+    firsts, _ = env.reset(seed=1)
+    observations = {key: value[None] for key, value in firsts.items()}
+    space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
+    opened, closed = [-1.0, -1.0], [1.0, 1.0]
+    above, at, lifted = ([0.1, -0.28, height, 0.0, 0.25] for height in (0.3, -0.5, 1.0))
+    phases = [(above + opened, 32), (at + opened, 24), (at + closed, 28), (lifted + closed, 90)]
+    for action, steps in phases:
+        for _ in range(steps):
+            observation, *_, info = env.step(space.carried_out(np.array([action]), observations)[0])
+            observations = {key: value[None] for key, value in observation.items()}
+        if action[5:] == opened:
+            np.testing.assert_allclose(space.look(observations)[0], action, atol=0.12)
+    assert info["is_success"]
 
 
 def test_a_correction_begins_at_the_clone(tmp_path, clone):

@@ -27,8 +27,8 @@ _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
 _SAC = (
-    "objects", "env_id", "control_mode", "backend", "randomise", "resets", "share", "steps", "num_envs", "rate",
-    "threads",
+    "objects", "env_id", "control_mode", "hold", "episode_steps", "backend", "randomise", "resets", "share", "steps",
+    "num_envs", "rate", "discount", "reward_scale", "threads",
 )  # fmt: skip
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 
@@ -183,7 +183,7 @@ class Ppo(_Rl):
     that on a CPU it goes on to the same bits.
     """
 
-    settings: Annotated[RlSettings, (*_SAC, "spread")]
+    settings: Annotated[RlSettings, (*_SAC, "spread", "passes", "divergence")]
 
 
 class Sac(_Rl):

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.imitation.features import Observation, Scene, features, first_look, side_by_side
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
+from dexgrasp.reinforcement.grasp_space import SIZE, GraspSpace
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
@@ -24,11 +25,15 @@ class Acting(NamedTuple):
         scaling: of the features that it is given.
         clone: that acts along, or None.
         share: of the network's action that is carried out, on the clone's.
+        hold: control steps that an answer stands for.
+        grasps: whether answers are of a `GraspSpace`.
     """
 
     scaling: Scaling
-    clone: Clone | None
-    share: float
+    clone: Clone | None = None
+    share: float = 1.0
+    hold: int = 1
+    grasps: bool = False
 
 
 class Actor(Policy):
@@ -37,11 +42,12 @@ class Actor(Policy):
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
         scaling, self._squashed = Scaling(arrays["mean"], arrays["scale"]), bool(about["squashed"])
         clone = Clone(about["base"], below(arrays, "base.")) if about.get("base") else None
-        self.acting = Acting(scaling, clone, float(about["share"]))
+        hold, grasps = int(about.get("hold", 1)), bool(about.get("grasps"))
+        self.acting = Acting(scaling, clone, float(about["share"]), hold, grasps)
         self._actor = Mlp(arrays, "actor", np.tanh if about["activation"] == "tanh" else relu)
         inputs, outputs = len(scaling.mean), self._actor.outputs
         if clone is None:
-            return self._actor.inputs == inputs
+            return self._actor.inputs == inputs and hold > 0 and (not grasps or self._actor.outputs == SIZE)
         return self._actor.inputs == inputs + outputs and clone.joints == outputs
 
     def begin(self, first: Observation, cell: Cell) -> "ActorRun":
@@ -67,6 +73,7 @@ class Eyes:
         every = [one(firsts, i) for i in range(len(firsts["joint_targets"]))]
         self._scenes = side_by_side([first_look("state", first) for first in every])
         self._clones = [self._clone(first) for first in every]
+        self._space = GraspSpace(cell.robot, firsts) if acting.grasps else None
         self._steps = np.zeros(len(every), np.int64)
         self._cloned: Any = 0.0
 
@@ -75,6 +82,8 @@ class Eyes:
         scene = first_look("state", first)
         for name, values in vars(self._scenes).items():
             values[i] = getattr(scene, name)
+        if self._space:
+            self._space.begin(slice(i, i + 1), _alone(first))
         self._clones[i] = self._clone(first)
         self._steps[i] = 0
 
@@ -84,8 +93,8 @@ class Eyes:
 
     def look(self, observations: Observation) -> NDArray[np.float32]:
         """Return what the network is given now, (N, F): scaled features, and the clones' actions."""
-        looks = self._acting.scaling(features("state", self._scenes, observations, self._steps))
-        self._steps += 1
+        looks = self._see(self._scenes, observations, slice(None))
+        self._steps += self._acting.hold
         if self._acting.clone is None:
             return looks
         acted = [clone.action(one(observations, i)) for i, clone in enumerate(self._clones) if clone]
@@ -95,12 +104,20 @@ class Eyes:
     def last(self, i: int, observation: Observation) -> NDArray[np.float32]:
         """Return what the network would be given of the observation that episode `i` ended with, (F,)."""
         scene = Scene(*(values[i : i + 1] for values in vars(self._scenes).values()))
-        looks = self._acting.scaling(features("state", scene, _alone(observation), self._steps[i : i + 1]))[0]
+        looks = self._see(scene, _alone(observation), slice(i, i + 1))[0]
         clone = self._clones[i]
         return looks if clone is None else np.concatenate([looks, clone.action(observation)])
 
-    def carried_out(self, actions: Array) -> NDArray[np.float32]:
-        """Return the actions (N, m) that are carried out: a share of the network's, on the clones' where they are."""
+    def _see(self, scenes: Scene, observations: Observation, rows: slice) -> NDArray[np.float32]:
+        seen = features("state", scenes, observations, self._steps[rows])
+        if self._space:
+            seen = np.concatenate([seen, self._space.look(observations, rows)], axis=-1)
+        return self._acting.scaling(seen)
+
+    def carried_out(self, actions: Array, observations: Observation) -> NDArray[np.float32]:
+        """Return the actions (N, m) of a control step: a share of the network's, on the clones' where they are."""
+        if self._space:
+            return self._space.carried_out(actions, observations)
         return np.clip(self._cloned + self._acting.share * actions, -1.0, 1.0).astype(np.float32)
 
 
@@ -109,11 +126,15 @@ class ActorRun(Eyes):
 
     def __init__(self, actor: Actor, first: Observation, cell: Cell) -> None:
         super().__init__(actor.acting, _alone(first), cell)
-        self._actor = actor
+        self._actor, self._held = actor, 0
+        self._answer = np.zeros(0)
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action."""
-        return self.carried_out(self._actor.correction(self.look(_alone(observation))))[0]
+        if self._held % self._acting.hold == 0:
+            self._answer = self._actor.correction(self.look(_alone(observation)))
+        self._held += 1
+        return self.carried_out(self._answer, _alone(observation))[0]
 
 
 def one(observations: Observation, i: int) -> Observation:

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.demos.resets import DemoResets
+from dexgrasp.imitation.policy import Scaling
 from dexgrasp.reinforcement.actor import KIND, Acting
 from dexgrasp.reinforcement.rounds import Rounds
-from dexgrasp.reinforcement.settings import RlSettings
+from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.training import Course, Row
 from dexgrasp_env.extras import from_extra
 
@@ -43,16 +44,19 @@ class PolicyTraining(Rounds):
         envs = SB3VecEnv(
             s.env_id, s.num_envs, ("is_success",), objects=list(s.objects), randomisation=drawn or None,
             backend=s.backend, device="cpu" if self.place.type == "cpu" else None, **self.env,
+            **({"max_episode_steps": s.episode_steps} if s.episode_steps else {}),
         )  # fmt: skip
         if self._resets:
             self._resets.attach(envs.envs)
+        share = s.share or (0.2 if self.clone else 1.0)
+        acting = Acting(Scaling(0.0, 1.0), self.clone, share, s.hold, s.control_mode == GRASPS)
         if self.clone:
             scaling = self.clone.scaling
         else:
             envs.seed(s.seed)
-            scaling = measure(envs, _MEASURED, np.random.default_rng([s.seed, 0]))
-        self._acting = Acting(scaling, self.clone, s.share or (0.2 if self.clone else 1.0))
-        return FeatureVecEnv(envs, self._acting)
+            scaling = measure(envs, acting, _MEASURED, np.random.default_rng([s.seed, 0]))
+        self._acting = acting._replace(scaling=scaling)
+        return FeatureVecEnv(envs, self._acting, s.reward_scale)
 
     def learner(self) -> BaseAlgorithm:
         """Make the learner."""
@@ -66,9 +70,10 @@ class PolicyTraining(Rounds):
                 "MlpPolicy", self.envs, buffer_size=s.buffer, learning_starts=s.warm_up, train_freq=1,
                 policy_kwargs=width, **common,
             )  # fmt: skip
+        rollout = min(_ROLLOUT, s.length)
         return PPO(
-            "MlpPolicy", self.envs, n_steps=_ROLLOUT, batch_size=_ROLLOUT * s.num_envs // _BATCHES, n_epochs=5,
-            policy_kwargs=width | {"log_std_init": s.spread}, **common,
+            "MlpPolicy", self.envs, n_steps=rollout, batch_size=rollout * s.num_envs // _BATCHES, n_epochs=s.passes,
+            target_kl=s.divergence, policy_kwargs=width | {"log_std_init": s.spread}, **common,
         )  # fmt: skip
 
     def learn(self) -> Row:
@@ -92,5 +97,8 @@ class PolicyTraining(Rounds):
     def policy(self) -> tuple[Row, dict[str, Any]]:
         """Return what an `Actor` reads."""
         is_sac = self.settings.algorithm == "sac"
-        about = {"share": self._acting.share, "activation": "relu" if is_sac else "tanh", "squashed": is_sac}
+        about = {
+            "share": self._acting.share, "hold": self._acting.hold, "grasps": self._acting.grasps,
+            "activation": "relu" if is_sac else "tanh", "squashed": is_sac,
+        }  # fmt: skip
         return about, self._acting.scaling._asdict()

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.imitation.clone import Clone
+from dexgrasp.reinforcement.settings import GRASPS
 from dexgrasp.runs.checkpoint import Parts, damaged
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp.runs.training import CHECKPOINT, Course, Row, Training
@@ -63,7 +64,8 @@ class Rounds(Training):
         super().__init__(out, settings, settings.rounds, course)
         self.base: Any = None if clone is None else read_policy(clone)
         self.clone = None if self.base is None else Clone(*self.base)
-        self.env = {"obs_mode": "state", "control_mode": getattr(settings, "control_mode", "joint_delta")}
+        mode = getattr(settings, "control_mode", "joint_delta")
+        self.env = {"obs_mode": "state", "control_mode": "ee_delta" if mode == GRASPS else mode}
         if self.clone and (self.clone.view != "state" or self.clone.env != self.env):
             raise InputError(
                 f"reinforcement starts from a clone of {self.env}: this one is of {self.clone.env}, clone another"
@@ -108,7 +110,7 @@ class Rounds(Training):
         self.model.set_random_seed(int(words[0]) >> 1)
         self.model._last_obs = None  # begin anew
         self.model.learn(self.settings.round_steps, reset_num_timesteps=False, log_interval=None)
-        row = {self.counted: self.model.num_timesteps}
+        row = {self.counted: self.model.num_timesteps * getattr(self.settings, "hold", 1)}
         if not self.envs.finished:
             return row
         returns, won = zip(*self.envs.finished, strict=True)

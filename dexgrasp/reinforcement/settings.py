@@ -21,6 +21,8 @@ def _drawn(word: str) -> tuple[str, float, float]:
 
 _LIFTS = one_of(sorted(name for name in registry if name.startswith("DexGrasp/Lift")))
 Range = Annotated[tuple[float, float], pair(number(gt=0)), "LEAST", "MOST"]
+GRASPS = "grasp"
+"""Control mode of those that `GraspSpace` makes of `ee_delta`."""
 _DRAWN = Rule("NAME=LOW:HIGH", lambda value: value, _drawn)
 
 
@@ -32,7 +34,9 @@ class RlSettings:
         objects: objects, sets or mesh files to learn on.
         algorithm: `ppo` or `sac`, of Stable-Baselines3.
         env_id: what is learned.
-        control_mode: of the environments.
+        control_mode: of the environments; grasp: set-points of the palm about the object and of the hand's closing.
+        hold: control steps that an action of the network stands for.
+        episode_steps: control steps of an episode (default: the environment's own).
         backend: their physics: mujoco; warp: mujoco_warp on the device (extra gpu). Trials are MuJoCo's.
         randomise: what every episode draws: friction, mass, size, gain, latency, joint_noise.
         resets: demonstrations that episodes begin along, backwards from success.
@@ -43,7 +47,10 @@ class RlSettings:
         hidden: width of the two layers of every network.
         rate: of Adam.
         discount: of a reward a step later.
+        reward_scale: factor on rewards, which the learner's values grow with.
         spread: logarithm of the standard deviation that exploration begins with (`ppo`).
+        passes: over a rollout in an update (`ppo`).
+        divergence: KL at which an update stops (`ppo`; default: never).
         buffer: steps that `sac` remembers.
         warm_up: steps of random actions before `sac` learns.
         threads: of torch on the CPU; results differ in the last bits with it.
@@ -52,7 +59,9 @@ class RlSettings:
     objects: Annotated[Objects, "OBJECT"]
     algorithm: Annotated[str, one_of(("ppo", "sac"))] = "ppo"
     env_id: Annotated[str, _LIFTS] = "DexGrasp/Lift-v2"
-    control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
+    control_mode: Annotated[str, one_of((*CONTROL_MODES, GRASPS))] = "joint_delta"
+    hold: Count = 1
+    episode_steps: Count | None = None
     backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
     randomise: tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...] = ()
     resets: Annotated[str | None, "DIR"] = None
@@ -63,20 +72,28 @@ class RlSettings:
     hidden: Count = 256
     rate: Positive = 3e-4
     discount: float = 0.99
+    reward_scale: Positive = 1.0
     spread: Annotated[float, number(ge=-5, le=2)] = -1.0
+    passes: Count = 5
+    divergence: Positive | None = None
     buffer: Count = 200_000
     warm_up: Count = 5_000
     threads: Count = 1
 
     @property
+    def length(self) -> int:
+        """The network's actions in an episode."""
+        return max((self.episode_steps or MAX_EPISODE_STEPS) // self.hold, 1)
+
+    @property
     def round_steps(self) -> int:
-        """Steps of a round: an episode of every environment."""
-        return self.num_envs * MAX_EPISODE_STEPS
+        """The network's actions in a round: an episode of every environment."""
+        return self.num_envs * self.length
 
     @property
     def rounds(self) -> int:
         """Rounds that the steps come to, rounded up."""
-        return -(-self.steps // self.round_steps)
+        return -(-self.steps // (self.round_steps * self.hold))
 
 
 @dataclass(frozen=True)

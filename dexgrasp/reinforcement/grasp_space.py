@@ -1,0 +1,145 @@
+"""Actions as whoever grasps would name them: where the palm is to be about the object, and how far the hand is closed.
+
+In an action space of joints, or of steps of the palm, a grasp is a long run of numbers that all have to be right, and
+exploring by noise hardly ever meets it. Here a grasp is nearly one point, and its phases are a few of them: palm above,
+down, hand closed, palm up. Set-points that are held for several control steps make the way to a reward shorter still.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dexgrasp.imitation.features import Observation
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
+from dexgrasp_env.tasks.control import normalise
+
+_PALM = {
+    "along": (0.0, 0.10), "across": (0.0, 0.10), "above": (0.11, 0.13), "turned": (0.0, 0.5), "tilted": (0.1, 0.4),
+}  # fmt: skip
+"""Middle and span of the palm's place, m, along the object's narrowest level direction, level across it, and above its
+top; rad from closing along that direction, and of the thumb upwards."""
+_OPEN = {
+    "index": (-0.15, 0.86, 0.0, 0.04), "middle": (0.06, 0.86, 0.0, 0.07), "ring": (0.0, -0.15, 0.0, 0.0),
+    "thumb": (1.38, 0.35, -0.1, 0.2),
+}  # fmt: skip
+_CLOSED = {
+    "fingers": {("index", 1): -0.1, ("index", 2): 1.1, ("middle", 1): -0.1, ("middle", 2): 1.1},
+    "thumb": {("thumb", 2): 1.2},
+}
+"""Rad that joints of a finger are bent by from the open hand at 1; at -1 the hand is open."""
+SIZE = len(_PALM) + len(_CLOSED)
+"""Numbers of an action, each from -1 to 1."""
+_LEAST_Z = 0.12  # m above the table, where the tips still clear it
+_GAIN, _FASTEST = 0.5, 0.8  # share of what is left that a control step goes, and of what it can go at most
+_CLOSING = 0.1  # rad that a joint of the hand moves in a control step at most
+_TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
+_WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narrowest
+_MIDDLES, _SPANS = np.array(list(_PALM.values())).T
+
+
+class GraspSpace:
+    """What actions mean in N episodes side by side; environments are in `ee_delta`."""
+
+    def __init__(self, robot: Robot, firsts: Observation) -> None:
+        """Look at the first observations, (N, n) by key, of `obs_mode="state"`."""
+        self._robot, hand = robot, robot.dof - robot.arm_dof
+        self._open, self._closing = np.zeros(hand), np.zeros((len(_CLOSED), hand))
+        for finger, angles in _OPEN.items():
+            self._open[self._column(finger, 0) : self._column(finger, len(angles))] = angles
+        for row, joints in zip(self._closing, _CLOSED.values(), strict=True):
+            for place, size in joints.items():
+                row[self._column(*place)] = size
+        count = len(firsts["object_pose"])
+        self._origins, self._axes = np.zeros((count, 3)), np.zeros(count)
+        self.begin(slice(None), firsts)
+
+    def _column(self, finger: str, k: int) -> int:
+        return int(self._robot.columns[finger].start) - self._robot.arm_dof + k
+
+    def begin(self, rows: Any, firsts: Observation) -> None:
+        """Begin episodes anew at their first observations, (K, n) by key."""
+        pose = np.asarray(firsts["object_pose"], dtype=float)
+        size = np.asarray(firsts["object_size"], dtype=float)
+        R = quat_to_matrix(pose[:, 3:])
+        origins = pose[:, :3].copy()
+        origins[:, 2] += 0.5 * (np.abs(R[:, 2]) * size).sum(axis=-1)
+        self._origins[rows] = origins
+        # The narrowest grip that turns the wrist least: of round things all are as narrow.
+        level = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
+        widths = (np.abs(np.einsum("nij,ik->njk", R[:, :2], level)) * size[:, :, None]).sum(axis=1)
+        narrow = widths <= widths.min(axis=1, keepdims=True) * _WIDER[0] + _WIDER[1]
+        off = _half_turn(_TURNS - _yaw(firsts)[:, None])
+        best = np.argmin(np.where(narrow, np.abs(off), np.inf), axis=1)
+        self._axes[rows] = _yaw(firsts) + np.take_along_axis(off, best[:, None], 1)[:, 0]
+
+    def look(self, observations: Observation, rows: Any = slice(None)) -> Array:
+        """Return where palm and hand of episodes are, (N, SIZE), as the action that would leave them there."""
+        palm = np.asarray(observations["palm_pose"], dtype=float)
+        offset, axes = palm[:, :3] - self._origins[rows], self._axes[rows]
+        c, s = np.cos(axes), np.sin(axes)
+        R = quat_to_matrix(palm[:, 3:])
+        turned = (_yaw(observations) - axes + np.pi) % (2 * np.pi) - np.pi
+        places = np.stack([
+            c * offset[:, 0] + s * offset[:, 1], c * offset[:, 1] - s * offset[:, 0], offset[:, 2], turned,
+            np.arcsin(np.clip(-R[:, 2, 2], -1.0, 1.0)),
+        ], axis=1)  # fmt: skip
+        bent = np.asarray(observations["joint_positions"], dtype=float)[:, self._robot.arm_dof :] - self._open
+        closed = bent @ self._closing.T / (self._closing**2).sum(axis=1)
+        return np.concatenate([(places - _MIDDLES) / _SPANS, 2.0 * closed - 1.0], axis=1)
+
+    def carried_out(self, actions: Array, observations: Observation) -> NDArray[np.float32]:
+        """Return the environments' actions (N, m), which go a control step towards the set-points (N, SIZE)."""
+        along, across, above, turned, tilted = (_MIDDLES + _SPANS * actions[:, : len(_PALM)]).T
+        c, s = np.cos(self._axes), np.sin(self._axes)
+        goals = self._origins + np.stack([c * along - s * across, s * along + c * across, above], axis=1)
+        goals[:, 2] = np.maximum(goals[:, 2], _LEAST_Z)
+        palm = np.asarray(observations["palm_pose"], dtype=float)
+        now = np.asarray(observations["joint_targets"], dtype=float)[:, self._robot.arm_dof :]
+        bent = self._open + 0.5 * (actions[:, len(_PALM) :] + 1.0) @ self._closing
+        targets = np.array(observations["joint_targets"], dtype=float)
+        targets[:, self._robot.arm_dof :] = now + np.clip(bent - now, -_CLOSING, _CLOSING)
+        turn = _rotation_vector(
+            _hanging(self._axes + turned, tilted) @ quat_to_matrix(palm[:, 3:]).swapaxes(1, 2)
+        )
+        hand = normalise(targets, self._robot)[:, self._robot.arm_dof :]
+        moves = [_step((goals - palm[:, :3]) / PALM_STEP), _step(turn / PALM_TURN), hand]
+        return np.concatenate(moves, axis=1).astype(np.float32)
+
+
+def _yaw(observations: Observation) -> Array:
+    """Return the level direction (N,) rad that the palms face."""
+    R = quat_to_matrix(np.asarray(observations["palm_pose"], dtype=float)[:, 3:])
+    return np.asarray(np.arctan2(R[:, 1, 2], R[:, 0, 2]))
+
+
+def _half_turn(angles: Array) -> Array:
+    """Return angles to +-90 degrees, as grips are alike that are turned by 180."""
+    return (angles + 0.5 * np.pi) % np.pi - 0.5 * np.pi
+
+
+def _hanging(yaw: Array, tilt: Array) -> Array:
+    """Return rotations (N, 3, 3) of palms whose fingers point down, thumb tilted up, facing `yaw`."""
+    c, s, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
+    axis, down = np.stack([c, s, zero], axis=1), np.array([0.0, 0.0, -1.0])
+    x = np.cos(tilt)[:, None] * down - np.sin(tilt)[:, None] * axis
+    z = np.sin(tilt)[:, None] * down + np.cos(tilt)[:, None] * axis
+    return np.stack([x, np.cross(z, x), z], axis=2)
+
+
+def _rotation_vector(R: Array) -> Array:
+    """Return rotation vectors (N, 3) rad."""
+    w = 0.5 * np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
+    sines = np.linalg.norm(w, axis=1)
+    angles = np.arctan2(sines, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
+    return np.asarray(w * (angles / np.maximum(sines, 1e-9))[:, None])
+
+
+def _step(left: Array) -> Array:
+    """Return the step (N, 3) of what is left (N, 3), in its direction."""
+    wanted = _GAIN * left
+    lengths = np.linalg.norm(wanted, axis=1, keepdims=True)
+    return np.asarray(wanted * np.minimum(1.0, _FASTEST / np.maximum(lengths, 1e-9)))
