@@ -183,7 +183,7 @@ class Ppo(_Rl):
     that on a CPU it goes on to the same bits.
     """
 
-    settings: Annotated[RlSettings, (*_SAC, "spread", "passes", "divergence")]
+    settings: Annotated[RlSettings, (*_SAC, "spread", "noise", "passes", "divergence")]
 
 
 class Sac(_Rl):
@@ -195,7 +195,7 @@ class Sac(_Rl):
     All else is as of `dexgrasp train ppo`, whose help says more.
     """
 
-    settings: Annotated[RlSettings, _SAC]
+    settings: Annotated[RlSettings, (*_SAC, "buffer", "warm_up", "updates")]
 
 
 COMMAND = {"cvae": Cvae, "bc": Bc, "grip": Grip, "ppo": Ppo, "sac": Sac}

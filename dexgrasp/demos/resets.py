@@ -23,8 +23,9 @@ from dexgrasp_env.tasks.vector import LiftVectorEnv
 
 _MOST = 100  # demonstrations
 _EVERY = 4  # control steps from one kept state to the next
-_LATEST, _BACK = 0.9, 0.05  # shares of a demonstration: where episodes begin at first, what is won at a time
-_WON, _OF = 0.6, 100  # share of the last so many episodes from the front that succeed before it moves back
+_LATEST, _BACK = 0.9, 0.1  # shares of a demonstration: where episodes begin at first, what is won at a time
+_ABOVE = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0])  # m: what lies has sunk in, deeper than may be asked for
+_WON, _OF = 0.6, 50  # share of the last so many episodes from the front that succeed before it moves back
 
 
 class DemoResets:
@@ -95,16 +96,18 @@ class DemoResets:
         if rng.random() < self._whole:
             return {}
         states = self.states[rng.integers(len(self.states))]
-        share = rng.uniform(self.front, 1.0)
-        self._near[slot] = share < self.front + 2 * _BACK
-        return {"state": states[int(share * len(states))]}
+        # Half of them at the front: what moves it is soon known, and what was learned behind it is not forgotten.
+        span = _BACK if rng.random() < 0.5 else 1.0 - self.front
+        share = self.front + rng.uniform(0.0, span)
+        self._near[slot] = share < self.front + _BACK
+        return {"state": states[min(int(share * len(states)), len(states) - 1)]}
 
     def _follow(self, env: LiftEnv, demo: Episode) -> list[EpisodeState]:
         """Return states on the way to success, none where it is not reached."""
         target = demo.about["target"]
         if target not in env.settings.objects:
             return []
-        where = {"object": target, "object_pose": self._pose(demo)}
+        where = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
         env.reset(seed=demo.about["scene_seed"], options=where)
         states, path = [env.get_state()], demo.observations["joint_targets"].astype(float)
         for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):

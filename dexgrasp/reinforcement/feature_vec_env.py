@@ -15,13 +15,20 @@ from dexgrasp.reinforcement.grasp_space import SIZE
 class FeatureVecEnv(VecEnvWrapper):
     """Gives what an `Actor`'s network is given, and carries out what an `Actor` would."""
 
-    def __init__(self, envs: VecEnv, acting: Acting, reward_scale: float = 1.0) -> None:
-        """Wrap environments of `obs_mode="state"`."""
+    def __init__(self, envs: VecEnv, acting: Acting, reward_scale: float = 1.0, ends: bool = False) -> None:
+        """Wrap environments.
+
+        Args:
+            envs: of `obs_mode="state"`.
+            acting: how answers become actions.
+            reward_scale: factor on rewards.
+            ends: the time limit is an end, as of the task, behind which there is nothing to be had.
+        """
         width = np.size(acting.scaling.mean) + (acting.clone.joints if acting.clone else 0)
         actions = spaces.Box(-1.0, 1.0, (SIZE,), np.float32) if acting.grasps else None
         super().__init__(envs, spaces.Box(-np.inf, np.inf, (width,), np.float32), actions)
         self._acting, self._cell = acting, envs.get_attr("settings")[0].cell
-        self._scale = reward_scale
+        self._scale, self._ends = reward_scale, ends
         self._eyes: Eyes | None = None
         self._now: Any = {}
         self._answers = np.zeros(0)
@@ -61,6 +68,7 @@ class FeatureVecEnv(VecEnvWrapper):
             for i in np.flatnonzero(dones).tolist():
                 self.finished.append((float(self._returns[i]), bool(infos[i]["is_success"])))
                 infos[i]["terminal_observation"] = eyes.last(i, infos[i]["terminal_observation"])
+                infos[i]["TimeLimit.truncated"] &= not self._ends
                 eyes.begin(i, one(self._now, i))
                 self._returns[i] = 0.0
             ended |= dones

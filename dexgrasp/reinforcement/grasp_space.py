@@ -18,8 +18,12 @@ from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
 from dexgrasp_env.tasks.control import normalise
 
 _PALM = {
-    "along": (0.0, 0.10), "across": (0.0, 0.10), "above": (0.11, 0.13), "turned": (0.0, 0.5), "tilted": (0.1, 0.4),
-}  # fmt: skip
+    "along": (0.0, 0.05),
+    "across": (0.0, 0.05),
+    "above": (0.11, 0.13),
+    "turned": (0.0, 0.3),
+    "tilted": (0.1, 0.2),
+}
 """Middle and span of the palm's place, m, along the object's narrowest level direction, level across it, and above its
 top; rad from closing along that direction, and of the thumb upwards."""
 _OPEN = {
@@ -83,10 +87,16 @@ class GraspSpace:
         c, s = np.cos(axes), np.sin(axes)
         R = quat_to_matrix(palm[:, 3:])
         turned = (_yaw(observations) - axes + np.pi) % (2 * np.pi) - np.pi
-        places = np.stack([
-            c * offset[:, 0] + s * offset[:, 1], c * offset[:, 1] - s * offset[:, 0], offset[:, 2], turned,
-            np.arcsin(np.clip(-R[:, 2, 2], -1.0, 1.0)),
-        ], axis=1)  # fmt: skip
+        places = np.stack(
+            [
+                c * offset[:, 0] + s * offset[:, 1],
+                c * offset[:, 1] - s * offset[:, 0],
+                offset[:, 2],
+                turned,
+                np.arcsin(np.clip(-R[:, 2, 2], -1.0, 1.0)),
+            ],
+            axis=1,
+        )
         bent = np.asarray(observations["joint_positions"], dtype=float)[:, self._robot.arm_dof :] - self._open
         closed = bent @ self._closing.T / (self._closing**2).sum(axis=1)
         return np.concatenate([(places - _MIDDLES) / _SPANS, 2.0 * closed - 1.0], axis=1)

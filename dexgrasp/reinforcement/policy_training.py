@@ -1,5 +1,6 @@
 """Training by PPO or SAC, from nothing or from a clone whose actions are corrected."""
 
+import math
 from pathlib import Path
 from typing import Any
 
@@ -54,9 +55,9 @@ class PolicyTraining(Rounds):
             scaling = self.clone.scaling
         else:
             envs.seed(s.seed)
-            scaling = measure(envs, acting, _MEASURED, np.random.default_rng([s.seed, 0]))
+            scaling = measure(envs, acting, max(_MEASURED // s.hold, 10), np.random.default_rng([s.seed, 0]))
         self._acting = acting._replace(scaling=scaling)
-        return FeatureVecEnv(envs, self._acting, s.reward_scale)
+        return FeatureVecEnv(envs, self._acting, s.reward_scale, ends=s.episode_steps is not None)
 
     def learner(self) -> BaseAlgorithm:
         """Make the learner."""
@@ -68,12 +69,15 @@ class PolicyTraining(Rounds):
         if s.algorithm == "sac":
             return SAC(
                 "MlpPolicy", self.envs, buffer_size=s.buffer, learning_starts=s.warm_up, train_freq=1,
-                policy_kwargs=width, **common,
+                gradient_steps=s.updates, policy_kwargs=width, **common,
             )  # fmt: skip
-        rollout = min(_ROLLOUT, s.length)
+        rollout, correlated = min(_ROLLOUT, s.length), s.noise == "rollout"
+        spread = s.spread - (
+            0.5 * math.log(s.hidden) if correlated else 0.0
+        )  # it is of the hidden layer's outputs
         return PPO(
             "MlpPolicy", self.envs, n_steps=rollout, batch_size=rollout * s.num_envs // _BATCHES, n_epochs=s.passes,
-            target_kl=s.divergence, policy_kwargs=width | {"log_std_init": s.spread}, **common,
+            target_kl=s.divergence, use_sde=correlated, policy_kwargs=width | {"log_std_init": spread}, **common,
         )  # fmt: skip
 
     def learn(self) -> Row:
@@ -98,7 +102,10 @@ class PolicyTraining(Rounds):
         """Return what an `Actor` reads."""
         is_sac = self.settings.algorithm == "sac"
         about = {
-            "share": self._acting.share, "hold": self._acting.hold, "grasps": self._acting.grasps,
-            "activation": "relu" if is_sac else "tanh", "squashed": is_sac,
-        }  # fmt: skip
+            "share": self._acting.share,
+            "hold": self._acting.hold,
+            "grasps": self._acting.grasps,
+            "activation": "relu" if is_sac else "tanh",
+            "squashed": is_sac,
+        }
         return about, self._acting.scaling._asdict()

@@ -36,7 +36,8 @@ class RlSettings:
         env_id: what is learned.
         control_mode: of the environments; grasp: set-points of the palm about the object and of the hand's closing.
         hold: control steps that an action of the network stands for.
-        episode_steps: control steps of an episode (default: the environment's own).
+        episode_steps: control steps after which an episode is over, what would come then unvalued (default: those of
+            the environment, which cut it short).
         backend: their physics: mujoco; warp: mujoco_warp on the device (extra gpu). Trials are MuJoCo's.
         randomise: what every episode draws: friction, mass, size, gain, latency, joint_noise.
         resets: demonstrations that episodes begin along, backwards from success.
@@ -49,10 +50,12 @@ class RlSettings:
         discount: of a reward a step later.
         reward_scale: factor on rewards, which the learner's values grow with.
         spread: logarithm of the standard deviation that exploration begins with (`ppo`).
+        noise: of exploration (`ppo`): of every step, or, a function of what is seen, of a whole rollout.
         passes: over a rollout in an update (`ppo`).
         divergence: KL at which an update stops (`ppo`; default: never).
-        buffer: steps that `sac` remembers.
-        warm_up: steps of random actions before `sac` learns.
+        buffer: actions that `sac` remembers.
+        warm_up: random actions, of all environments together, before `sac` learns.
+        updates: of `sac` after an action of every environment.
         threads: of torch on the CPU; results differ in the last bits with it.
     """
 
@@ -74,10 +77,12 @@ class RlSettings:
     discount: float = 0.99
     reward_scale: Positive = 1.0
     spread: Annotated[float, number(ge=-5, le=2)] = -1.0
+    noise: Annotated[str, one_of(("step", "rollout"))] = "step"
     passes: Count = 5
     divergence: Positive | None = None
     buffer: Count = 200_000
     warm_up: Count = 5_000
+    updates: Count = 1
     threads: Count = 1
 
     @property
