@@ -27,9 +27,11 @@ _PALM = {
 """Middle and span of the palm's place, m, along the object's narrowest level direction, level across it, and above its
 top; rad from closing along that direction, and of the thumb upwards."""
 _OPEN = {
-    "index": (-0.15, 0.86, 0.0, 0.04), "middle": (0.06, 0.86, 0.0, 0.07), "ring": (0.0, -0.15, 0.0, 0.0),
+    "index": (-0.15, 0.86, 0.0, 0.04),
+    "middle": (0.06, 0.86, 0.0, 0.07),
+    "ring": (0.0, -0.15, 0.0, 0.0),
     "thumb": (1.38, 0.35, -0.1, 0.2),
-}  # fmt: skip
+}
 _CLOSED = {
     "fingers": {("index", 1): -0.1, ("index", 2): 1.1, ("middle", 1): -0.1, ("middle", 2): 1.1},
     "thumb": {("thumb", 2): 1.2},

@@ -68,9 +68,15 @@ class PolicyTraining(Rounds):
         width = {"net_arch": [s.hidden, s.hidden]}
         if s.algorithm == "sac":
             return SAC(
-                "MlpPolicy", self.envs, buffer_size=s.buffer, learning_starts=s.warm_up, train_freq=1,
-                gradient_steps=s.updates, policy_kwargs=width, **common,
-            )  # fmt: skip
+                "MlpPolicy",
+                self.envs,
+                buffer_size=s.buffer,
+                learning_starts=s.warm_up,
+                train_freq=1,
+                gradient_steps=s.updates,
+                policy_kwargs=width,
+                **common,
+            )
         rollout, correlated = min(_ROLLOUT, s.length), s.noise == "rollout"
         spread = s.spread - (
             0.5 * math.log(s.hidden) if correlated else 0.0
