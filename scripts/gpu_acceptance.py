@@ -3,10 +3,11 @@
     python scripts/gpu_acceptance.py [--device cuda:0] [--sizes 1024 4096 16384] [--out gpu.json]
     python scripts/gpu_acceptance.py --device cpu --sizes 4 8 --control-steps 5 --episodes 8 --random-steps 200
 
-Environment steps a second over all20, with and without its object of 33 parts; how much of that is physics, resets and
-the rest on the host; memory and cold start; episodes of the agent `rl` beside MuJoCo's on the same scenes; random
-actions for long; and, with --tests, those of tests/test_warp*.py on the device, replays among them. Every part prints
-its line as it ends; --out has all as JSON. It needs the repository, numpy's and warp's wheels, and a driver.
+Environment steps a second over all20, given as numpy's arrays or as tensors, with and without its object of 33 parts;
+how much of that is physics, resets and the rest; memory and cold start; episodes of the agent `rl` beside MuJoCo's on
+the same scenes; random actions for long; and, with --tests, those of tests/test_warp*.py on the device, replays and
+pushes among them. Every part prints its line as it ends; --out has all as JSON. It needs the repository, numpy's and
+warp's wheels, and a driver; tensors a torch that was built for CUDA.
 """
 
 import argparse
@@ -27,6 +28,7 @@ import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.objects.load import resolve_targets
 
@@ -68,14 +70,18 @@ def free_gb(device: str) -> float:
     return found.free_memory / 1e9 if found.is_cuda else 0.0
 
 
-def throughput(number: int, objects: list[str], device: str, steps: int) -> Result:
+def throughput(number: int, objects: list[str], device: str, steps: int, tensors: bool) -> Result:
     """Step environments at random; episodes end at different times, as they do in a training."""
     before, start = free_gb(device), time.perf_counter()
-    envs = make(number, objects, device, autoreset_mode="SameStep")
+    envs = make(number, objects, device, autoreset_mode="SameStep", tensors=tensors)
     envs.reset(seed=0)
     rng = np.random.default_rng(0)
     envs._episodes.records["elapsed"] = rng.integers(0, 300, number)
-    actions = rng.uniform(-1.0, 1.0, (steps + 2, *envs.action_space.shape)).astype(np.float32)
+    actions: Any = rng.uniform(-1.0, 1.0, (steps + 2, *envs.action_space.shape)).astype(np.float32)
+    if tensors:
+        import torch
+
+        actions = torch.as_tensor(actions, device=device)
     envs.step(actions[0])
     cold = time.perf_counter() - start
     envs.step(actions[1])
@@ -189,10 +195,12 @@ def main(arguments: list[str] | None = None) -> int:
     plain = [name for name in objects if name != "massage_ball"]
     middle = given.sizes[len(given.sizes) // 2]
     parts: dict[str, Callable[[], Result]] = {
-        f"speed, {len(own)} objects, {n}": lambda n=n, own=own: throughput(n, own, given.device, given.control_steps)
-        for own in (objects, plain)
+        f"speed, {len(own)} objects, {kind}, {n}": lambda n=n, own=own, kind=kind: throughput(
+            n, own, given.device, given.control_steps, kind == "tensors"
+        )
+        for own, kind in ((objects, "arrays"), (objects, "tensors"), (plain, "tensors"))
         for n in given.sizes
-    }  # fmt: skip
+    }
     parts["rl"] = lambda: closed_loop(given.episodes, objects, given.device)
     parts["random actions"] = lambda: random_steps(
         given.random_steps, middle, objects, given.device, given.random_seconds
@@ -203,7 +211,11 @@ def main(arguments: list[str] | None = None) -> int:
     began = time.perf_counter()
     for name, measure in parts.items():
         start = time.perf_counter()
-        results[name] = measure() | {"seconds": time.perf_counter() - start}
+        try:
+            results[name] = measure()
+        except InputError as refusal:  # a torch without CUDA, say
+            results[name] = {"refused": str(refusal)}
+        results[name]["seconds"] = time.perf_counter() - start
         print(f"{name}: " + ", ".join(f"{k} {shown(v)}" for k, v in results[name].items()), flush=True)
         if given.out:
             given.out.write_text(json.dumps(results, indent=1, default=float))

@@ -16,7 +16,7 @@ from dexgrasp.cli.main import main
 pytestmark = pytest.mark.warp
 
 OBJECTS = 20
-PUSHED, STEPS = {"kind": "pushed", "size": 0.5}, 380
+PUSHED, STEPS = {"kind": "pushed", "size": 0.5}, 300
 
 
 @pytest.fixture(scope="module")
@@ -194,7 +194,7 @@ def test_a_world_without_room_for_its_contacts_ends_alone(monkeypatch):
     from dexgrasp_env.tasks import warp_batch
 
     monkeypatch.setattr(warp_batch, "_ROWS", 20)  # a box on a table has four contacts of six rows
-    envs = make("warp", objects="sugar_box")
+    envs = make("warp", objects="sugar_box", frame_skip=5)
     envs.reset(options={"object_pose": [0.5, 0.0, 0.7, 1.0, 0.0, 0.0, 0.0]})
     envs.reset(options={"reset_mask": np.arange(N) == 3})
     _, _, terminated, _, infos = envs.step(np.zeros(envs.action_space.shape, np.float32))

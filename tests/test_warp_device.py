@@ -15,6 +15,8 @@ from dexgrasp_env.tasks.set_points import set_points
 
 pytestmark = pytest.mark.warp
 
+SKIP = 5  # physics steps of a control step: fewer are captured sooner
+
 
 def anywhere(records, hold, rng):
     """Write any progress to records; what they are of is as a reset left it."""
@@ -70,6 +72,7 @@ def test_the_device_computes_what_numba_does(env_id, mode, kind, rewards):
         control_mode=mode,
         disturbance=kind,
         reward_mode=rewards,
+        frame_skip=SKIP,
         max_episode_steps=None,
     ).unwrapped
     envs.reset(seed=0)
@@ -83,7 +86,7 @@ def test_the_device_computes_what_numba_does(env_id, mode, kind, rewards):
         there.send()
         records, commands = here.records.copy(), here.commands.copy()
         actions = rng.uniform(-1.5, 1.5, envs.action_space.shape).astype(np.float32)
-        rows, push = np.zeros((N, 25, commands.shape[2])), np.zeros((N, 3))
+        rows, push = np.zeros((N, SKIP, commands.shape[2])), np.zeros((N, 3))
         assert set_points(records, commands, actions.astype(float), here.control, rows, push)
         there.set_points(actions)
         assert_allclose(physics.rows.numpy(), rows, atol=2e-6)
@@ -112,7 +115,7 @@ def test_the_device_computes_what_numba_does(env_id, mode, kind, rewards):
 def test_tensors_hold_what_arrays_do(mode):
     import torch
 
-    kwargs = {"max_episode_steps": 4, "autoreset_mode": mode}
+    kwargs = {"max_episode_steps": 4, "autoreset_mode": mode, "frame_skip": SKIP}
     ours, theirs = (make("warp", "sugar_box", tensors=tensors, **kwargs) for tensors in (True, False))
     (a, _), (b, _) = (envs.reset(seed=1) for envs in (ours, theirs))
     first, rng, ended = {key: values.clone() for key, values in a.items()}, np.random.default_rng(0), 0
@@ -163,6 +166,7 @@ def test_observations_of_cameras_are_those_of_mujoco():
         "objects": "sugar_box",
         "obs_mode": "state+pointcloud",
         "observe": "step",
+        "frame_skip": SKIP,
         "max_episode_steps": 2,
     }
     pair = [make(name, **kwargs) for name in ("warp", "mujoco")]

@@ -211,14 +211,15 @@ class WarpPhysics:
     def _capture(self) -> None:
         """Record the control step: what it launches is compiled, or found compiled, in a step that is undone."""
         before = [getattr(self.data, name).numpy().copy() for name in _STATE]
+        state = [self.data.qpos, self.data.qvel, self.data.overflow]
         with wp.ScopedDevice(self.device):
             mjw.step(self._model, self.data)
+            wp.launch(_warn, len(self._scenes), state, [self.warnings])
             with wp.ScopedCapture() as capture:
                 self.data.overflow.zero_()
                 for k in range(len(self._controls)):
                     wp.copy(self.data.ctrl, self._controls[k])
                     mjw.step(self._model, self.data)
-                state = [self.data.qpos, self.data.qvel, self.data.overflow]
                 wp.launch(_warn, len(self._scenes), state, [self.warnings])
         self._graph = capture.graph
         for name, value in zip(_STATE, before, strict=True):

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.tasks import kernel, set_points
 from dexgrasp_env.tasks.control import action_size, check_finite
@@ -52,6 +53,12 @@ def _conclude(
     _observe(records, i, qpos[i], qvel[i], sensors[i], commands[i][0], noise[i], rules, seen[i])
 
 
+def _torch_has_gpus() -> bool:
+    with from_extra():
+        import torch
+    return torch.cuda.is_available()
+
+
 class WarpEpisodes:
     """The progress of all episodes: the host begins them, and is told what came of each step."""
 
@@ -62,8 +69,13 @@ class WarpEpisodes:
             episodes: on the host.
             physics: theirs, a `WarpPhysics`.
             tensors: whether observations and actions are torch's.
+
+        Raises:
+            InputError: if torch does not know the device.
         """
         self._host, self._physics, self._tensors = episodes, physics, tensors
+        if tensors and physics.device.is_cuda and not _torch_has_gpus():
+            raise InputError("tensors=True on a GPU wants a torch that was built for CUDA")
         number, robot = len(episodes.records), episodes.settings.cell.robot
         size = action_size(episodes.settings.control_mode, robot)
         with wp.ScopedDevice(physics.device):
