@@ -113,6 +113,18 @@ def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, caps
     ]
 
 
+def test_weak_fingers_are_moved_gently(made, tmp_path):
+    hand = yaml.safe_load((made.parent / "theirs_hand.yaml").read_text())
+    (tmp_path / "weak.yaml").write_text(yaml.safe_dump(hand | {"torque": 0.02}))
+    (tmp_path / "robot.yaml").write_text(
+        yaml.safe_dump(yaml.safe_load(made.read_text()) | {"hand": "weak.yaml"})
+    )
+    ours, weak = (robot_tree(make_cell(path)).acceleration for path in (made, tmp_path / "robot.yaml"))
+    assert (ours[:7] == weak[:7]).all()
+    assert (weak[7:] < ours[7:]).all()
+    assert weak[7:] == pytest.approx(0.5 * 0.02 / 0.001)
+
+
 def test_an_arm_made_of_mjcf_stands_as_ours(tmp_path, made):
     make_robot(foreign_hand(tmp_path), PANDA, tmp_path / "arm.yaml")
     cell = make_cell(tmp_path / "arm.yaml")

@@ -15,6 +15,9 @@ from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import SLIDE, Robot
 
 Index = NDArray[np.int64]
+_MOVING = (
+    0.5  # share of a finger's torque that may speed up its own rotor; the rest bears its weight and its links
+)
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
 
 
@@ -131,7 +134,7 @@ def robot_tree(cell: Cell) -> RobotTree:
     vars(tree).update(
         unit=np.where(slides, SLIDE, 1.0),
         velocity=robot.velocity.copy(),
-        acceleration=robot.acceleration.copy(),
+        acceleration=_followed(model, robot),
         home=robot.home.copy(),
         moved=_moved(robot),
         fingers=np.array([[own.start, own.stop] for own in (robot.columns[f.name] for f in robot.grasping)]),
@@ -171,6 +174,14 @@ def driven(robot: Robot, values: Array, power: int) -> Array:
     """Return torque limits (power 1) or stiffnesses (2) of joints (n,) with those of what follows them."""
     C = np.abs(robot.drive[0]) ** power
     return np.where(np.diag(C) == 1.0, values @ C, values)
+
+
+def _followed(model: mujoco.MjModel, robot: Robot) -> Array:
+    """Return the accelerations (n,) rad/s^2 of the limits, less where a finger's servo is too weak for its rotor."""
+    followed, hand = robot.acceleration.copy(), robot.hand_columns
+    rotors = np.array([model.dof_armature[model.joint(name).dofadr[0]] for name in robot.joints])
+    followed[hand] = np.minimum(followed[hand], _MOVING * robot.torque[hand] / np.maximum(rotors[hand], 1e-6))
+    return followed
 
 
 def _beside_palm(model: mujoco.MjModel, robot: Robot) -> tuple[int, Array]:
