@@ -56,6 +56,12 @@ def test_hindsight_replay_runs_on_it():
     env.close()
 
 
+def learns(model):
+    model.learn(2000)
+    assert model.num_timesteps >= 2000
+    assert all(np.isfinite(part.detach().numpy()).all() for part in model.policy.parameters())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", LIFTS)
 def test_learners_run_2000_steps(name):
@@ -64,18 +70,12 @@ def test_learners_run_2000_steps(name):
         (PPO, {"n_steps": 128}), (SAC, {"learning_starts": 500, "gradient_steps": 1, "buffer_size": 2000}),
     ):  # fmt: skip
         env = SB3VecEnv(name, num_envs=4, objects="seen", max_episode_steps=60, **more)
-        model = learner("MultiInputPolicy", env, batch_size=64, seed=0, device="cpu", **kwargs)
-        model.learn(2000)
-        assert model.num_timesteps >= 2000
-        assert all(np.isfinite(part.detach().numpy()).all() for part in model.policy.parameters())
+        learns(learner("MultiInputPolicy", env, batch_size=64, seed=0, device="cpu", **kwargs))
         env.close()
 
 
 @pytest.mark.slow
 def test_hindsight_replay_runs_2000_steps():
     env = SB3VecEnv("DexGrasp/Place-v2", num_envs=4, objects="seen", max_episode_steps=60)
-    model = goal_learner(env, learning_starts=500)
-    model.learn(2000)
-    assert model.num_timesteps >= 2000
-    assert all(np.isfinite(part.detach().numpy()).all() for part in model.policy.parameters())
+    learns(goal_learner(env, learning_starts=500))
     env.close()
