@@ -24,14 +24,15 @@ _INSIDE = 0.016  # m inside the edge that the centre of mass stays
 _LONGEST = 0.56  # m
 _TOWARDS = 0.6  # cosine of the way to the edge
 _ALIKE = 0.001  # m by which one tip may touch before the other: what is pushed turns until both do
-_ROUND = 20.0  # m a m that a side stands out between them: a corner lets what is pushed turn away
+_BULGE = 0.0055  # m that a side may stand out between them: at a corner what is pushed turns away
 _TURNS = np.deg2rad(np.arange(0.0, 360.0, 1.5))
 _MARCH = 30  # steps until a tip touches
 _TRIED = 8  # pushes that the arm can make
 _APART = np.cos(np.deg2rad(10.0))  # of their directions
 _CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
 _FAR = 0.35  # m: the price of the far edge, where the arm hardly reaches round the object
-_AGAIN = 6  # seeds
+_AGAIN = 4  # seeds
+_POINTS, _TRIPLES, _POSTURES = 300, 100, 120  # most points are over the table, and of no use
 _BORNE, _FIRM = 1.0, 2.0  # weights: of a grasp worth a push, and that ends the search for one
 _FLOOR = 0.5  # m below the table
 _SUNK = 0.002  # m that the table is taken to be lower than it is: the object lies on it
@@ -123,7 +124,7 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
     outline = points[ConvexHull(points).vertices]
     centre, found = target.centre[:2], []
     for direction, (one, between, other) in zip(*_touches(target, apart, tip), strict=True):
-        if not abs(one - other) <= _ALIKE:
+        if not (abs(one - other) <= _ALIKE and one - between <= _BULGE):
             continue
         touch = centre + min(one, other) * direction
         for out in map(np.array, _EDGES):
@@ -131,7 +132,7 @@ def pushes(target: GraspTarget, apart: float, tip: float) -> list[Push]:
             there = centre + (distance or 0.0) * direction
             if distance is not None and (np.abs(there - _MIDDLE) <= _HALF - 0.99 * _INSIDE).all():
                 before_base = out[0] < 0.0 and abs(there[1]) < _NEAR_BASE
-                price = _CROWDED * before_base + _FAR * (out[0] > 0.0) + _ROUND * max(one - between, 0.0)
+                price = _CROWDED * before_base + _FAR * (out[0] > 0.0)
                 found.append((distance + price, Push(direction, distance, touch)))
     return [push for _, push in sorted(found, key=lambda item: item[0])]
 
@@ -156,7 +157,8 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
 
 def _at_edge(planner: Planner) -> Planner:
     cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
-    return Planner(replace(planner.settings, patience=0, firm_load=_FIRM), cell=cell)
+    more = replace(planner.settings, surface_points=_POINTS, triples=_TRIPLES, postures=_POSTURES)
+    return Planner(replace(more, patience=0, firm_load=_FIRM), cell=cell)
 
 
 def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> float | None:
