@@ -16,17 +16,19 @@ from dexgrasp.cli.main import main
 pytestmark = pytest.mark.warp
 
 OBJECTS = 20
+EPISODES = {
+    "max_episode_steps": 17,
+    "randomisation": {"mass": (0.5, 2.0), "friction": (0.4, 1.0), "gain": (0.8, 1.2)},
+}
+AS_PLAYED = {"control_mode": "joint_position", "max_episode_steps": None}
+NUDGED = np.full(N, 1e-4)
 PUSHED, STEPS = {"kind": "pushed", "size": 0.5}, 300
 
 
 @pytest.fixture(scope="module")
 def pair():
     """Environments over all objects, here and there, that are reset after 17 steps."""
-    kwargs = {
-        "max_episode_steps": 17,
-        "randomisation": {"mass": (0.5, 2.0), "friction": (0.4, 1.0), "gain": (0.8, 1.2)},
-    }
-    return make("warp", **kwargs), make("mujoco", **kwargs)
+    return make("warp", **EPISODES), make("mujoco", **EPISODES)
 
 
 @pytest.fixture(scope="module")
@@ -39,18 +41,31 @@ def scenes(pair):
     return list(pair[0].unwrapped._episodes.simulations.values())
 
 
+def nudge(envs, most, rng):
+    """Move joints and object of environments that have just been reset, of each by its own `most`, rad and m."""
+    for i in np.flatnonzero(envs.unwrapped._episodes.records["elapsed"] == 0).tolist():
+        state = envs.unwrapped.get_state(i)
+        state.physics[1 : 1 + 30] += rng.uniform(-most[i], most[i], 30)
+        envs.unwrapped.set_state(state, [i])
+
+
 def test_episodes_are_those_of_mujoco_while_objects_change(pair):
+    """Rewards are farther off than 1e-4 where they are, too, in MuJoCo with all a tenth of a millimetre off."""
     ours, theirs = pair
-    (a, _), (b, _) = (envs.reset(seed=3) for envs in pair)
+    twins, noise = make("mujoco", **EPISODES), np.random.default_rng(5)
+    (a, _), (b, _), _ = (envs.reset(seed=3) for envs in (*pair, twins))
+    nudge(twins, NUDGED, noise)
     assert all(np.array_equal(a[key], b[key]) for key in b)
-    rng, seen, apart = np.random.default_rng(0), set(), []
+    rng, seen, apart, own = np.random.default_rng(0), set(), [], []
     centre = rng.uniform(-0.5, 0.5, ours.action_space.shape)
     for _ in range(40):
         actions = np.clip(centre + rng.normal(0, 0.4, centre.shape), -1, 1).astype(np.float32)
         a, b = ours.step(actions), theirs.step(actions)
         assert a[0].keys() == b[0].keys()
         assert all(a[0][key].dtype == b[0][key].dtype for key in b[0])
-        apart.extend(np.abs(a[1] - b[1]))
+        apart.append(np.abs(a[1] - b[1]))
+        own.append(np.abs(twins.step(actions)[1] - b[1]))
+        nudge(twins, NUDGED, noise)
         assert_allclose(a[0]["joint_positions"], b[0]["joint_positions"], atol=5e-3)
         assert np.array_equal(a[2], b[2])
         assert np.array_equal(a[3], b[3])
@@ -58,10 +73,11 @@ def test_episodes_are_those_of_mujoco_while_objects_change(pair):
         assert not any(a[4]["mujoco_warnings"])
         seen.update(a[4]["object"])
     assert len(seen) == OBJECTS
-    assert (
-        np.quantile(apart, 0.99) < 1e-4
-    )  # rewards; where things collide, the last bits of a float soon matter
-    assert max(apart) < 5e-3
+    for share in (0.5, 0.9, 0.99):
+        assert np.quantile(apart, share) < min(1e-4, np.quantile(own, share))
+    worst, known = np.max(apart, axis=0), np.max(own, axis=0)
+    assert (worst < np.maximum(1e-4, 2.0 * known)).all()
+    assert worst.max() < 5e-3
 
 
 def test_bodies_meet_as_in_mujoco(physics, scenes):
@@ -150,7 +166,7 @@ def test_what_agents_did_in_mujoco_ends_alike(scenes):
         for name in ("hardcoded", "bilevel")
         for seed, scene in enumerate(scenes)
     ]
-    envs = make("warp", disturbance=PUSHED, control_mode="joint_position", max_episode_steps=None)
+    envs = make("warp", disturbance=PUSHED, **AS_PLAYED)
     for i in range(N):
         target = scenes[i % OBJECTS].object.name
         options = {"object": target, "reset_mask": np.arange(N) == i}
@@ -167,12 +183,22 @@ def test_what_agents_did_in_mujoco_ends_alike(scenes):
     differ = [k for k, (_, _, first) in enumerate(played) if first != firsts[k]]
     assert len(differ) <= 1  # none as this is written; a grasp at the edge of holding may fall on either side
     assert len(pushed) > 20
-    held = [max(far) for far, first in zip(apart, firsts, strict=True) if first is not None]
+    held = {k: max(far) for k, far in enumerate(apart) if firsts[k] is not None}
     assert len(held) > 30
-    assert np.median(held) < 2e-4
-    assert (
-        np.quantile(held, 0.9) < 1e-3
-    )  # pushed, an object that has begun to slip ends a few millimetres off
+    assert np.median(list(held.values())) < 2e-4
+    assert np.quantile(list(held.values()), 0.9) < 1e-3
+    for k, far in held.items():
+        assert far < 3e-4 or far < 2.0 * spread(scenes[k % OBJECTS].object.name, k % OBJECTS, *played[k][:2])
+
+
+def spread(target, seed, actions, poses):
+    """Return how far objects end from where they did in MuJoCo if all is up to 1e-4 rad and 0.1 mm off, m."""
+    nudges = np.logspace(-6, -4, 12)
+    envs = gym.make_vec(ID, num_envs=12, objects="all20", disturbance=PUSHED, **AS_PLAYED)
+    envs.reset(seed=[seed] * 12, options={"object": target})
+    nudge(envs, nudges, np.random.default_rng(0))
+    seen = [envs.step(np.tile(action, (12, 1)))[0]["object_pose"][:, :3] for action in actions]
+    return np.linalg.norm(np.array(seen) - poses[:, None, :3], axis=2).max()
 
 
 @pytest.mark.parametrize("value", [1e12, np.nan])
