@@ -7,6 +7,7 @@ import pytest
 from project_scripts import load_script
 
 from dexgrasp.evaluation.prediction import auc, predictions
+from dexgrasp.evaluation.report.figures import reliability
 
 record_results = load_script("record_results")
 
@@ -66,4 +67,11 @@ def test_predictions_of_trials():
     assert found["load"].auc == 1.0
     assert [b.successes for b in found["load"].bins] == [0, 10, 10, 10]
     assert predictions([row(2.0, True)] * 20) == {}
+    said = [{"lifted": {"value": 0.02 * k}, "pushed": {"value": 1.0 - 0.02 * k}} for k in range(40)]
+    for line, chances in zip(rows, said, strict=False):
+        line["details"]["holds_probability"] = chances
+    found = predictions(rows)
+    assert list(found) == ["load", "lifted", "pushed"]
+    assert (found["lifted"].auc, found["pushed"].auc) == (1.0, 0.0)
+    assert reliability({"bilevel": found})[1].name == "reliability_lifted"
     assert predictions([row(None, True), row("x", False)]) == {}
