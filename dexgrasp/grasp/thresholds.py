@@ -80,7 +80,7 @@ class Thresholds:
 
     def looser(self, tip_radius: float) -> list[str]:
         """Return the names of those that ask less than the frozen ones; the tip radius may be the hand's alone."""
-        ours = FROZEN
+        ours = frozen_for(tip_radius)
         low, high = self.distance[0] < ours.distance[0], self.distance[1] > ours.distance[1]
         found = {"distance": low or high, "tip_radius": self.tip_radius != tip_radius}
         found |= {name: getattr(self, name) > getattr(ours, name) for name in _AT_MOST}
@@ -93,6 +93,13 @@ _AT_LEAST = (
     "closure_margin", "clearance", "tip_cosine", "pad_cosine", "joint_margin", "contact_height", "least_press",
 )  # fmt: skip
 FROZEN = Thresholds()
+_NARROW = 0.01  # m: tips of a smaller radius go less deep, in proportion, or their links would be in the object
+
+
+def frozen_for(tip_radius: float) -> Thresholds:
+    """Return the frozen thresholds for tips of a radius, m."""
+    share, (low, high) = min(1.0, tip_radius / _NARROW), FROZEN.distance
+    return replace(FROZEN, tip_radius=tip_radius, distance=(share * low, share * high))
 
 
 def planned_friction(mu: float) -> tuple[float, float]:
@@ -107,4 +114,4 @@ def thresholds_for(settings: Thresholds, tip_radius: float) -> Thresholds:
     less of than the frozen ones, so that `verify` can refuse it by name.
     """
     own = {"friction", "friction_hold", *settings.looser(tip_radius)} - {"tip_radius"}
-    return replace(FROZEN, tip_radius=settings.tip_radius, **{name: getattr(settings, name) for name in own})
+    return replace(frozen_for(settings.tip_radius), **{name: getattr(settings, name) for name in own})

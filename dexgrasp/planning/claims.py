@@ -91,13 +91,24 @@ def is_clear(q: Array, problem: Problem, least: float) -> bool:
 def too_near(q: Array, problem: Problem, least: float) -> NDArray[np.int64]:
     """Return the labels (K, 3), kind and bodies, of clearances below `least` m; of neighbours, below `BESIDE`.
 
-    Beside a low object tips may be as near the table as they grasp.
+    Beside a low object tips may be as near the table as they grasp; fingers that stand close at home may be as close
+    to each other as in a grasp.
     """
     values, labels = _clearances(q, problem, least, tips_touch=False)
     needed = np.where(labels[:, 0] == NEIGHBOUR, min(BESIDE, least), least)
     if problem.settings.is_low(problem.target.top):
         needed[labels[:, 0] == TABLE] = problem.settings.off_table(problem.target.top)
+    if (values < needed)[labels[:, 0] == SELF].any():
+        needed[_close_at_home(labels, problem, least)] = min(problem.settings.clearance, least)
     return labels[values < needed]
+
+
+def _close_at_home(labels: NDArray[np.int64], problem: Problem, least: float) -> NDArray[np.bool_]:
+    """Return which labels (K, 3) are of parts of the robot that are nearer to each other than `least` m at home."""
+    found = _clearances(problem.tree.home, problem, least, tips_touch=True)[1]
+    found = found[found[:, 0] == SELF]
+    close: NDArray[np.bool_] = (labels[:, None] == found).all(2).any(1)
+    return close
 
 
 def overlap(q: Array, problem: Problem) -> float:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from dexgrasp.grasp.thresholds import Thresholds, planned_friction
+from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_friction
 from dexgrasp.physics.contacts import Shape, shape_of
 from dexgrasp.shape.parts import MOST_PARTS
 from dexgrasp_env.robot.robot import Hand
@@ -82,7 +82,11 @@ class PlannerSettings(Thresholds):
 
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""
-        return replace(self, tip_radius=hand.tip_radius, fingers=len(hand.grasp), torsion=hand.torsion)
+        radius = hand.tip_radius
+        distance = frozen_for(radius).distance if self.distance == FROZEN.distance else self.distance
+        return replace(
+            self, tip_radius=radius, distance=distance, fingers=len(hand.grasp), torsion=hand.torsion
+        )
 
     @property
     def proposed(self) -> Shape:

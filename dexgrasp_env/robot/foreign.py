@@ -189,7 +189,7 @@ class _Rebuilt:
         if isinstance(self.part, Hand):
             for finger in self.part.fingers:
                 if finger.bodies[-1] == body.name:
-                    self._add_tip(body, finger, self.part.tip_radius)
+                    self._add_tip(body, finger, self.part)
 
     def _add_geom(self, body: Any, g: int, name: str, collides: bool) -> None:
         local = np.linalg.inv(self.W[body.name]) @ _geom_pose(self.data, g)
@@ -212,8 +212,8 @@ class _Rebuilt:
         colour: Array = self.model.mat_rgba[material] if material >= 0 else self.model.geom_rgba[g]
         return colour
 
-    def _add_tip(self, body: Any, finger: Finger, radius: float) -> None:
-        """Name the shape that reaches farthest the tip; of a long one, what is before the middle of its sphere."""
+    def _add_tip(self, body: Any, finger: Finger, hand: Hand) -> None:
+        """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere."""
         assert finger.frame is not None
         old = _pose(self.data.body(body.name)) @ matrix(finger.frame)
         centre = np.linalg.inv(self.W[body.name]) @ old[:, 3]
@@ -224,16 +224,18 @@ class _Rebuilt:
                 f"{self.part.mjcf}: nothing of body {body.name!r} collides: tip {finger.tip!r} has no shape"
             )
         tip = max(solid, key=lambda geom: self._reach(geom)[:, 2].max())
+        radius = hand.tip_radius
+        behind = (hand.tip_length or 2.0 * radius) - radius
         if tip.type not in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
             tip.name = finger.tip
             return
-        before, behind = cut(self._reach(tip), centre[2] - radius)
+        before, rest = cut(self._reach(tip), centre[2] - behind)
         look = {"rgba": tip.rgba.copy(), **_LOOK[True]}
-        rest = f"{tip.name}_rest"
+        name = f"{tip.name}_rest"
         self.spec.delete(tip)
         add_mesh_geom(self.spec, body, *hull_of(before), np.eye(4), {"name": finger.tip, **look})
-        if len(behind) > 3:
-            add_mesh_geom(self.spec, body, *hull_of(behind), np.eye(4), {"name": rest, **look})
+        if len(rest) > 3:
+            add_mesh_geom(self.spec, body, *hull_of(rest), np.eye(4), {"name": name, **look})
 
     def _reach(self, geom: Any) -> Array:
         """Points (n, 3) m of a shape's hull, or around it, in the frame of its body."""
@@ -254,6 +256,8 @@ class _Rebuilt:
             a, b = (self.owner.get(int(signature) >> shift & 0xFFFF) for shift in (16, 0))
             if a and b and a != b:
                 self.spec.add_exclude(name=f"{self.part.name}_exclude{k}", bodyname1=a, bodyname2=b)
+        for a, b in self.part.excluded if isinstance(self.part, Hand) else ():
+            self.spec.add_exclude(name=f"{a}_{b}", bodyname1=a, bodyname2=b)
 
 
 _LOOK: dict[bool, dict[str, Any]] = {

@@ -13,12 +13,13 @@ from dexgrasp_env.files import write_atomically
 from dexgrasp_env.robot.foreign import FLANGE, about, described, placed
 from dexgrasp_env.robot.hulls import cut
 from dexgrasp_env.robot.part import Part
-from dexgrasp_env.robot.postures import home_posture, open_posture
+from dexgrasp_env.robot.postures import always_near, home_posture, open_posture
 from dexgrasp_env.robot.robot_file import SCHEMA, find_beside, make_arm, make_hand
 
 _FILES = (".yaml", ".yml")
 _BEHIND = 0.0133  # m between flange and the palm's back: a plate
 _SPREAD = 0.4  # rad that an idle finger is turned away from the others
+_NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
 
@@ -123,7 +124,9 @@ class HandMaker:
         part, m = self.part, self.part.model
         order = [*self._others(), self.thumb]
         base = {k: part.data.xanchor[int(m.body_jntadr[self.chains[k][0]])] for k in order}
-        near = sorted(self._others(), key=lambda k: float(np.linalg.norm(base[k] - base[self.thumb])))[:2]
+        near = sorted(
+            self._others(), key=lambda k: float(np.linalg.norm(self.tip(k)[:3, 3] - base[self.thumb]))
+        )[:2]
         names = {k: f"finger_{i + 1}" for i, k in enumerate(self._others())} | {self.thumb: "thumb"}
         fingers, joints = [], list[str]()
         for k in order:
@@ -143,7 +146,7 @@ class HandMaker:
         return {
             "name": m.names.split(b"\0")[0].decode() or part.path.stem, "mjcf": str(part.path.resolve()), "palm": palm,
             "frame": frame_entry(part.pose(self.palm), self.frame), "tip_radius": self.radius,
-            **part.limits(joints, "hand"),
+            **({"tip_length": self._longest()} if self.radius < _NARROW else {}), **part.limits(joints, "hand"),
             "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
             "mounts": {"palm_normal": self._mount()},
         }  # fmt: skip
@@ -160,6 +163,13 @@ class HandMaker:
         straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
         straight[spreads] += np.sign(moves[spreads]) * _SPREAD
         return np.clip(straight, low, high).round(6).tolist()
+
+    def _longest(self) -> float:
+        """How far any last link reaches back from its end, m."""
+        lengths = [
+            np.ptp(self.part.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)
+        ]
+        return float(np.round(max(lengths), 4))
 
     def _mount(self) -> dict[str, list[float]]:
         """The back of the hand on the flange, the palm's middle on the flange's axis."""
@@ -181,7 +191,11 @@ def hand_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
     """
     maker = HandMaker(path)
     entry = maker.entry()
-    value = make_hand({**entry, "open": np.clip(0.0, entry["lower"], entry["upper"]).tolist()})
+    straight = np.clip(0.0, entry["lower"], entry["upper"]).tolist()
+    value = make_hand({**entry, "open": straight})
+    if near := always_near(value, described(value).compile()):
+        entry["excluded"] = near
+        value = make_hand({**entry, "open": straight})
     return entry | {"open": open_posture(value, described(value).compile())}, maker.part.notes
 
 

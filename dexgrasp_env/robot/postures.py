@@ -1,5 +1,6 @@
 """Postures that a robot file needs and an MJCF has not: a hand's open one, an arm's home; found by search."""
 
+from itertools import combinations, product
 from typing import Any
 
 import mujoco
@@ -10,6 +11,7 @@ from dexgrasp_env.robot.foreign import FLANGE
 from dexgrasp_env.robot.robot import Arm, Hand
 
 _DRAWS = 20_000
+_LOOKS, _ALWAYS, _DEEPEST = 300, 0.01, 0.004  # postures; m that bodies are always within, and never deeper in
 _SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
 _INSIDE = 0.85  # share of a joint's range that is drawn from
 _FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down
@@ -37,14 +39,43 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
     return list(np.round(drawn[np.argmax(merits)], 4).tolist())
 
 
+def always_near(hand: Hand, model: mujoco.MjModel) -> list[list[str]]:
+    """Return the pairs of bodies that stay so near each other in any posture that none can make them collide.
+
+    Args:
+        hand: whose bodies and ranges count.
+        model: of the hand alone, frames as here.
+    """
+    data, number, nothing = mujoco.MjData(model), {name: model.body(name).id for name in hand.bodies}, np.zeros(6)
+    solid = {
+        name: [g for g in np.flatnonzero(model.geom_bodyid == b) if model.geom_contype[g]]
+        for name, b in number.items()
+    }
+    near = [(a, b) for a, b in combinations(hand.bodies, 2) if model.body_parentid[number[b]] != number[a]]
+    for q in np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq)):
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        near = [
+            pair
+            for pair in near
+            if -_DEEPEST
+            < min(mujoco.mj_geomDistance(model, data, g, h, _ALWAYS, nothing) for g, h in product(*map(solid.get, pair)))
+            < _ALWAYS
+        ]
+    return [list(pair) for pair in near]
+
+
 def _together(hand: Hand, drawn: Array) -> None:
-    """Let all fingers but the opposing one bend alike, as far as they are alike."""
+    """Let the fingers of a grasp but the opposing one bend alike, as far as they are alike; idle ones stand aside."""
     names = list(hand.joints.names)
     first = hand.finger(hand.grasp[1])
     source = [names.index(name) for name in first.joints]
     for finger in hand.fingers:
-        if finger.name != hand.grasp[0] and len(finger.joints) == len(source):
-            drawn[:, [names.index(name) for name in finger.joints]] = drawn[:, source]
+        own = [names.index(name) for name in finger.joints]
+        if finger.aside and finger.name not in hand.grasp:
+            drawn[:, own] = finger.aside
+        elif finger.name != hand.grasp[0] and len(own) == len(source):
+            drawn[:, own] = drawn[:, source]
 
 
 def _strain(q: Array, low: Array, high: Array) -> Array:

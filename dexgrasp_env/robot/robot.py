@@ -187,8 +187,10 @@ class Hand:
         mounts: how the hand may sit on an arm.
         beside_palm: the link that works closer to the palm than spheres can tell; empty where there is none.
         self_pairs: bodies that the hand's own motion can bring together; found by sampling where none is named.
+        excluded: bodies that are not to collide, besides those of an MJCF that has frames of its own.
         frame: of the palm in its body, of an MJCF that has frames of its own.
         tip_radius: m, of the spheres that the tips are like.
+        tip_length: m of the last links, from their ends, that may touch; without it two radii.
         torsion: m, torsional friction of soft tips over sliding friction; 0: they turn freely.
         couplings: of joints that follow others rigidly.
     """
@@ -203,8 +205,10 @@ class Hand:
     mounts: Annotated[tuple[Mount, ...], Rule("a mapping of mounts", _mounts)]
     beside_palm: str = ""
     self_pairs: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = ()
+    excluded: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = field(default=(), repr=False)
     frame: Frame | None = field(default=None, repr=False)
     tip_radius: Positive = field(default=0.014, repr=False)
+    tip_length: Annotated[float, number(ge=0)] = field(default=0.0, repr=False)
     torsion: Annotated[float, number(ge=0, le=0.1)] = field(default=0.0, repr=False)
     couplings: Annotated[tuple[Coupling, ...], COUPLINGS] = field(default=(), repr=False)
 
@@ -341,6 +345,7 @@ class Robot:
         own: tuple[Any, ...] = () if set(frames) == {None, Hand.tip_radius} else frames
         own += () if (arm.plinth, arm.starts) == (Arm.plinth, Arm.starts) else (arm.plinth, arm.starts)
         own += (hand.torsion, hand.couplings) if hand.torsion or hand.couplings else ()
+        own += (hand.tip_length, hand.excluded) if hand.tip_length or hand.excluded else ()
         described = [
             part.mjcf.read_text("utf-8", "replace") for part in (arm, hand)
         ]  # MuJoCo says what is wrong

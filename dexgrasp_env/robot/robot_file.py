@@ -156,6 +156,6 @@ def _check_names(hand: Hand) -> None:
         raise InputError(
             f"a grasp of {len(hand.grasp)} fingers: valid are 3 to 5, or 2 to 5 of a hand with a torsion"
         )
-    linked = {name for pair in hand.self_pairs for name in pair} | ({hand.beside_palm} - {""})
+    linked = {name for pair in hand.self_pairs + hand.excluded for name in pair} | ({hand.beside_palm} - {""})
     if unknown := sorted(linked - set(hand.bodies)):
-        raise InputError(f"self_pairs and beside_palm name {', '.join(unknown)}: no body of the hand")
+        raise InputError(f"self_pairs, excluded and beside_palm name {', '.join(unknown)}: no body of the hand")

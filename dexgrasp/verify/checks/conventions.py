@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 
 from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.probability import probability_of
-from dexgrasp.grasp.thresholds import FRICTION_SHARE, FROZEN, HOLD_SHARE, Thresholds
+from dexgrasp.grasp.thresholds import FRICTION_SHARE, HOLD_SHARE, Thresholds, frozen_for
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import ROUNDING, Check
 
@@ -20,7 +20,7 @@ def convention_checks(case: Case) -> list[Check]:
     return [
         *(_flag(name, getattr(record, name) == stated) for name, stated in here.items()),
         *threshold_checks(case),
-        *_exact_thresholds(case.limits, replace(FROZEN, tip_radius=case.robot.hand.tip_radius)),
+        *_exact_thresholds(case.limits, frozen_for(case.robot.hand.tip_radius)),
         _flag("agent", _AGENT.fullmatch(record.agent) is not None),
         _probability(case),
     ]
