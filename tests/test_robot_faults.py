@@ -179,7 +179,6 @@ def _hand(inside: str, after: str = "") -> str:
             "couples joints",
         ),
         (_hand("<freejoint/>" + _THREE), "hinges"),
-        (_hand('<joint name="w"/>' + _THREE), "before its palm"),
         (_hand(_THREE, _COUPLED), "couples joints"),
         (_hand(_THREE.replace(_LINK, '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')), "collides"),
         (_hand(_FINGER.format(n="a", y=0)), "branches"),

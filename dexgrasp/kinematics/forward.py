@@ -87,7 +87,7 @@ def _motion(b: int, point: Array, tree: RobotTree, frames: Frames) -> tuple[floa
     ax = R[b, 0, 0] * axis[b, 0] + R[b, 0, 1] * axis[b, 1] + R[b, 0, 2] * axis[b, 2]
     ay = R[b, 1, 0] * axis[b, 0] + R[b, 1, 1] * axis[b, 1] + R[b, 1, 2] * axis[b, 2]
     az = R[b, 2, 0] * axis[b, 0] + R[b, 2, 1] * axis[b, 1] + R[b, 2, 2] * axis[b, 2]
-    gear = tree.gear[b, 0]
+    gear = tree.gear[b, 2]
     if tree.slides[b]:
         return gear * ax, gear * ay, gear * az
     dx, dy, dz = point[0] - p[b, 0], point[1] - p[b, 1], point[2] - p[b, 2]
@@ -122,7 +122,7 @@ def add_turn_row(
         if j >= 0 and not tree.slides[b]:
             for r in range(3):
                 a = R[b, r, 0] * tree.axis[b, 0] + R[b, r, 1] * tree.axis[b, 1] + R[b, r, 2] * tree.axis[b, 2]
-                row[j] += sign * tree.gear[b, 0] * direction[r] * a
+                row[j] += sign * tree.gear[b, 2] * direction[r] * a
         b = tree.parent[b]
 
 
@@ -166,10 +166,17 @@ def contact_jacobian(tree: RobotTree, frames: Frames, points: Array, normals: Ar
 
 @njit
 def follow(q: Array, tree: RobotTree) -> None:
-    """Put the joints of `q` (n,) that follow others where those have them, in place."""
+    """Put the joints of `q` (n,) that follow others where those have them, in place.
+
+    Those of a tendon stand on their stops then, and the last one has what the others lose: servos are told the same.
+    """
     for j in range(q.shape[0]):
-        if tree.follows[j] >= 0:
-            q[j] = tree.ratio[j, 0] * q[tree.follows[j]] + tree.ratio[j, 1]
+        k = tree.follows[j]
+        if k >= 0 and tree.ratio[j, 2] > 0.0:
+            q[k] += tree.ratio[j, 0] * (q[j] - tree.ratio[j, 1])
+            q[j] = tree.ratio[j, 1]
+        elif k >= 0:
+            q[j] = tree.ratio[j, 0] * q[k] + tree.ratio[j, 1]
 
 
 @njit
@@ -209,6 +216,22 @@ def hand_contact_jacobian(q: Array, points: Array, normals: Array, tree: RobotTr
     J = np.zeros((len(points), 4 if tree.torsion else 3, len(q)))
     contact_jacobian(tree, body_frames(q, tree), points, normals, J)
     return J[:, :, tree.arm :]
+
+
+def stop_torques(q: Array, points: Array, normals: Array, forces: Array, tree: RobotTree) -> Array:
+    """Return the torques (k,) Nm that press the joints which stand onto their stops: what their tendons leave over.
+
+    Args:
+        q: (n,) rad, a grasp.
+        points, normals, forces: of its contacts, (g, 3) m, (g, 3), (g, c) N on the object.
+        tree: of the robot.
+    """
+    gear = tree.gear.copy()
+    gear[:, 2] = gear[:, 0]
+    J = hand_contact_jacobian(q, points, normals, tree._replace(gear=gear))
+    torque = np.append(np.zeros(tree.arm), np.einsum("frj,fr->j", J, forces))
+    left: Array = (torque - tree.ratio[:, 0] * torque[tree.follows])[tree.stands]
+    return left
 
 
 def fingertips(q: Array, tree: RobotTree) -> Array:

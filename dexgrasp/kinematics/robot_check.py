@@ -129,20 +129,21 @@ def _touching(data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], float]]:
 
 
 def _authority(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
-    """Each servo alone moves its own joint and what follows it, and no other."""
+    """Each servo alone moves its own joint and what follows it or shares its tendon, and no other."""
     robot, start, (C, _), unit = cell.robot, cell.robot.home, cell.robot.drive, robot_tree(cell).unit
+    moving = robot.free[0] @ C
     wrong = 0
     for j in np.flatnonzero(C.any(0)):  # the others follow
-        data, name = _at(model, start), robot.joints[j]
-        push = _PUSH * unit[j] if robot.upper[j] - start[j] > _PUSH * unit[j] else -_PUSH * unit[j]
-        data.ctrl[:] += push * C[:, j]
-        mujoco.mj_step(model, data, _STEPS)
-        moved = (data.qpos - start) / push
-        strays = np.delete(np.abs(moved - C[:, j]), j)
-        if moved[j] < _FOLLOWS:
+        name, push = robot.joints[j], _PUSH * unit[j]
+        ways = [_moved(model, start, C[:, j], way) for way in (push, -push)]
+        moved = max(ways, key=lambda way: float(way[j]))  # an end of the range or a finger may be in the way
+        strays = np.delete(np.abs(moved - moving[:, j]), j)
+        if moved[j] < _FOLLOWS * moving[j, j]:
             wrong += 1
             mend = "raise its stiffness or torque, or look for a second servo that holds it"
-            yield Finding("error", f"joint {name} follows its servo by {100 * moved[j]:.0f} %", mend)
+            yield Finding(
+                "error", f"joint {name} follows its servo by {100 * moved[j] / moving[j, j]:.0f} %", mend
+            )
         elif strays.max() > _STRAYS:
             wrong += 1
             other = np.delete(np.array(robot.joints), j)[int(np.argmax(strays))]
@@ -151,6 +152,15 @@ def _authority(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
             )
     if not wrong:
         yield Finding("info", "every servo moves its joint, and no other")
+
+
+def _moved(model: mujoco.MjModel, start: Array, column: Array, push: float) -> Array:
+    """How far joints (n,) go when set-points move by `push` along a column (n,), in shares of it."""
+    data = _at(model, start)
+    data.ctrl[:] += push * column
+    mujoco.mj_step(model, data, _STEPS)
+    moved: Array = (data.qpos - start) / push
+    return moved
 
 
 def _tips(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
@@ -229,6 +239,7 @@ def closed_posture(cell: Cell) -> tuple[Array, Array]:
     for finger in robot.hand.fingers:
         if finger not in robot.grasping and finger.aside:
             drawn[:, robot.columns[finger.name]] = finger.aside
+    drawn = drawn @ robot.drive[0].T + robot.drive[1]
     tips, pads = np.empty((2, len(robot.grasping), _DRAWN, 3))
     for k, q in enumerate(drawn):
         data.qpos[:] = q

@@ -35,7 +35,7 @@ class _Links(NamedTuple):
     joint: Index  # (nb,) column of the body's joint, -1 if fixed
     axis: Array  # (nb, 3) joint axis in the body's frame
     slides: NDArray[np.bool_]  # (nb,) whether the joint slides
-    gear: Array  # (nb, 2) place of the joint: the first times its column, and the second; (1, 0) where it follows none
+    gear: Array  # (nb, 3) place of the joint: the first times its column, and the second; how much it moves with it
     tip_body: Index  # (g,) last bodies of the grasping fingers, the opposing one first
     tip_offset: Array  # (g, 3) m, tip sphere centre in the distal link's frame
     palm: int  # index of the palm body
@@ -53,8 +53,8 @@ class _Links(NamedTuple):
     beside: int  # the link that works right beside the palm, -1 where none does
     beside_edges: Array  # (ne, 3) m, points of its box's edges, in its frame
     torsion: float  # m, of soft tips: torsional friction over sliding friction
-    follows: Index  # (n,) the joint that each follows, -1 where it does not
-    ratio: Array  # (n, 2) at which multiple of it, and how much farther
+    follows: Index  # (n,) the joint that each follows, -1 where it does not; of a tendon's joints the last
+    ratio: Array  # (n, 3) at which multiple, how much farther; of a tendon coefficient and stop, and 1 where it stands
     lower: Array  # (n,) rad; of slides m, as below
     upper: Array  # (n,) rad
     arm: int
@@ -64,6 +64,7 @@ class _Links(NamedTuple):
 class RobotTree(_Links):
     """A robot's links, and what plain code alone asks of its joints."""
 
+    stands: NDArray[np.bool_]  # (n,) whether the joint stands on its stop in a grasp
     unit: Array  # (n,) what counts as much as a radian: 1, or `SLIDE` m
     velocity: Array  # (n,) rad/s
     acceleration: Array  # (n,) rad/s^2
@@ -89,9 +90,8 @@ def robot_tree(cell: Cell) -> RobotTree:
     first = np.concatenate([[0], np.cumsum([len(s.radius) for s in spheres])])
     bounds = [s.bound() for s in spheres]
     columns = [_joint_column(model, b, robot) for b in bodies]
-    C, c = robot.drive
-    follows = np.where(np.diag(C) == 1.0, -1, np.argmax(np.abs(C), axis=1))
-    ratio = np.stack([np.where(follows < 0, 1.0, C.sum(1)), c], axis=1)
+    follows, ratio = _following(robot)
+    stands = ratio[:, 2] > 0.0
     slides = np.array([bool(model.jnt_type[j] == mujoco.mjtJoint.mjJNT_SLIDE) for j in range(robot.dof)])
     palm = robot.hand.palm
     site, tips = model.site(palm).id, [model.site(tip).id for tip in touching]
@@ -101,12 +101,17 @@ def robot_tree(cell: Cell) -> RobotTree:
         parent=np.array([index.get(int(model.body_parentid[b]), -1) for b in bodies]),
         offset=model.body_pos[bodies].copy(),
         rotation=np.stack([rotation_matrix(q) for q in model.body_quat[bodies]]),
-        joint=np.array([follows[j] if j >= 0 and follows[j] >= 0 else j for j in columns]),
+        joint=np.array([follows[j] if j >= 0 and follows[j] >= 0 and not stands[j] else j for j in columns]),
         axis=np.array(
             [model.jnt_axis[model.body_jntadr[b]] if model.body_jntnum[b] else [0, 0, 0] for b in bodies]
         ),
         slides=np.array([j >= 0 and bool(slides[j]) for j in columns]),
-        gear=np.array([ratio[j] if j >= 0 else [1.0, 0.0] for j in columns]),
+        gear=np.array(
+            [
+                [1.0, 0.0, float(j < 0)] if j < 0 or stands[j] else [*ratio[j, :2], ratio[j, 0]]
+                for j in columns
+            ]
+        ),
         tip_body=np.array([index[int(model.site_bodyid[s])] for s in tips]),
         tip_offset=model.site_pos[tips].copy(),
         palm=index[int(model.site_bodyid[site])],
@@ -132,6 +137,7 @@ def robot_tree(cell: Cell) -> RobotTree:
         base=robot.arm.plinth,
     )
     vars(tree).update(
+        stands=stands,
         unit=np.where(slides, SLIDE, 1.0),
         velocity=robot.velocity.copy(),
         acceleration=_followed(model, robot),
@@ -144,6 +150,17 @@ def robot_tree(cell: Cell) -> RobotTree:
         starts=_starts(model, robot),
     )
     return tree
+
+
+def _following(robot: Robot) -> tuple[Index, Array]:
+    """Return `RobotTree.follows` and `ratio`."""
+    C, c = robot.drive
+    follows = np.where(np.diag(C) == 1.0, -1, np.argmax(np.abs(C), axis=1))
+    ratio = np.stack([np.where(follows < 0, 1.0, C.sum(1)), c, ~C.any(1)], axis=1)
+    for tendon in robot.hand.tendons:
+        *stopped, last = map(robot.joints.index, tendon.joints)
+        follows[stopped], ratio[stopped, 0] = last, tendon.coefs[:-1]
+    return follows, ratio
 
 
 def _starts(model: mujoco.MjModel, robot: Robot) -> Array:

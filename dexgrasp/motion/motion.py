@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.kinematics.forward import follow
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.tasks.control import normalise
@@ -21,7 +22,10 @@ class Motion(ABC):
 
     def action(self, joint_positions: Array) -> NDArray[np.float32]:
         """Return the next `joint_position` action for measured joint positions (n,) rad."""
-        return normalise(self._next(np.asarray(joint_positions, dtype=float)), self.tree).astype(np.float32)
+        q = np.array(joint_positions, dtype=float)
+        if self.tree.stands.any():
+            follow(q, self.tree)  # what the servos feel of a tendon is its length
+        return normalise(self._next(q), self.tree).astype(np.float32)
 
     @abstractmethod
     def _next(self, q: Array) -> Array:

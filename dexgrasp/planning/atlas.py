@@ -65,7 +65,7 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     tree = robot_tree(cell)
     rng, foreign = np.random.default_rng(seed), cell.robot.hand.frame is not None
     places = (tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body)
-    shapes = (tree.sphere_centre, cell.robot.hand.stamp) if foreign else ()
+    shapes = (tree.sphere_centre, cell.robot.hand.stamp, *cell.robot.hand.tendons) if foreign else ()
     key = content_hash(_VERSION, SAMPLES, seed, *places, *shapes)
     if foreign:
         q = cached_arrays(f"postures_{key}.npy", lambda: {"q": _many_kept(rng, cell.robot, tree)})["q"]
@@ -95,8 +95,9 @@ def _postures(drawn: Array, robot: Robot, tree: RobotTree) -> Array:
     for finger in robot.hand.fingers:
         if finger.name not in robot.hand.grasp and finger.aside:
             q[:, robot.columns[finger.name]] = finger.aside
+    C, c = robot.drive
     for j in np.flatnonzero(tree.follows >= 0):
-        q[:, j] = tree.ratio[j, 0] * q[:, tree.follows[j]] + tree.ratio[j, 1]
+        q[:, j] = q @ C[j] + c[j]
     return q
 
 

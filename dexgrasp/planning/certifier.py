@@ -14,6 +14,7 @@ from dexgrasp.kinematics.forward import (
     fingertips,
     follow,
     hand_contact_jacobian,
+    stop_torques,
     tip_jacobian,
 )
 from dexgrasp.kinematics.shapes import shapes_apart
@@ -94,6 +95,11 @@ def certified(candidate: Candidate[Posture], log: SearchLog, with_closure: bool 
     if (farthest := float(np.linalg.norm(missed, axis=1).max())) > _TIPS_MEET:
         log.block("surface_out_of_reach", farthest)
         return None
+    contacts = hold.contacts
+    loose = stop_torques(q, contacts.points, contacts.normals, hold.forces, problem.tree)
+    if with_closure and loose.min(initial=0.0) < 0.0:
+        log.block("tendon_pulls_joint_off_its_stop", -float(loose.min()))
+        return None
     return pressed(candidate, hold.forces, motion)
 
 
@@ -158,7 +164,11 @@ def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: flo
         out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
     goals = goals + np.reshape(opening, (-1, 1)) * out + [0.0, 0.0, rise]
     solve_tips(pregrasp, goals, problem.tree, 40, 1e-4, True)
-    return pregrasp
+    robot = problem.cell.robot
+    if robot.hand.tendons:  # free fingers curl more than fingers on an object
+        missed = goals - fingertips(robot.freed(pregrasp), problem.tree)
+        solve_tips(pregrasp, goals + missed, problem.tree, 40, 1e-4, True)
+    return robot.freed(pregrasp)
 
 
 def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Array:
@@ -179,8 +189,7 @@ def _opened_each(q: Array, normals: Array, problem: Problem, rise: float) -> Arr
         for finger in free:
             first, end = problem.tree.fingers[finger]
             pregrasp[first:end] = way[first:end]
-    follow(pregrasp, problem.tree)
-    return pregrasp
+    return robot.freed(pregrasp)
 
 
 def grasp_motion(q: Array, normals: Array, forces: Array, problem: Problem, pregrasp: Array) -> GraspMotion:

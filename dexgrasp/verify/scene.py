@@ -101,15 +101,18 @@ class Scene:
         each = np.arange(len(points))
         return Closest(*(np.stack(values)[nearest, each] for values in zip(*found, strict=True)))
 
-    def jacobians(self, points: Array, normals: Array) -> Array:
-        """Return `Touch.jacobians` at points (N, 3) m of the last links, where the robot is now; normals (N, 3)."""
+    def jacobians(self, points: Array, normals: Array, driven: bool = True) -> Array:
+        """Return `Touch.jacobians` at points (N, 3) m of the last links, where the robot is now; normals (N, 3).
+
+        If not `driven`, by every joint as if it had a servo.
+        """
         found, torsion, hand = [], self.robot.hand.torsion, self.robot.hand_columns
         J, turn = np.zeros((3, self.model.nv)), np.zeros((3, self.model.nv))
         for finger, point, normal in zip(self._fingers, points, normals, strict=True):
             body = self.model.body(finger.bodies[-1]).id
             mujoco.mj_jac(self.model, self.data, J, turn, point, body)
             rows = np.vstack([J, torsion * normal @ turn]) if torsion else J
-            found.append((rows @ self.robot.drive[0])[:, hand])
+            found.append((rows @ (self.robot.drive[0] if driven else np.eye(self.robot.dof)))[:, hand])
         return np.array(found)
 
     def palm(self, q: Array) -> tuple[Array, Array]:

@@ -87,20 +87,26 @@ class _Rebuilt:
         for what, given, known in (("joint", self.part.joints.names, own), ("body", names, bodies)):
             if missing := [name for name in given if name not in known]:
                 raise InputError(f"{self.part.mjcf} has no {what} {missing[0]!r}")
-        if more := sorted(own - set(self.part.joints.names)):
+        hand = self.part if isinstance(self.part, Hand) else None
+        self.held = hand.held if hand else ()
+        if more := sorted(own - set(self.part.joints.names + self.held)):
             raise InputError(f"joint {more[0]!r} of {self.part.mjcf} is not named: every joint has to be")
         if any(kind != mujoco.mjtJoint.mjJNT_HINGE for kind in self.model.jnt_type):
             raise InputError(f"{self.part.mjcf} has joints that are no hinges: they are not supported yet")
-        if self.model.neq or self.model.ntendon:
+        if self.model.neq or (self.model.ntendon and not (hand and hand.tendons)):
             raise InputError(f"{self.part.mjcf} couples joints (equality, tendon): that is not supported yet")
 
     def _owner(self, body: int, names: Iterable[str]) -> str:
         """The named body that a body is, or hangs on without a joint; empty for what the part does not begin with."""
         while body and self.model.body(body).name not in names:
-            if self.model.body_jntnum[body]:
+            if any(name not in self.held for name in self._joints(body)):
                 raise InputError(f"body {self.model.body(body).name!r} of {self.part.mjcf} is not named")
             body = int(self.model.body_parentid[body])
         return str(self.model.body(body).name) if body else self.part.bodies[0]
+
+    def _joints(self, body: int) -> list[str]:
+        first = int(self.model.body_jntadr[body])
+        return [self.model.joint(first + k).name for k in range(int(self.model.body_jntnum[body]))]
 
     def _frames(self) -> dict[str, Array]:
         part, W = self.part, {name: _pose(self.data.body(name)) for name in self.part.bodies}

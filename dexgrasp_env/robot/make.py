@@ -20,6 +20,7 @@ _FILES = (".yaml", ".yml")
 _BEHIND = 0.0133  # m between flange and the palm's back: a plate
 _SPREAD = 0.4  # rad that an idle finger is turned away from the others
 _NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
+_CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
 
@@ -40,12 +41,15 @@ class HandMaker:
         """
         self.part = part = Part(path)
         m = part.model
-        if m.neq or m.ntendon:
-            raise InputError(f"{path} couples joints (equality, tendon): such hands are not supported yet")
+        if m.neq:
+            raise InputError(
+                f"{path} couples joints by equality: `couplings` of a hand's file are to say that"
+            )
         if (m.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
             raise InputError(
                 f"{path} has joints that are no hinges: valid is a hand of hinges that does not float"
             )
+        self.held: list[str] = []
         self.palm = self._find_palm()
         self.chains = [part.chain(b) for b in part.below(self.palm)]
         if len(self.chains) < 3:
@@ -60,7 +64,9 @@ class HandMaker:
         while len(self.part.below(body)) == 1:
             body = self.part.below(body)[0]
             if self.part.model.body_jntnum[body]:
-                raise InputError(f"{self.part.path} has joints before its palm branches: take the wrist out")
+                self.held += self.part.names([body])[1]
+        if self.held:
+            self.part.notes.append(f"hand held: {', '.join(self.held)}, before the palm, stand still at 0")
         return body
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
@@ -124,9 +130,7 @@ class HandMaker:
         part, m = self.part, self.part.model
         order = [*self._others(), self.thumb]
         base = {k: part.data.xanchor[int(m.body_jntadr[self.chains[k][0]])] for k in order}
-        near = sorted(
-            self._others(), key=lambda k: float(np.linalg.norm(self.tip(k)[:3, 3] - base[self.thumb]))
-        )[:2]
+        near = self._beside_thumb(base)
         names = {k: f"finger_{i + 1}" for i, k in enumerate(self._others())} | {self.thumb: "thumb"}
         fingers, joints = [], list[str]()
         for k in order:
@@ -146,7 +150,8 @@ class HandMaker:
         return {
             "name": m.names.split(b"\0")[0].decode() or part.path.stem, "mjcf": str(part.path.resolve()), "palm": palm,
             "frame": frame_entry(part.pose(self.palm), self.frame), "tip_radius": self.radius,
-            **({"tip_length": self._longest()} if self.radius < _NARROW else {}), **part.limits(joints, "hand"),
+            **({"tip_length": self._longest()} if self.radius < _NARROW else {}),
+            **self._driven(joints), **({"held": self.held} if self.held else {}),
             "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
             "mounts": {"palm_normal": self._mount()},
         }  # fmt: skip
@@ -163,6 +168,27 @@ class HandMaker:
         straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
         straight[spreads] += np.sign(moves[spreads]) * _SPREAD
         return np.clip(straight, low, high).round(6).tolist()
+
+    def _driven(self, joints: list[str]) -> dict[str, Any]:
+        """Return limits, gains and tendons as the file says them."""
+        limits, m = self.part.limits(joints, "hand"), self.part.model
+        tendons = [
+            {"joints": [m.joint(j).name for j, _ in own], "coefs": [coef for _, coef in own]}
+            for own in self.part.tendons().values()
+        ]
+        for tendon in tendons:
+            last = joints.index(tendon["joints"][-1])
+            limits["upper"][last] = min(limits["upper"][last], _CURLED)
+        if tendons:
+            self.part.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
+        return limits | ({"tendons": tendons} if tendons else {})
+
+    def _beside_thumb(self, base: dict[int, Array]) -> list[int]:
+        """The finger whose base is nearest to the thumb's, and the neighbour of it whose base is nearer."""
+        near = sorted(self._others(), key=lambda k: float(np.linalg.norm(base[k] - base[self.thumb])))
+        tips = [self.tip(k)[:3, 3] for k in near]
+        beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]
+        return [near[k] for k in np.argsort(beside, kind="stable")[:2]]
 
     def _longest(self) -> float:
         """How far any last link reaches back from its end, m."""

@@ -11,7 +11,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.foreign import described
-from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot
+from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot, Tendon
 
 FARTHEST, HEAVIEST, STIFFEST = 10.0, 1e3, 1e5
 """m; kg and kg m2; Nm s/rad, Nm and Nm/rad: nothing of a robot on a table is beyond."""
@@ -41,7 +41,27 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
             name2=own.follows, solref=_RIGID,
         )  # fmt: skip
         equal.data[:5] = own.offset, own.ratio, 0.0, 0.0, 0.0
+    for tendon in robot.hand.tendons:
+        _add_tendon(arm, tendon)
     return arm
+
+
+def _add_tendon(spec: mujoco.MjSpec, tendon: Tendon) -> None:
+    """Let the servo of the last joint pull a tendon; those of the others add what their set-points tell of its length.
+
+    So set-points are one a joint here as elsewhere. Torques are limited at the joints.
+    """
+    name = f"{tendon.joints[-1]}_tendon"
+    wrapped = spec.add_tendon(name=name)
+    for joint, coef in zip(tendon.joints, tendon.coefs, strict=True):
+        wrapped.wrap_joint(joint, coef)
+        servo = spec.actuator(joint)
+        servo.trntype, servo.target, servo.inheritrange = mujoco.mjtTrn.mjTRN_TENDON, name, 0.0
+        servo.forcelimited = mujoco.mjtLimited.mjLIMITED_FALSE
+        servo.ctrllimited, servo.ctrlrange = mujoco.mjtLimited.mjLIMITED_TRUE, spec.joint(joint).range
+        if joint != tendon.joints[-1]:
+            servo.gainprm[0] = coef * spec.actuator(tendon.joints[-1]).gainprm[0]
+            servo.biastype, servo.biasprm[:3] = mujoco.mjtBias.mjBIAS_NONE, 0.0
 
 
 _RIGID = (0.004, 1.0)

@@ -128,6 +128,7 @@ class Part:
         """Return the limits and gains of joints as files state them; what the MJCF does not say is noted."""
         m, numbers = self.model, [self.model.joint(name).id for name in joints]
         of = {int(m.actuator_trnid[a, 0]): a for a in range(m.nu) if m.actuator_trntype[a] == 0}
+        of |= {joint: a for a, pulled in self.tendons().items() for joint, _ in pulled}
         stated = [self._torque(j, of.get(j)) for j in numbers]
         assumed = _ASSUMED[kind]
         missing = _TORQUE if kind == "hand" else self._bearing()
@@ -147,6 +148,27 @@ class Part:
         low, high = np.round(self.ranges(numbers), 6).T.tolist()
         stiffness = gains[0] if kind == "hand" else gains
         return {"lower": low, "upper": high, **rates, "torque": torque, "stiffness": stiffness}
+
+    def tendons(self) -> dict[int, list[tuple[int, float]]]:
+        """Return, of each actuator that pulls a tendon, joints and coefficients from the palm out; the last one's is 1.
+
+        Raises:
+            InputError: for tendons that are no sums of joints, or that nothing pulls.
+        """
+        m, found = self.model, dict[int, list[tuple[int, float]]]()
+        for a in np.flatnonzero(m.actuator_trntype == mujoco.mjtTrn.mjTRN_TENDON):
+            tendon = int(m.actuator_trnid[a, 0])
+            wraps = slice(int(m.tendon_adr[tendon]), int(m.tendon_adr[tendon] + m.tendon_num[tendon]))
+            coefs = dict(zip(m.wrap_objid[wraps].tolist(), m.wrap_prm[wraps].tolist(), strict=True))
+            if (m.wrap_type[wraps] != mujoco.mjtWrap.mjWRAP_JOINT).any() or min(coefs.values()) <= 0:
+                raise InputError(
+                    f"{self.path}: tendon {m.tendon(tendon).name!r} is no sum of joints times positive coefs"
+                )
+            last = max(coefs)
+            found[int(a)] = [(joint, coefs[joint] / coefs[last]) for joint in sorted(coefs)]
+        if len(found) < m.ntendon:
+            raise InputError(f"{self.path} has tendons without an actuator of their own: valid is one each")
+        return found
 
     def _bearing(self) -> float:
         """The torque Nm with which any joint bears twice what hangs on it and a load at the end, in any posture."""

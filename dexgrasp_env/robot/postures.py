@@ -12,6 +12,7 @@ from dexgrasp_env.robot.robot import Arm, Hand
 
 _DRAWS = 20_000
 _LOOKS, _ALWAYS, _DEEPEST = 300, 0.01, 0.004  # postures; m that bodies are always within, and never deeper in
+_TOUCHING = 0.002  # m: those that never come so near need not be excluded
 _SPAN, _LENGTH = 0.09, 0.03  # m between the opposing tips, and how much of a miss counts as one
 _INSIDE = 0.85  # share of a joint's range that is drawn from
 _FLANGE = np.array([0.4, 0.0, 0.55])  # m, where an arm's flange is at home, looking down
@@ -25,18 +26,31 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
         hand: whose limits, fingers and grasp count.
         model: of the hand alone, frames as here.
     """
-    data, rng = mujoco.MjData(model), np.random.default_rng(0)
     low, high = np.array(hand.joints.lower), np.array(hand.joints.upper)
-    drawn = 0.5 * (low + high) + 0.5 * _INSIDE * (high - low) * rng.uniform(-1.0, 1.0, (_DRAWS, len(low)))
+    drawn = np.random.default_rng(0).uniform(-1.0, 1.0, (_DRAWS, len(low)))
+    drawn = 0.5 * (low + high) + 0.5 * _INSIDE * (high - low) * drawn
     _together(hand, drawn)
-    drawn = np.clip(drawn, low, high)
+    best, free = _widest(hand, model, drawn)
+    if not free:  # idle fingers that bend with the others may be in their way
+        for finger in hand.fingers:
+            if finger.aside and finger.name not in hand.grasp:
+                drawn[:, [hand.joints.names.index(name) for name in finger.joints]] = finger.aside
+        best, free = _widest(hand, model, drawn)
+    return list(np.round(best, 4).tolist())
+
+
+def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, bool]:
+    """Return the best of postures (k, h) rad in which nothing touches, and whether there is one; or the best of all."""
+    data, (C, c) = mujoco.MjData(model), hand.free
+    low, high = np.array(hand.joints.lower), np.array(hand.joints.upper)
+    drawn = np.clip(drawn @ C.T + c, low, high)
     merits = np.array([_merit(hand, model, data, q) - 2.0 * _strain(q, low, high).mean() for q in drawn])
     for k in np.argsort(-merits)[:200]:
         data.qpos[:] = drawn[k]
         mujoco.mj_forward(model, data)
         if not data.ncon:
-            return list(np.round(drawn[k], 4).tolist())
-    return list(np.round(drawn[np.argmax(merits)], 4).tolist())
+            return drawn[k], True
+    return drawn[np.argmax(merits)], False
 
 
 def always_near(hand: Hand, model: mujoco.MjModel) -> list[list[str]]:
@@ -46,36 +60,37 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> list[list[str]]:
         hand: whose bodies and ranges count.
         model: of the hand alone, frames as here.
     """
-    data, number, nothing = mujoco.MjData(model), {name: model.body(name).id for name in hand.bodies}, np.zeros(6)
+    data, nothing = mujoco.MjData(model), np.zeros(6)
+    number = {name: model.body(name).id for name in hand.bodies}
     solid = {
-        name: [g for g in np.flatnonzero(model.geom_bodyid == b) if model.geom_contype[g]]
+        name: [int(g) for g in np.flatnonzero(model.geom_bodyid == b) if model.geom_contype[g]]
         for name, b in number.items()
     }
-    near = [(a, b) for a, b in combinations(hand.bodies, 2) if model.body_parentid[number[b]] != number[a]]
+    near = {
+        (a, b): _ALWAYS
+        for a, b in combinations(hand.bodies, 2)
+        if model.body_parentid[number[b]] != number[a]
+    }
     for q in np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq)):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
-        near = [
-            pair
-            for pair in near
-            if -_DEEPEST
-            < min(mujoco.mj_geomDistance(model, data, g, h, _ALWAYS, nothing) for g, h in product(*map(solid.get, pair)))
-            < _ALWAYS
-        ]
-    return [list(pair) for pair in near]
+        for (a, b), least in list(near.items()):
+            geoms = product(solid[a], solid[b])
+            apart = min(mujoco.mj_geomDistance(model, data, g, h, _ALWAYS, nothing) for g, h in geoms)
+            near[a, b] = min(apart, least)
+            if not -_DEEPEST < apart < _ALWAYS:
+                del near[a, b]
+    return [list(pair) for pair, least in near.items() if least < _TOUCHING]
 
 
 def _together(hand: Hand, drawn: Array) -> None:
-    """Let the fingers of a grasp but the opposing one bend alike, as far as they are alike; idle ones stand aside."""
+    """Let all fingers but the opposing one bend alike, as far as they are alike."""
     names = list(hand.joints.names)
     first = hand.finger(hand.grasp[1])
     source = [names.index(name) for name in first.joints]
     for finger in hand.fingers:
-        own = [names.index(name) for name in finger.joints]
-        if finger.aside and finger.name not in hand.grasp:
-            drawn[:, own] = finger.aside
-        elif finger.name != hand.grasp[0] and len(own) == len(source):
-            drawn[:, own] = drawn[:, source]
+        if finger.name != hand.grasp[0] and len(finger.joints) == len(source):
+            drawn[:, [names.index(name) for name in finger.joints]] = drawn[:, source]
 
 
 def _strain(q: Array, low: Array, high: Array) -> Array:

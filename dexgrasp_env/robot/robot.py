@@ -145,6 +145,18 @@ class Coupling:
 
 
 @dataclass(frozen=True)
+class Tendon:
+    """What one servo pulls: joints of a finger, from the palm out, by the sum of their places times `coefs`.
+
+    Nothing else holds them. In free motion all turn at once; on an object all but the last stand on their lower stops,
+    which bear what the tendon cannot. The last has coefficient 1.
+    """
+
+    joints: Names
+    coefs: Positives
+
+
+@dataclass(frozen=True)
 class Mount:
     """The palm frame in the frame of the arm's last link: position (3,) m and quaternion wxyz (4,)."""
 
@@ -164,11 +176,16 @@ def _couplings(value: Any) -> tuple[Coupling, ...]:
     return tuple(read(Coupling, coupling, "coupling") for coupling in value)
 
 
+def _tendons(value: Any) -> tuple[Tendon, ...]:
+    return tuple(read(Tendon, tendon, "tendon") for tendon in value)
+
+
 def _mounts(value: Any) -> tuple[Mount, ...]:
     return tuple(read(Mount, {"name": name, **mount}, f"mount {name}") for name, mount in value.items())
 
 
 COUPLINGS = Rule("a list of couplings", _couplings)
+TENDONS = Rule("a list of tendons", _tendons)
 FINGERS = Rule("a list of two fingers or more", _fingers)
 
 
@@ -193,6 +210,8 @@ class Hand:
         tip_length: m of the last links, from their ends, that may touch; without it two radii.
         torsion: m, torsional friction of soft tips over sliding friction; 0: they turn freely.
         couplings: of joints that follow others rigidly.
+        tendons: of joints that share a servo.
+        held: joints of an MJCF that has frames of its own, a wrist's for one, that stand still at 0.
     """
 
     name: Word
@@ -205,17 +224,47 @@ class Hand:
     mounts: Annotated[tuple[Mount, ...], Rule("a mapping of mounts", _mounts)]
     beside_palm: str = ""
     self_pairs: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = ()
-    excluded: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = field(default=(), repr=False)
+    excluded: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = field(
+        default=(), repr=False
+    )
     frame: Frame | None = field(default=None, repr=False)
     tip_radius: Positive = field(default=0.014, repr=False)
     tip_length: Annotated[float, number(ge=0)] = field(default=0.0, repr=False)
     torsion: Annotated[float, number(ge=0, le=0.1)] = field(default=0.0, repr=False)
     couplings: Annotated[tuple[Coupling, ...], COUPLINGS] = field(default=(), repr=False)
+    tendons: Annotated[tuple[Tendon, ...], TENDONS] = field(default=(), repr=False)
+    held: Names = field(default=(), repr=False)
 
     @property
     def bodies(self) -> Names:
         """The palm, then each finger's bodies."""
         return (self.palm, *chain.from_iterable(finger.bodies for finger in self.fingers))
+
+    @cached_property
+    def drive(self) -> tuple[Array, Array]:
+        """C (h, h) and c (h,): joints of a grasp are at C q + c where q says it; those without servos have no say."""
+        names, C, c = (
+            list(self.joints.names),
+            np.eye(len(self.joints.names)),
+            np.zeros(len(self.joints.names)),
+        )
+        for own in self.couplings:
+            row = names.index(own.joint)
+            C[row], c[row] = own.ratio * np.eye(len(names))[names.index(own.follows)], own.offset
+        for row in (names.index(joint) for tendon in self.tendons for joint in tendon.joints[:-1]):
+            C[row], c[row] = 0.0, self.joints.lower[row]
+        return C, c
+
+    @cached_property
+    def free(self) -> tuple[Array, Array]:
+        """Like `drive`, of a hand that touches nothing: a tendon turns its joints from their stops by its coefs."""
+        (C, c), names = (part.copy() for part in self.drive), list(self.joints.names)
+        for tendon in self.tendons:
+            rows, coefs = [names.index(joint) for joint in tendon.joints], np.array(tendon.coefs)
+            share = np.outer(coefs, coefs) / (coefs @ coefs)
+            C[np.ix_(rows, rows)] = share
+            c[rows] = (np.eye(len(rows)) - share) @ np.array(self.joints.lower)[rows]
+        return C, c
 
     @cached_property
     def stamp(self) -> str:
@@ -292,16 +341,27 @@ class Robot:
 
     @cached_property
     def drive(self) -> tuple[Array, Array]:
-        """C (n, n) and c (n,): joints are at C q + c where q says it; those that follow others have no say."""
+        """C (n, n) and c (n,), those of the hand, the arm's joints being where they are."""
+        return self._with_arm(self.hand.drive)
+
+    @cached_property
+    def free(self) -> tuple[Array, Array]:
+        """Like `drive`, of a hand that touches nothing."""
+        return self._with_arm(self.hand.free)
+
+    def _with_arm(self, hand: tuple[Array, Array]) -> tuple[Array, Array]:
         C, c = np.eye(self.dof), np.zeros(self.dof)
-        for own in self.hand.couplings:
-            row = self.joints.index(own.joint)
-            C[row], c[row] = own.ratio * np.eye(self.dof)[self.joints.index(own.follows)], own.offset
+        C[self.arm_dof :, self.arm_dof :], c[self.arm_dof :] = hand
         return C, c
+
+    def freed(self, q: Array) -> Array:
+        """Return where joints (..., n) rad are when nothing is touched and the servos are told the same."""
+        C, c = self.free
+        return q @ C.T + c if self.hand.couplings or self.hand.tendons else q
 
     def drawn(self, count: int) -> Array:
         """Return postures (count, n) rad, evenly from the joints' ranges, always the same."""
-        C, c = self.drive
+        C, c = self.free
         postures = np.random.default_rng(0).uniform(self.lower, self.upper, (count, self.dof)) @ C.T + c
         return np.clip(postures, self.lower, self.upper)
 
@@ -345,7 +405,8 @@ class Robot:
         own: tuple[Any, ...] = () if set(frames) == {None, Hand.tip_radius} else frames
         own += () if (arm.plinth, arm.starts) == (Arm.plinth, Arm.starts) else (arm.plinth, arm.starts)
         own += (hand.torsion, hand.couplings) if hand.torsion or hand.couplings else ()
-        own += (hand.tip_length, hand.excluded) if hand.tip_length or hand.excluded else ()
+        late = (hand.tip_length, hand.excluded, hand.tendons, hand.held)
+        own += late if any(late) else ()
         described = [
             part.mjcf.read_text("utf-8", "replace") for part in (arm, hand)
         ]  # MuJoCo says what is wrong

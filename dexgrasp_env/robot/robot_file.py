@@ -152,10 +152,21 @@ def _check_names(hand: Hand) -> None:
     followers = [own.joint for own in hand.couplings]
     if len(set(followers)) < len(followers) or set(followers) & {own.follows for own in hand.couplings}:
         raise InputError("couplings: valid is one of each joint, to a joint that follows none itself")
+    for tendon in hand.tendons:
+        check_length("coefs of a tendon", tendon.coefs, len(tendon.joints))
+        if (
+            not any(set(tendon.joints) <= set(finger.joints) for finger in hand.fingers)
+            or tendon.coefs[-1] != 1.0
+        ):
+            raise InputError(
+                f"tendon of {', '.join(tendon.joints)}: valid are joints of one finger, the last of coef 1"
+            )
     if not 2 + (not hand.torsion) <= len(hand.grasp) <= 5:
         raise InputError(
             f"a grasp of {len(hand.grasp)} fingers: valid are 3 to 5, or 2 to 5 of a hand with a torsion"
         )
     linked = {name for pair in hand.self_pairs + hand.excluded for name in pair} | ({hand.beside_palm} - {""})
     if unknown := sorted(linked - set(hand.bodies)):
-        raise InputError(f"self_pairs, excluded and beside_palm name {', '.join(unknown)}: no body of the hand")
+        raise InputError(
+            f"self_pairs, excluded and beside_palm name {', '.join(unknown)}: no body of the hand"
+        )

@@ -37,9 +37,12 @@ def limit_checks(case: Case) -> list[Check]:
     rows = np.stack([record.q, record.pregrasp, record.grasp, record.squeeze])
     rooms, (C, c) = np.minimum(rows - robot.lower, robot.upper - rows), robot.drive
     slide = case.scene.model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
-    busy = np.delete(rooms[0] / np.where(slide, SLIDE, 1.0), case.idle)
-    strays = np.abs(rows - rows @ C.T - c).max()
-    coupled = [same("coupled joints", strays, ROUNDING, "rad")] if robot.hand.couplings else []
+    stopped = np.flatnonzero(~C.any(1))
+    busy = np.delete(rooms[0] / np.where(slide, SLIDE, 1.0), [*case.idle, *stopped])
+    strays = rows - rows @ C.T - c
+    strays[1] = rows[1] - robot.freed(rows[1])
+    tied = robot.hand.couplings or robot.hand.tendons
+    coupled = [same("coupled joints", np.abs(strays).max(), ROUNDING, "rad")] if tied else []
     return [
         at_least("joint margin", busy.min(), case.limits.joint_margin, "rad", 1e-6),
         *(

@@ -1,7 +1,7 @@
 """Names, units, orders and thresholds: what a file must state in the words that everybody reads it by."""
 
 import re
-from dataclasses import fields, replace
+from dataclasses import fields
 
 from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.probability import probability_of

@@ -57,9 +57,24 @@ def force_checks(case: Case) -> list[Check]:
         at_least("least pressing force", hold.press.min(), limits.least_press, "N", 1e-4),
         at_most("share of friction used", hold.friction_use, 1.0, "", CONE),
         at_most("joint torque over limit", hold.torque_use, limits.torque_share, "", TORQUE),
+        *_stop_checks(case),
         *claim(case, "max_joint_torque_fraction", hold.torque_use, TORQUE),
         *claim(case, "hold_residual", np.linalg.norm(hold.left), BALANCE, 1e-3),
     ]  # fmt: skip
+
+
+def _stop_checks(case: Case) -> list[Check]:
+    """Check that a tendon pulls no joint off the stop that it stands on."""
+    case.scene.place(case.record.q)
+    J = case.scene.jacobians(case.touch.points, case.touch.normals, driven=False)
+    torque = np.einsum("frj,fr->j", J, case.record.forces)
+    own = dict(zip(case.robot.hand.joints.names, torque, strict=True))
+    left = [
+        own[joint] - coef * own[tendon.joints[-1]]
+        for tendon in case.robot.hand.tendons
+        for joint, coef in zip(tendon.joints[:-1], tendon.coefs, strict=False)
+    ]
+    return [at_least("torque on the stops of tendons", min(left), 0.0, "Nm", TORQUE)] if left else []
 
 
 def strength_checks(case: Case) -> list[Check]:

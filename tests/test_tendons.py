@@ -1,0 +1,155 @@
+"""A hand whose fingers' last two joints share a tendon, on a wrist: made, simulated, planned with, verified."""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from refusals import refused
+
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.settings import EvaluationSettings
+from dexgrasp.evaluation.store import read_rows
+from dexgrasp.grasp.file import read_grasp
+from dexgrasp.kinematics.forward import follow, hand_contact_jacobian, stop_torques
+from dexgrasp.kinematics.robot_check import check_robot
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.verify.scene import Scene
+from dexgrasp.verify.verify import verify
+from dexgrasp_env.robot.cell import make_cell
+from dexgrasp_env.robot.make import make_robot
+from dexgrasp_env.robot.model import compiled_robot
+
+_FINGER = """
+<body name="{n}_base" pos="{at}" {turned}>
+  <joint name="{n}_spread" class="spread"/><geom fromto="0 0 0 0 0 0.02"/>
+  <body name="{n}_near" pos="0 0 0.02">
+    <joint name="{n}_flex"/><geom fromto="0 0 0 0 0 0.045"/>
+    <body name="{n}_middle" pos="0 0 0.045">
+      <joint name="{n}_bend"/><geom fromto="0 0 0 0 0 0.025"/>
+      <body name="{n}_far" pos="0 0 0.025"><joint name="{n}_curl"/><geom fromto="0 0 0 0 0 0.03"/></body>
+    </body>
+  </body>
+</body>"""
+_HAND = """
+<mujoco model="pulled">
+  <compiler angle="radian"/>
+  <default>
+    <joint axis="0 1 0" range="0 1.6" actuatorfrcrange="-1 1" damping="0.02"/>
+    <geom type="capsule" size="0.01" mass="0.03"/>
+    <position kp="1" forcerange="-1 1"/>
+    <default class="spread"><joint axis="1 0 0" range="-0.5 0.5"/></default>
+  </default>
+  <worldbody>
+    <body name="forearm">
+      <geom type="box" size="0.01 0.03 0.03" pos="0 0 -0.14" mass="0.2"/>
+      <body name="plate">
+        <joint name="wrist" range="-0.5 0.5"/>
+        <geom type="box" size="0.012 0.045 0.05" pos="0 0 -0.05" mass="0.4"/>{left}{right}{thumb}
+      </body>
+    </body>
+  </worldbody>
+  <tendon>{tendons}</tendon>
+  <actuator>{servos}</actuator>
+</mujoco>"""
+_PULLED = '<fixed name="{n}"><joint joint="{n}_bend" coef="1.6"/><joint joint="{n}_curl" coef="2"/></fixed>'
+_SERVO = '<position name="{n}" tendon="{n}"/>'
+
+
+def _mjcf(servos: str = _SERVO) -> str:
+    thumb = _FINGER.format(n="thumb", at="0.01 0 -0.08", turned='xyaxes="0 0 1 0 -1 0"')
+    for name in ("bend", "flex"):
+        thumb = thumb.replace(f'name="thumb_{name}"', f'name="thumb_{name}" range="-0.8 1.2"')
+    fingers = {
+        n: _FINGER.format(n=n, at=f"0 {y} 0", turned="") for n, y in (("left", 0.03), ("right", -0.03))
+    }
+    tendons, pulling = ("".join(text.format(n=n) for n in fingers) for text in (_PULLED, servos))
+    return _HAND.format(**fingers, thumb=thumb, tendons=tendons, servos=pulling)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("pulled")
+    (folder / "hand.xml").write_text(_mjcf())
+    notes = make_robot(folder / "hand.xml", None, folder / "pulled.yaml")
+    assert any("wrist" in note for note in notes)
+    return folder / "pulled.yaml"
+
+
+def test_what_is_made_is_right(made):
+    cell = make_cell(made)
+    hand = cell.robot.hand
+    assert [(tendon.joints, tendon.coefs) for tendon in hand.tendons] == [
+        ((f"{n}_bend", f"{n}_curl"), (0.8, 1.0)) for n in ("left", "right")
+    ]
+    assert hand.held == ("wrist",)
+    assert_allclose(cell.robot.freed(cell.robot.home), cell.robot.home, atol=2e-4)
+    assert [finding for finding in check_robot(cell) if finding.level != "info"] == []
+
+
+def test_a_tendon_turns_its_joints_from_their_stops_together(made):
+    """Whatever joints it is told, the servo feels and moves the tendon: the simulation ends where `freed` says."""
+    robot, model = make_cell(made).robot, compiled_robot(make_cell(made))
+    tied = [robot.joints.index(f"left_{name}") for name in ("bend", "curl")]
+    for places in ((0.5, 0.1), (0.0, 0.5)):
+        data = mujoco.MjData(model)
+        data.qpos[:] = robot.home
+        data.qpos[tied] = 0.0
+        told = data.qpos.copy()
+        told[tied] = places
+        data.ctrl[:] = data.qpos
+        for share in np.linspace(0.0, 1.0, 1000):
+            data.ctrl[tied] = share * told[tied]
+            mujoco.mj_step(model, data)
+        expected = robot.freed(told)
+        assert expected[tied] @ (0.8, 1.0) == pytest.approx(np.dot(places, (0.8, 1.0)))
+        assert_allclose(data.qpos[tied], expected[tied], atol=0.02)
+
+
+def test_on_an_object_the_stop_bears_what_the_tendon_cannot(made):
+    cell = make_cell(made)
+    tree, robot = robot_tree(cell), cell.robot
+    q = robot.home.copy()
+    free = q.copy()
+    follow(q, tree)
+    assert_allclose(robot.drive[0] @ q + robot.drive[1], q, atol=1e-12)
+    assert_allclose(robot.freed(q), robot.freed(free), atol=1e-12)
+    scene = Scene(cell, [], robot.hand.grasp)
+    scene.place(q)
+    tips = np.array([scene.data.site(finger.tip).xpos for finger in robot.grasping])
+    normals = np.tile([0.0, 0.0, 1.0], (3, 1))
+    ours = hand_contact_jacobian(q, tips, normals, tree)
+    assert_allclose(ours, scene.jacobians(tips, normals), atol=1e-12)
+    assert not ours[:, :, tree.stands[tree.arm :]].any()
+    forces = np.random.default_rng(0).normal(size=(3, 3))
+    torque = np.einsum("frj,fr->j", scene.jacobians(tips, normals, driven=False), forces)
+    own = dict(zip(robot.hand.joints.names, torque, strict=True))
+    left = [own[f"{n}_bend"] - 0.8 * own[f"{n}_curl"] for n in ("left", "right")]
+    assert_allclose(stop_torques(q, tips, normals, forces, tree), left, atol=1e-12)
+
+
+def test_it_lifts_and_the_judge_agrees(made, tmp_path):
+    settings = EvaluationSettings.of(["bilevel"], ["pear"], trials=1, seed=1000, robot=str(made))
+    evaluate(settings, tmp_path)
+    (row,) = read_rows(tmp_path)
+    assert row["success"], row["reason"]
+    record = read_grasp(tmp_path / row["grasp"], make_cell(made))
+    checks = verify(record)
+    assert [check for check in checks if not check.holds] == []
+    assert "torque on the stops of tendons" in [check.name for check in checks]
+    object.__setattr__(record, "forces", -record.forces)
+    failed = [check.name for check in verify(record) if not check.holds]
+    assert "torque on the stops of tendons" in failed
+    apart = record.grasp.copy()
+    apart[make_cell(made).robot.joints.index("left_bend")] += 0.002
+    object.__setattr__(record, "grasp", apart)
+    assert "coupled joints as stated" in [check.name for check in verify(record) if not check.holds]
+
+
+@pytest.mark.parametrize(
+    ("servos", "words"),
+    [("", "tendons without an actuator"), (_SERVO.replace('tendon="{n}"', 'joint="{n}_curl"'), "without")],
+)
+def test_tendons_that_nothing_pulls_end_in_a_line(servos, words, tmp_path):
+    (tmp_path / "hand.xml").write_text(_mjcf(servos))
+    with refused(words):
+        make_robot(tmp_path / "hand.xml", None, tmp_path / "x.yaml")
