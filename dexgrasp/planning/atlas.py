@@ -13,9 +13,10 @@ from scipy.spatial import KDTree
 
 from dexgrasp.kinematics.clearance import cover_of, self_clearance
 from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, tip_positions
-from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import Arrays, cache_dir, cached_arrays, content_hash
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
@@ -114,14 +115,26 @@ def _kept(drawn: Array, robot: Robot, tree: RobotTree) -> Arrays:
 
 def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree) -> Array:
     """Return postures (N, n) rad of a hand from elsewhere that it can take, open and press in: few of those drawn."""
-    kept = list[Array]()
+    kept, pairs = list[Array](), _moving_pairs(robot, tree)
     for _ in range(_ROUNDS):
         q = _postures(_drawn(rng, tree), robot, tree)
         q = q[_opposed(q, tree)]
-        kept.append(q[_pressing(q, tree)])
+        kept.append(q[_pressing(q, tree, pairs)])
         if sum(map(len, kept)) > _ENOUGH:
             break
+    if not sum(map(len, kept)):
+        raise InputError(f"hand {robot.hand.name!r} can press with no two tips: see `dexgrasp robot check`")
     return np.concatenate(kept)
+
+
+def _moving_pairs(robot: Robot, tree: RobotTree) -> Index:
+    """Return the pairs of the hand's bodies whose distance depends on the fingers of a grasp."""
+    still = {robot.hand.palm} | {
+        body for finger in robot.hand.fingers if finger.name not in robot.hand.grasp for body in finger.bodies
+    }
+    resting = np.isin(tree.pairs, [robot.bodies.index(name) for name in still]).all(1)
+    pairs: Index = tree.pairs[(tree.pairs.min(1) >= tree.palm) & ~resting]
+    return pairs
 
 
 def _opposed(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
@@ -140,25 +153,25 @@ def _opposed(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
     return kept
 
 
-def _pressing(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
+def _pressing(q: Array, tree: RobotTree, pairs: Index) -> NDArray[np.bool_]:
     """Return in which postures the hand is clear of itself, and no tip turns its back to what is between them."""
     tips, axes, _ = _tip_frames(q, tree)
     inward = tips.mean(1, keepdims=True) - tips
     inward /= np.linalg.norm(inward, axis=2, keepdims=True)
     pressing: NDArray[np.bool_] = ((axes * inward).sum(2) > _INWARD).all(1)
-    pressing[pressing] = _clear_of_itself(q[pressing], tree)
+    pressing[pressing] = _clear_of_itself(q[pressing], tree, pairs)
     return pressing
 
 
 @njit
-def _clear_of_itself(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
-    """Whether bodies of the hand keep `_APART` m from each other (N,)."""
+def _clear_of_itself(q: Array, tree: RobotTree, pairs: Index) -> NDArray[np.bool_]:
+    """Whether pairs of bodies keep `_APART` m from each other (N,)."""
     frames, clear = empty_frames(tree), np.ones(len(q), np.bool_)
     for k in range(len(q)):
         forward(q[k], tree, frames)
         cover = cover_of(tree, frames)
-        for a, b in tree.pairs:
-            if min(a, b) >= tree.palm and self_clearance(cover, a, b, _APART)[1] >= 0:
+        for a, b in pairs:
+            if self_clearance(cover, a, b, _APART)[1] >= 0:
                 clear[k] = False
                 break
     return clear

@@ -36,7 +36,7 @@ def open_posture(hand: Hand, model: mujoco.MjModel) -> list[float]:
             if finger.aside and finger.name not in hand.grasp:
                 drawn[:, [hand.joints.names.index(name) for name in finger.joints]] = finger.aside
         best, free = _widest(hand, model, drawn)
-    return list(np.round(best, 4).tolist())
+    return list(np.clip(np.round(best, 4), low, high).tolist())
 
 
 def _widest(hand: Hand, model: mujoco.MjModel, drawn: Array) -> tuple[Array, bool]:
