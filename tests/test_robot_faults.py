@@ -181,7 +181,7 @@ def _hand(inside: str, after: str = "") -> str:
         (_hand("<freejoint/>" + _THREE), "hinges"),
         (_hand(_THREE, _COUPLED), "couples joints"),
         (_hand(_THREE.replace(_LINK, '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>')), "collides"),
-        (_hand(_FINGER.format(n="a", y=0)), "branches"),
+        (_hand(_FINGER.format(n="a", y=0)), "0 fingers"),
         (_hand(_THREE.replace('name="f1"', "")), "no name"),
     ],
 )

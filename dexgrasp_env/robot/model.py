@@ -10,8 +10,9 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.robot.coupled import Tendon
 from dexgrasp_env.robot.foreign import described
-from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot, Tendon
+from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot
 
 FARTHEST, HEAVIEST, STIFFEST = 10.0, 1e3, 1e5
 """m; kg and kg m2; Nm s/rad, Nm and Nm/rad: nothing of a robot on a table is beyond."""

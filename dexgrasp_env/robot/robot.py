@@ -14,11 +14,11 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
+from dexgrasp_env.robot.coupled import COUPLINGS, TENDONS, Coupling, Tendon, drive_of, free_of
 from dexgrasp_env.valid import NAMES, NATURAL, WORD, Natural, Positive, Rule, Word, number, read, several
 
 Numbers = Annotated[tuple[float, ...], several(number())]
 Positives = Annotated[tuple[float, ...], several(number(gt=0))]
-Number = Annotated[float, number()]
 Vector = Annotated[tuple[float, ...], several(number(), 3)]
 Names = Annotated[tuple[str, ...], NAMES]
 SLIDE = 0.1
@@ -135,28 +135,6 @@ class Finger:
 
 
 @dataclass(frozen=True)
-class Coupling:
-    """A joint that stands where another one does: at `ratio` times its place, and `offset` (rad or m) farther."""
-
-    joint: Word
-    follows: Word
-    ratio: Number = 1.0
-    offset: Number = 0.0
-
-
-@dataclass(frozen=True)
-class Tendon:
-    """What one servo pulls: joints of a finger, from the palm out, by the sum of their places times `coefs`.
-
-    Nothing else holds them. In free motion all turn at once; on an object all but the last stand on their lower stops,
-    which bear what the tendon cannot. The last has coefficient 1.
-    """
-
-    joints: Names
-    coefs: Positives
-
-
-@dataclass(frozen=True)
 class Mount:
     """The palm frame in the frame of the arm's last link: position (3,) m and quaternion wxyz (4,)."""
 
@@ -172,20 +150,10 @@ def _fingers(value: Any) -> tuple[Finger, ...]:
     return fingers
 
 
-def _couplings(value: Any) -> tuple[Coupling, ...]:
-    return tuple(read(Coupling, coupling, "coupling") for coupling in value)
-
-
-def _tendons(value: Any) -> tuple[Tendon, ...]:
-    return tuple(read(Tendon, tendon, "tendon") for tendon in value)
-
-
 def _mounts(value: Any) -> tuple[Mount, ...]:
     return tuple(read(Mount, {"name": name, **mount}, f"mount {name}") for name, mount in value.items())
 
 
-COUPLINGS = Rule("a list of couplings", _couplings)
-TENDONS = Rule("a list of tendons", _tendons)
 FINGERS = Rule("a list of two fingers or more", _fingers)
 
 
@@ -243,28 +211,12 @@ class Hand:
     @cached_property
     def drive(self) -> tuple[Array, Array]:
         """C (h, h) and c (h,): joints of a grasp are at C q + c where q says it; those without servos have no say."""
-        names, C, c = (
-            list(self.joints.names),
-            np.eye(len(self.joints.names)),
-            np.zeros(len(self.joints.names)),
-        )
-        for own in self.couplings:
-            row = names.index(own.joint)
-            C[row], c[row] = own.ratio * np.eye(len(names))[names.index(own.follows)], own.offset
-        for row in (names.index(joint) for tendon in self.tendons for joint in tendon.joints[:-1]):
-            C[row], c[row] = 0.0, self.joints.lower[row]
-        return C, c
+        return drive_of(self.joints.names, self.joints.lower, self.couplings, self.tendons)
 
     @cached_property
     def free(self) -> tuple[Array, Array]:
         """Like `drive`, of a hand that touches nothing: a tendon turns its joints from their stops by its coefs."""
-        (C, c), names = (part.copy() for part in self.drive), list(self.joints.names)
-        for tendon in self.tendons:
-            rows, coefs = [names.index(joint) for joint in tendon.joints], np.array(tendon.coefs)
-            share = np.outer(coefs, coefs) / (coefs @ coefs)
-            C[np.ix_(rows, rows)] = share
-            c[rows] = (np.eye(len(rows)) - share) @ np.array(self.joints.lower)[rows]
-        return C, c
+        return free_of(self.joints.names, self.joints.lower, self.couplings, self.tendons)
 
     @cached_property
     def stamp(self) -> str:
