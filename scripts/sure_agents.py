@@ -5,7 +5,7 @@
     python scripts/sure_agents.py runs/sure-lift runs/sure-05
 
 They plan as `dexgrasp plan --at-least` does and carry that one grasp out: nothing is turned, regrasped or set aside.
-`Sure` asks for 0.95, `Unsure` for nothing.
+`Sure` asks for 0.95, `Unsure` for nothing; `SureSlippery` is told a friction of 0.35.
 """
 
 import argparse
@@ -23,10 +23,11 @@ class Unsure(BilevelAgent):
     """Carries out the grasp that the planner finds, whatever its probability."""
 
     at_least = 0.0
+    friction: float | None = None
 
     def __init__(self) -> None:
         """Prepare the planner."""
-        settings = PlannerSettings(at_least=self.at_least)
+        settings = PlannerSettings.of(self.friction, self.at_least)
         super().__init__(settings=settings, regrasps=0, turns=False, moves=0)
 
 
@@ -34,6 +35,12 @@ class Sure(Unsure):
     """Carries out a grasp that holds with 0.95, or none."""
 
     at_least = 0.95
+
+
+class SureSlippery(Sure):
+    """The same, told that surfaces have friction 0.35."""
+
+    friction = 0.35
 
 
 def summary(rows: list[Row]) -> str:
