@@ -111,6 +111,24 @@ def test_the_device_computes_what_numba_does(env_id, mode, kind, rewards):
     assert ended == {-2, -1, 0, 1, 2, 3, 4}
 
 
+def test_goals_and_noisy_joints_are_those_of_numba():
+    """Without a collision nothing but rounding is between the two."""
+    kwargs = {"max_episode_steps": 4, "frame_skip": SKIP, "randomisation": {"joint_noise": (0.01, 0.01)}}
+    ours, theirs = pair = [
+        make(name, "sugar_box", "DexGrasp/Place-v2", **kwargs) for name in ("warp", "mujoco")
+    ]
+    rng = np.random.default_rng(0)
+    for envs in pair:
+        envs.reset(seed=3)
+    for _ in range(7):
+        actions = rng.uniform(-1, 1, ours.action_space.shape).astype(np.float32)
+        a, b = ours.step(actions), theirs.step(actions)
+        for key, values in b[0].items():
+            assert_allclose(a[0][key], values, atol=1e-4)
+        assert np.array_equal(a[1], b[1])
+        assert_allclose(a[4]["goal_distance"], b[4]["goal_distance"], atol=1e-6)
+
+
 @pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
 def test_tensors_hold_what_arrays_do(mode):
     import torch

@@ -292,7 +292,8 @@ class Episodes:
         records, commands, told, rewards = self._part(part)[:4]
         noise = self._joint_noise(records, rngs)
         if self.device and part == slice(None):
-            return cut(self.device.conclude(noise), self.layout)
+            noisy = self.settings.randomisation.joint_noise is not None
+            return cut(self.device.conclude(noise if noisy else None), self.layout)
         rows = np.empty((len(records), self.width), np.float32)
         state, out = (moment.qpos, moment.qvel, moment.sensors, commands), (told, rewards, rows)
         kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
