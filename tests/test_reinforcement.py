@@ -91,7 +91,7 @@ def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
 
 
 def test_training_of_grasps_goes_on_to_the_same_bits(tmp_path):
-    settings = settings_of("ppo", control_mode="grasp", hold=3, episode_steps=12)
+    settings = settings_of("ppo", control_mode="grasp", hold=3, episode_steps=12, noise="rollout")
     whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
     assert [row["steps"] for row in whole.curve] == [24, 48, 72]
 
