@@ -25,7 +25,7 @@ from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 _FINGER = (0.0, 0.2, 1.4, 0.8)  # rad: curled so that what resists a tip neither lifts it nor presses it down
-_TILT = 0.09  # rad of the palm
+_TILTS = (0.09, 0.3)  # rad of the palm, first choice first
 _HEIGHT = 0.0105  # m of the tips' centres, at which they press on the table: what they push cannot lift them
 _BEFORE, _BACK = 0.02, 4  # m before the push; points back from its end
 _LAG = 0.009  # m that tips end short of where they are sent: the table's friction
@@ -92,7 +92,7 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
         NoPath: `push_out_of_reach`, or `approach_blocked`.
     """
     tree = robot_tree(cell)
-    way = _way(push, cell)
+    way = next((way for tilt in _TILTS if (way := _way(push, cell, tilt)) is not None), None)
     if way is None:
         raise NoPath("push_out_of_reach", "the arm cannot take two fingertips along the whole way")
     checker = CollisionChecker(cell, target.distance, _MARGIN)
@@ -116,14 +116,14 @@ def _pushing(tree: RobotTree) -> Array:
     return np.concatenate([tree.home[: tree.arm], inside[tree.arm :]])
 
 
-def _way(push: Push, cell: Cell) -> Array | None:
+def _way(push: Push, cell: Cell, tilt: float) -> Array | None:
     """Return configurations (m, n) rad of a push, the tips `_BEFORE` the object at first; None where there is none."""
     tree = robot_tree(cell)
     q = _pushing(tree)
     R0, p0 = palm_frame(q, tree)
     tips = (fingertips(q, tree)[1:] - p0) @ R0
     ahead = np.array([*push.direction, 0.0])
-    c, s, up = np.cos(_TILT), np.sin(_TILT), np.array([0.0, 0.0, 1.0])
+    c, s, up = np.cos(tilt), np.sin(tilt), np.array([0.0, 0.0, 1.0])
     x, z = s * ahead - c * up, -c * ahead - s * up
     R = np.stack([x, np.cross(z, x), z], axis=1)
     line = (R @ (tips[0] - tips[1]))[:2]
