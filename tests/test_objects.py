@@ -260,6 +260,15 @@ def test_a_reduced_hull_is_small_and_nearly_as_large():
     assert len(hull_part(np.concatenate([ball, 0.5 * ball])).vertices) <= 2000
 
 
+def test_a_sliver_has_a_reduced_hull():
+    """Its furthest points along even directions lie in one plane, of which Qhull makes no hull."""
+    angles = np.linspace(0.0, 2 * np.pi, 120, endpoint=False)
+    rim = 0.008 * np.stack([np.cos(angles), np.sin(angles), np.zeros(120)], axis=1)
+    hull = reduced_hull(np.concatenate([rim, [[0.0, 0.0, -3e-5]]]), 40)
+    assert 0.0 < len(hull.vertices) <= 40
+    assert hull.extents == pytest.approx([0.016, 0.016, 3e-5], rel=0.02)
+
+
 def test_a_reduced_hull_survives_what_qhull_cannot_add(monkeypatch):
     """As it cannot to a part of a scanned can: adding a point to its flat, round faces ends in a wide merge."""
 

@@ -91,12 +91,10 @@ def probability_of(record: GraspRecord, guessed: float = 0.0) -> HoldsProbabilit
         What the shipped model says; None of a grasp that it does not know the like of.
     """
     model = shipped_model()
-    friction = round(record.thresholds.friction_hold / HOLD_SHARE, 9)
-    if (
-        record.robot.hash != model.robot or record.neighbours or friction < model.least_friction
-    ):  # no such was met
+    friction, mass = round(record.thresholds.friction_hold / HOLD_SHARE, 9), record.certificate.mass
+    others = record.robot.hash != model.robot or bool(record.neighbours)
+    if others or friction < model.least_friction or not mass > 0.0:  # no such was met
         return None
-    mass = record.certificate.mass
     chances = model.chances(features_of(record, friction, mass, guessed))
     return HoldsProbability(model.hash, friction, mass, guessed, **chances)
 

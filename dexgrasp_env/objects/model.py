@@ -158,7 +158,12 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     if len(corners) <= limit:
         return hull
     kept = list(np.unique((corners @ fibonacci_directions(limit // 4).T).argmax(0)))
-    inner = ConvexHull(corners[kept], incremental=True)
+    try:
+        inner = ConvexHull(corners[kept], incremental=True)
+    except QhullError:  # of a sliver, whose furthest points lie in a plane: those out of it belong to them
+        normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][2]
+        kept = sorted({*kept, (corners @ normal).argmin(), (corners @ normal).argmax()})
+        inner = ConvexHull(corners[kept], incremental=True)
     while len(kept) < limit:
         planes = np.unique(inner.equations.round(9), axis=0)
         kept.append((corners @ planes[:, :3].T + planes[:, 3]).max(axis=1).argmax())
