@@ -5,8 +5,8 @@ from functools import lru_cache
 import mujoco
 import numpy as np
 
-from dexgrasp.kinematics.pairs import meeting_pairs, solid_geoms
-from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.kinematics.pairs import solid_geoms
+from dexgrasp.kinematics.tree import body_pairs, robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, posed
@@ -26,11 +26,9 @@ def shapes_apart(q: Array, cell: Cell) -> bool:
 
 @lru_cache(maxsize=8)
 def _left_out(cell: Cell) -> tuple[tuple[int, int], ...]:
-    """Pairs of geoms of the bodies that come near each other and are no pair of the tree."""
+    """Pairs of geoms of the bodies that a motion can bring together and that are no pair of the tree."""
     robot, model = cell.robot, compiled_robot(cell)
-    if robot.hand.frame is None:
-        return ()
-    kept = {(robot.bodies[a], robot.bodies[b]) for a, b in robot_tree(cell).pairs}
-    missing = [pair for pair in meeting_pairs(robot, model) if pair not in kept]
-    solid = {name: solid_geoms(model, model.body(name).id) for pair in missing for name in pair}
+    kept = {(a, b) for a, b in robot_tree(cell).pairs.tolist()}
+    missing = [pair for pair in body_pairs(robot, model) if pair not in kept]
+    solid = {k: solid_geoms(model, model.body(robot.bodies[k]).id) for pair in missing for k in pair}
     return tuple((g, h) for a, b in missing for g in solid[a] for h in solid[b])

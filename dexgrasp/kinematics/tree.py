@@ -123,7 +123,7 @@ def robot_tree(cell: Cell) -> RobotTree:
         sphere_is_tip=np.concatenate([s.is_tip for s in spheres]),
         bound_centre=np.array([centre for centre, _ in bounds]),
         bound_radius=np.array([radius for _, radius in bounds]),
-        pairs=_body_pairs(robot, model, spheres),
+        pairs=_sphered_pairs(robot, model, spheres),
         palm_box_centre=box[0],
         palm_box_half=box[1],
         beside=beside,
@@ -217,8 +217,8 @@ def _palm_box(model: mujoco.MjModel, robot: Robot, spheres: Spheres) -> tuple[Ar
     return 0.5 * (low.min(0) + high.max(0)), 0.5 * (high.max(0) - low.min(0))
 
 
-def _body_pairs(robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Index:
-    """Pairs that a motion of the arm or of a finger can bring together; neighbours in the chain cannot collide."""
+def body_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[int, int]]:
+    """Return the pairs of bodies, their numbers, that a motion can bring together: no neighbours in the chain."""
     number = robot.bodies.index
     pairs = [(number(a), number(b)) for a, b in robot.hand.self_pairs or meeting_pairs(robot, model)]
     arm = [number(name) for name in robot.arm.bodies]
@@ -226,6 +226,11 @@ def _body_pairs(robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> 
     low, elbow, wrist = arm[:-3], arm[-3], arm[-2:]
     pairs += [(a, b) for a in low for b in hand]
     pairs += [(a, b) for a in low[:3] for b in wrist]
-    pairs += [(elbow, b) for b in [*hand, *low[:3]]]
+    return pairs + [(elbow, b) for b in [*hand, *low[:3]]]
+
+
+def _sphered_pairs(robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Index:
+    """Those of which covering spheres can tell something."""
+    pairs = body_pairs(robot, model)
     foreign = robot.hand.frame is not None or robot.arm.frame is not None
     return np.array(told_apart(pairs, robot, model, spheres) if foreign else pairs)
