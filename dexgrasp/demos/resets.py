@@ -24,9 +24,7 @@ from dexgrasp_env.tasks.vector import LiftVectorEnv
 _MOST = 100  # demonstrations
 _EVERY = 4  # control steps from one kept state to the next
 _LATEST, _BACK = 0.9, 0.1  # shares of a demonstration: where episodes begin at first, what is won at a time
-_ABOVE = np.array(
-    [0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0]
-)  # m: what lies has sunk in, deeper than may be asked for
+_ABOVE = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0])  # m: what lies has sunk in too deep to ask for
 _WON, _OF = 0.6, 50  # share of the last so many episodes from the front that succeed before it moves back
 
 

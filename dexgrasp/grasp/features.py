@@ -40,15 +40,16 @@ def features_of(record: GraspRecord, friction: float, mass: float, guessed: floa
     """
     weight, forces = GRAVITY * mass, record.forces[:, :3]
     exact = Draws(record.points[None], record.normals[None], record.centre[None])
-    planned = _balanced(forces, exact, weight)[0]
-    around = _borne(forces, _drawn(record, float(np.hypot(_PLACE, guessed))), weight, friction)
+    held, borne = _borne(forces, exact, weight, friction)
+    around = _borne(forces, _drawn(record, float(np.hypot(_PLACE, guessed))), weight, friction)[1]
+    planned = held[0]
     press = -(planned * record.normals).sum(1)
     slide = np.linalg.norm(planned + press[:, None] * record.normals, axis=1)
     return {
         "friction": friction,
         "mass": mass,
         "guessed": guessed,
-        "borne": float(_borne(forces, exact, weight, friction)[0]),
+        "borne": float(borne[0]),
         "borne_low": float(np.quantile(around, 0.1)),
         "slips": float((around < 0.0).mean()),
         "slips_pushed": float((around < 1.0).mean()),
@@ -94,18 +95,16 @@ def _answers(draws: Draws) -> tuple[Array, Array]:
     return G, np.linalg.pinv(G, rcond=1e-6)
 
 
-def _balanced(forces: Array, draws: Draws, weight: float) -> Array:
-    """Return the forces (K, N, 3) N that bear the weight in each draw, as near the planned ones (N, 3) as can be."""
+def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> tuple[Array, Array]:
+    """Return the forces that bear the weight in each draw, and the push that is borne in every direction.
+
+    The forces (K, N, 3) N are as near the planned ones (N, 3) as can be; the push (K,) is in weights, less than 0 where
+    forces slide already.
+    """
     G, answer = _answers(draws)
     left = np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]) - G @ forces.ravel()
-    return forces + (answer @ left[..., None]).reshape(-1, *forces.shape)
-
-
-def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> Array:
-    """Return the push (K,), in weights, that is borne in every direction; where forces slide already, less than 0."""
-    held = _balanced(forces, draws, weight)[:, None]
-    answer = _answers(draws)[1][..., :3]
-    change = -weight * (answer @ _SIDES.T).transpose(0, 2, 1).reshape(len(held), -1, *forces.shape)
+    held = (forces + (answer @ left[..., None]).reshape(-1, *forces.shape))[:, None]
+    change = -weight * (answer[..., :3] @ _SIDES.T).transpose(0, 2, 1).reshape(len(held), -1, *forces.shape)
     n = draws.normals[:, None]
     press, gain = -(held * n).sum(-1), -(change * n).sum(-1)
     slide, drift = held + press[..., None] * n, change + gain[..., None] * n
@@ -118,4 +117,4 @@ def _borne(forces: Array, draws: Draws, weight: float, friction: float) -> Array
         first = np.where(b * b < a * c, np.inf, -c / (b + root))
     first = np.where((first > 0.0) & np.isfinite(first), first, _MOST).min((-1, -2))
     short = (friction * press - np.linalg.norm(slide, axis=-1)).min((-1, -2)) / weight
-    return np.asarray(np.clip(np.where(short < 0.0, short, first), -2.0, _MOST))
+    return held[:, 0], np.asarray(np.clip(np.where(short < 0.0, short, first), -2.0, _MOST))

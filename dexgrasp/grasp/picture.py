@@ -10,7 +10,7 @@ from dexgrasp.physics.cones import cone_edges
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import posed
+from dexgrasp_env.robot.model import compiled_robot, posed
 
 _COLOURS = ("#d1495b", "#2e6f95", "#3a7d44", "#8f5aa8", "#b8860b")  # of the contacts, in their order
 _VIEWS = ((14, -60), (14, 120), (90, -90))  # elevation and azimuth, deg; the last from above
@@ -90,8 +90,6 @@ def _save(figure: Any, path: Path) -> Path:
 
 def _hand_triangles(cell: Cell, q: Array) -> Array:
     """The hand's collision shapes in a posture (n,) rad, (N, 3, 3) m in the world frame."""
-
-    from dexgrasp_env.robot.model import compiled_robot
     from dexgrasp_env.scene.shapes import geom_mesh
 
     model = compiled_robot(cell)

@@ -93,9 +93,7 @@ _AT_LEAST = (
     "closure_margin", "clearance", "tip_cosine", "pad_cosine", "joint_margin", "contact_height", "least_press",
 )  # fmt: skip
 FROZEN = Thresholds()
-_NARROW = (
-    0.01  # m: tips of a smaller radius go less deep, in proportion, or their links would be in the object
-)
+_NARROW = 0.01  # m: tips of a smaller radius go less deep, in proportion: their links are as narrow
 
 
 def frozen_for(tip_radius: float) -> Thresholds:

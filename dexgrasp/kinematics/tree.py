@@ -15,9 +15,7 @@ from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import SLIDE, Robot
 
 Index = NDArray[np.int64]
-_MOVING = (
-    0.5  # share of a finger's torque that may speed up its own rotor; the rest bears its weight and its links
-)
+_MOVING = 0.5  # share of a finger's torque that may speed up its rotor; the rest bears its links
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
 
 

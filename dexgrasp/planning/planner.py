@@ -27,9 +27,7 @@ from dexgrasp_env.robot.cell import Cell, default_cell
 
 NO_POSTURE, BUDGET, LIFT_BLOCKED = "no_reachable_posture", "time_budget", "lift_blocked"
 
-_AMONG = (
-    1  # rounds more at most among neighbours: another look, or one set aside, gives more than the same again
-)
+_AMONG = 1  # rounds more at most among neighbours: another look, or one set aside, gives more
 
 
 def _holds(hold: Hold) -> bool:

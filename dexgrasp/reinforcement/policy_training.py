@@ -78,9 +78,8 @@ class PolicyTraining(Rounds):
                 **common,
             )
         rollout, correlated = min(_ROLLOUT, s.length), s.noise == "rollout"
-        spread = s.spread - (
-            0.5 * math.log(s.hidden) if correlated else 0.0
-        )  # it is of the hidden layer's outputs
+        # Correlated noise is a sum over the outputs of the hidden layer.
+        spread = s.spread - (0.5 * math.log(s.hidden) if correlated else 0.0)
         return PPO(
             "MlpPolicy", self.envs, n_steps=rollout, batch_size=rollout * s.num_envs // _BATCHES, n_epochs=s.passes,
             target_kl=s.divergence, use_sde=correlated, policy_kwargs=width | {"log_std_init": spread}, **common,

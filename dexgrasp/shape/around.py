@@ -72,13 +72,11 @@ def _grown(corners: Array, cloud: ObjectCloud) -> Array:
 
 def _smaller(corners: Array, give: float) -> Array:
     """Return corners (N, 3) m of a part whose sides and top are `give` m farther in, its foot where it was."""
+    if not give:
+        return corners
     low, high = corners.min(0), corners.max(0)
     foot, half = np.array([*0.5 * (low + high)[:2], low[2]]), np.array([0.5, 0.5, 1.0]) * (high - low)
-    return (
-        foot + np.maximum(half - give, np.minimum(half, _THICK)) / half * (corners - foot)
-        if give
-        else corners
-    )
+    return foot + np.maximum(half - give, np.minimum(half, _THICK)) / half * (corners - foot)
 
 
 def columns(points: Array) -> Parts:

@@ -53,12 +53,14 @@ class _Translation(ast.NodeTransformer):
     _records: set[str]
 
     def visit_FunctionDef(self, node: ast.FunctionDef) -> ast.AST:
+        """A record is given as a struct and a row; decorators and types are numba's."""
         self._records = {given.arg for given in node.args.args if _is_record(given.annotation)}
         node.args.args = [ast.arg(name) for given in node.args.args for name in self._both(given.arg)]
         node.decorator_list, node.returns = [], None
         return self.generic_visit(node)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
+        """Room is made by warp; records are handed on as a struct and a row."""
         if ast.unparse(node.func) == "np.empty":
             return _parsed(f"wp.zeros(shape={ast.unparse(node.args[0])}, dtype=float)")
         names = [self._both(given.id) if isinstance(given, ast.Name) else [] for given in node.args]
@@ -78,8 +80,9 @@ class _Translation(ast.NodeTransformer):
         return _parsed(f"{ast.unparse(row)} != 0") if truth else row
 
     def visit_BinOp(self, node: ast.BinOp) -> ast.AST:
+        """A quotient of whole numbers is no whole number."""
         self.generic_visit(node)
-        if isinstance(node.op, ast.Div):  # of whole numbers is no whole number
+        if isinstance(node.op, ast.Div):
             node.left, node.right = _call("float", node.left), _call("float", node.right)
         return node
 
@@ -95,6 +98,7 @@ class _Translation(ast.NodeTransformer):
         ]
 
     def visit_AugAssign(self, node: ast.AugAssign) -> ast.AST | list[ast.stmt]:
+        """What stands in an array is written anew, as a number of the array's kind."""
         if isinstance(node.target, ast.Name):
             return self.generic_visit(node)
         now = _parsed(ast.unparse(node.target))
