@@ -1,17 +1,16 @@
 """Hands that float: our Allegro, or any hand as MJCF with its own joint names."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
 import mujoco
 
-from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, expand
 from dexgrasp_env.robot.cell import default_cell, make_cell
 from dexgrasp_env.robot.foreign import described
-from dexgrasp_env.robot.model import set_limits
+from dexgrasp_env.robot.model import set_drives
 from dexgrasp_env.robot.robot import Hand
 
 ALLEGRO = "allegro"
@@ -24,18 +23,21 @@ class HandModel:
     Attributes:
         name: "allegro", or the stem of the file.
         path: of the MJCF file.
-        own_gains: whether the servos keep the gains of the file; hands of robot files take those of the protocol.
-        part: of a robot file, whose palm frame is the hand's frame, and whose limits count.
+        part: of a robot file, whose palm frame is the hand's frame, and whose limits, couplings and tendons count; its
+            servos take the gains of the protocol, one set-point a joint. Other hands keep their own.
     """
 
     name: str
     path: Path
-    own_gains: bool = True
     part: Hand | None = None
 
-    def spec(self) -> mujoco.MjSpec:
-        """Return a fresh specification without what is only to be seen, its files named by absolute paths."""
-        spec = self._described()
+    def spec(self, servo_kp: float = 1.0) -> mujoco.MjSpec:
+        """Return a fresh specification without what is only to be seen, its files named by absolute paths.
+
+        Args:
+            servo_kp: Nm/rad of the servos of a robot's hand.
+        """
+        spec = self._described(servo_kp)
         for geom in [g for g in spec.geoms if not (g.contype or g.conaffinity)]:
             spec.delete(geom)
         folder = (self.path.parent / spec.meshdir).resolve()
@@ -45,10 +47,11 @@ class HandModel:
         spec.meshdir = ""
         return spec
 
-    def _described(self) -> mujoco.MjSpec:
+    def _described(self, servo_kp: float) -> mujoco.MjSpec:
         if self.part is not None:
-            spec = described(self.part)
-            set_limits(spec, self.part.joints)
+            spec, joints = described(self.part), self.part.joints
+            same = replace(joints, stiffness=(servo_kp,) * len(joints.names))
+            set_drives(spec, replace(self.part, joints=same))
             return spec
         try:
             return mujoco.MjSpec.from_file(str(self.path))
@@ -94,10 +97,11 @@ def find_hand(hand: str | Hand) -> HandModel:
     Raises:
         InputError: if there is no such hand.
     """
-    if isinstance(hand, Hand) and hand.stamp != default_cell().robot.hand.stamp:
-        return HandModel(hand.name, hand.mjcf, own_gains=False, part=hand)
-    if isinstance(hand, Hand) or hand == ALLEGRO:
-        return HandModel(ALLEGRO, asset_path("robot", "allegro.xml"), own_gains=False)
+    ours = default_cell().robot.hand
+    if hand == ALLEGRO or (isinstance(hand, Hand) and hand.stamp == ours.stamp):
+        return HandModel(ALLEGRO, ours.mjcf, ours)
+    if isinstance(hand, Hand):
+        return HandModel(hand.name, hand.mjcf, hand)
     path = expand(hand)
     if not path.is_file():
         raise InputError(

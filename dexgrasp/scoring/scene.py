@@ -27,7 +27,7 @@ class Physics:
     Attributes:
         friction: sliding coefficient of hand and object, and torsional, m.
         table_friction: sliding coefficient of the table; None for no table.
-        servo_kp: Nm/rad of our Allegro's servos; hands by path keep their own.
+        servo_kp: Nm/rad of the servos of robots' hands; hands by path of an MJCF keep their own.
         timestep: s.
         impratio: friction-to-normal impedance.
         noslip: iterations.
@@ -71,14 +71,11 @@ def _set_options(spec: mujoco.MjSpec, physics: Physics) -> None:
 
 
 def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
-    child = hand.spec()
+    child = hand.spec(physics.servo_kp)
     _set_options(child, physics)  # differing ones draw a warning
     for geom in child.geoms:
         geom.solimp[:3] = physics.hand_solimp
         geom.solref[:2] = physics.hand_solref
-    if not hand.own_gains:
-        for actuator in child.actuators:
-            actuator.gainprm[0], actuator.biasprm[1] = physics.servo_kp, -physics.servo_kp
     base = spec.worldbody.add_body(name=BASE)
     base.add_freejoint(name=BASE)
     spec.attach(child, frame=base.add_frame(), prefix=_PREFIX)
@@ -105,7 +102,7 @@ class FloatingScene:
         self.candidate, self.mass = candidate, mass
         self.model = build_model(candidate.hand, candidate.object.with_mass(mass), physics)
         self.data = mujoco.MjData(self.model)
-        self.servo_kp = None if candidate.hand.own_gains else physics.servo_kp
+        self.servo_kp = None if candidate.hand.part is None else physics.servo_kp
         self._alone = mujoco.MjData(candidate.hand.model)
         self.object_body = self.model.body("object").id
         first, last = self.model.body(BASE).id, self.model.nbody
@@ -126,9 +123,16 @@ class FloatingScene:
         """Set the set-points of base and joints."""
         seven = _seven(T_world_hand)
         self.data.mocap_pos[0], self.data.mocap_quat[0] = seven[:3], seven[3:]
+        self.data.ctrl[:] = self._told(joints)
+
+    def _told(self, joints: Array) -> Array:
+        """What servos are told, so that they hold joints (n,): a tendon's, all that its joints are told."""
+        hand = self.candidate.hand
+        if hand.part is not None:
+            return joints[[hand.joint_names.index(hand.model.actuator(k).name) for k in range(hand.model.nu)]]
         self._alone.qpos[:] = joints
-        mujoco.mj_fwdPosition(self.candidate.hand.model, self._alone)
-        self.data.ctrl[:] = self._alone.actuator_length  # what servos hold
+        mujoco.mj_fwdPosition(hand.model, self._alone)
+        return self._alone.actuator_length
 
     def push(self, force: Array) -> None:
         """Apply a force (3,) N through the object's centre of mass, world frame, until it is changed."""

@@ -35,16 +35,22 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
     arm.modelname, hand.option = robot.name, arm.option  # a hand may be of other options than an arm
     _attach_hand(arm, hand, robot)
     arm.body(robot.arm.bodies[0]).pos = cell.base
-    _set_limits(arm, robot)
-    for own in robot.hand.couplings:
-        equal = arm.add_equality(
+    set_limits(arm, robot.arm.joints)
+    set_drives(arm, robot.hand)
+    return arm
+
+
+def set_drives(spec: mujoco.MjSpec, hand: Hand) -> None:
+    """Give a hand's joints and servos their limits and gains, and couple those that do not move alone."""
+    set_limits(spec, hand.joints)
+    for own in hand.couplings:
+        equal = spec.add_equality(
             name=own.joint, type=mujoco.mjtEq.mjEQ_JOINT, objtype=mujoco.mjtObj.mjOBJ_JOINT, name1=own.joint,
             name2=own.follows, solref=_RIGID,
         )  # fmt: skip
         equal.data[:5] = own.offset, own.ratio, 0.0, 0.0, 0.0
-    for tendon in robot.hand.tendons:
-        _add_tendon(arm, tendon)
-    return arm
+    for tendon in hand.tendons:
+        _add_tendon(spec, tendon)
 
 
 def _add_tendon(spec: mujoco.MjSpec, tendon: Tendon) -> None:
@@ -124,11 +130,6 @@ def _attach_hand(arm: mujoco.MjSpec, hand: mujoco.MjSpec, robot: Robot) -> None:
     frame = link.add_frame(pos=robot.mount.position, quat=robot.mount.quat_wxyz)
     attach(arm, hand, frame)
     arm.add_exclude(bodyname1=link.name, bodyname2=robot.hand.palm)
-
-
-def _set_limits(spec: mujoco.MjSpec, robot: Robot) -> None:
-    for part in (robot.arm.joints, robot.hand.joints):
-        set_limits(spec, part)
 
 
 def set_limits(spec: mujoco.MjSpec, part: Joints) -> None:
