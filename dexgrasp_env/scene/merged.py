@@ -1,7 +1,7 @@
 """One model for scenes of many objects, as physics on a GPU wants it: what differs between them are numbers.
 
-The body of the object has as many geoms of each kind as any object has parts of that kind; a world fills those that its
-object needs, and its meshes are chosen by number.
+The bodies of the object and of its neighbours have as many geoms of each kind as any object has parts of that kind; a
+world fills those that its objects need, and their meshes are chosen by number.
 """
 
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ _SHARED_FIELDS = (
 
 
 class _Places(NamedTuple):
-    """Of an object's parts: geoms of its own scene, slots of the merged one, and meshes there."""
+    """Of an object's parts: names in a scene of its own after that of its body, slots of a body, and meshes."""
 
-    geoms: NDArray[np.int64]
+    parts: list[str]
     slots: NDArray[np.int64]
     meshes: NDArray[np.int64]
 
@@ -37,47 +37,60 @@ class MergedScene:
     """The scenes of several objects in one model.
 
     Attributes:
-        model: compiled; it has the layout of each single scene in all but the geoms, of which it has no visual ones.
-        first_slot: the first geom of the object; all of them follow it.
+        model: compiled; it has the layout of each single scene in all but the geoms, of which it has no visual ones,
+            and the neighbours that a scene has not, which start far away.
+        first_slot: the first geom of the object; all of them, and those of neighbours, follow it.
     """
 
-    def __init__(self, objects: Sequence[ObjectModel], cell: Cell) -> None:
-        self._numbers = {model: number for number, model in enumerate(objects)}
-        self._places: dict[ObjectModel, _Places] = {}
-        kinds = sorted({part.kind for model in objects for part in model.parts})
-        slots = tuple(part for kind in kinds for part in self._examples(kind))
+    def __init__(
+        self,
+        objects: Sequence[ObjectModel],
+        cell: Cell,
+        around: Sequence[ObjectModel] = (),
+        neighbours: int = 0,
+        walled: bool = False,
+    ) -> None:
+        """Compile the model.
+
+        Args:
+            objects: that may be picked up.
+            cell: the robot and where it stands.
+            around: what neighbours may be.
+            neighbours: room for so many.
+            walled: whether it all stands in a bin.
+        """
+        every = list(dict.fromkeys([*objects, *around]))
+        kinds = sorted({part.kind for model in every for part in model.parts})
+        slots = tuple(part for kind in kinds for part in _examples(kind, every))
         self._firsts = {kind: [part.kind for part in slots].index(kind) for kind in kinds}
         first = objects[0]
         example = ObjectModel("objects", first.solid, slots, first.mass, first.inertia)
-        self.model = _compile(example, objects, cell)
+        self.model = _compile([example] * (1 + neighbours), every, cell, walled)
         self.first_slot = int(self.model.geom("object_0").id)
-        self._slots = slice(self.first_slot, self.first_slot + len(slots))
+        self._each = len(slots)
         self._contact = (self.model.geom_contype | self.model.geom_conaffinity) > 0
+        self._places = {model: self._find(number, model) for number, model in enumerate(every)}
 
-    def _examples(self, kind: str) -> list[ContactPart]:
-        """Return as many parts of a kind as an object has at most: those of one that has so many."""
-        every = [[part for part in model.parts if part.kind == kind] for model in self._numbers]
-        return max(every, key=len)
+    def fields(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> dict[str, NDArray[Any]]:
+        """Return what a world has of its own, by the names of the model's fields.
 
-    def fields(self, model: ObjectModel, scene: mujoco.MjModel) -> dict[str, NDArray[Any]]:
-        """Return what a world of one object has of its own, by the names of the model's fields.
-
-        Those of which `first_column` is not 0 are of the object's geoms alone.
+        Those of which `first_column` is not 0 are of the geoms of objects alone.
 
         Args:
-            model: the object.
-            scene: its own scene, compiled, with a variation in it. Its meshes are as large as they were.
+            objects: the object and its neighbours.
+            scene: their own scene, compiled, with a variation in it. Its meshes are as large as they were.
         """
         merged = self.model
         friction = float(scene.pair_friction[0, 0])
         geom_friction, pair_friction = merged.geom_friction.copy(), merged.pair_friction.copy()
         geom_friction[self._contact, 0] = friction
         pair_friction[:, :2] = friction
+        shared = {name: filled(getattr(merged, name), getattr(scene, name)) for name in _SHARED_FIELDS}
         return {
-            **self._fill(model, scene),
+            **self._fill(objects, scene),
             "geom_friction": geom_friction,
             "pair_friction": pair_friction,
-            **{name: getattr(scene, name) for name in _SHARED_FIELDS},
+            **shared,
         }
 
     def first_column(self, field: str) -> int:
@@ -87,29 +100,28 @@ class MergedScene:
         values = getattr(self.model, field)
         return self.first_slot * (values.size // len(values))
 
-    def _fill(self, model: ObjectModel, scene: mujoco.MjModel) -> dict[str, NDArray[Any]]:
-        places = self._places.get(model) or self._find(model, scene)
-        self._places[model] = places
-        filled: dict[str, NDArray[Any]] = {}
-        for name in _GEOM_FIELDS:
-            filled[name] = self._unused(name)
-            filled[name][places.slots] = getattr(scene, name)[places.geoms]
-        filled["geom_dataid"][places.slots] = places.meshes
-        return filled
+    def _fill(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> dict[str, NDArray[Any]]:
+        written = {name: self._unused(name) for name in _GEOM_FIELDS}
+        for k, model in enumerate(objects):
+            body = f"neighbour_{k - 1}" if k else "object"
+            parts, slots, meshes = self._places[model]
+            geoms = [scene.geom(body + part).id for part in parts]
+            for name, values in written.items():
+                values[slots + k * self._each] = getattr(scene, name)[geoms]
+            written["geom_dataid"][slots + k * self._each] = meshes
+        return written
 
-    def _find(self, model: ObjectModel, scene: mujoco.MjModel) -> "_Places":
-        number, firsts = self._numbers[model], dict(self._firsts)
-        slots, meshes = [], []
+    def _find(self, number: int, model: ObjectModel) -> "_Places":
+        firsts, slots, meshes = dict(self._firsts), [], []
         for k, part in enumerate(model.parts):
             slots.append(firsts[part.kind])
             firsts[part.kind] += 1
             mesh = part.kind == "mesh"
             meshes.append(self.model.mesh(_mesh_name(number, k)).id if mesh else _ABSENT)
-        geoms = [scene.geom(f"object_{k}").id for k in range(len(model.parts))]
-        return _Places(np.array(geoms), np.array(slots), np.array(meshes))
+        return _Places([f"_{k}" for k in range(len(slots))], np.array(slots), np.array(meshes))
 
     def _unused(self, name: str) -> NDArray[Any]:
-        values: NDArray[Any] = getattr(self.model, name)[self._slots].copy()
+        values: NDArray[Any] = getattr(self.model, name)[self.first_slot :].copy()
         if name == "geom_dataid":
             values[:] = _ABSENT
         elif name == "geom_pos":
@@ -121,11 +133,25 @@ class MergedScene:
         return values
 
 
-def _compile(example: ObjectModel, objects: Sequence[ObjectModel], cell: Cell) -> mujoco.MjModel:
-    spec = scene_spec(example, cell)
-    spec.add_exclude(
-        bodyname1="world", bodyname2="object"
-    )  # what falls to the floor is lost before it gets there
+def filled(whole: NDArray[Any], part: NDArray[Any]) -> NDArray[Any]:
+    """Return the numbers of a scene, (n, ...), and after them those of what it has not got, as `whole` has them."""
+    return np.concatenate([part, whole[len(part) :]])
+
+
+def _examples(kind: str, objects: Sequence[ObjectModel]) -> list[ContactPart]:
+    """Return as many parts of a kind as an object has at most: those of one that has so many."""
+    return max(([part for part in model.parts if part.kind == kind] for model in objects), key=len)
+
+
+def _compile(
+    examples: Sequence[ObjectModel], objects: Sequence[ObjectModel], cell: Cell, walled: bool
+) -> mujoco.MjModel:
+    spec = scene_spec(examples[0], cell, neighbours=examples[1:], walled=walled)
+    bodies = [spec.body("object"), *(spec.body(f"neighbour_{k}") for k in range(len(examples) - 1))]
+    for k, body in enumerate(bodies):
+        # What falls to the floor is lost before it gets there.
+        spec.add_exclude(bodyname1="world", bodyname2=body.name)
+        body.pos = [k * _AWAY, 0.0, _AWAY]
     for geom in list(spec.geoms):
         if not (geom.contype or geom.conaffinity):
             spec.delete(geom)

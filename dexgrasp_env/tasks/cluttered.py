@@ -53,7 +53,7 @@ class ClutterEpisodes(Episodes):
         super().__init__(settings, views, number)
         assert isinstance(settings, ClutterSettings)
         self.clutter, self.walled = settings.clutter, settings.clutter.bin
-        self.neighbours = self.clutter.neighbours[1]
+        self.neighbours, self.around = self.clutter.neighbours[1], self.clutter.objects
         first = next(iter(self.simulations.values())).base
         self._alone = first.nq, first.nsensordata  # of a scene without neighbours
         if self.clutter.gaps is None:
@@ -116,7 +116,8 @@ class ClutterEpisodes(Episodes):
             _judge(records, poses, moment.sensors[:, sensors:] > 0)
         if self.settings.obs_mode.startswith("state"):
             seen = np.zeros((len(records), self.neighbours, 7), np.float32)
-            seen[:, : poses.shape[1]] = np.nan_to_num(poses)
+            there = np.arange(poses.shape[1]) < records["neighbours"][:, None]
+            seen[:, : poses.shape[1]] = np.where(there[..., None], np.nan_to_num(poses), 0.0)
             sizes = records["neighbour_size"][:, : self.neighbours].astype(np.float32)
             more = {"neighbour_poses": seen, "neighbour_sizes": sizes}
             state |= {key: value[0] for key, value in more.items()} if alone else more

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.objects.load import load_target
+from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.tasks import kernel
 from dexgrasp_env.tasks.control import check_finite
@@ -87,11 +87,14 @@ class Episodes:
     """Of a reset."""
     neighbours = 0
     """Most objects beside the one that is meant."""
+    around: Objects = ()
+    """What they are drawn from."""
 
     def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
         self.settings, self.views, robot = settings, views, settings.cell.robot
         self.simulations = {
-            target: Simulation(model, settings.cell) for target, model in settings.load_objects().items()
+            target: Simulation(model, settings.cell)
+            for target, model in settings.load_objects(settings.objects).items()
         }
         self.records = np.zeros(number, EPISODE)
         self.slots = [Slot() for _ in range(number)]
@@ -214,9 +217,10 @@ class Episodes:
         ):
             simulation = slot.simulation
         elif neighbours:
-            settings = self.settings
-            around = [load_target(name, settings.mesh_scale, settings.mesh_mass) for name in neighbours]
+            loaded, physics = self.settings.load_objects(neighbours), simulation.physics
+            around = [loaded[name] for name in neighbours]
             simulation = Simulation(simulation.object, self.settings.cell, around, walled=self.walled)
+            simulation.physics = physics
         if self.one_model:  # for good: people hold on to `unwrapped.model`
             simulation.vary(variation)
             slot.model = simulation.model

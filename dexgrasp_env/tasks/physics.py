@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.rests import Rests
 from dexgrasp_env.tasks.simulation import Moment, Simulation
@@ -49,14 +48,11 @@ def make_physics(episodes: "Episodes", number: int, threads: int | None = None) 
     settings, scenes = episodes.settings, episodes.simulations.values()
     if settings.backend == "mujoco":
         return BatchPhysics(scenes, number, threads, episodes.neighbours)
-    if episodes.neighbours:
-        raise InputError(
-            "backend='warp' has no neighbours, with which its one model has tens of thousands of pairs of geoms: "
-            "use backend='mujoco'"
-        )
     from dexgrasp_env.tasks.warp_batch import WarpPhysics
 
-    return WarpPhysics(scenes, number, settings.device, settings.frame_skip)
+    around = list(settings.load_objects(episodes.around).values())
+    neighbours = around, episodes.neighbours, episodes.walled
+    return WarpPhysics(scenes, number, settings.device, settings.frame_skip, *neighbours)
 
 
 def use_device(episodes: "Episodes", physics: Any, tensors: bool) -> None:

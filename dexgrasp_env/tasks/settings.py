@@ -110,9 +110,9 @@ class LiftSettings:
         given = (self.friction, model.friction, FRICTION)
         return next(float(value) for value in given if value is not None)
 
-    def load_objects(self) -> dict[str, ObjectModel]:
-        """Load the objects; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""
-        return {target: load_target(target, self.mesh_scale, self.mesh_mass) for target in self.objects}
+    def load_objects(self, names: Objects) -> dict[str, ObjectModel]:
+        """Load objects by name; `mesh_scale` and `mesh_mass` apply to meshes of the user's alone."""
+        return {name: load_target(name, self.mesh_scale, self.mesh_mass) for name in names}
 
 
 def _views_of(cameras: tuple[str, ...]) -> Rule:

@@ -65,7 +65,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
       `mjWARN_CONTACTFULL` or `mjWARN_CNSTRFULL`.
     - Worlds share meshes: `randomisation` of `size` is for objects of boxes, cylinders, spheres and capsules.
     - An object that leaves the table falls through the floor.
-    - There are no neighbours. Depth is mujoco_warp's, within 0.01 mm but for pixels at edges.
+    - Neighbours come to rest by MuJoCo, at every reset. Depth is mujoco_warp's, within 0.01 mm but for pixels at edges.
 
     What an episode achieves is computed on the device too: actions go there, and rewards, observations and the numbers
     of the infos come back. With `tensors=True` nothing but the infos does: `step` takes a tensor, observations and

@@ -1,6 +1,6 @@
 """Physics of many environments by mujoco_warp, on a GPU or on the processor, as one graph."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import mujoco
@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.scene.merged import MergedScene
+from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.scene.merged import MergedScene, filled
 from dexgrasp_env.tasks.simulation import Moment, Simulation, warning_mask
 from dexgrasp_env.tasks.warp_memory import Letters, columns, find_device
 
@@ -20,6 +21,7 @@ with from_extra():
 
 _ROWS = 128  # of constraints that a world has room for: random actions reach 87
 _CONTACTS = 32  # a world, all worlds together: random actions have 24
+_MORE_ROWS, _MORE_CONTACTS = 64, 16  # for each neighbour
 _STATE = ("qpos", "qvel", "ctrl", "qacc_warmstart")
 _LOADED = (*_STATE, "sensordata")
 _READ = ("qpos", "qvel", "sensordata")
@@ -65,6 +67,14 @@ def _warn(
     warnings[i] = found
 
 
+@wp.kernel(enable_backward=False)
+def _keep_most(most: wp.array2d[float], now: wp.array2d[float]) -> None:
+    """Have both be the larger of the two."""
+    i, k = wp.tid()
+    most[i, k] = wp.max(most[i, k], now[i, k])
+    now[i, k] = most[i, k]
+
+
 class WarpPhysics:
     """States of N environments, advanced together on a device; it is used as `BatchPhysics` is.
 
@@ -80,7 +90,14 @@ class WarpPhysics:
     """
 
     def __init__(
-        self, simulations: Iterable[Simulation], number: int, device: str | None, frame_skip: int
+        self,
+        simulations: Iterable[Simulation],
+        number: int,
+        device: str | None,
+        frame_skip: int,
+        around: Sequence[ObjectModel] = (),
+        neighbours: int = 0,
+        walled: bool = False,
     ) -> None:
         """Prepare, without any environment in it yet.
 
@@ -89,22 +106,32 @@ class WarpPhysics:
             number: N.
             device: as warp names it: `cuda:0`, `cpu`; None: a GPU where there is one.
             frame_skip: physics steps of a control step.
+            around: what neighbours may be.
+            neighbours: most that scenes have.
+            walled: whether they are in a bin.
 
         Raises:
             InputError: if there is no such device.
         """
         scenes = list(simulations)
         self.device = find_device(device)
-        self._merged = MergedScene([scene.object for scene in scenes], scenes[0].cell)
+        objects = [scene.object for scene in scenes]
+        self._merged = MergedScene(objects, scenes[0].cell, around, neighbours, walled)
         self._scenes = [scenes[0]] * number
         self._graph: Any = None
         model = _accepted(self._merged.model)
-        example = self._merged.fields(scenes[0].object, scenes[0].base)
+        example = self._merged.fields(objects[:1], scenes[0].base)
         worlds = max(number, 2)  # warp looks for absent meshes only where they differ between worlds
         with wp.ScopedDevice(self.device):
             self._model = mjw.put_model(model, batch_sizes=dict.fromkeys(example, worlds))
             self._model.opt.warn_overflow = 0  # it is read at every step instead
-            self.data = mjw.make_data(model, nworld=number, nconmax=_CONTACTS, njmax=_ROWS)
+            self.data = mjw.make_data(
+                model,
+                nworld=number,
+                nconmax=_CONTACTS + neighbours * _MORE_CONTACTS,
+                njmax=_ROWS + neighbours * _MORE_ROWS,
+            )
+            self._touches = wp.zeros((number, neighbours), dtype=float)
             self._controls = wp.zeros((frame_skip, number, model.nu), dtype=float)
             self.warnings = wp.zeros(number, dtype=int)
         self.rows = self._controls.transpose((1, 0, 2))
@@ -114,17 +141,20 @@ class WarpPhysics:
             for name, value in example.items()
         ]
         self._letters = Letters(fields + [columns(getattr(self.data, name)) for name in _LOADED])
+        self._touched = columns(self.data.sensordata, model.nsensordata - neighbours, neighbours, float)
+        self._absent = {name: np.zeros(getattr(self.data, name).shape[1]) for name in _LOADED}
+        self._absent["qpos"] = model.qpos0
         self._host = {name: np.zeros(getattr(self.data, name).shape) for name in _READ}
         self._known = True
 
     @property
     def qpos(self) -> Array:
-        """(N, n + 7) positions of now."""
+        """(N, n + 7 k) positions of now, those of neighbours that a scene has not too."""
         return self._read("qpos")
 
     @property
     def qvel(self) -> Array:
-        """(N, n + 6) velocities."""
+        """(N, n + 6 k) velocities."""
         return self._read("qvel")
 
     @property
@@ -151,12 +181,12 @@ class WarpPhysics:
             raise InputError(
                 f"backend='warp' scales no meshes, and {name} has some: leave randomisation size out"
             )
-        data = simulation.data
-        fields = self._merged.fields(simulation.object, simulation.model)
-        self._letters.put(i, *fields.values(), *(getattr(data, name) for name in _LOADED))
+        fields = self._merged.fields((simulation.object, *simulation.neighbours), simulation.model)
+        state = {name: filled(self._absent[name], getattr(simulation.data, name)) for name in _LOADED}
+        self._letters.put(i, *fields.values(), *state.values())
         self._scenes[i] = simulation
         for name, values in self._host.items():
-            values[i] = getattr(data, name)
+            values[i] = state[name]
 
     def moment(self, i: int) -> Moment:
         """Return where environment `i` is, as it was loaded."""
@@ -172,7 +202,8 @@ class WarpPhysics:
 
     def _fetch(self, i: int, simulation: Simulation) -> None:
         for name in _STATE:
-            getattr(simulation.data, name)[:] = getattr(self.data, name).numpy()[i]
+            own = getattr(simulation.data, name)
+            own[:] = getattr(self.data, name).numpy()[i, : len(own)]
 
     def advance(self, simulation: Simulation, rows: Array) -> int:
         """Advance the one environment that there is from what a scene holds, and have the scene hold what is then.
@@ -192,7 +223,7 @@ class WarpPhysics:
         self.push.assign(data.xfrc_applied[None, simulation.body, :3])
         bits = self.step(rows, None, np.arange(1))
         self._fetch(0, simulation)
-        data.sensordata[:] = self.sensors[0]
+        data.sensordata[:] = self.sensors[0, : len(data.sensordata)]
         return int(bits[0])
 
     def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> NDArray[np.int64]:
@@ -217,9 +248,11 @@ class WarpPhysics:
             wp.launch(_warn, len(self._scenes), state, [self.warnings])
             with wp.ScopedCapture() as capture:
                 self.data.overflow.zero_()
+                self._touches.zero_()
                 for k in range(len(self._controls)):
                     wp.copy(self.data.ctrl, self._controls[k])
                     mjw.step(self._model, self.data)
+                    wp.launch(_keep_most, self._touches.shape, [self._touches, self._touched])
                 wp.launch(_warn, len(self._scenes), state, [self.warnings])
         self._graph = capture.graph
         for name, value in zip(_STATE, before, strict=True):
