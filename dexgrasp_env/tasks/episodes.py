@@ -210,17 +210,12 @@ class Episodes:
     def _mount(self, i: int, target: str, neighbours: tuple[str, ...], variation: Variation) -> Simulation:
         """Give episode `i` its scene, varied: an object's alone is shared, with neighbours it is the episode's own."""
         slot, simulation = self.slots[i], self.simulations[target]
-        if (
-            neighbours
-            and (target, neighbours) == (slot.target, slot.neighbours)
-            and slot.simulation is not None
-        ):
+        same = (target, neighbours) == (slot.target, slot.neighbours)
+        if neighbours and same and slot.simulation is not None:
             simulation = slot.simulation
         elif neighbours:
-            loaded, physics = self.settings.load_objects(neighbours), simulation.physics
-            around = [loaded[name] for name in neighbours]
-            simulation = Simulation(simulation.object, self.settings.cell, around, walled=self.walled)
-            simulation.physics = physics
+            models = self.settings.load_objects(neighbours)
+            simulation = simulation.among([models[name] for name in neighbours], self.walled)
         if self.one_model:  # for good: people hold on to `unwrapped.model`
             simulation.vary(variation)
             slot.model = simulation.model
