@@ -355,7 +355,7 @@ def test_wrong_use_is_named_in_one_line():
     [
         ({"backend": "mjx"}, "backend is 'mjx'"),
         ({"tensors": True}, "tensors=True is of DexGrasp/Lift with backend='warp'"),
-        ({"backend": "warp", "env_id": "DexGrasp/ClutterSparse-v1"}, "no neighbours"),
+        ({"tensors": True, "env_id": "DexGrasp/ClutterSparse-v1"}, "tensors=True is of DexGrasp/Lift"),
     ],
 )
 def test_what_no_physics_can_do_is_refused_in_one_line(settings, words):
