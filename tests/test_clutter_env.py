@@ -52,8 +52,9 @@ def test_checker_accepts_every_kind(kind, obs_mode):
 
 def test_defaults_are_what_the_ids_promise():
     for kind, counts in {"Sparse": (4, 8), "Dense": (9, 15), "Heap": (8, 8)}.items():
-        clutter = gym.make(f"DexGrasp/Clutter{kind}-v1").unwrapped.settings.clutter
-        assert (clutter.neighbours, clutter.gaps, len(clutter.objects)) == (counts, KINDS[kind], 20)
+        settings = gym.make(f"DexGrasp/Clutter{kind}-v1").unwrapped.settings
+        found = settings.neighbours, settings.gaps, len(settings.neighbour_objects), len(settings.objects)
+        assert found == (counts, KINDS[kind], 20, 20)
 
 
 @pytest.mark.parametrize("kind", ["Sparse", "Dense"])
@@ -224,7 +225,7 @@ def _inside(points, model, pose):
 @pytest.mark.parametrize(
     ("given", "words"),
     [
-        ({"neighbours": 26}, "clutter neighbours is 26"), ({"gaps": (0.05, 0.02)}, "clutter gaps"),
+        ({"neighbours": 26}, "neighbours is 26"), ({"gaps": (0.05, 0.02)}, "gaps"),
         ({"mask": "guess"}, "mask is"), ({"neighbour_objects": "nothing"}, "nothing"),
     ],
 )  # fmt: skip

@@ -1,7 +1,9 @@
 """The environment's page, Lift-v2's docstring, against the code; what bad input is told."""
 
+import ast
 import re
 import warnings
+from dataclasses import fields
 
 import gymnasium as gym
 import numpy as np
@@ -15,6 +17,7 @@ from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.rewards import WEIGHTS
+from dexgrasp_env.tasks.settings import LiftSettings
 
 
 def table(heading):
@@ -56,12 +59,9 @@ def test_page_lists_rewards_and_arguments():
     rows = [row for row in table("Rewards") if row[0].startswith("`")]
     assert {row[0].strip("`"): float(row[1]) for row in rows} == WEIGHTS
     rows = [row for row in table("Arguments") if row[0].startswith("`")]
-    import inspect
-
-    arguments = inspect.signature(LiftEnv.__init__).parameters
-    assert {row[0].strip("`"): row[1].strip("`") for row in rows} == {
-        name: repr(parameter.default) for name, parameter in arguments.items() if name != "self"
-    }
+    arguments = {row[0].strip("`"): ast.literal_eval(row[1].strip("`")) for row in rows}
+    assert arguments.keys() - {"robot", "mount"} == {f.name for f in fields(LiftSettings)} - {"cell"}
+    assert LiftSettings.of(**arguments) == LiftSettings.of()
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ from robots import CELL
 
 from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
-from dexgrasp_env.perception.segment import SegmentationSettings, segment
+from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.sensor import SensorModel
 
@@ -155,15 +155,16 @@ def test_images_of_nothing_have_a_reason(value, reason):
     assert segment(depths, CELL.make_cameras(), np.random.default_rng(0)).reason == reason
 
 
-def test_a_few_points_are_too_few_and_nan_does_no_harm():
+def test_a_few_points_are_too_few_and_nan_does_no_harm(monkeypatch):
     model, data = scene()
     perception, rng = (
         Perception(model, CELL.make_cameras(), sensor=SensorModel.none()),
         np.random.default_rng(0),
     )
     depths = perception.measure(data, rng)
-    strict = SegmentationSettings(min_points=10**6)
-    assert segment(depths, perception.cameras, rng, strict).reason == "too_few_points"
+    with monkeypatch.context() as strict:
+        strict.setattr("dexgrasp_env.perception.segment.MIN_POINTS", 10**6)
+        assert segment(depths, perception.cameras, rng).reason == "too_few_points"
     holes = depths.copy()
     holes[rng.random(holes.shape) < 0.3] = np.nan
     seen = segment(holes, perception.cameras, rng, own=perception.robot.at(data))
@@ -178,9 +179,7 @@ def test_noise_alone_never_raises():
         assert seen.reason is None or len(seen.target) == 0
 
 
-def test_bad_settings_are_refused():
-    with refused("crop box is empty"):
-        SegmentationSettings(crop_low=(1, 0, 0), crop_high=(0, 1, 1))
+def test_each_image_has_its_camera():
     with refused("2 depth images for 4 cameras"):
         segment(np.ones((2, 120, 160)), CELL.make_cameras(), np.random.default_rng(0))
 

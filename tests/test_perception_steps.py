@@ -15,10 +15,10 @@ from dexgrasp_env.arrays import fibonacci_directions
 from dexgrasp_env.perception.cloud import (
     Cloud,
     cells_of,
+    clusters,
     crop,
     downsample,
     gather,
-    largest_cluster,
     pad,
     remove_flying,
     remove_outliers,
@@ -194,10 +194,12 @@ def test_outliers_and_small_clusters_go():
     cloud = as_cloud(np.concatenate([big, small, [[0.3, 0.3, 0.3]]]))
     dense = remove_outliers(cloud)
     assert 460 not in dense.pixel
-    assert set(largest_cluster(dense).pixel) <= set(range(400))
-    assert len(largest_cluster(dense)) > 390
+    labels = clusters(dense, 0.015)
+    largest = dense.select(labels == np.bincount(labels).argmax())
+    assert set(largest.pixel) <= set(range(400))
+    assert len(largest) > 390
     assert len(remove_outliers(as_cloud(np.zeros((2, 3))))) == 0
-    assert len(largest_cluster(as_cloud(np.empty((0, 3))))) == 0
+    assert len(clusters(as_cloud(np.empty((0, 3))), 0.015)) == 0
 
 
 def test_downsampling_is_even_exact_in_number_and_seeded():

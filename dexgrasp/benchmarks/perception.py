@@ -14,16 +14,17 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import rest_poses
 from dexgrasp_env.perception.cloud import (
+    clusters,
     crop,
     downsample,
     gather,
-    largest_cluster,
     remove_flying,
     remove_outliers,
 )
 from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.plane import fit_plane, noise_depth, remove_plane, table_clearance
+from dexgrasp_env.perception.segment import COUNT, CROP_HIGH, CROP_LOW, LINK, SIGMAS, STRIDE
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.sensing.perception import Perception
@@ -122,7 +123,7 @@ def _scene(
 
 def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> dict[str, Callable[[], object]]:
     """Return each step as a call on the results of the steps before it."""
-    s, cameras, steps = perception.settings, perception.believed, dict[str, Callable[[], Any]]()
+    cameras, steps = perception.believed, dict[str, Callable[[], Any]]()
 
     def step(name: str, call: Callable[[], Result]) -> Result:
         steps[name] = call
@@ -132,19 +133,20 @@ def _steps(perception: Any, data: mujoco.MjData, rng: np.random.Generator) -> di
     depths = step("sensor", lambda: perception.sensor.measure(true, perception.cameras, rng))
     mended = step("remove_flying", lambda: remove_flying(depths))
     everything = step("gather", lambda: gather(mended, cameras))
-    sparse = everything.select(slice(None, None, s.stride))
+    sparse = everything.select(slice(None, None, STRIDE))
     plane = step("fit_plane", lambda: fit_plane(sparse.points, rng))
     assert plane is not None
     turns = step("view_corrections", lambda: view_corrections(sparse, plane, len(cameras)))
-    cropped = step("crop", lambda: crop(everything, s.crop_low, s.crop_high))
+    cropped = step("crop", lambda: crop(everything, CROP_LOW, CROP_HIGH))
     level = step("level_views", lambda: level_views(cropped, turns))
-    clearance = table_clearance(plane, level.depth, noise_depth(sparse, plane), s.clearance_sigmas)
+    clearance = table_clearance(plane, level.depth, noise_depth(sparse, plane), SIGMAS)
     above = step("remove_plane", lambda: remove_plane(level, plane, clearance))
     free = step("remove_robot", lambda: above.select(~perception.robot.at(data)(above.points)))
-    dense = step("remove_outliers", lambda: remove_outliers(free, s.outlier_radius, s.outlier_neighbours))
-    found = step("largest_cluster", lambda: largest_cluster(dense, s.link))
-    chosen = found.select(step("downsample", lambda: downsample(found.points, s.count, rng)))
-    points, _ = step("smooth", lambda: smooth(found, chosen, plane.rms, s.smoothing_radius))
+    dense = step("remove_outliers", lambda: remove_outliers(free))
+    labels = step("clusters", lambda: clusters(dense, LINK))
+    found = dense.select(labels == np.bincount(labels).argmax())
+    chosen = found.select(step("downsample", lambda: downsample(found.points, COUNT, rng)))
+    points, _ = step("smooth", lambda: smooth(found, chosen, plane.rms))
     step("hull (not in the total)", lambda: cloud_corners(points, plane))
     step("total", lambda: perception.observe(data, rng))
     return steps

@@ -139,12 +139,6 @@ def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Clou
     return cloud.select(count_neighbours(np.ascontiguousarray(cloud.points), radius) >= least)
 
 
-def largest_cluster(cloud: Cloud, link: float = 0.015) -> Cloud:
-    """Return the largest set of points linked by steps of at most `link` metres."""
-    labels = clusters(cloud, link)
-    return cloud.select(labels == np.bincount(labels).argmax()) if len(cloud) else cloud
-
-
 def clusters(cloud: Cloud, link: float) -> NDArray[np.int64]:
     """Return a number for each point (M,), from 0 on; points linked by steps of at most `link` metres share it."""
     if not len(cloud):

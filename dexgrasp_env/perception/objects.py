@@ -33,7 +33,6 @@ def extents(points: Array) -> Array:
 def object_cloud(
     cloud: Cloud,
     plane: Plane | None,
-    radius: float,
     count: int,
     doubtful: bool = False,
     rng: Generator | None = None,
@@ -46,7 +45,7 @@ def object_cloud(
         return ObjectCloud()
     rng = rng or np.random.default_rng(len(cloud))
     chosen = cloud.select(downsample(cloud.points, count, rng))
-    points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms, radius)
+    points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
     return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful)
 
 
@@ -78,8 +77,13 @@ class Seen:
     doubtful: bool = False
 
     def __str__(self) -> str:
-        size = " x ".join(f"{100 * side:.0f}" for side in self.extents)
-        return f"{size} cm at ({', '.join(f'{x:.2f}' for x in self.place)})"
+        return in_words(self.place, self.extents)
+
+
+def in_words(place: Array, sides: Array) -> str:
+    """Return for people where something is, (3,) m, and how large, (3,) m."""
+    size = " x ".join(f"{100 * side:.0f}" for side in sides)
+    return f"{size} cm at ({', '.join(f'{x:.2f}' for x in place)})"
 
 
 def listed(scene: Scene, base: Array) -> list[Seen]:

@@ -12,13 +12,13 @@ from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud, cells_of, crop
-from dexgrasp_env.perception.objects import extents, object_cloud, objects_of, seen_from_outside
+from dexgrasp_env.perception.objects import extents, in_words, object_cloud, objects_of, seen_from_outside
 from dexgrasp_env.perception.parting import parted
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.segment import SegmentationSettings, divided, isolate
+from dexgrasp_env.perception.segment import COUNT, CROP_HIGH, CROP_LOW, MIN_POINTS, SIGMAS, divided, isolate
 from dexgrasp_env.robot.cell import Cell
 
 EMPTY = "empty_cloud"
@@ -48,7 +48,6 @@ WORDS = {
 }
 """Reason -> what it means and what to do."""
 
-_S = SegmentationSettings()
 _VOXEL = 0.002  # m: denser clouds are thinned to one point a cell
 _ROOM = 2.0  # m around the base: what is farther is no business of the arm
 _LARGEST = 5.0  # m from the base: beyond, the unit is wrong
@@ -101,8 +100,8 @@ def find_object(
         cloud = _in_metres(cloud)
         cloud = cloud.moved(cloud.points + cell.base)
         cloud, pointing, plane, tilt = _levelled(cloud, pointing, rng, cell)
-        above = isolate(cloud, plane, max(0.004, _S.clearance_sigmas * plane.rms), _S, own)
-        above = crop(above, np.array(_S.crop_low) - _AROUND, np.array(_S.crop_high) + _AROUND)
+        above = isolate(cloud, plane, max(0.004, SIGMAS * plane.rms), own)
+        above = crop(above, np.array(CROP_LOW) - _AROUND, np.array(CROP_HIGH) + _AROUND)
         parting = parted(above, plane)
         numbers = objects_of(above, parting)
         objects = [above.select(parting.labels == k) for k in numbers]
@@ -116,22 +115,22 @@ def find_object(
         reason, detail = refused.args
         words = WORDS[reason]
         seen = tuple(
-            object_cloud(seen_from_outside(one), None, _S.smoothing_radius, _S.count, doubt)
+            object_cloud(seen_from_outside(one), None, COUNT, doubt)
             for one, doubt in zip(objects, doubtful, strict=True)
         )
         return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words, neighbours=seen)
-    return replace(divided(above, parting, number, plane, _S, rng, cameras_known=False), tilt=tilt)
+    return replace(divided(above, parting, number, plane, rng, cameras_known=False), tilt=tilt)
 
 
 def _in_metres(cloud: Cloud) -> Cloud:
     """Return what is around the base, thinned to one point a voxel, the first of each."""
-    if len(cloud) < _S.min_points:
+    if len(cloud) < MIN_POINTS:
         raise _NoObjectError(EMPTY, f"{len(cloud)} points")
     if float(np.median(np.abs(cloud.points).max(axis=1))) > _LARGEST:
         raise _NoObjectError(UNIT, f"median distance from the base {np.median(np.abs(cloud.points)):.0f}")
     cloud = crop(cloud, (-_ROOM,) * 3, (_ROOM,) * 3)
     _, first = np.unique(cells_of(cloud.points, _VOXEL), return_index=True)
-    if len(first) < _S.min_points:
+    if len(first) < MIN_POINTS:
         raise _NoObjectError(EMPTY, f"{len(first)} points within {_ROOM:g} m of the base")
     return cloud.select(np.sort(first))
 
@@ -154,7 +153,7 @@ def _levelled(
     if tilt > _LEVELLED:
         raise _NoObjectError(TILTED, f"{np.degrees(tilt):.0f} degrees")
     R = Rotation.align_vectors([[0.0, 0.0, 1.0]], [leaning.normal])[0].as_matrix()
-    middle = 0.5 * (np.array(_S.crop_low) + _S.crop_high)
+    middle = 0.5 * (np.array(CROP_LOW) + CROP_HIGH)
     middle[2] = (leaning.offset - leaning.normal[:2] @ middle[:2]) / leaning.normal[2]
     height = leaning.offset - leaning.normal @ cell.base
     about = np.array(cell.base) if abs(height - cell.table_height) < _TABLE_OFF else middle
@@ -166,8 +165,8 @@ def _levelled(
 
 def _find_table(cloud: Cloud, rng: Generator) -> Plane:
     """Return the table, level or not."""
-    local = crop(cloud, (*_S.crop_low[:2], -np.inf), (*_S.crop_high[:2], np.inf))
-    pool = local if len(local) > _S.min_points else cloud
+    local = crop(cloud, (*CROP_LOW[:2], -np.inf), (*CROP_HIGH[:2], np.inf))
+    pool = local if len(local) > MIN_POINTS else cloud
     plane = fit_plane(pool.points, rng, min_inliers=100)
     if plane is None or _below(pool, plane) > _BELOW:
         # A lower table's object may have a top that passes for the table: the largest plane far and wide tells.
@@ -226,12 +225,12 @@ def _below(cloud: Cloud, plane: Plane) -> float:
     """Share of what is off a plane that lies under it; 0 where next to nothing is off it."""
     heights = plane.heights(cloud.points)
     off = heights[np.abs(heights) > 0.015]
-    return float((off < 0).mean()) if len(off) >= _S.min_points else 0.0
+    return float((off < 0).mean()) if len(off) >= MIN_POINTS else 0.0
 
 
 def _check_marked(found: Cloud, base: Array) -> None:
     """Raise where what box or mask hold is no object that is in reach."""
-    if len(found) < _S.min_points:
+    if len(found) < MIN_POINTS:
         raise _NoObjectError(NOTHING_MARKED, f"{len(found)} points")
     if not _in_reach(_middle(found)):
         raise _NoObjectError(OUT_OF_REACH, _places([found], base))
@@ -257,7 +256,7 @@ def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) ->
 
 
 def _in_reach(point: Array) -> bool:
-    low, high = np.array(_S.crop_low[:2]), np.array(_S.crop_high[:2])
+    low, high = np.array(CROP_LOW[:2]), np.array(CROP_HIGH[:2])
     return bool((point[:2] >= low).all() and (point[:2] <= high).all())
 
 
@@ -267,10 +266,5 @@ def _middle(cloud: Cloud) -> Array:
 
 def _places(found: list[Cloud], base: Array) -> str:
     """Say where things are and how large, the first few."""
-    said = [
-        "{:.0f} x {:.0f} x {:.0f} cm at ({:.2f}, {:.2f}, {:.2f})".format(
-            *(100 * extents(c.points)), *(_middle(c) - base)
-        )
-        for c in found[:8]
-    ]
+    said = [in_words(_middle(c) - base, extents(c.points)) for c in found[:8]]
     return "; ".join(said) + ("; ..." if len(found) > 8 else "")

@@ -1,6 +1,6 @@
 """Depth images to the scene with one object, or the reason why there is none."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -36,48 +36,23 @@ from dexgrasp_env.robot.camera import Camera
 OUT_OF_VIEW = "object_out_of_view"
 TOO_FEW = "too_few_points"
 NO_PLANE = "plane_not_found"
+COUNT = 1024  # points of an object that is meant, at most
+MIN_POINTS = 40  # fewer raw points are no object
+CROP_LOW, CROP_HIGH = (
+    (0.28, -0.40, -0.03),
+    (0.78, 0.40, 0.30),
+)  # m, of the box in which objects are looked for
+SIGMAS = 4.5  # points lower than this many times the table's noise, at their depth, are table
+LINK = 0.015  # m: an object's points are linked by steps of at most this
+STRIDE = 7  # every so many-th pixel goes into the fits of the table
 _OTHERS, _REST = 300, 1000  # points of a neighbour, and of what belongs to no object, at most
 REASONS = (OUT_OF_VIEW, TOO_FEW, NO_PLANE)
-
-
-@dataclass(frozen=True)
-class SegmentationSettings:
-    """Settings of the pipeline; lengths in metres, world frame.
-
-    Attributes:
-        count: points returned.
-        min_points: fewer raw points are no object.
-        crop_low, crop_high: the box in which objects are looked for.
-        clearance_sigmas: points lower than this many times the table's noise, at their depth, are table.
-        outlier_radius, outlier_neighbours: a point needs so many others so near.
-        link: the object's points are linked by steps of at most this.
-        smoothing_radius: of the local planes that average noise out.
-        stride: every so many-th pixel goes into the fits of the table.
-    """
-
-    count: int = 1024
-    min_points: int = 40
-    crop_low: tuple[float, float, float] = (0.28, -0.40, -0.03)
-    crop_high: tuple[float, float, float] = (0.78, 0.40, 0.30)
-    clearance_sigmas: float = 4.5
-    outlier_radius: float = 0.012
-    outlier_neighbours: int = 4
-    link: float = 0.015
-    smoothing_radius: float = 0.010
-    stride: int = 7
-
-    def __post_init__(self) -> None:
-        if self.count < 1 or self.min_points < 4 or self.stride < 1:
-            raise InputError("segmentation needs count >= 1, min_points >= 4 and stride >= 1")
-        if not all(a < b for a, b in zip(self.crop_low, self.crop_high, strict=True)):
-            raise InputError(f"crop box is empty: low {self.crop_low} must be below high {self.crop_high}")
 
 
 def segment(
     depths: NDArray[Any],
     cameras: tuple[Camera, ...],
     rng: Generator,
-    settings: SegmentationSettings | None = None,
     own: Own | None = None,
     pointing: Pointing | None = None,
 ) -> Scene:
@@ -87,47 +62,42 @@ def segment(
         depths: (cameras, H, W) m along the optical axis; NaN, inf and values <= 0 are no measurement.
         cameras: one to many, as believed.
         rng: draws the plane hypotheses and the subset; the same state gives the same cloud.
-        settings: of the steps.
         own: tells the robot's points, see `RobotShape.at`; None where no robot is in the images.
         pointing: which object is meant, world frame, a mask having the images' shape; None: the largest.
 
     Returns:
         A scene. Whatever the images hold, no exception: `reason` says why there is no object in it.
     """
-    s = settings or SegmentationSettings()
     depths = np.asarray(depths)
     if depths.shape[0] != len(cameras):
         raise InputError(f"{depths.shape[0]} depth images for {len(cameras)} cameras: valid is one each")
     everything = gather(remove_flying(depths), cameras)
-    found = _object(everything, len(cameras), rng, s, (own, pointing or Pointing()))
+    found = _object(everything, len(cameras), rng, own, pointing or Pointing())
     return replace(found, cameras=np.stack([camera.T_world_camera for camera in cameras]))
 
 
-def _object(
-    everything: Cloud, views: int, rng: Generator, s: SegmentationSettings, told: tuple[Own | None, Pointing]
-) -> Scene:
-    own, pointing = told
+def _object(everything: Cloud, views: int, rng: Generator, own: Own | None, pointing: Pointing) -> Scene:
     if not len(everything):
         return Scene(reason=OUT_OF_VIEW)
-    sparse = everything.select(slice(None, None, s.stride))
+    sparse = everything.select(slice(None, None, STRIDE))
     plane = fit_plane(sparse.points, rng)
     if plane is None:
         return Scene(reason=NO_PLANE)
     corrections = view_corrections(sparse, plane, views)
     table = level_views(sparse, corrections)
     plane = refine_plane(table.points, plane.normal, plane.offset) or plane
-    found = level_views(crop(everything, s.crop_low, s.crop_high), corrections)
-    clearance = table_clearance(plane, found.depth, noise_depth(table, plane), s.clearance_sigmas)
-    above = isolate(found, plane, clearance, s, own)
-    return divided(above, *_meant(above, pointing, plane, s.link), plane, s, rng)
+    found = level_views(crop(everything, CROP_LOW, CROP_HIGH), corrections)
+    clearance = table_clearance(plane, found.depth, noise_depth(table, plane), SIGMAS)
+    above = isolate(found, plane, clearance, own)
+    return divided(above, *_meant(above, pointing, plane), plane, rng)
 
 
-def _meant(cloud: Cloud, pointing: Pointing, plane: Plane, link: float) -> tuple[Parting, int]:
+def _meant(cloud: Cloud, pointing: Pointing, plane: Plane) -> tuple[Parting, int]:
     """Return which thing each point of a cloud is of, and the number of the one that is pointed at."""
     marked = pointing.marks(cloud)
     near = pointing.near
     if marked is None and near is None:  # there is but one, so that what is near it is of it
-        labels = clusters(cloud, link)
+        labels = clusters(cloud, LINK)
         counts = np.bincount(labels, minlength=1)
         return Parting(labels, np.zeros(len(counts), bool)), int(counts.argmax())
     parting = parted(cloud, plane)
@@ -138,18 +108,16 @@ def _meant(cloud: Cloud, pointing: Pointing, plane: Plane, link: float) -> tuple
     return parting, int(parting.labels[((cloud.points - near) ** 2).sum(1).argmin()])
 
 
-def isolate(
-    cloud: Cloud, plane: Plane, clearance: float | Array, s: SegmentationSettings, own: Own | None
-) -> Cloud:
+def isolate(cloud: Cloud, plane: Plane, clearance: float | Array, own: Own | None) -> Cloud:
     """Return the points of a cloud that are neither the table's, `clearance` m high, nor the robot's, nor alone."""
     cloud = remove_plane(cloud, plane, clearance)
     if own is not None:
         cloud = cloud.select(~own(cloud.points))
-    return remove_outliers(cloud, s.outlier_radius, s.outlier_neighbours)
+    return remove_outliers(cloud)
 
 
 def divided(
-    cloud: Cloud, parting: Parting, number: int, plane: Plane, s: SegmentationSettings, rng: Generator, *,
+    cloud: Cloud, parting: Parting, number: int, plane: Plane, rng: Generator, *,
     cameras_known: bool = True,
 ) -> Scene:  # fmt: skip
     """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
@@ -160,18 +128,16 @@ def divided(
         pieces = [seen_from_outside(piece) if len(piece) else piece for piece in pieces]
     doubtful = [*map(bool, parting.doubtful[numbers]), False]
     counts = [_OTHERS] * len(numbers) + [_REST]
-    scene = finish(pieces[0], plane, s, rng, doubtful[0])
+    scene = _target(pieces[0], plane, rng, doubtful[0])
     *around, walls = (
-        object_cloud(one, plane, s.smoothing_radius, most, doubt)
+        object_cloud(one, plane, most, doubt)
         for one, most, doubt in list(zip(pieces, counts, doubtful, strict=True))[1:]
     )
     return replace(scene, neighbours=tuple(around), rest=walls)
 
 
-def finish(
-    cloud: Cloud, plane: Plane, s: SegmentationSettings, rng: Generator, doubtful: bool = False
-) -> Scene:
-    """Return the scene with an isolated object as `count` smoothed points, or the reason why it is none."""
-    if len(cloud) < s.min_points:
+def _target(cloud: Cloud, plane: Plane, rng: Generator, doubtful: bool) -> Scene:
+    """Return the scene with an isolated object as `COUNT` smoothed points, or the reason why it is none."""
+    if len(cloud) < MIN_POINTS:
         return Scene(plane=plane, reason=TOO_FEW if len(cloud) else OUT_OF_VIEW)
-    return Scene(object_cloud(cloud, plane, s.smoothing_radius, s.count, doubtful, rng), plane)
+    return Scene(object_cloud(cloud, plane, COUNT, doubtful, rng), plane)

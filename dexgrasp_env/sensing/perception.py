@@ -11,7 +11,7 @@ from dexgrasp_env.perception.cloud import deproject, is_valid
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import RobotShape
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.segment import SegmentationSettings, segment
+from dexgrasp_env.perception.segment import segment
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
@@ -30,7 +30,6 @@ class Perception:
         *,
         sensor: SensorModel | None = None,
         rays: Callable[..., RayCameras] = RayCameras,
-        settings: SegmentationSettings | None = None,
     ) -> None:
         """Prepare the cameras.
 
@@ -39,11 +38,9 @@ class Perception:
             cameras: where they truly are.
             sensor: `SensorModel.realistic()`.
             rays: makes what casts them, of model and cameras.
-            settings: of the pipeline.
         """
         self.cameras = tuple(cameras)
         self.sensor = SensorModel.realistic() if sensor is None else sensor
-        self.settings = settings or SegmentationSettings()
         self.rays = rays(model, self.cameras)
         self.robot = RobotShape(model)
         self._bodies, self._object = model.geom_bodyid.copy(), int(model.body("object").id)
@@ -68,7 +65,7 @@ class Perception:
         """
         depths = self.measure(data, rng)
         pointed = None if pointing is None else self._point(data, depths, pointing == "true")
-        return segment(depths, self.believed, rng, self.settings, self.robot.at(data), pointed)
+        return segment(depths, self.believed, rng, self.robot.at(data), pointed)
 
     def _point(self, data: "mujoco.MjData", depths: NDArray[np.float32], masked: bool) -> Pointing:
         """Point at the object by its mask, or by the middle pixel of where it is seen best."""

@@ -1,14 +1,11 @@
 """What stands around the object: neighbours drawn on the open table, or dropped with it into a heap."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Annotated, Any
 
 import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import (
@@ -25,7 +22,6 @@ from dexgrasp_env.tasks.constants import (
     HEAP_STEPS,
     HEAP_WIDTH,
     MAX_EPISODE_STEPS,
-    MOST_NEIGHBOURS,
     NEIGHBOUR_MOVED,
     REST_SPAN,
     REST_SPANS,
@@ -34,63 +30,41 @@ from dexgrasp_env.tasks.constants import (
 from dexgrasp_env.tasks.placement import Placement
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.simulation import Simulation
-from dexgrasp_env.valid import Rule, number, pair
 
 _LOW, _HIGH = np.array([CLUTTER_X, CLUTTER_Y]).T
 _HEADINGS, _TURNS = 30, 4  # ways outwards that are tried for a neighbour, and how often
 _NEAR = 1e-4  # m that a gap may be short of what was drawn
 _SKY = 1000.0  # m: what waits to be dropped falls freely from here, and meets nothing
-_COUNT = number(ge=0, le=MOST_NEIGHBOURS, whole=True)
 
 
-def _counts(value: Any) -> tuple[int, int]:
-    return pair(_COUNT).admit((value, value) if np.ndim(value) == 0 else value)
+def set_out(
+    simulation: Simulation, pose: Array, gaps: tuple[float, float] | None, rng: Generator
+) -> Array | None:
+    """Put the object at `pose` (7,), or a heap with it there, and its neighbours.
 
+    That is a scene where all comes to rest on the table, free of the robot, and nothing pierces another by
+    2 mm or sinks by 3 mm; with gaps nothing floats, topples or slides by 3 mm.
 
-@dataclass(frozen=True)
-class Clutter:
-    """What stands around the object: with the seed, all that decides the scene.
+    Args:
+        simulation: the scene.
+        pose: of the object, drawn or given.
+        gaps: m, least and most between outlines; None: a heap.
+        rng: of the draws.
 
-    Attributes:
-        objects: that neighbours are drawn from, each as often as it comes.
-        neighbours: least and most of them.
-        gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
-            before; None: all are dropped into a heap, the object among them.
-        bin: whether they stand in a bin; else on the open table.
+    Returns:
+        The poses (k, 7) that all would have at the end of an episode without the robot, as a heap creeps; None
+        where it is no scene.
     """
-
-    objects: Objects = ()
-    neighbours: Annotated[
-        tuple[int, int], Rule(f"a number from 0 to {MOST_NEIGHBOURS}, or a pair of them", _counts)
-    ] = (0, 0)
-    gaps: Annotated[tuple[float, float] | None, pair(number(ge=0, le=0.5))] = None
-    bin: bool = False
-
-    def draw(self, rng: Generator) -> tuple[str, ...]:
-        """Draw the neighbours."""
-        count = rng.integers(*self.neighbours, endpoint=True)
-        return tuple(self.objects[k] for k in rng.integers(len(self.objects), size=count))
-
-    def set_out(self, simulation: Simulation, pose: Array, rng: Generator) -> Array | None:
-        """Put the object at `pose` (7,), or a heap with it there, and its neighbours.
-
-        That is a scene where all comes to rest on the table, free of the robot, and nothing pierces another by
-        2 mm or sinks by 3 mm; with gaps nothing floats, topples or slides by 3 mm.
-
-        Returns:
-            The poses (k, 7) that all would have at the end of an episode without the robot, as a heap creeps; None
-            where it is no scene.
-        """
-        if self.gaps is None:
-            _drop(simulation, pose, rng)
-            return _undisturbed(simulation) if _rests(simulation, CREEP) else None
-        around = _surround(simulation, pose, self.gaps, rng)
-        if around is None:
-            return None
-        drawn = np.vstack([pose, *around])
-        simulation.place(drawn)
-        rests, poses = _rests(simulation, STILL), simulation.poses()
-        return poses if rests and (np.abs(poses - drawn)[:, :3] <= DEEPEST_SINK).all() else None
+    if gaps is None:
+        _drop(simulation, pose, rng)
+        return _undisturbed(simulation) if _rests(simulation, CREEP) else None
+    around = _surround(simulation, pose, gaps, rng)
+    if around is None:
+        return None
+    drawn = np.vstack([pose, *around])
+    simulation.place(drawn)
+    rests, poses = _rests(simulation, STILL), simulation.poses()
+    return poses if rests and (np.abs(poses - drawn)[:, :3] <= DEEPEST_SINK).all() else None
 
 
 # -- on the open table ------------------------------------------------------------------------------------------

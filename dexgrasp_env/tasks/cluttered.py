@@ -11,32 +11,53 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.objects.load import object_name
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
+from dexgrasp_env.objects.load import Objects, object_name
 from dexgrasp_env.poses import quat_conjugate, rotate
-from dexgrasp_env.tasks.clutter import Clutter
-from dexgrasp_env.tasks.constants import AROUND_POINTS, NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
+from dexgrasp_env.tasks.clutter import set_out
+from dexgrasp_env.tasks.constants import AROUND_POINTS, MOST_NEIGHBOURS, NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
 from dexgrasp_env.tasks.episodes import Episodes
+from dexgrasp_env.tasks.infos import objects
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Moment, Simulation
-from dexgrasp_env.tasks.single import defaults_of
 from dexgrasp_env.tasks.views import Views
-from dexgrasp_env.valid import one_of
+from dexgrasp_env.valid import Rule, number, one_of, pair
 
 _SUCCESS = TOLD.index("is_success")
 _UP = np.array([0.0, 0.0, 1.0])
 
 
 MASKS = ("true", "perceived")
+_COUNT = number(ge=0, le=MOST_NEIGHBOURS, whole=True)
+
+
+def _counts(value: Any) -> tuple[int, int]:
+    return pair(_COUNT).admit((value, value) if np.ndim(value) == 0 else value)
 
 
 @dataclass(frozen=True, kw_only=True)
 class ClutterSettings(LiftSettings):
-    """Everything that `gym.make` accepts of `ClutterEnv`, in checked form."""
+    """Everything that `gym.make` accepts of `ClutterEnv`, in checked form.
 
-    clutter: Clutter
-    mask: Annotated[str, one_of(MASKS)]
+    Attributes:
+        neighbours: least and most of them.
+        neighbour_objects: that neighbours are drawn from, each as often as it comes.
+        gaps: m, least and most between the outlines, from above, of a neighbour and of the nearest that stood there
+            before; None: all are dropped into a heap, the object among them.
+        mask: how perception is told which object is meant.
+        bin: whether they stand in a bin; else on the open table.
+    """
+
+    objects: Objects = OBJECT_SETS["all20"]
+    neighbours: Annotated[
+        tuple[int, int], Rule(f"a number from 0 to {MOST_NEIGHBOURS}, or a pair of them", _counts)
+    ] = (4, 8)
+    neighbour_objects: Objects = OBJECT_SETS["all20"]
+    gaps: Annotated[tuple[float, float] | None, pair(number(ge=0, le=0.5))] = (0.02, 0.05)
+    mask: Annotated[str, one_of(MASKS)] = "perceived"
+    bin: bool = False
 
     @property
     def pointing(self) -> str:
@@ -52,11 +73,11 @@ class ClutterEpisodes(Episodes):
     def __init__(self, settings: LiftSettings, views: Views, number: int) -> None:
         super().__init__(settings, views, number)
         assert isinstance(settings, ClutterSettings)
-        self.clutter, self.walled = settings.clutter, settings.clutter.bin
-        self.neighbours, self.around = self.clutter.neighbours[1], self.clutter.objects
+        self._clutter, self.walled = settings, settings.bin
+        self.neighbours, self.around = settings.neighbours[1], settings.neighbour_objects
         first = next(iter(self.simulations.values())).base
         self._alone = first.nq, first.nsensordata  # of a scene without neighbours
-        if self.clutter.gaps is None:
+        if settings.gaps is None:
             self.options = ("object", "state")  # where the object lies in a heap is not for anybody to say
 
     def observation_space(self) -> spaces.Dict:
@@ -80,10 +101,13 @@ class ClutterEpisodes(Episodes):
 
     def _set_out(self, i: int, pose: Array, rng: Generator, given: bool) -> Simulation:
         """Draw neighbours, and the object's pose where it is not given, until they are a scene that lies still."""
-        slot = self.slots[i]
+        slot, settings = self.slots[i], self._clutter
         for _ in range(SCENE_DRAWS):
-            simulation = self._mount(i, slot.target, self.clutter.draw(rng), slot.variation)
-            undisturbed = self.clutter.set_out(simulation, pose, rng)
+            count = rng.integers(*settings.neighbours, endpoint=True)
+            drawn = rng.integers(len(settings.neighbour_objects), size=count)
+            names = tuple(settings.neighbour_objects[k] for k in drawn)
+            simulation = self._mount(i, slot.target, names, slot.variation)
+            undisturbed = set_out(simulation, pose, settings.gaps, rng)
             if undisturbed is not None:
                 self._record_neighbours(self.records[i], simulation, undisturbed)
                 return simulation
@@ -106,10 +130,10 @@ class ClutterEpisodes(Episodes):
 
     def conclude(
         self, part: slice, moment: Moment, warnings: NDArray[np.int64], rngs: Sequence[Generator | None],
-        alone: bool = False, judge: bool = True,
+        judge: bool = True,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Do what `Episodes.conclude` does, look what became of the neighbours, and observe them in `state`."""
-        state = super().conclude(part, moment, warnings, rngs, alone=alone, judge=judge)
+        state = super().conclude(part, moment, warnings, rngs, judge)
         records, (positions, sensors) = self.records[part], self._alone
         poses = moment.qpos[:, positions:].reshape(len(records), -1, 7)
         if judge:
@@ -120,34 +144,24 @@ class ClutterEpisodes(Episodes):
             seen[:, : poses.shape[1]] = np.where(there[..., None], np.nan_to_num(poses), 0.0)
             sizes = records["neighbour_size"][:, : self.neighbours].astype(np.float32)
             more = {"neighbour_poses": seen, "neighbour_sizes": sizes}
-            state |= {key: value[0] for key, value in more.items()} if alone else more
-            state = dict(sorted(state.items()))
+            state = dict(sorted((state | more).items()))
         return state
-
-    def info(self, i: int) -> dict[str, Any]:
-        """Return the info of episode `i`."""
-        told = {key: values[i].item() for key, values in self._told().items()}
-        return super().info(i) | told | {"neighbours_hit_names": self._hit_names(i)}
 
     def more_infos(self) -> dict[str, NDArray[Any]]:
         """Return what `info` has more than that of `Episodes`, of all episodes."""
-        names = np.empty(len(self.slots), dtype=object)
-        names[:] = [self._hit_names(i) for i in range(len(self.slots))]
-        return self._told() | {"neighbours_hit_names": names}
-
-    def _hit_names(self, i: int) -> str:
-        hit = np.flatnonzero(self.records[i]["neighbour_hit"])
-        return " ".join(object_name(self.slots[i].neighbours[k]) for k in hit)
-
-    def _told(self) -> dict[str, NDArray[Any]]:
-        moved = self.records["neighbours_moved"]
+        moved, hit = self.records["neighbours_moved"], self.records["neighbour_hit"]
         return {
             "is_clean": (self.told[:, _SUCCESS] > 0) & (moved <= NEIGHBOUR_MOVED),
             "neighbours": self.records["neighbours"].copy(),
             "neighbours_moved": moved.copy(),
-            "neighbours_hit": self.records["neighbour_hit"].sum(axis=1),
+            "neighbours_hit": hit.sum(axis=1),
             "neighbours_toppled": self.records["neighbour_toppled"].sum(axis=1),
+            "neighbours_hit_names": objects([self._hit_names(i) for i in range(len(self.slots))]),
         }
+
+    def _hit_names(self, i: int) -> str:
+        hit = np.flatnonzero(self.records[i]["neighbour_hit"])
+        return " ".join(object_name(self.slots[i].neighbours[k]) for k in hit)
 
 
 def _judge(records: NDArray[np.void], poses: Array, touched: NDArray[np.bool_]) -> None:
@@ -246,29 +260,4 @@ class ClutterEnv(LiftEnv):
     """
 
     episodes_type = ClutterEpisodes
-    settings_type: type[LiftSettings] = ClutterSettings
-
-    def __init__(
-        self,
-        objects: str | Sequence[str] = "all20",
-        neighbours: int | Sequence[int] = (4, 8),
-        neighbour_objects: str | Sequence[str] = "all20",
-        gaps: Sequence[float] | None = (0.02, 0.05),
-        mask: str = "perceived",
-        bin: bool = False,
-        **kwargs: Any,
-    ) -> None:
-        own = {key: value for key, value in locals().items() if key not in ("self", "kwargs", "__class__")}
-        self._make(own | kwargs)
-
-    @classmethod
-    def arguments(cls, **given: Any) -> dict[str, Any]:
-        """Return all arguments: those given, the defaults of the others, and `clutter` of what stands around."""
-        given = defaults_of(ClutterEnv.__init__) | given
-        clutter = {
-            "objects": given.pop("neighbour_objects"),
-            "neighbours": given.pop("neighbours"),
-            "gaps": given.pop("gaps"),
-            "bin": given.pop("bin"),
-        }
-        return super().arguments(**given) | {"clutter": clutter}
+    settings_type = ClutterSettings

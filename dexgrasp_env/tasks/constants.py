@@ -29,7 +29,6 @@ SETTLE_STEPS = 100  # physics steps after placing, before the first observation
 
 PALM_STEP = 0.025  # m a control step at action 1 (`ee_delta`): 0.5 m/s
 PALM_TURN = 0.125  # rad a control step at action 1 (`ee_delta`): 2.5 rad/s
-CLOUD_POINTS = 1024
 AROUND_POINTS = 4096  # of what stands around the object
 
 GOAL_HEIGHT = (0.15, 0.35)  # m above the table (Place)

@@ -272,7 +272,6 @@ class Episodes:
         moment: Moment,
         warnings: NDArray[np.int64],
         rngs: Sequence[Generator | None],
-        alone: bool = False,
         judge: bool = True,
     ) -> dict[str, NDArray[Any]]:
         """Advance progress, terms and rewards of a part of the episodes to the moment, and observe it.
@@ -282,7 +281,6 @@ class Episodes:
             moment: theirs.
             warnings: (n,) bits of MuJoCo's that came up.
             rngs: theirs; None for one whose sensors are not read.
-            alone: whether the arrays have no axis for environments, which must be one.
             judge: False to observe alone.
 
         Returns:
@@ -298,7 +296,7 @@ class Episodes:
         kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
         if self.device:
             self.device.load(part.start, rows)
-        return cut(rows[0] if alone else rows, self.layout)
+        return cut(rows, self.layout)
 
     def _part(self, part: slice) -> tuple[NDArray[Any], ...]:
         """Return records, commands, told, rewards, rows, pushes of a part; slices cost, so the whole is not sliced."""
@@ -336,6 +334,7 @@ class Episodes:
             "mujoco_warnings": warning_names(int(warnings)) if warnings else "",
             "variation": dict(vars(self.slots[i].variation)),
             "reward_terms": dict(zip(self.settings.weights, terms, strict=True)),
+            **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
         }
 
     def more_infos(self) -> dict[str, NDArray[Any]]:

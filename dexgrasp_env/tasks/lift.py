@@ -1,11 +1,6 @@
 """DexGrasp/Lift-v2, and v1."""
 
-from collections.abc import Mapping, Sequence
-from typing import Any
-
-from dexgrasp_env.robot.cell import Given
-from dexgrasp_env.scene.constants import CONTROL_STEPS
-from dexgrasp_env.tasks.single import SingleEnv, defaults_of
+from dexgrasp_env.tasks.single import SingleEnv
 
 
 class LiftEnv(SingleEnv):
@@ -156,41 +151,3 @@ class LiftEnv(SingleEnv):
     * v1: deprecated for its dense reward: the sum of `reach` (0.2), `contact` (0.2: thumb and a finger press, full at
       1 N each), `lift` (0.3) and `hold` (0.3) at every step, of which much is earned by hovering.
     """
-
-    def __init__(
-        self,
-        objects: str | Sequence[str] = "ycb6",
-        obs_mode: str = "state",
-        control_mode: str = "joint_delta",
-        reward_mode: str = "dense",
-        robot: Given = None,
-        mount: str | None = None,
-        friction: float | None = None,
-        mass: float = 1.0,
-        presentation: str = "rest",
-        disturbance: Mapping[str, Any] | str | None = None,
-        object_pose: Mapping[str, Any] | None = None,
-        randomisation: Mapping[str, Any] | None = None,
-        views: Sequence[str] | int = 4,
-        calibration: Mapping[str, Any] | None = None,
-        sensor: Mapping[str, Any] | str = "realistic",
-        observe: str = "step",
-        mesh_scale: float = 1.0,
-        mesh_mass: float | None = None,
-        render_mode: str | None = None,
-        render_size: tuple[int, int] = (480, 640),
-        render_camera: str = "front",
-        version: int = 2,
-        reward_weights: Mapping[str, float] | None = None,
-        frame_skip: int = CONTROL_STEPS,
-        action_scale: float = 1.0,
-        backend: str = "mujoco",
-        device: str | None = None,
-    ) -> None:
-        given = {key: value for key, value in locals().items() if key not in ("self", "__class__")}
-        self._make(given)
-
-    @classmethod
-    def arguments(cls, **given: Any) -> dict[str, Any]:
-        """Return all arguments: those given, and the defaults of the others."""
-        return defaults_of(LiftEnv.__init__) | given

@@ -7,8 +7,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from dexgrasp_env.perception.segment import COUNT
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.tasks.constants import CLOUD_POINTS
 
 OBS_MODES = ("state", "pointcloud", "depth", "rgbd")
 OBS_SUMS = (*OBS_MODES, *(f"state+{mode}" for mode in OBS_MODES[1:]))
@@ -35,10 +35,8 @@ def layout(obs_mode: str, robot: Robot) -> dict[str, slice]:
 
 
 def cut(rows: NDArray[np.float32], columns: dict[str, slice]) -> dict[str, NDArray[np.float32]]:
-    """Return the parts of rows (..., n) by key."""
-    if rows.ndim == 1:  # the single environment's: plain slices are quicker
-        return {key: rows[part] for key, part in columns.items()}
-    return {key: rows[..., part] for key, part in columns.items()}
+    """Return the parts of rows (N, n) by key."""
+    return {key: rows[:, part] for key, part in columns.items()}
 
 
 def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: Robot) -> spaces.Dict:
@@ -55,9 +53,9 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: R
     }
     seen = obs_mode.removeprefix("state+")
     if seen == "pointcloud":
-        parts["cloud"] = spaces.Box(-np.inf, np.inf, (CLOUD_POINTS, 3), np.float32)
-        parts["cloud_normals"] = spaces.Box(-1.0, 1.0, (CLOUD_POINTS, 3), np.float32)
-        parts["cloud_mask"] = spaces.MultiBinary(CLOUD_POINTS)
+        parts["cloud"] = spaces.Box(-np.inf, np.inf, (COUNT, 3), np.float32)
+        parts["cloud_normals"] = spaces.Box(-1.0, 1.0, (COUNT, 3), np.float32)
+        parts["cloud_mask"] = spaces.MultiBinary(COUNT)
         parts["table_plane"] = spaces.Box(-np.inf, np.inf, (5,), np.float32)
     if seen in ("depth", "rgbd"):
         parts["depth"] = spaces.Box(0.0, np.inf, image_shape, np.float32)

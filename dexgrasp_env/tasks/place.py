@@ -1,7 +1,8 @@
 """DexGrasp/Place-v2, and v1."""
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass
+from typing import Annotated, Any
 
 import numpy as np
 from gymnasium import spaces
@@ -26,15 +27,39 @@ from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import key_sizes
 from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.rewards import REWARD_MODES
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Moment, Simulation
 from dexgrasp_env.tasks.views import Views
+from dexgrasp_env.valid import one_of
 
 _SUCCESS = TOLD.index("is_success")
 _GOAL_LOW, _GOAL_HIGH = np.array([PLACE_X, PLACE_Y, GOAL_HEIGHT]).T
 _LOWEST, _HIGHEST = np.array([*WORKSPACE_LOW, -1.0]), np.array([*WORKSPACE_HIGH, 1.0])
 _WRONG = 0.05  # m that the hand costs the dense reward, where it does not do what the goal says
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlaceSettings(LiftSettings):
+    """Everything that `gym.make` accepts of `PlaceEnv`, in checked form."""
+
+    reward_mode: Annotated[str, one_of(REWARD_MODES)] = "sparse"
+
+    @classmethod
+    def of(cls, **given: Any) -> LiftSettings:
+        """Check the arguments of the environment.
+
+        Raises:
+            InputError: as `LiftSettings.of`, or for cameras of version 1 or a disturbance.
+        """
+        settings = super().of(**given)
+        blind = settings.version > 1 or settings.obs_mode == "state"
+        if not blind or settings.disturbance.kind != "none":
+            raise InputError(
+                "Place has no disturbance, and Place-v1 obs_mode 'state' alone: valid is the rest"
+            )
+        return settings
 
 
 class PlaceEpisodes(Episodes):
@@ -103,10 +128,10 @@ class PlaceEpisodes(Episodes):
 
     def conclude(
         self, part: slice, moment: Moment, warnings: NDArray[np.int64], rngs: Sequence[Generator | None],
-        alone: bool = False, judge: bool = True,
+        judge: bool = True,
     ) -> dict[str, NDArray[Any]]:  # fmt: skip
         """Do what `Episodes.conclude` does; rewards, success and the observation are those of the goal."""
-        state = super().conclude(part, moment, warnings, rngs, judge=judge)
+        state = super().conclude(part, moment, warnings, rngs, judge)
         records, centres = self.records[part], moment.qpos[:, -7:-4]
         goals = records["goal"][:, : self._size].astype(np.float32)
         self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)
@@ -127,11 +152,7 @@ class PlaceEpisodes(Episodes):
             state = {"achieved_goal": achieved, "desired_goal": goals, "observation": flat}
         else:
             state["desired_goal"] = goals
-        return {key: value[0] for key, value in state.items()} if alone else state
-
-    def info(self, i: int) -> dict[str, Any]:
-        """Return the info of episode `i`."""
-        return super().info(i) | {"goal_distance": float(self._distances[i])}
+        return state
 
     def more_infos(self) -> dict[str, NDArray[Any]]:
         """Return what `info` has more than that of `Episodes`, of all episodes."""
@@ -193,26 +214,7 @@ class PlaceEnv(LiftEnv):
     """
 
     episodes_type = PlaceEpisodes
-
-    def __init__(
-        self, objects: str | Sequence[str] = "ycb6", reward_mode: str = "sparse", **kwargs: Any
-    ) -> None:
-        given = {"objects": objects, "reward_mode": reward_mode, **kwargs}
-        self._make(given)
-
-    @classmethod
-    def arguments(cls, **given: Any) -> dict[str, Any]:
-        """Return all arguments: those given, and the defaults of the others.
-
-        Raises:
-            InputError: for cameras or a disturbance.
-        """
-        blind = given.get("version") != 1 or given.get("obs_mode", "state") == "state"
-        if not blind or given.get("disturbance") not in (None, "none"):
-            raise InputError(
-                "Place has no disturbance, and Place-v1 obs_mode 'state' alone: valid is the rest"
-            )
-        return super().arguments(**{"reward_mode": "sparse", **given})
+    settings_type = PlaceSettings
 
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any

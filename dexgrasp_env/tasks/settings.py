@@ -1,14 +1,15 @@
 """Settings of the environment, checked once at construction."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
-from dexgrasp_env.scene.constants import FRICTION, TIMESTEP
+from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.calibration import Calibration
 from dexgrasp_env.sensing.sensor import SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, SHORTEST_SKIP
@@ -20,8 +21,8 @@ from dexgrasp_env.tasks.randomisation import Randomisation
 from dexgrasp_env.tasks.rewards import REWARD_MODES, reward_weights
 from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
 
-DEFAULT_VIEWS = 4
 BACKENDS = ("mujoco", "warp")
+_VIEWS = 4
 OBSERVE = ("step", "reset", "clear")
 RENDER_MODES = ("human", "rgb_array", "depth_array")
 _Sensor = Annotated[SensorModel, Rule("realistic, none, or settings of SensorModel", SensorModel.of)]
@@ -29,34 +30,37 @@ _Sensor = Annotated[SensorModel, Rule("realistic, none, or settings of SensorMod
 
 @dataclass(frozen=True, kw_only=True)
 class LiftSettings:
-    """Everything that `gym.make` accepts, in checked form; see `LiftEnv` for meanings and defaults."""
+    """Everything that `gym.make` accepts, in checked form; see `LiftEnv` for meanings.
 
-    objects: Objects
-    obs_mode: Annotated[str, one_of(OBS_SUMS)]
-    control_mode: Annotated[str, one_of(CONTROL_MODES)]
-    reward_mode: Annotated[str, one_of(REWARD_MODES)]
+    `robot` and `mount` are given in the place of `cell`.
+    """
+
     cell: Cell
-    friction: Friction | None
-    mass: Annotated[float, number(gt=0, le=100)]
-    presentation: Annotated[str, one_of(PRESENTATIONS)]
+    objects: Objects = OBJECT_SETS["ycb6"]
+    obs_mode: Annotated[str, one_of(OBS_SUMS)] = "state"
+    control_mode: Annotated[str, one_of(CONTROL_MODES)] = "joint_delta"
+    reward_mode: Annotated[str, one_of(REWARD_MODES)] = "dense"
+    friction: Friction | None = None
+    mass: Annotated[float, number(gt=0, le=100)] = 1.0
+    presentation: Annotated[str, one_of(PRESENTATIONS)] = "rest"
     disturbance: Annotated[Disturbance, Rule("a name or a mapping", Disturbance.of)] = Disturbance()
     object_pose: Placement = Placement()
     randomisation: Randomisation = Randomisation()
-    views: tuple[str, ...] | int
+    views: tuple[str, ...] | int = _VIEWS
     calibration: Calibration = Calibration()
-    sensor: _Sensor
-    observe: Annotated[str, one_of(OBSERVE)]
-    mesh_scale: Positive
-    mesh_mass: Mass | None
-    render_mode: Annotated[str | None, one_of(RENDER_MODES)]
-    render_size: Annotated[tuple[int, int], RENDER_SIZE]
-    render_camera: str
-    version: Annotated[int, number(ge=1, le=2, whole=True)]
-    reward_weights: dict[str, float] | None
-    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)]
-    action_scale: Annotated[float, number(gt=0, le=1)]
-    backend: Annotated[str, one_of(BACKENDS)]
-    device: str | None
+    sensor: _Sensor = field(default_factory=SensorModel.realistic)
+    observe: Annotated[str, one_of(OBSERVE)] = "step"
+    mesh_scale: Positive = 1.0
+    mesh_mass: Mass | None = None
+    render_mode: Annotated[str | None, one_of(RENDER_MODES)] = None
+    render_size: Annotated[tuple[int, int], RENDER_SIZE] = (480, 640)
+    render_camera: str = "front"
+    version: Annotated[int, number(ge=1, le=2, whole=True)] = 2
+    reward_weights: dict[str, float] | None = None
+    frame_skip: Annotated[int, number(ge=SHORTEST_SKIP, le=LONGEST_SKIP, whole=True)] = CONTROL_STEPS
+    action_scale: Annotated[float, number(gt=0, le=1)] = 1.0
+    backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
+    device: str | None = None
 
     @classmethod
     def of(cls, **given: Any) -> "LiftSettings":
@@ -65,20 +69,19 @@ class LiftSettings:
         Raises:
             InputError: one line that says which is wrong and what is valid.
         """
-        cell = make_cell(given.pop("robot"), given.pop("mount"))
+        cell = make_cell(given.pop("robot", None), given.pop("mount", None))
+        settings = read(cls, given | {"cell": cell})
         cameras = one_of((*SHOW_CAMERAS, *cell.camera_names))
-        of_cell = {
-            "cell": cell,
-            "views": check("views", given["views"], _views_of(cell.camera_names)),
-            "render_camera": check("render_camera", given["render_camera"], cameras),
-        }
-        settings = read(cls, given | of_cell)
+        check("render_camera", settings.render_camera, cameras)
         latency = settings.randomisation.latency
         if latency and latency[1] > settings.period:
             raise InputError(
                 f"randomisation latency is {latency}: valid is up to a control step, {settings.period} s"
             )
-        return replace(settings, reward_weights=reward_weights(settings.version, settings.reward_weights))
+        return replace(
+            settings, reward_weights=reward_weights(settings.version, settings.reward_weights),
+            views=check("views", settings.views, _views_of(cell.camera_names)),
+        )  # fmt: skip
 
     @property
     def period(self) -> float:
@@ -117,7 +120,7 @@ class LiftSettings:
 
 def _views_of(cameras: tuple[str, ...]) -> Rule:
     """Return the rule of the cameras that look: names, or how many are drawn at each reset."""
-    most = max(len(cameras), DEFAULT_VIEWS)  # a cell with fewer cameras has all of them look
+    most = max(len(cameras), _VIEWS)  # a cell with fewer cameras has all of them look
 
     def admit(value: Any) -> tuple[str, ...] | int:
         if isinstance(value, int):

@@ -1,14 +1,13 @@
 """One environment at a time: an episode begun, stepped, observed, kept, set and drawn."""
 
 import copy
-import inspect
-from collections.abc import Callable
 from typing import Any, Self
 
 import gymnasium as gym
 import mujoco
 import numpy as np
 from gymnasium.utils import EzPickle
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from dexgrasp_env.errors import InputError
@@ -27,18 +26,12 @@ _FAILURE = TOLD.index("failure")
 NO_WARNINGS = np.zeros(1, np.int64)
 
 
-def defaults_of(function: Callable[..., None]) -> dict[str, Any]:
-    """Return the defaults of a function's arguments by name."""
-    parameters = inspect.signature(function).parameters.values()
-    return {each.name: each.default for each in parameters if each.default is not each.empty}
-
-
 class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
-    """What all tasks are as single environments; a constructor says which arguments it takes, `_make` is told them.
+    """What all tasks are as single environments.
 
     Attributes:
         episodes_type: of the task.
-        settings_type: its arguments, checked.
+        settings_type: says which arguments it takes, and checks them.
         obs_modes: those that it takes.
     """
 
@@ -50,9 +43,9 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         "render_fps": round(1 / CONTROL_PERIOD),
     }
 
-    def _make(self, given: dict[str, Any]) -> None:
+    def __init__(self, **given: Any) -> None:
         EzPickle.__init__(self, **given)
-        self.settings = self.settings_type.of(**self.arguments(**given))
+        self.settings = self.settings_type.of(**given)
         self._views = Views(self.settings)
         self.render_mode = self.settings.render_mode
         self.metadata = {**self.metadata, "render_fps": round(1 / self.settings.period)}
@@ -63,11 +56,6 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         self._simulation = next(iter(self._episodes.simulations.values()))
         give_physics(self._episodes)
         self._over = True
-
-    @classmethod
-    def arguments(cls, **given: Any) -> dict[str, Any]:
-        """Return all arguments: those given, and the defaults of the others."""
-        return given
 
     @property
     def simulation(self) -> Simulation:
@@ -138,10 +126,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
             InputError: before the first reset.
         """
         self.get_state()
-        rng = copy.deepcopy(self.np_random)
-        observation = self._episodes.conclude(
-            _ONLY, self._simulation.moment, NO_WARNINGS, [rng], alone=True, judge=False
-        )
+        observation = self._conclude(0, copy.deepcopy(self.np_random), judge=False)
         seen = self._episodes.slots[0].view
         observation = dict(sorted((observation | copy.deepcopy(seen.seen)).items()))
         return observation, self._episodes.info(0) | copy.deepcopy(seen.info)
@@ -198,12 +183,14 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         observation, info = self._look(observation, at_reset=False)
         return observation, float(episodes.rewards[0]), self._over, False, info
 
-    def _conclude(self, bits: int, judge: bool = True) -> dict[str, NDArray[Any]]:
+    def _conclude(
+        self, bits: int, rng: Generator | None = None, judge: bool = True
+    ) -> dict[str, NDArray[Any]]:
         warnings = np.array([bits]) if bits else NO_WARNINGS
-        rngs = [self.np_random]
-        return self._episodes.conclude(
-            _ONLY, self._simulation.moment, warnings, rngs, alone=True, judge=judge
+        seen = self._episodes.conclude(
+            _ONLY, self._simulation.moment, warnings, [rng or self.np_random], judge
         )
+        return {key: values[0] for key, values in seen.items()}
 
     def _look(
         self, observation: dict[str, NDArray[Any]], at_reset: bool

@@ -87,20 +87,19 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         **kwargs: Any,
     ) -> None:
         EzPickle.__init__(self, num_envs, max_episode_steps, autoreset_mode, threads, tensors, **kwargs)
-        given = self._env_type.arguments(**kwargs)
+        self.settings = self._env_type.settings_type.of(**kwargs)
         self.num_envs = check("num_envs", num_envs, COUNT)
-        if str(given["obs_mode"]).endswith("rgbd") or given["render_mode"] == "human":
+        if self.settings.obs_mode.endswith("rgbd") or self.settings.render_mode == "human":
             raise InputError(
                 "the vector environment has no 'rgbd' and no 'human': use vectorization_mode='sync'"
             )
         self._tensors = check("tensors", tensors, instance(bool, "true or false"))
-        if tensors and (given["backend"] != "warp" or self._env_type is not LiftEnv):
+        if tensors and (self.settings.backend != "warp" or self._env_type is not LiftEnv):
             raise InputError("tensors=True is of DexGrasp/Lift with backend='warp'")
         limit = max_episode_steps
         self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
         self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
-        self.settings = self._env_type.settings_type.of(**given)
         self._views = Views(self.settings)
         self.settings.disturbance.warn_of_limit(max_episode_steps, self.settings.frame_skip)
         self.render_mode = self.settings.render_mode

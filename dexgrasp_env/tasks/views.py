@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.perception.segment import COUNT
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.perception import Perception
@@ -115,7 +116,7 @@ class Views:
             info["perception_failure"] = scene.reason or ""
             if pointing:
                 info["perception_doubtful"] = scene.target.doubtful
-            return scene.as_observation(perception.settings.count, AROUND_POINTS if pointing else 0), info
+            return scene.as_observation(COUNT, AROUND_POINTS if pointing else 0), info
         depth = perception.measure(simulation.data, rng)
         views: dict[str, NDArray[Any]] = {
             "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
