@@ -28,14 +28,12 @@ from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
 @pytest.fixture(autouse=True)
 def short_rounds(monkeypatch):
     monkeypatch.setattr(settings_module, "MAX_EPISODE_STEPS", 12)
-    monkeypatch.setattr(policy_training, "_ROLLOUT", 6)
     monkeypatch.setattr(policy_training, "_MEASURED", 4)
 
 
 def settings_of(algorithm, **more):
-    return RlSettings(
-        ("sugar_box",), algorithm, steps=60, num_envs=2, hidden=16, buffer=500, warm_up=10, **more
-    )
+    short = {"steps": 60, "num_envs": 2, "hidden": (16, 12), "rollout": 6, "buffer": 500, "warm_up": 10}
+    return RlSettings(("sugar_box",), algorithm, **short, **more)
 
 
 @pytest.mark.parametrize("algorithm", ["ppo", "sac"])
@@ -94,6 +92,19 @@ def test_training_of_grasps_goes_on_to_the_same_bits(tmp_path):
     settings = settings_of("ppo", control_mode="grasp", hold=3, episode_steps=12, noise="rollout")
     whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
     assert [row["steps"] for row in whole.curve] == [24, 48, 72]
+
+
+def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
+    def rates(divergence):
+        settings = settings_of("ppo", adaptive=True, divergence=divergence)
+        whole = goes_on_to_the_same_bits(
+            partial(PolicyTraining, settings=settings), tmp_path / str(divergence)
+        )
+        return [row["rate"] for row in whole.curve]
+
+    # Two updates a round: the second one knows of the first.
+    np.testing.assert_allclose(rates(10.0), 3e-4 * 1.5 ** np.arange(1, 4))
+    np.testing.assert_allclose(rates(1e-9), 3e-4 / 1.5 ** np.arange(1, 4))
 
 
 def test_a_grasp_is_a_few_points_of_the_grasp_space():

@@ -28,7 +28,7 @@ _BC = ("epochs", "threads", "hidden", "chunk", "execute")
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
 _SAC = (
     "objects", "env_id", "control_mode", "hold", "episode_steps", "backend", "randomise", "resets", "share", "steps",
-    "num_envs", "rate", "discount", "reward_scale", "threads",
+    "num_envs", "hidden", "rate", "discount", "reward_scale", "threads",
 )  # fmt: skip
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 
@@ -183,7 +183,7 @@ class Ppo(_Rl):
     that on a CPU it goes on to the same bits.
     """
 
-    settings: Annotated[RlSettings, (*_SAC, "spread", "noise", "passes", "divergence")]
+    settings: Annotated[RlSettings, (*_SAC, "spread", "noise", "rollout", "passes", "divergence", "adaptive")]
 
 
 class Sac(_Rl):

@@ -18,10 +18,10 @@ with from_extra():
     from stable_baselines3 import PPO, SAC
     from stable_baselines3.common.base_class import BaseAlgorithm
 
+    from dexgrasp.reinforcement.adaptive_rate import AdaptiveRate
     from dexgrasp.reinforcement.feature_vec_env import FeatureVecEnv, measure
     from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 
-_ROLLOUT = 100  # control steps of every environment between two updates of `ppo`
 _BATCHES = 4  # that a rollout is cut into
 _MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
 
@@ -37,6 +37,7 @@ class PolicyTraining(Rounds):
         """As `Rounds`; without a clone it begins from nothing."""
         super().__init__(out, settings, clone, course)
         self._resets = DemoResets(settings.resets) if settings.resets else None
+        self._rate = AdaptiveRate(settings.rate, settings.divergence)
 
     def environments(self) -> FeatureVecEnv:
         """Make the environments; features are scaled as the clone's, or by random actions."""
@@ -65,7 +66,7 @@ class PolicyTraining(Rounds):
         common: dict[str, Any] = {
             "learning_rate": s.rate, "gamma": s.discount, "seed": s.seed, "device": self.place,
         }  # fmt: skip
-        width = {"net_arch": [s.hidden, s.hidden]}
+        width = {"net_arch": list(s.hidden)}
         if s.algorithm == "sac":
             return SAC(
                 "MlpPolicy",
@@ -77,20 +78,25 @@ class PolicyTraining(Rounds):
                 policy_kwargs=width,
                 **common,
             )
-        rollout, correlated = min(_ROLLOUT, s.length), s.noise == "rollout"
-        # Correlated noise is a sum over the outputs of the hidden layer.
-        spread = s.spread - (0.5 * math.log(s.hidden) if correlated else 0.0)
-        return PPO(
+        rollout, correlated = min(s.rollout, s.length), s.noise == "rollout"
+        # Correlated noise is a sum over the outputs of the last hidden layer.
+        spread = s.spread - (0.5 * math.log(s.hidden[-1]) if correlated else 0.0)
+        if s.adaptive:
+            common["learning_rate"] = self._rate
+        self._rate.model = PPO(
             "MlpPolicy", self.envs, n_steps=rollout, batch_size=rollout * s.num_envs // _BATCHES, n_epochs=s.passes,
-            target_kl=s.divergence, use_sde=correlated, policy_kwargs=width | {"log_std_init": spread}, **common,
+            target_kl=None if s.adaptive else s.divergence, use_sde=correlated,
+            policy_kwargs=width | {"log_std_init": spread}, **common,
         )  # fmt: skip
+        return self._rate.model
 
     def learn(self) -> Row:
-        """As every round; with demonstrations, the row says from where along them on episodes begin."""
-        if self._resets is None:
-            return super().learn()
-        self._resets.go_on(**self._resets.progress)
-        return super().learn() | {"front": self._resets.front}
+        """As every round, with the rate where it changes, and from where along demonstrations episodes begin."""
+        if self._resets:
+            self._resets.go_on(**self._resets.progress)
+        row = super().learn()
+        rate = {"rate": self._rate.now} if self.settings.adaptive else {}
+        return row | rate | ({"front": self._resets.front} if self._resets else {})
 
     def note(self) -> Row:
         """As every round's, with where resets are."""
@@ -102,6 +108,10 @@ class PolicyTraining(Rounds):
         if note and self._resets:
             self._resets.go_on(**note["resets"])
         return note
+
+    def counters(self) -> list[tuple[Any, str]]:
+        """As every learner's, with the rate."""
+        return [*super().counters(), (self._rate, "now")]
 
     def policy(self) -> tuple[Row, dict[str, Any]]:
         """Return what an `Actor` reads."""

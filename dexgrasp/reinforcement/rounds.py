@@ -133,25 +133,26 @@ class Rounds(Training):
 
     def note(self) -> Row:
         """Return the learner's counters."""
-        return {"counters": [getattr(owner, name) for owner, name in self._counters()]}
+        return {"counters": [getattr(owner, name) for owner, name in self.counters()]}
 
     def begin(self) -> Row | None:
         """As every training, with the counters."""
         note = super().begin()
         try:
-            for (owner, name), count in zip(self._counters(), note["counters"] if note else (), strict=False):
+            for (owner, name), count in zip(self.counters(), note["counters"] if note else (), strict=False):
                 setattr(owner, name, count)
         except (LookupError, TypeError):
             raise damaged(self.out / CHECKPOINT) from None
         return note
 
+    def counters(self) -> list[tuple[Any, str]]:
+        """Return what else a learner goes on from: whose numbers, and their names."""
+        own = [(self.model, "num_timesteps"), (self.model, "_n_updates")]
+        return own + ([(self._buffer, "pos"), (self._buffer, "full")] if self._buffer else [])
+
     @property
     def _buffer(self) -> Any:
         return getattr(self.model, "replay_buffer", None)
-
-    def _counters(self) -> list[tuple[Any, str]]:
-        own = [(self.model, "num_timesteps"), (self.model, "_n_updates")]
-        return own + ([(self._buffer, "pos"), (self._buffer, "full")] if self._buffer else [])
 
 
 def _mean_action(model: Any) -> list[torch.nn.Linear]:

@@ -45,14 +45,17 @@ class RlSettings:
         num_envs: environments side by side.
         seed: of everything.
         share: of the network's action that is carried out (default: 0.2 on a clone's action, 1 alone).
-        hidden: width of the two layers of every network.
-        rate: of Adam.
+        hidden: widths of the layers of every network.
+        rate: of Adam; of its first updates with `adaptive`.
         discount: of a reward a step later.
         reward_scale: factor on rewards, which the learner's values grow with.
         spread: logarithm of the standard deviation that exploration begins with (`ppo`).
         noise: of exploration (`ppo`): of every step, or, a function of what is seen, of a whole rollout.
+        rollout: control steps of every environment between two updates (`ppo`).
         passes: over a rollout in an update (`ppo`).
         divergence: KL at which an update stops (`ppo`; default: never).
+        adaptive: the rate follows the divergence (default: 0.01), in place of a stop: up after an update below half of
+            it, down after one past twice (`ppo`).
         buffer: actions that `sac` remembers.
         warm_up: random actions, of all environments together, before `sac` learns.
         updates: of `sac` after an action of every environment.
@@ -72,14 +75,16 @@ class RlSettings:
     num_envs: Count = 16
     seed: Natural = 0
     share: Annotated[float | None, number(gt=0, le=1)] = None
-    hidden: Count = 256
+    hidden: tuple[Count, ...] = (256, 256)
     rate: Positive = 3e-4
     discount: float = 0.99
     reward_scale: Positive = 1.0
     spread: Annotated[float, number(ge=-5, le=2)] = -1.0
     noise: Annotated[str, one_of(("step", "rollout"))] = "step"
+    rollout: Count = 100
     passes: Count = 5
     divergence: Positive | None = None
+    adaptive: bool = False
     buffer: Count = 200_000
     warm_up: Count = 5_000
     updates: Count = 1
