@@ -1,5 +1,6 @@
 """Execution: paths that are free, timing within the limits, scripts that fit the episode."""
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -9,8 +10,10 @@ from robots import CELL, HOME, LOWER, ROBOT, UPPER, VELOCITY
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.grasp.grasp import GraspMotion
+from dexgrasp.kinematics import shapes
 from dexgrasp.kinematics.palm_ik import palm_frame, solve_palm
 from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.motion import collision
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, densify
 from dexgrasp.motion.motion import NoPath
@@ -18,6 +21,7 @@ from dexgrasp.motion.sampling import plan_arm
 from dexgrasp.motion.script import make_script
 from dexgrasp.motion.time_optimal import fastest_squared_speeds, places_at
 from dexgrasp.motion.timing import round_corners, time_path, within_limits
+from dexgrasp_env.robot.model import compiled_robot, posed, robot_spec
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 
@@ -51,10 +55,6 @@ def test_home_is_free_and_inside_the_table_is_not():
 
 
 def test_what_the_checker_calls_free_the_simulation_does_not_touch():
-    import mujoco
-
-    from dexgrasp_env.robot.model import robot_spec
-
     spec = robot_spec(CELL)
     size = np.array([0.04, 0.09, 0.45])
     spec.worldbody.add_geom(
@@ -83,6 +83,37 @@ def test_start_within_the_margin_can_be_left_but_deep_contact_cannot():
     inside = palm_down(0.45, 0.0, 0.2)
     checker.allow(inside)
     assert not checker.free(inside)
+
+
+def _deepest(model, q):
+    data = posed(model, q)
+    mujoco.mj_collision(model, data)
+    return -data.contact.dist.min(initial=0.0)
+
+
+def test_bodies_that_spheres_tell_nothing_of_are_kept_apart_by_their_shapes(monkeypatch):
+    tree = robot_tree(CELL)._replace(pairs=np.zeros((0, 2), np.int64))
+    for module in (collision, shapes):
+        monkeypatch.setattr(module, "robot_tree", lambda cell: tree)
+    monkeypatch.setattr(shapes, "_left_out", shapes._left_out.__wrapped__)
+    model = compiled_robot(CELL)
+    free = left = 0
+    for q in ROBOT.drawn(100):
+        q[: len(ROBOT.arm.bodies) - 1] = HOME[: len(ROBOT.arm.bodies) - 1]
+        checker, path = CollisionChecker(CELL, None, shapes.LEAST), np.stack([HOME, q])
+        contact = checker.first_contact(path)
+        if contact is None:
+            free += 1
+            assert max(_deepest(model, row) for row in densify(path, 0.01)) < 0.003  # between two looks
+        else:
+            assert contact.clearance < shapes.LEAST
+        apart = min((near for _, near in shapes.near_shapes(q[None], CELL)), default=shapes.LEAST)
+        assert not checker.free(q) or apart == shapes.LEAST
+        checker.allow(q)
+        assert checker.free(q) == (apart > -5e-4)
+        left += shapes.LEAST > apart > -5e-4
+    assert 10 < free < 90
+    assert left
 
 
 def test_straight_way_through_the_tower_is_avoided_the_same_way_twice():

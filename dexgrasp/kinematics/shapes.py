@@ -1,34 +1,85 @@
 """True distances between bodies of which covering spheres can tell nothing: those that a robot's tree leaves out."""
 
+from collections.abc import Iterator
 from functools import lru_cache
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 
 from dexgrasp.kinematics.pairs import solid_geoms
-from dexgrasp.kinematics.tree import body_pairs, robot_tree
+from dexgrasp.kinematics.tree import Index, body_pairs, robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot, posed
+from dexgrasp_env.robot.model import compiled_robot
 
-_LEAST = 0.002  # m
+LEAST = 0.002
+"""m that the shapes of those bodies keep from each other."""
+_STEP = 0.02  # rad of a joint between two bodies, from one look at them to the next
+
+
+class _Pair(NamedTuple):
+    """Two bodies, their numbers; their geoms that collide, one of each; and the columns of the joints between them."""
+
+    bodies: tuple[int, int]
+    geoms: list[tuple[int, int]]
+    joints: Index
 
 
 def shapes_apart(q: Array, cell: Cell) -> bool:
-    """Whether the shapes of those bodies keep 2 mm from each other at `q` (n,) rad."""
-    pairs = _left_out(cell)
-    if not pairs:
-        return True
+    """Whether the shapes of those bodies keep `LEAST` from each other at `q` (n,) rad."""
+    return next(near_shapes(q[None], cell), None) is None
+
+
+def near_shapes(path: Array, cell: Cell) -> Iterator[tuple[tuple[int, int], float]]:
+    """Yield pairs of those bodies whose shapes come nearer than `LEAST` along a path, and how near, m.
+
+    Args:
+        path: (k, n) rad, with rows so close that nothing happens between them.
+        cell: of the robot.
+    """
+    if not (pairs := _left_out(cell)):
+        return
     model, nothing = compiled_robot(cell), np.zeros(6)
-    data = posed(model, q)
-    return all(mujoco.mj_geomDistance(model, data, a, b, _LEAST, nothing) >= _LEAST for a, b in pairs)
+    data = mujoco.MjData(model)
+    for pair in pairs:
+        least = LEAST
+        for q in _looked_at(path, pair.joints):
+            data.qpos[:] = q
+            mujoco.mj_kinematics(model, data)
+            apart = (mujoco.mj_geomDistance(model, data, a, b, LEAST, nothing) for a, b in pair.geoms)
+            least = min(least, *apart)
+        if least < LEAST:
+            yield pair.bodies, least
+
+
+def _looked_at(path: Array, joints: Index) -> Array:
+    """Return the rows of a path between which one of the joints has moved by `_STEP`, and both ends."""
+    moved = np.abs(np.diff(path[:, joints], axis=0, prepend=path[:1, joints])).max(axis=1).cumsum()
+    _, first = np.unique(moved // _STEP, return_index=True)
+    return path[np.union1d(first, len(path) - 1)]
 
 
 @lru_cache(maxsize=8)
-def _left_out(cell: Cell) -> tuple[tuple[int, int], ...]:
-    """Pairs of geoms of the bodies that a motion can bring together and that are no pair of the tree."""
+def _left_out(cell: Cell) -> tuple[_Pair, ...]:
+    """The bodies that a motion can bring together and that are no pair of the tree."""
     robot, model = cell.robot, compiled_robot(cell)
     kept = {(a, b) for a, b in robot_tree(cell).pairs.tolist()}
-    missing = [pair for pair in body_pairs(robot, model) if pair not in kept]
-    solid = {k: solid_geoms(model, model.body(robot.bodies[k]).id) for pair in missing for k in pair}
-    return tuple((g, h) for a, b in missing for g in solid[a] for h in solid[b])
+    found = []
+    for a, b in body_pairs(robot, model):
+        one, two = (model.body(robot.bodies[k]).id for k in (a, b))
+        between = _chain(model, one) ^ _chain(model, two)
+        joints = np.flatnonzero([body in between for body in model.jnt_bodyid])
+        geoms = [(g, h) for g in solid_geoms(model, one) for h in solid_geoms(model, two)]
+        if (a, b) not in kept and geoms:
+            found.append(_Pair((a, b), geoms, joints))
+    return tuple(found)
+
+
+def _chain(model: mujoco.MjModel, body: int) -> set[int]:
+    """The body and all that bear it."""
+    chain = set()
+    while body:
+        chain.add(body)
+        body = int(model.body_parentid[body])
+    return chain

@@ -27,6 +27,7 @@ from dexgrasp.kinematics.clearance import (
 )
 from dexgrasp.kinematics.forward import Frames, body_frames, empty_frames, forward
 from dexgrasp.kinematics.palm_ik import palm_frame
+from dexgrasp.kinematics.shapes import LEAST, near_shapes
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
@@ -38,14 +39,14 @@ _CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm 
 _FAR, _NEAR = 0.016, 0.004  # m beyond the margin: up to there clearances from object and self are measured
 _CARRIED, _DEEPER = 200, 0.0015  # points of an object in the hand; m that it may get deeper into a neighbour
 _RISE = 0.005  # m between looks at an object that is raised
+_CLOSER = 5e-4  # m that bodies may come nearer than at the ends of a path
 _OVERESTIMATE = 0.008  # m: covering spheres exceed the palm by 7 mm, a finger link by 3 mm
 
 
 @dataclass(frozen=True)
 class Contact:
-    """The first state of a path that is not free: which bodies, and their clearance (a lower bound, m)."""
+    """Why a path is not free: which bodies, and their clearance (a lower bound, m)."""
 
-    index: int
     bodies: tuple[str, str]
     clearance: float
 
@@ -56,7 +57,7 @@ class Contact:
 class CollisionChecker:
     """Clearance of the whole robot from objects (tips included), the table plane z = 0 and itself.
 
-    Clearances are lower bounds from covering spheres: what is called free is free.
+    Clearances are lower bounds from covering spheres, or true where these tell nothing: what is called free is free.
     """
 
     def __init__(self, cell: Cell, obstacle: ConvexDistance | None, margin: float = 0.004) -> None:
@@ -68,7 +69,7 @@ class CollisionChecker:
                 alone; None when there is nothing.
             margin: clearance to keep, m.
         """
-        self.tree, self.margin, self._names = robot_tree(cell), margin, cell.robot.bodies
+        self.tree, self.margin, self._cell = robot_tree(cell), margin, cell
         self._obstacle = NOTHING if obstacle is None else obstacle.obstacle
         bodies = len(self.tree.parent)
         # Clearance to keep for body a and body b; columns nb and nb + 1 are the object and the table.
@@ -77,13 +78,15 @@ class CollisionChecker:
     def allow(self, q: Array) -> None:
         """Let a path begin or end at `q` (n,) though bodies are nearer there than the margin.
 
-        They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm).
+        They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm); shapes may touch.
         """
         values, labels = self.clearances(q)
         for value, (kind, body, other) in zip(values, labels, strict=True):
             column = other if kind == SELF else len(self._needed) + int(kind != OBJECT)
-            near = max(value - 5e-4, -_OVERESTIMATE)
+            near = max(value - _CLOSER, -_OVERESTIMATE)
             self._needed[body, column] = min(self._needed[body, column], near)
+        for pair, apart in near_shapes(q[None], self._cell):
+            self._needed[pair] = max(apart, 0.0) - _CLOSER
 
     def clearances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
@@ -100,7 +103,7 @@ class CollisionChecker:
         return self.first_contact(np.stack([start, goal])) is None
 
     def first_contact(self, path: Array, slack: float = 0.0) -> Contact | None:
-        """Return the first contact along a polyline of configurations (k, n) rad, or None.
+        """Return the first contact found on a polyline of configurations (k, n) rad, or None.
 
         Args:
             path: its corners.
@@ -110,11 +113,15 @@ class CollisionChecker:
         known = np.zeros((2, nb)), np.full((2, nb), -1.0), np.full((2, pairs + 1), -1.0)
         label = np.empty(3, np.int64)
         watch = _Watch(self._obstacle, self._needed - slack, self.margin, *known, label)
-        index, value = _first_contact(densify(path, _CHECK_STEP), self.tree, watch)
-        if index < 0:
+        states, names = densify(path, _CHECK_STEP), self._cell.robot.bodies
+        value = _first_contact(states, self.tree, watch)
+        if value == np.inf:
+            for (a, b), apart in near_shapes(states, self._cell):
+                if apart < min(self._needed[a, b], LEAST) - slack:
+                    return Contact((names[a], names[b]), apart)
             return None
-        other = self._names[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
-        return Contact(index, (self._names[label[1]], other), value)
+        other = names[label[2]] if label[0] == SELF else ("object" if label[0] == OBJECT else "table")
+        return Contact((names[label[1]], other), value)
 
 
 def carried_into(target: GraspTarget, path: Array, tree: RobotTree, start: Array | None = None) -> float:
@@ -177,8 +184,8 @@ class _Watch(NamedTuple):
 
 
 @njit
-def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> tuple[int, float]:
-    """Return the first state with a contact, -1 if none, and its clearance; the watch's label says between which."""
+def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> float:
+    """Return the clearance at the first contact, infinity if there is none; the watch's label says between which."""
     frames, before, seen, seen_before = (
         empty_frames(tree), empty_frames(tree), empty_frames(tree), empty_frames(tree),
     )  # fmt: skip
@@ -193,9 +200,9 @@ def _first_contact(path: Array, tree: RobotTree, watch: _Watch) -> tuple[int, fl
         if value == np.inf:
             value = _self_contact(cover, watch)
         if value < np.inf:
-            return i, value
+            return value
         frames, before, seen, seen_before = before, frames, seen_before, seen
-    return -1, 0.0
+    return np.inf
 
 
 @njit

@@ -166,8 +166,8 @@ def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: flo
     solve_tips(pregrasp, goals, problem.tree, 40, 1e-4, True)
     robot = problem.cell.robot
     if robot.hand.tendons:  # free fingers curl more than fingers on an object
-        missed = goals - fingertips(robot.freed(pregrasp), problem.tree)
-        solve_tips(pregrasp, goals + missed, problem.tree, 40, 1e-4, True)
+        tips, curled = (fingertips(way, problem.tree) for way in (pregrasp, robot.freed(pregrasp)))
+        solve_tips(pregrasp, goals + tips - curled, problem.tree, 40, 1e-4, True)
     return robot.freed(pregrasp)
 
 
