@@ -9,7 +9,7 @@ import pytest
 import yaml
 from foreign_parts import ALLEGRO, foreign_hand, six_joint_arm
 from PIL import Image
-from robots import CELL
+from robots import CELL, GRASP_FINGERS
 
 from dexgrasp.agent import public_info
 from dexgrasp.cli.commands import run_command
@@ -25,6 +25,8 @@ from dexgrasp.kinematics.robot_check import check_robot
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.look import look_at
+from dexgrasp.planning.planner import Planner, small_box
+from dexgrasp.planning.result import PlanResult
 from dexgrasp.planning.sources import make_source
 from dexgrasp.registry import make_agent
 from dexgrasp.scoring.hand import find_hand
@@ -111,6 +113,30 @@ def test_what_is_made_passes_its_check_grasps_and_is_scored(made, tmp_path, caps
     assert "thresholds looser than ours" in [
         c.name for c in verify(record_of(content, cell=cell)) if not c.holds
     ]
+
+
+def test_other_grasps_of_a_hand_are_tried_in_turn(tmp_path):
+    others = [["thumb", "middle", "ring"], ["thumb", "index", "middle", "ring"]]
+    hand = yaml.safe_load(asset_path("robot", "allegro.yaml").read_text()) | {"grasps": others}
+    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand))
+    robot = yaml.safe_load(asset_path("robot", "panda_allegro.yaml").read_text()) | {"name": "several"}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"hand": "hand.yaml"}))
+    cell = make_cell(tmp_path / "robot.yaml")
+    planner = Planner(cell=cell)
+    assert [other.cell.robot.hand.grasp for other in planner.others()] == [tuple(names) for names in others]
+    assert len({cell.stamp, *(other.cell.stamp for other in planner.others())}) == 3
+
+    def nothing(target, *_):
+        return PlanResult(target, planner.settings)
+
+    planner._plan = nothing
+    plan = planner.plan(small_box(), 0, cell.robot.home.copy())
+    assert plan.grasp.fingers == tuple(others[0])
+    assert plan.grasp.certificate.holds
+    record = record_of(plan.as_json("box")["grasp"], cell=cell)
+    assert record.check_cell().robot.hand.grasp == plan.grasp.fingers
+    assert [check.name for check in verify(record) if not check.holds] == []
+    assert Planner().plan(small_box(), 0).grasp.fingers == GRASP_FINGERS
 
 
 def test_weak_fingers_are_moved_gently(made, tmp_path):

@@ -18,7 +18,8 @@ class Warmup(Command, InCell):
         """Compile what is not there yet."""
         from dexgrasp.planning.planner import warm_up
 
-        warm_up(self.cell)
+        for fingers in ((), *self.cell.robot.hand.grasps):
+            warm_up(self.cell.grasping(fingers))
         return Answer({"ready": True}, "everything that plans and environments need is compiled")
 
 

@@ -41,6 +41,7 @@ def record_of(content: Any, source: str = "this object", cell: Cell | None = Non
     try:
         here = (cell or default_cell()).mounted(content["mount"])
         stated = content if schema == SCHEMA else of_schema_2(content, here)
+        here = here.grasping(tuple(contact["finger"] for contact in stated["contacts"]))
         record = read(GraspRecord, stated | {"here": here}, more=True)
     except KeyError as error:
         raise InputError(f"{source} is not a usable grasp: {error} is missing") from None

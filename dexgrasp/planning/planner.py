@@ -66,14 +66,33 @@ class Planner:
         self.source, self._with_closure = source or SurfaceProposals(), with_closure
         self.source.check_hand(self.cell.robot.hand)
 
+    def others(self) -> Iterator["Planner"]:
+        """Yield planners of the other grasps of the hand, whose contacts any source but the surface would not know."""
+        settings = replace(self.settings, widest=PlannerSettings.widest)
+        for fingers in self.cell.robot.hand.grasps if self._with_closure else ():
+            if (cell := self.cell.grasping(fingers)) != self.cell:
+                yield Planner(settings, cell=cell)
+
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
+
+        Where it bears no weight, or there is none, the other grasps of the hand's file are tried in turn.
 
         Args:
             target: the object.
             seed: of the proposals.
             start: (n,) rad, set-points the robot approaches from; None plans the grasp alone.
         """
+        result = self._plan(target, seed, start)
+        for other in self.others():
+            if result.grasp is not None and result.grasp.certificate.holds:
+                break
+            again = other._plan(target, seed, start)
+            if again.grasp is not None and (result.grasp is None or again.grasp.certificate.holds):
+                result = again
+        return result
+
+    def _plan(self, target: GraspTarget, seed: int, start: Array | None) -> PlanResult:
         search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()
         result, breadths = search.result, self.settings.breadths
         crowded = target.around is not None

@@ -81,6 +81,13 @@ class Cell:
             return self
         return replace(self, robot=replace(self.robot, mount=self.robot.hand.mount(mount)))
 
+    def grasping(self, fingers: Names) -> "Cell":
+        """Return the cell whose hand grasps with fingers of its `grasps`; others change nothing."""
+        hand = self.robot.hand
+        if fingers == hand.grasp or fingers not in hand.grasps:
+            return self
+        return replace(self, robot=replace(self.robot, hand=replace(hand, grasp=fingers)))
+
     @property
     def camera_names(self) -> Names:
         """Names of the cameras."""

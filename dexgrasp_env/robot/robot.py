@@ -168,6 +168,7 @@ class Hand:
         joints: all of them, finger by finger.
         fingers: in the order of the joints.
         grasp: names of the fingers of a grasp; the first opposes the others.
+        grasps: the like, to be tried in turn where `grasp` gives none that bears the weight.
         open: rad, the pre-shape of a grasp.
         mounts: how the hand may sit on an arm.
         beside_palm: the link that works closer to the palm than spheres can tell; empty where there is none.
@@ -202,6 +203,7 @@ class Hand:
     couplings: Annotated[tuple[Coupling, ...], COUPLINGS] = field(default=(), repr=False)
     tendons: Annotated[tuple[Tendon, ...], TENDONS] = field(default=(), repr=False)
     held: Names = field(default=(), repr=False)
+    grasps: Annotated[tuple[Names, ...], several(NAMES)] = field(default=(), repr=False)
 
     @property
     def bodies(self) -> Names:
@@ -359,6 +361,7 @@ class Robot:
         own += (hand.torsion, hand.couplings) if hand.torsion or hand.couplings else ()
         late = (hand.tip_length, hand.excluded, hand.tendons, hand.held)
         own += late if any(late) else ()
+        own += hand.grasps
         described = [
             part.mjcf.read_text("utf-8", "replace") for part in (arm, hand)
         ]  # MuJoCo says what is wrong

@@ -141,9 +141,13 @@ def _check_names(hand: Hand) -> None:
     for finger in hand.fingers:
         if finger.aside:
             check_length(f"aside of {finger.name}", finger.aside, len(finger.joints))
-    for name in hand.grasp:
-        if name not in names:
-            raise unknown_name("finger of a grasp", name, names)
+    for grasp in (hand.grasp, *hand.grasps):
+        if missing := set(grasp) - set(names):
+            raise unknown_name("finger of a grasp", min(missing), names)
+        if not 2 + (not hand.torsion) <= len(grasp) <= 5:
+            raise InputError(
+                f"a grasp of {len(grasp)} fingers: valid are 3 to 5, or 2 to 5 of a hand with a torsion"
+            )
     known = list(hand.joints.names)
     for own in hand.couplings:
         for name in (own.joint, own.follows):
@@ -161,10 +165,6 @@ def _check_names(hand: Hand) -> None:
             raise InputError(
                 f"tendon of {', '.join(tendon.joints)}: valid are joints of one finger, the last of coef 1"
             )
-    if not 2 + (not hand.torsion) <= len(hand.grasp) <= 5:
-        raise InputError(
-            f"a grasp of {len(hand.grasp)} fingers: valid are 3 to 5, or 2 to 5 of a hand with a torsion"
-        )
     linked = {name for pair in hand.self_pairs + hand.excluded for name in pair} | ({hand.beside_palm} - {""})
     if unknown := sorted(linked - set(hand.bodies)):
         raise InputError(
