@@ -8,22 +8,23 @@ without the group, in points of a hundred, with Newcombe's 95 % interval for pai
 constants.
 """
 
-import argparse
 import json
+import sys
 from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from dexgrasp.agents.bilevel import BilevelAgent, State
+from dexgrasp.cli.command import Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.comparison import compare_agents
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.pool import Backend
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Count, Natural, one_of
 
 SEED = 7000
 """Of scenes that nothing was tuned on."""
@@ -68,59 +69,60 @@ GROUPS = {
     "squeeze_reserve": "the squeeze counts on the friction that the certificate does",
     "ranking": "the first grasp that is feasible",
 }
-"""Name, of an agent `no_<name>` above, and what that does. The first five were fitted to single objects."""
-FITTED = list(GROUPS)[:5]
+"""Name, of an agent `no_<name>` above, and what that does."""
+FITTED = tuple(GROUPS)[:5]
+"""To single objects."""
 
 
-def main() -> None:
-    """Run what is missing, and print."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--groups", nargs="+", choices=GROUPS, default=FITTED)
-    parser.add_argument("--objects", nargs="+", default=["all20"])
-    parser.add_argument("--protocol", nargs="+", default=["robust"])
-    parser.add_argument("--trials", type=int, default=3, help="of each object under each of the protocols")
-    parser.add_argument("--seed", type=int, default=SEED)
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, required=True, help="folder of the run")
-    args = parser.parse_args()
-    for group in args.groups:
-        print(json.dumps(measured(group, args)), flush=True)
+class Ablate(Script):
+    """Runs what is missing, and prints.
 
+    Attributes:
+        trials: of each object under each of the protocols.
+        out: folder of the run.
+    """
 
-def measured(group: str, args: argparse.Namespace) -> dict[str, Any]:
-    """Return what it costs to leave a group out; what is missing of the trials is run."""
-    without = f"scripts.ablate_constants:no_{group}"
-    agents = {"bilevel": args.out / "bilevel", without: args.out / group}
-    for agent, folder in agents.items():  # a run each, so that groups may be added later
-        settings = EvaluationSettings.of(
-            [agent], args.objects, trials=args.trials, seed=args.seed, protocols=tuple(args.protocol)
-        )
-        evaluate(settings, folder, backend=Backend(workers=args.workers))
-    found = compare_agents(list(agents.values()), *agents)
-    low, high = (100 * side for side in found["ci95"])
-    return {
-        "group": group,
-        "without": GROUPS[group],
-        "scenes": found["scenes"],
-        "with_percent": 100 * found["rate_a"],
-        "without_percent": 100 * found["rate_b"],
-        "loss_points": 100 * found["difference"],
-        "ci95": [low, high],
-        "only_with": found["only_a"],
-        "only_without": found["only_b"],
-        "p": found["p_value"],
-        "verdict": "keep"
-        if low > 0
-        else "may go: a loss of more than a point is excluded"
-        if high <= 1
-        else "open",
-    }
+    groups: tuple[Annotated[str, one_of(GROUPS)], ...] = FITTED
+    objects: tuple[str, ...] = ("all20",)
+    protocols: Annotated[tuple[str, ...], "--protocol"] = ("robust",)
+    trials: Count = 3
+    seed: Natural = SEED
+    backend: Backend = Backend()
+    out: Folder
+
+    def run(self) -> int:
+        for group in self.groups:
+            print(json.dumps(self.measured(group)), flush=True)
+        return 0
+
+    def measured(self, group: str) -> dict[str, Any]:
+        """Return what it costs to leave a group out; what is missing of the trials is run."""
+        agents = {"bilevel": "bilevel", f"scripts.ablate_constants:no_{group}": group}
+        for agent, folder in agents.items():  # a run each, so that groups may be added later
+            settings = EvaluationSettings.of(
+                [agent], self.objects, trials=self.trials, seed=self.seed, protocols=self.protocols
+            )
+            evaluate(settings, self.out / folder, backend=self.backend)
+        found = compare_agents([self.out / folder for folder in agents.values()], *agents)
+        low, high = (100 * side for side in found["ci95"])
+        return {
+            "group": group,
+            "without": GROUPS[group],
+            "scenes": found["scenes"],
+            "with_percent": 100 * found["rate_a"],
+            "without_percent": 100 * found["rate_b"],
+            "loss_points": 100 * found["difference"],
+            "ci95": [low, high],
+            "only_with": found["only_a"],
+            "only_without": found["only_b"],
+            "p": found["p_value"],
+            "verdict": "keep"
+            if low > 0
+            else "may go: a loss of more than a point is excluded"
+            if high <= 1
+            else "open",
+        }
 
 
 if __name__ == "__main__":
-    try:
-        main()
-    except InputError as error:
-        raise SystemExit(str(error)) from None
+    sys.exit(run_script(Ablate))

@@ -3,7 +3,7 @@
 python scripts/cheats.py --seed 5 --trials 5 [--objects all20] [--presets Lift LiftPushed]
 """
 
-import argparse
+import sys
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -13,6 +13,8 @@ import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
+from dexgrasp.cli.command import Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.registry import make_agent
@@ -20,6 +22,7 @@ from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import normalise
 from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.valid import Count, Natural
 
 PRESETS = ("Lift", "LiftUpright", "LiftSlippery", "LiftPushed", "LiftOneView")
 _HOVER = 0.07  # m, from where on nothing more is commanded: the arm goes on to 9 cm
@@ -200,22 +203,24 @@ def honest(preset: str, objects: list[str], trials: int, seed: int, agent: str =
     return returns
 
 
-def main() -> None:
-    """Print the table."""
-    parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seed", type=int, default=5)
-    parser.add_argument("--trials", type=int, default=5)
-    parser.add_argument("--objects", default="all20")
-    parser.add_argument("--presets", nargs="+", default=list(PRESETS))
-    given = parser.parse_args()
-    print("|", " | ".join(["preset", *CHEATS, "least success of bilevel", "successes"]), "|")
-    for preset in given.presets:
-        played = {name: [cheat(preset, name, seed)[:2] for seed in range(2)] for name in CHEATS}
-        cheats = [max(total for total, solved in runs if not solved) for runs in played.values()]
-        returns = honest(preset, resolve_targets([given.objects]), given.trials, given.seed)
-        cells = [f"{value:.1f}" for value in (*cheats, min(returns))]
-        print("|", " | ".join([f"`{preset}-v2`", *cells, str(len(returns))]), "|", flush=True)
+class Table(Script):
+    """Prints the table."""
+
+    seed: Natural = 5
+    trials: Count = 5
+    objects: str = "all20"
+    presets: tuple[str, ...] = PRESETS
+
+    def run(self) -> int:
+        print("|", " | ".join(["preset", *CHEATS, "least success of bilevel", "successes"]), "|")
+        for preset in self.presets:
+            played = {name: [cheat(preset, name, seed)[:2] for seed in range(2)] for name in CHEATS}
+            cheats = [max(total for total, solved in runs if not solved) for runs in played.values()]
+            returns = honest(preset, resolve_targets([self.objects]), self.trials, self.seed)
+            cells = [f"{value:.1f}" for value in (*cheats, min(returns))]
+            print("|", " | ".join([f"`{preset}-v2`", *cells, str(len(returns))]), "|", flush=True)
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Table))

@@ -6,54 +6,66 @@
 Everything goes on where it was stopped when the same command is given again.
 """
 
-import argparse
+import sys
 from pathlib import Path
+from typing import Annotated
 
+from dexgrasp.cli.command import Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.demos.generate import generate
 from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.imitation.cloning import Cloning
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.runs.pool import Backend
+from dexgrasp_env.valid import Count
 
 
-def main(argv: list[str] | None = None) -> dict[str, float]:
-    """Return the success of each agent."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--agent", default="dexgrasp.agents.teacher:Teacher", help="who demonstrates")
-    parser.add_argument("--objects", nargs="+", default=["varied-0..19"], help="to learn on")
-    parser.add_argument("--episodes", type=int, default=20, help="scenes of each object")
-    parser.add_argument("--noise", type=float, default=0.03, help="on what is demonstrated")
-    parser.add_argument("--view", choices=("state", "cloud"), default="state", help="what the clone sees")
-    parser.add_argument("--epochs", type=int, default=10, help="of training")
-    parser.add_argument("--test", nargs="+", default=["seen"], help="objects to score on")
-    parser.add_argument(
-        "--beside", nargs="*", default=["hardcoded", "bilevel"], help="agents to score beside"
-    )
-    parser.add_argument("--trials", type=int, default=3, help="on each of them")
-    parser.add_argument("--workers", type=int, default=1, help="processes")
-    parser.add_argument("--out", type=Path, default=Path("runs/clone"), help="folder")
-    args = parser.parse_args(argv)
+class Clone(Script):
+    """Options.
 
-    demos, clone = args.out / "demos", args.out / "policy"
-    settings = DemoSettings.of(args.objects, agent=args.agent, episodes=args.episodes, noise=args.noise)
-    backend = Backend(workers=args.workers)
-    made = generate(settings, demos, backend=backend)
-    print(f"{made['episodes']} of {made['tried']} scenes became demonstrations")
+    Attributes:
+        agent: who demonstrates.
+        objects: to learn on.
+        episodes: scenes of each object.
+        noise: on what is demonstrated.
+        view: what the clone sees, state or cloud.
+        epochs: of training.
+        test: objects to score on.
+        beside: agents to score beside.
+        trials: on each of them.
+        out: folder.
+    """
 
-    trained = Cloning([demos], clone, BcSettings(view=args.view, epochs=args.epochs)).run()
-    print(f"loss {trained.curve[-1]['loss']:.3f} after {trained.seconds:.0f} s; the policy is {clone}")
+    agent: str = "dexgrasp.agents.teacher:Teacher"
+    objects: tuple[str, ...] = ("varied-0..19",)
+    episodes: Count = 20
+    noise: float = 0.03
+    view: str = "state"
+    epochs: Count = 10
+    test: tuple[str, ...] = ("seen",)
+    beside: Annotated[tuple[str, ...], {"nargs": "*"}] = ("hardcoded", "bilevel")
+    trials: Count = 3
+    backend: Backend = Backend()
+    out: Folder = Path("runs/clone")
 
-    scored = EvaluationSettings.of([str(clone), *args.beside], args.test, trials=args.trials)
-    agents = evaluate(scored, args.out / "scores", backend=backend)["agents"]
-    for name, figures in agents.items():
-        low, high = figures["ci95"]
-        print(f"{name}: {figures['successes']} of {figures['trials']}, 95 % within {low:.2f} to {high:.2f}")
-    return {name: figures["rate"] for name, figures in agents.items()}
+    def run(self) -> int:
+        demos, clone = self.out / "demos", self.out / "policy"
+        settings = DemoSettings.of(self.objects, agent=self.agent, episodes=self.episodes, noise=self.noise)
+        made = generate(settings, demos, backend=self.backend)
+        print(f"{made['episodes']} of {made['tried']} scenes became demonstrations")
+
+        trained = Cloning([demos], clone, BcSettings(view=self.view, epochs=self.epochs)).run()
+        print(f"loss {trained.curve[-1]['loss']:.3f} after {trained.seconds:.0f} s; the policy is {clone}")
+
+        scored = EvaluationSettings.of([str(clone), *self.beside], self.test, trials=self.trials)
+        agents = evaluate(scored, self.out / "scores", backend=self.backend)["agents"]
+        for name, figures in agents.items():
+            print(f"{name}: {figures['successes']} of {figures['trials']}, {rate_words(figures)}")
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Clone))

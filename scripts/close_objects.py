@@ -10,9 +10,9 @@ as its true mask gives them, that lie within 8 mm of one that is held for it. Go
 perception says of itself.
 """
 
-import argparse
 import json
-from typing import Any
+import sys
+from typing import Annotated, Any
 
 import gymnasium as gym
 import numpy as np
@@ -21,10 +21,13 @@ from tqdm import tqdm
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info
+from dexgrasp.cli.command import Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.registry import make_agent
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.sensing.perception import Perception
+from dexgrasp_env.valid import Count, Natural, one_of
 
 _GOOD, _NEAR, _STEPS = 0.9, 0.008, 400
 
@@ -65,40 +68,48 @@ def share(rows: list[dict[str, Any]], name: str) -> str:
     return f"{name} {count} of {len(rows)} [{100 * low:.0f}, {100 * high:.0f}]"
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Make scenes, and say how well the object is told from what stands around."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--objects", nargs="+", default=["all20"])
-    parser.add_argument("--neighbours", type=int, default=8)
-    parser.add_argument("--gaps", type=float, nargs=2, default=(0.005, 0.02), metavar=("LEAST", "MOST"))
-    parser.add_argument("--mask", default="perceived", choices=("perceived", "true"))
-    parser.add_argument("--seed", type=int, default=3000)
-    parser.add_argument("--scenes", type=int, default=100)
-    parser.add_argument("--play", action="store_true")
-    args = parser.parse_args(argv)
-    agent, targets, rows = make_agent("bilevel") if args.play else None, resolve_targets(args.objects), []
-    settings = {"neighbours": args.neighbours, "gaps": args.gaps, "mask": args.mask, "obs_mode": "pointcloud"}
-    if agent is not None:
-        settings |= agent.env_settings
-    for k in tqdm(range(args.scenes), disable=None):
-        target = targets[k % len(targets)]
+class Close(Script):
+    """Makes scenes, and says how well the object is told from what stands around."""
+
+    objects: tuple[str, ...] = ("all20",)
+    neighbours: Natural = 8
+    gaps: tuple[float, float] = (0.005, 0.02)
+    mask: Annotated[str, one_of(("perceived", "true"))] = "perceived"
+    seed: Natural = 3000
+    scenes: Count = 100
+    play: bool = False
+
+    def run(self) -> int:
+        targets, rows = resolve_targets(self.objects), []
+        agent: Any = make_agent("bilevel") if self.play else None
+        for k in tqdm(range(self.scenes), disable=None):
+            rows.append(self.row(targets[k % len(targets)], self.seed + k, agent))
+            print(json.dumps(rows[-1]), flush=True)
+        bad = [row for row in rows if not row.get("good")]
+        told = ("good", "doubtful", *(("lifted", "clean") if agent else ()))
+        print("; ".join(share(rows, name) for name in told))
+        print(f"of those not good, {share(bad, 'doubtful') if bad else 'none'}")
+        for name in ("purity", "kept"):
+            low, middle = np.quantile([row.get(name, 0.0) for row in rows], (0.1, 0.5))
+            print(f"{name}: median {middle:.3f}, lowest tenth {low:.3f}")
+        return 0
+
+    def row(self, target: str, seed: int, agent: Any) -> dict[str, Any]:
+        """Return what is told in a scene, and what an agent makes of it."""
+        settings = {
+            "neighbours": self.neighbours,
+            "gaps": self.gaps,
+            "mask": self.mask,
+            "obs_mode": "pointcloud",
+        }
+        settings |= agent.env_settings if agent else {}
         env = gym.make("DexGrasp/ClutterDense-v1", objects=target, disable_env_checker=True, **settings)
-        observation, info = env.reset(seed=args.seed + k)
-        row = {"target": target, "seed": args.seed + k} | told(env, args.seed + k)
-        rows.append(row | (play(env, agent, observation, info, args.seed + k) if agent else {}))
+        observation, info = env.reset(seed=seed)
+        row = {"target": target, "seed": seed} | told(env, seed)
+        row |= play(env, agent, observation, info, seed) if agent else {}
         env.close()
-        print(json.dumps(rows[-1]), flush=True)
-    bad = [row for row in rows if not row.get("good")]
-    print(
-        "; ".join(share(rows, name) for name in ("good", "doubtful", *(("lifted", "clean") if agent else ())))
-    )
-    print(f"of those not good, {share(bad, 'doubtful') if bad else 'none'}")
-    for name in ("purity", "kept"):
-        low, middle = np.quantile([row.get(name, 0.0) for row in rows], (0.1, 0.5))
-        print(f"{name}: median {middle:.3f}, lowest tenth {low:.3f}")
+        return row
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Close))

@@ -10,7 +10,6 @@ object's distance to all that was not pointed at. Rows go to OUT/rows.jsonl; exi
 hits anything by more than a millimetre.
 """
 
-import argparse
 import contextlib
 import io
 import json
@@ -24,6 +23,8 @@ import numpy as np
 from numpy.random import Generator
 from tqdm import tqdm
 
+from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.cli.main import main as dexgrasp
 from dexgrasp.export.read import read_trajectory
 from dexgrasp.verify.scene import Scene
@@ -32,6 +33,7 @@ from dexgrasp_env.perception.cloud import gather, remove_flying
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
+from dexgrasp_env.valid import Natural
 
 HIT = -0.001  # m
 WAYS = ("--object-near", "--box", "--mask")
@@ -212,28 +214,27 @@ def clearance(rows: Path, things: list[Thing]) -> float:
     return float(min(robot, scene.carried(path[times >= start])[1]))
 
 
-def main() -> int:
-    """Try all scenes; say how many are clear."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--count", type=int, default=40)
-    args = parser.parse_args()
-    scenes = users()
-    scenes |= {f"drawn {k}": drawn(np.random.default_rng([args.seed, k])) for k in range(args.count)}
-    found = []
-    args.out.mkdir(parents=True, exist_ok=True)
-    with (args.out / "rows.jsonl").open("w") as file:
-        for k, (name, things) in enumerate(tqdm(scenes.items(), disable=None)):
-            rng = np.random.default_rng([args.seed, k, 1])
-            found.append(tried(name, things, WAYS[k % len(WAYS)], rng, args.out / name.replace(" ", "_")))
-            print(json.dumps(found[-1]), file=file, flush=True)
-    for name, count in sorted(Counter(row["came"] for row in found).items()):
-        print(f"{name}: {count} of {len(found)}")
-    return int(any(row["came"] == "hit" for row in found))
+class Crowded(Script):
+    """Tries all scenes; says how many are clear."""
+
+    out: Argument[Folder]
+    seed: Natural = 0
+    count: Natural = 40
+
+    def run(self) -> int:
+        scenes = users()
+        scenes |= {f"drawn {k}": drawn(np.random.default_rng([self.seed, k])) for k in range(self.count)}
+        found = []
+        self.out.mkdir(parents=True, exist_ok=True)
+        with (self.out / "rows.jsonl").open("w") as file:
+            for k, (name, things) in enumerate(tqdm(scenes.items(), disable=None)):
+                rng = np.random.default_rng([self.seed, k, 1])
+                found.append(tried(name, things, WAYS[k % len(WAYS)], rng, self.out / name.replace(" ", "_")))
+                print(json.dumps(found[-1]), file=file, flush=True)
+        for name, count in sorted(Counter(row["came"] for row in found).items()):
+            print(f"{name}: {count} of {len(found)}")
+        return int(any(row["came"] == "hit" for row in found))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Crowded))

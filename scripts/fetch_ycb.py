@@ -8,19 +8,21 @@ The meshes go into the cache, are fetched once, and are their authors': each obj
 (https://www.ycbbenchmarks.com). Masses are the published ones.
 """
 
-import argparse
 import io
 import sys
 import tarfile
 import urllib.error
 import urllib.request
 from pathlib import Path
+from typing import Annotated
 
+from set_files import write_set
 from tqdm import tqdm
 
-from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import cache_dir, write_atomically, write_json
-from dexgrasp_env.objects.sets import SCHEMA, read_set
+from dexgrasp.cli.command import Argument, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.files import cache_dir, write_atomically
 
 PUBLISHER = "https://ycb-benchmarks.s3.amazonaws.com/data/google"
 MASSES = {  # kg
@@ -70,45 +72,44 @@ def _mesh_of(archive: bytes, name: str) -> bytes:
     return content
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Fetch, and write the set file."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("set_file", type=Path, metavar="FILE.json", help="set file to write")
-    parser.add_argument(
-        "--objects", nargs="+", default=list(MASSES), metavar="NAME", help="which (default: all)"
-    )
-    parser.add_argument(
-        "--yes", action="store_true", help="fetch: without it only what would be done is said"
-    )
-    parser.add_argument("--publisher", default=PUBLISHER, metavar="URL", help="(default %(default)s)")
-    args = parser.parse_args(argv)
-    try:
-        return _run(args)
-    except InputError as error:
-        print(f"fetch_ycb: {error}", file=sys.stderr)
-        return 2
+class Fetch(Script):
+    """Fetches, and writes the set file.
 
+    Attributes:
+        set_file: set file to write.
+        objects: which (default: all).
+        yes: fetch; without it only what would be done is said.
+        publisher: where they are.
+    """
 
-def _run(args: argparse.Namespace) -> int:
-    for name in args.objects:
-        if name not in MASSES:
-            raise InputError(f"unknown object {name!r}: valid are {', '.join(MASSES)}")
-    if not args.yes:
-        print(f"{len(args.objects)} archives of up to a few MB each would be fetched from {args.publisher}")
-        print(f"into {cache_dir() / 'ycb'}; their terms: https://www.ycbbenchmarks.com. Give --yes to do it.")
+    set_file: Argument[Annotated[Path, "FILE.json"]]
+    objects: Annotated[tuple[str, ...], "NAME"] = tuple(MASSES)
+    yes: bool = False
+    publisher: Annotated[str, "URL"] = PUBLISHER
+
+    def run(self) -> int:
+        for name in self.objects:
+            if name not in MASSES:
+                raise unknown_name("object", name, MASSES)
+        if not self.yes:
+            print(
+                f"{len(self.objects)} archives of up to a few MB each would be fetched from {self.publisher}"
+            )
+            print(
+                f"into {cache_dir() / 'ycb'}; their terms: https://www.ycbbenchmarks.com. Give --yes to do it."
+            )
+            return 0
+        with tqdm(self.objects, unit="mesh", file=sys.stderr) as bar:
+            meshes = {name: fetch(name, self.publisher) for name in bar}
+        write_set(
+            self.set_file,
+            [
+                {"name": f"ycb_{name}", "mesh": str(path), "mass": MASSES[name], "source": self.publisher}
+                for name, path in meshes.items()
+            ],
+        )
         return 0
-    with tqdm(args.objects, unit="mesh", file=sys.stderr) as bar:
-        meshes = {name: fetch(name, args.publisher) for name in bar}
-    objects = [
-        {"name": f"ycb_{name}", "mesh": str(path), "mass": MASSES[name], "source": args.publisher}
-        for name, path in meshes.items()
-    ]
-    write_json(args.set_file, {"schema": SCHEMA, "objects": objects})
-    print(f"wrote {args.set_file}: {len(read_set(str(args.set_file)))} objects")
-    return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Fetch))

@@ -6,13 +6,17 @@
 Videos are laid out row by row, each scaled to the width of its cell; one that ends earlier stands still.
 """
 
-import argparse
+import sys
 from pathlib import Path
 
 import imageio.v2 as imageio
 import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
+
+from dexgrasp.cli.command import Argument, File, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp_env.valid import Count, Positive
 
 _RATE = 20.0  # frames a second of the videos
 
@@ -36,26 +40,33 @@ def tile(videos: list[list[NDArray[np.uint8]]], columns: int) -> list[Image.Imag
     return film
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Write the film."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path, help="a .webp file")
-    parser.add_argument("videos", type=Path, nargs="+")
-    parser.add_argument("--columns", type=int, default=5)
-    parser.add_argument("--width", type=int, default=200, help="pixels of one video (default 200)")
-    parser.add_argument("--step", type=int, default=3, help="every how manieth frame (default 3)")
-    parser.add_argument("--speed", type=float, default=2.0, help="times as fast (default 2)")
-    options = parser.parse_args(argv)
-    size = (options.width, options.width * 3 // 4)
-    film = tile([read_frames(path, size, options.step) for path in options.videos], options.columns)
-    duration = round(1000 * options.step / (_RATE * options.speed))
-    film[0].save(
-        options.out, save_all=True, append_images=film[1:], duration=duration, loop=0, quality=60, method=4
-    )
-    print(f"wrote {options.out}, {len(film)} frames, {options.out.stat().st_size / 1e6:.1f} MB")
+class Film(Script):
+    """Writes the film.
+
+    Attributes:
+        out: a .webp file.
+        width: pixels of one video.
+        step: every how manieth frame.
+        speed: times as fast.
+    """
+
+    out: Argument[File]
+    videos: Argument[tuple[File, ...]]
+    columns: Count = 5
+    width: Count = 200
+    step: Count = 3
+    speed: Positive = 2.0
+
+    def run(self) -> int:
+        size = (self.width, self.width * 3 // 4)
+        film = tile([read_frames(path, size, self.step) for path in self.videos], self.columns)
+        duration = round(1000 * self.step / (_RATE * self.speed))
+        film[0].save(
+            self.out, save_all=True, append_images=film[1:], duration=duration, loop=0, quality=60, method=4
+        )
+        print(f"wrote {self.out}, {len(film)} frames, {self.out.stat().st_size / 1e6:.1f} MB")
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Film))

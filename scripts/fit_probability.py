@@ -9,8 +9,8 @@ of DATA, and judged on TEST, of other shapes. DATA/judged.json has the figures, 
 diagrams.
 """
 
-import argparse
 import json
+import sys
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,12 +19,15 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm import tqdm
 
+from dexgrasp.cli.command import Argument, File, Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.prediction import auc
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.features import features_of
 from dexgrasp.grasp.file import record_of
 from dexgrasp.grasp.probability import OUTCOMES, SCHEMA, Model, read_model
 from dexgrasp.runs.shards import read_shard, text_of
+from dexgrasp.runs.versions import package_version
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_atomically, write_json
 
@@ -323,49 +326,44 @@ def plot(path: Path, found: dict[str, Any]) -> None:
     figure.savefig(path, dpi=90)
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Judge, fit, write."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("data", type=Path)
-    parser.add_argument("--held-out", type=Path)
-    parser.add_argument("--out", type=Path)
-    args = parser.parse_args(argv)
-    rows = read_rows(args.data)
-    found = {outcome: crossed(rows, outcome) for outcome in OUTCOMES}
-    if args.out:
-        scene = json.loads(text_of(read_shard(min(args.data.glob("scene-*.npz")))["row"]))
-        card = {
-            "data": "scripts/probability_data.py",
-            "scikit-learn": _version(),
-            **{
-                name: {
-                    key: one[key]
-                    for key in ("episodes", "failed", "shapes", "area_of_cells", "calibration_error")
-                }
-                for name, one in found.items()
-            },
-        }
-        model = write_model(args.out, rows, scene["record"]["robot"]["hash"], card)
-        print(f"wrote {args.out}, {args.out.stat().st_size / 1e3:.0f} kB, {model.hash}")
-        if args.held_out:
-            others = read_rows(args.held_out)
-            for name in OUTCOMES:
-                found[name]["held_out"] = tried(model, rows, others, name)
-    write_json(args.data / "judged.json", found)
-    plot(args.data / "judged.png", found)
-    for outcome, one in found.items():
-        for kind, of in (("crossed", one), ("held out", one.get("held_out", {}))):
-            figures = {key: value for key, value in of.items() if not isinstance(value, dict | list)}
-            print(outcome, kind, json.dumps(figures))
+class Fit(Script):
+    """Judges, fits, writes."""
+
+    data: Argument[Folder]
+    held_out: Folder | None = None
+    out: File | None = None
+
+    def run(self) -> int:
+        rows = read_rows(self.data)
+        found = {outcome: crossed(rows, outcome) for outcome in OUTCOMES}
+        if self.out:
+            model = write_model(self.out, rows, self._robot(), _card(found))
+            print(f"wrote {self.out}, {self.out.stat().st_size / 1e3:.0f} kB, {model.hash}")
+            if self.held_out:
+                others = read_rows(self.held_out)
+                for name in OUTCOMES:
+                    found[name]["held_out"] = tried(model, rows, others, name)
+        write_json(self.data / "judged.json", found)
+        plot(self.data / "judged.png", found)
+        for outcome, one in found.items():
+            for kind, of in (("crossed", one), ("held out", one.get("held_out", {}))):
+                figures = {key: value for key, value in of.items() if not isinstance(value, dict | list)}
+                print(outcome, kind, json.dumps(figures))
+        return 0
+
+    def _robot(self) -> str:
+        scene = json.loads(text_of(read_shard(min(self.data.glob("scene-*.npz")))["row"]))
+        return str(scene["record"]["robot"]["hash"])
 
 
-def _version() -> str:
-    import sklearn
-
-    return str(sklearn.__version__)
+def _card(found: dict[str, Any]) -> dict[str, Any]:
+    kept = ("episodes", "failed", "shapes", "area_of_cells", "calibration_error")
+    return {
+        "data": "scripts/probability_data.py",
+        "scikit-learn": package_version("scikit-learn"),
+        **{name: {key: one[key] for key in kept} for name, one in found.items()},
+    }
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Fit))

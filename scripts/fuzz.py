@@ -8,7 +8,6 @@ physical inertia, and extents within 5 % of its file's or a note that says why n
 beside the log. Exits with 1 if anything failed.
 """
 
-import argparse
 import contextlib
 import io
 import json
@@ -19,16 +18,23 @@ import sys
 import tempfile
 import time
 from collections import Counter
+from collections.abc import Sequence
 from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 import fuzz_inputs as inputs
 import numpy as np
 from fuzz_clouds import odd_cloud, odd_pointing
 from numpy.random import Generator
+from tqdm import tqdm
 
+from dexgrasp.cli.command import File, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp.runs.lines import Lines
 from dexgrasp_env.assets import asset_path
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Count, Natural, one_of
 
 LONGEST = 300.0  # s a case may take on a busy machine: more is a hang
 ALLOWED = (0, 1, 2, 3)
@@ -65,7 +71,7 @@ def prepare(folder: Path) -> None:
     }
     for made, argv in steps.items():
         if not (folder / made).exists() and main(argv) != 0:
-            raise SystemExit(f"cannot prepare {made}")
+            raise InputError(f"cannot prepare {made}")
     if not (folder / "ppo.zip").exists():
         _save_checkpoint(folder / "ppo.zip")
 
@@ -266,7 +272,7 @@ def make_case(kind: str, rng: Generator, good: Path, here: Path) -> Case:
     return KINDS[kind][1](rng, good, here)
 
 
-def fuzz(numbers: list[int], kinds: list[str], seed: int, good: Path, worker: Worker) -> Any:
+def fuzz(numbers: list[int], kinds: Sequence[str], seed: int, good: Path, worker: Worker) -> Any:
     """Yield a row for each case."""
     shares = np.array([KINDS[kind][0] for kind in kinds], dtype=float)
     for k in numbers:
@@ -289,36 +295,31 @@ def fuzz(numbers: list[int], kinds: list[str], seed: int, good: Path, worker: Wo
         }
 
 
-def main() -> int:
-    """Prepare, run, report."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--count", type=int, default=10_000)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kinds", nargs="+", choices=KINDS, default=list(KINDS))
-    parser.add_argument("--log", type=Path, default=Path("out/fuzz.jsonl"))
-    args = parser.parse_args()
-    good = args.log.resolve().parent / "good"
-    good.mkdir(parents=True, exist_ok=True)
-    os.environ["DEXGRASP_CACHE"] = str(good / "cache")  # cases damage it
-    prepare(good)
-    from tqdm import tqdm
+class Fuzz(Script):
+    """Prepares, runs, reports."""
 
-    from dexgrasp.runs.lines import Lines
+    count: Count = 10_000
+    seed: Natural = 0
+    kinds: tuple[Annotated[str, one_of(KINDS)], ...] = tuple(KINDS)
+    log: File = Path("out/fuzz.jsonl")
 
-    log = Lines(args.log, "case", lambda row: None)
-    done = {row["case"] for row in log.rows if row["code"] in ALLOWED}
-    left = [k for k in range(args.count) if k not in done]
-    for row in tqdm(fuzz(left, args.kinds, args.seed, good, Worker()), total=len(left), unit="case"):
-        log.append(row)
-    rows = {row["case"]: row for row in log.rows if row["case"] < args.count}.values()
-    for name, number in sorted(Counter(f"{row['kind']} {row['code']}" for row in rows).items()):
-        print(f"{name:<16} {number}")
-    failed = sum(row["code"] not in ALLOWED for row in rows)
-    print(f"{len(rows)} cases, {failed} failed")
-    return int(failed > 0)
+    def run(self) -> int:
+        good = self.log.resolve().parent / "good"
+        good.mkdir(parents=True, exist_ok=True)
+        os.environ["DEXGRASP_CACHE"] = str(good / "cache")  # cases damage it
+        prepare(good)
+        log = Lines(self.log, "case", lambda row: None)
+        done = {row["case"] for row in log.rows if row["code"] in ALLOWED}
+        left = [k for k in range(self.count) if k not in done]
+        for row in tqdm(fuzz(left, self.kinds, self.seed, good, Worker()), total=len(left), unit="case"):
+            log.append(row)
+        rows = {row["case"]: row for row in log.rows if row["case"] < self.count}.values()
+        for name, number in sorted(Counter(f"{row['kind']} {row['code']}" for row in rows).items()):
+            print(f"{name:<16} {number}")
+        failed = sum(row["code"] not in ALLOWED for row in rows)
+        print(f"{len(rows)} cases, {failed} failed")
+        return int(failed > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Fuzz))

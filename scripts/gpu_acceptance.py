@@ -10,7 +10,6 @@ pushes among them. Every part prints its line as it ends; --out has all as JSON.
 warp's wheels, and a driver; tensors a torch that was built for CUDA.
 """
 
-import argparse
 import json
 import os
 import subprocess
@@ -20,6 +19,7 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,9 +28,12 @@ import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
+from dexgrasp.cli.command import File, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.objects.load import resolve_targets
+from dexgrasp_env.valid import Count, Positive
 
 ID, FRAME_SKIP = "DexGrasp/Lift-v2", 25
 ROOT = Path(__file__).resolve().parent.parent
@@ -177,53 +180,61 @@ def shown(value: Any) -> str:
     return f"{value:,.0f}" if value >= 1000 else f"{value:.3g}"
 
 
-def main(arguments: list[str] | None = None) -> int:
-    """Measure one part after the other."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--device", default="cuda:0")
-    parser.add_argument("--sizes", type=int, nargs="+", default=[1024, 4096, 16384])
-    parser.add_argument("--control-steps", type=int, default=40, help="of every measurement of speed")
-    parser.add_argument("--episodes", type=int, default=1000, help="of rl, here and in MuJoCo")
-    parser.add_argument("--random-steps", type=int, default=10_000_000)
-    parser.add_argument("--random-seconds", type=float, default=120.0, help="after which random actions end")
-    parser.add_argument("--tests", action="store_true", help="tests/test_warp*.py on the device as well")
-    parser.add_argument("--out", type=Path)
-    given = parser.parse_args(arguments)
-    objects = resolve_targets(["all20"])
-    plain = [name for name in objects if name != "massage_ball"]
-    middle = given.sizes[len(given.sizes) // 2]
-    parts: dict[str, Callable[[], Result]] = {
-        f"speed, {len(own)} objects, {kind}, {n}": lambda n=n, own=own, kind=kind: throughput(
-            n, own, given.device, given.control_steps, kind == "tensors"
+class Acceptance(Script):
+    """Measures one part after the other.
+
+    Attributes:
+        control_steps: of every measurement of speed.
+        episodes: of rl, here and in MuJoCo.
+        random_seconds: after which random actions end.
+        tests: tests/test_warp*.py on the device as well.
+    """
+
+    device: str = "cuda:0"
+    sizes: tuple[Count, ...] = (1024, 4096, 16384)
+    control_steps: Count = 40
+    episodes: Count = 1000
+    random_steps: Count = 10_000_000
+    random_seconds: Positive = 120.0
+    tests: bool = False
+    out: File | None = None
+
+    def parts(self) -> dict[str, Callable[[], Result]]:
+        """Return what is measured, by name."""
+        objects, device = resolve_targets(["all20"]), self.device
+        plain = [name for name in objects if name != "massage_ball"]
+        parts: dict[str, Callable[[], Result]] = {
+            f"speed, {len(own)} objects, {kind}, {n}": partial(
+                throughput, n, own, device, self.control_steps, kind == "tensors"
+            )
+            for own, kind in ((objects, "arrays"), (objects, "tensors"), (plain, "tensors"))
+            for n in self.sizes
+        }
+        parts["rl"] = partial(closed_loop, self.episodes, objects, device)
+        middle = self.sizes[len(self.sizes) // 2]
+        parts["random actions"] = partial(
+            random_steps, self.random_steps, middle, objects, device, self.random_seconds
         )
-        for own, kind in ((objects, "arrays"), (objects, "tensors"), (plain, "tensors"))
-        for n in given.sizes
-    }
-    parts["rl"] = lambda: closed_loop(given.episodes, objects, given.device)
-    parts["random actions"] = lambda: random_steps(
-        given.random_steps, middle, objects, given.device, given.random_seconds
-    )
-    if given.tests:
-        parts["tests"] = lambda: tested(given.device)
-    results: Result = {"device": given.device, "cores": usable_cores(), "load": os.getloadavg()[0]}
-    began = time.perf_counter()
-    for name, measure in parts.items():
-        start = time.perf_counter()
-        try:
-            results[name] = measure()
-        except InputError as refusal:  # a torch without CUDA, say
-            results[name] = {"refused": str(refusal)}
-        results[name]["seconds"] = time.perf_counter() - start
-        print(f"{name}: " + ", ".join(f"{k} {shown(v)}" for k, v in results[name].items()), flush=True)
-        if given.out:
-            given.out.write_text(json.dumps(results, indent=1, default=float))
-    print(f"{time.perf_counter() - began:.0f} s in all")
-    return 0
+        return parts | ({"tests": partial(tested, device)} if self.tests else {})
+
+    def run(self) -> int:
+        results: Result = {"device": self.device, "cores": usable_cores(), "load": os.getloadavg()[0]}
+        began = time.perf_counter()
+        for name, measure in self.parts().items():
+            start = time.perf_counter()
+            try:
+                results[name] = measure()
+            except InputError as refusal:  # a torch without CUDA, say
+                results[name] = {"refused": str(refusal)}
+            results[name]["seconds"] = time.perf_counter() - start
+            print(f"{name}: " + ", ".join(f"{k} {shown(v)}" for k, v in results[name].items()), flush=True)
+            if self.out:
+                self.out.write_text(json.dumps(results, indent=1, default=float))
+        print(f"{time.perf_counter() - began:.0f} s in all")
+        return 0
 
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as cache:
         os.environ.setdefault("WARP_CACHE_PATH", cache)  # a cold start is one
-        sys.exit(main())
+        sys.exit(run_script(Acceptance))

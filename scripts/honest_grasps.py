@@ -8,9 +8,6 @@ which object it was, and where. Every grasp that is found is verified. Goes on w
 than one in a hundred is refused: what one view hides is guessed, now and then wrongly.
 """
 
-import argparse
-import contextlib
-import io
 import json
 import sys
 from pathlib import Path
@@ -18,18 +15,24 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from crowded_clouds import run
 from relabel_grasps import named
 from tqdm import tqdm
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
-from dexgrasp.cli.main import main as dexgrasp
+from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp.evaluation.evaluate import evaluate
+from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.grasp.content import grasp_json
 from dexgrasp.grasp.file import read_grasp, write_grasp
 from dexgrasp.planning.look import Subject, subject_of
+from dexgrasp.verify.verify import verify
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.perception.cloud import gather
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+from dexgrasp_env.valid import Count, Natural
 
 OBJECTS = ("all20", "varied-0..19")
 
@@ -46,15 +49,6 @@ def scan(target: str, seed: int) -> tuple[Array, Subject]:
     return gather(seen["depth"], cameras).points, subject
 
 
-def printed(*words: str) -> dict[str, Any]:
-    """Return the object that a command prints with `--json`."""
-    out = io.StringIO()
-    with contextlib.redirect_stdout(out):
-        dexgrasp([*words, "--json"])
-    found: dict[str, Any] = json.loads(out.getvalue())
-    return found
-
-
 def plan_scans(folder: Path, count: int, seed: int) -> None:
     """Scan every object `count` times and plan on each scan."""
     for target in tqdm(resolve_targets(OBJECTS), desc="scans"):
@@ -64,49 +58,49 @@ def plan_scans(folder: Path, count: int, seed: int) -> None:
                 out.mkdir(parents=True, exist_ok=True)
                 points, subject = scan(target, seed + k)
                 np.save(out / "scan.npy", points)
-                answer = printed(
-                    "plan", "--cloud", str(out / "scan.npy"), "--out", str(out), "--seed", str(k)
+                _, said = run(
+                    ["plan", "--cloud", str(out / "scan.npy"), "--out", str(out), "--seed", str(k), "--json"]
                 )
                 if (file := out / "grasp.json").exists():
                     model, pose = load_object(target), subject.pose.T_world_object
                     write_grasp(file, grasp_json(named(read_grasp(file), model, target, pose)))
-                (out / "answer.json").write_text(json.dumps({"reason": answer["reason"]}))
+                (out / "answer.json").write_text(said)
 
 
-def refused(files: list[Path]) -> dict[str, list[str]]:
-    """Return the names of the checks that fail, of the files that do not hold."""
-    return {
-        str(file): [check["name"] for check in found["checks"] if not check["holds"]]
+def refused(files: list[Path]) -> dict[str, Any]:
+    """Return how many grasp files there are and, of those that do not hold, the names of the checks that fail."""
+    failed = {
+        str(file): [check.name for check in verify(read_grasp(file)) if not check.holds]
         for file in tqdm(files, desc="verify")
-        if not (found := printed("verify", str(file)))["holds"]
     }
+    return {"grasps": len(files), "refused": {file: names for file, names in failed.items() if names}}
 
 
-def main() -> int:
-    """Plan and verify."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--trials", type=int, default=3)
-    parser.add_argument("--scans", type=int, default=2)
-    parser.add_argument("--seed", type=int, default=11)
-    args = parser.parse_args()
-    run, found = args.out / "run", {}
-    trials, seed = ("--trials", str(args.trials)), ("--seed", str(args.seed))
-    printed("evaluate", "--agents", "bilevel", "--objects", *OBJECTS, *trials, *seed,
-            "--protocol", "lift", "one_view", "--out", str(run))  # fmt: skip
-    plan_scans(args.out / "scans", args.scans, args.seed)
-    for kind, files in (
-        ("lift", sorted((run / "grasps").glob("lift-*.json"))),
-        ("one_view", sorted((run / "grasps").glob("one_view-*.json"))),
-        ("scans", sorted((args.out / "scans").glob("*/grasp.json"))),
-    ):
-        found[kind] = {"grasps": len(files), "refused": refused(files)}
-    print(json.dumps(found, indent=1))
-    grasps = sum(one["grasps"] for one in found.values())
-    return int(100 * sum(len(one["refused"]) for one in found.values()) > grasps)
+class Honest(Script):
+    """Plans and verifies."""
+
+    out: Argument[Folder]
+    trials: Count = 3
+    scans: Count = 2
+    seed: Natural = 11
+
+    def run(self) -> int:
+        run, scans, found = self.out / "run", self.out / "scans", {}
+        settings = EvaluationSettings.of(
+            ["bilevel"], OBJECTS, trials=self.trials, seed=self.seed, protocols=("lift", "one_view")
+        )
+        evaluate(settings, run)
+        plan_scans(scans, self.scans, self.seed)
+        for kind, files in (
+            ("lift", (run / "grasps").glob("lift-*.json")),
+            ("one_view", (run / "grasps").glob("one_view-*.json")),
+            ("scans", scans.glob("*/grasp.json")),
+        ):
+            found[kind] = refused(sorted(files))
+        print(json.dumps(found, indent=1))
+        grasps = sum(one["grasps"] for one in found.values())
+        return int(100 * sum(len(one["refused"]) for one in found.values()) > grasps)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Honest))

@@ -9,26 +9,29 @@ killed ended in anything but 0, if a file of arrays differs or is missing, or if
 has not.
 """
 
-import argparse
-import hashlib
 import itertools
 import os
 import signal
 import subprocess
 import sys
 import time
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
 from safetensors.numpy import load_file
 
-from dexgrasp_env.files import content_hash
+from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import content_hash, file_hash
+from dexgrasp_env.valid import Count, Natural
 
 _ARRAYS = (".safetensors", ".npz", ".hdf5", ".parquet", ".npy")
 
 
-def start(arguments: list[str], out: Path) -> subprocess.Popen[bytes]:
+def start(arguments: Sequence[str], out: Path) -> subprocess.Popen[bytes]:
     """Start the command in a group of its own, what it says in a log beside its folder."""
     with open(out.with_suffix(".log"), "ab") as log:
         return subprocess.Popen(
@@ -37,7 +40,7 @@ def start(arguments: list[str], out: Path) -> subprocess.Popen[bytes]:
         )  # fmt: skip
 
 
-def killed(arguments: list[str], out: Path, kills: int, most: float, rng: Generator) -> tuple[int, int]:
+def killed(arguments: Sequence[str], out: Path, kills: int, most: float, rng: Generator) -> tuple[int, int]:
     """Run to the end, killed on the way; return how often that was, and how often a start ended by itself badly."""
     done, bad = 0, 0
     while True:
@@ -63,40 +66,46 @@ def contents(folder: Path) -> dict[str, str]:
 def _hash(path: Path) -> str:
     """Of weights the arrays alone: the note beside them says how long it took."""
     if path.suffix != ".safetensors":
-        return hashlib.sha256(path.read_bytes()).hexdigest()
+        return file_hash(path)
     arrays = load_file(path)
     return content_hash(*(part for name in sorted(arrays) for part in (name, arrays[name])))
 
 
-def main(argv: list[str] | None = None) -> int:
-    """Run, kill, compare."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--kills", type=int, default=20)
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--work", type=Path, required=True, help="an empty folder")
-    parser.add_argument("arguments", nargs="+", help="of dexgrasp, without --out")
-    options = parser.parse_args(argv)
-    options.work.mkdir(parents=True, exist_ok=True)
-    whole, rng = options.work / "whole", np.random.default_rng(options.seed)
-    began = time.monotonic()
-    if start(options.arguments, whole).wait() != 0:
-        raise SystemExit(f"the command fails by itself: see {whole.with_suffix('.log')}")
-    most, expected, kills, bad, other = time.monotonic() - began, contents(whole), 0, 0, set[str]()
-    for run in itertools.count():
-        if kills >= options.kills or bad:
-            break
-        part = options.work / f"killed-{run}"
-        more, failed = killed(options.arguments, part, options.kills - kills, most, rng)
-        kills, bad, found = kills + more, bad + failed, contents(part)
-        other |= {name for name in expected.keys() | found.keys() if expected.get(name) != found.get(name)}
-    print(
-        f"killed {kills} times, {run} runs, {bad} starts ended badly, {len(other)} of {len(expected)} files differ"
-    )
-    print(*sorted(other), sep="\n")
-    return int(bool(other or bad))
+class Kills(Script):
+    """Runs, kills, compares.
+
+    Attributes:
+        work: an empty folder.
+        arguments: of dexgrasp, without --out.
+    """
+
+    kills: Count = 20
+    seed: Natural = 0
+    work: Folder
+    arguments: Argument[tuple[str, ...]]
+
+    def run(self) -> int:
+        self.work.mkdir(parents=True, exist_ok=True)
+        whole, rng = self.work / "whole", np.random.default_rng(self.seed)
+        began = time.monotonic()
+        if start(self.arguments, whole).wait() != 0:
+            raise InputError(f"the command fails by itself: see {whole.with_suffix('.log')}")
+        most, expected, kills, bad, other = time.monotonic() - began, contents(whole), 0, 0, set[str]()
+        for run in itertools.count():
+            if kills >= self.kills or bad:
+                break
+            part = self.work / f"killed-{run}"
+            more, failed = killed(self.arguments, part, self.kills - kills, most, rng)
+            kills, bad, found = kills + more, bad + failed, contents(part)
+            other |= {
+                name for name in expected.keys() | found.keys() if expected.get(name) != found.get(name)
+            }
+        print(
+            f"killed {kills} times, {run} runs, {bad} starts ended badly, {len(other)} of {len(expected)} files differ"
+        )
+        print(*sorted(other), sep="\n")
+        return int(bool(other or bad))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Kills))

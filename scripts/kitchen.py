@@ -6,16 +6,16 @@
 Names, sizes and masses are frozen: `DIGEST` is the hash of all meshes and masses, and what differs is said.
 """
 
-import argparse
 import hashlib
 import sys
-from pathlib import Path
 
 from manifold3d import CrossSection, Manifold
-from outside import obj_of
+from outside import solid_obj
+from set_files import write_set
 
-from dexgrasp_env.files import write_atomically, write_json
-from dexgrasp_env.objects.sets import SCHEMA
+from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp_env.files import write_atomically
 
 DIGEST = "409a3b30e57a117e"
 _ROUND = 64  # sides of what is round
@@ -140,42 +140,43 @@ def handled() -> dict[str, Made]:
     }  # fmt: skip
 
 
-def files(made: dict[str, Made], kind: str) -> tuple[dict[str, bytes], list[dict[str, object]]]:
-    """Return the meshes, m, by name, and the entries of their set file."""
-    meshes = {name: obj_of(solid.scale((0.001,) * 3)) for name, (solid, _) in made.items()}
-    return meshes, [
+def members(made: dict[str, Made], kind: str) -> list[dict[str, object]]:
+    """Return the entries of a set file."""
+    return [
         {"name": f"kitchen-{name}", "mesh": f"meshes/{name}.obj", "mass": mass, "source": f"dexgrasp, {kind}"}
         for name, (_, mass) in made.items()
     ]
 
 
-def digest(meshes: dict[str, bytes], entries: list[dict[str, object]]) -> str:
-    """Return the hash of meshes and of what is said of them."""
-    whole = repr(entries).encode() + b"".join(meshes.values())
-    return hashlib.sha256(whole).hexdigest()[:16]
+class Kitchen(Script):
+    """Writes the meshes and the two set files, held to their hash.
 
+    Attributes:
+        folder: where meshes and set files go.
+    """
 
-def main() -> int:
-    """Write the meshes and the two set files, held to their hash."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folder", type=Path, metavar="DIR", help="where meshes and set files go")
-    args = parser.parse_args()
-    (args.folder / "meshes").mkdir(parents=True, exist_ok=True)
-    meshes, everything = {}, []
-    for kind, made in (("flat", flat()), ("handled", handled())):
-        some, entries = files(made, kind)
-        meshes |= some
-        everything += entries
-        write_json(args.folder / f"{kind}.json", {"schema": SCHEMA, "objects": entries})
-    for name, content in meshes.items():
-        write_atomically(args.folder / "meshes" / f"{name}.obj", content)
-    if (found := digest(meshes, everything)) != DIGEST:
-        print(f"these are not the frozen things: {found}, not {DIGEST}", file=sys.stderr)
-        return 1
-    return 0
+    folder: Argument[Folder]
+
+    def run(self) -> int:
+        sets = {"flat": flat(), "handled": handled()}
+        entries = {kind: members(made, kind) for kind, made in sets.items()}
+        meshes = {
+            name: solid_obj(solid.scale((0.001,) * 3))
+            for made in sets.values()
+            for name, (solid, _) in made.items()
+        }
+        for name, content in meshes.items():
+            write_atomically(self.folder / "meshes" / f"{name}.obj", content)
+        for kind, own in entries.items():
+            write_set(self.folder / f"{kind}.json", own)
+        whole = repr([entry for own in entries.values() for entry in own]).encode() + b"".join(
+            meshes.values()
+        )
+        if (found := hashlib.sha256(whole).hexdigest()[:16]) != DIGEST:
+            print(f"these are not the frozen things: {found}, not {DIGEST}", file=sys.stderr)
+            return 1
+        return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Kitchen))

@@ -10,8 +10,8 @@ the grasp was held for each. What moves 2 cm in the hand has failed. One line a 
 that are there are not made again; DIR/summary.json has the figures.
 """
 
-import argparse
 import json
+import sys
 from functools import partial
 from itertools import product
 from pathlib import Path
@@ -21,6 +21,8 @@ import numpy as np
 from tqdm import tqdm
 
 from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.cli.command import Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.planning.look import Look, look_at
@@ -29,6 +31,7 @@ from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_json
 from dexgrasp_env.objects.load import resolve_targets
+from dexgrasp_env.valid import Count, Natural
 
 FRICTION = 0.6  # of the world, as in the cones of `friction_hold`
 SHARES = (0.8, 1.0)  # of the claim
@@ -127,29 +130,33 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Make the grasps that are not in the file yet, and summarise."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--objects", nargs="+", default=["all20"])
-    parser.add_argument("--seeds", type=int, nargs="+", default=[40, 41])
-    parser.add_argument("--pushes", type=int, default=6, help="directions a grasp")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--out", type=Path, default=Path("runs/load"))
-    args = parser.parse_args(argv)
-    args.out.mkdir(parents=True, exist_ok=True)
-    lines = Lines(args.out / "pushes.jsonl", "grasp that was pushed", lambda row: None)
-    done = {(row["target"], row["seed"]) for row in lines.rows}
-    jobs = [(target, seed) for seed in args.seeds for target in resolve_targets(args.objects)]
-    jobs = [job for job in jobs if job not in done]
-    rows = run_pool(partial(grasp_row, count=args.pushes), jobs, Backend(workers=args.workers))
-    for row in tqdm(rows, total=len(jobs), unit="grasp"):
-        lines.append(row)
-    found = summary(lines.rows)
-    print(json.dumps(found, indent=1))
-    write_json(args.out / "summary.json", found)
+class Load(Script):
+    """Makes the grasps that are not in the file yet, and summarises.
+
+    Attributes:
+        pushes: directions a grasp.
+    """
+
+    objects: tuple[str, ...] = ("all20",)
+    seeds: tuple[Natural, ...] = (40, 41)
+    pushes: Count = 6
+    backend: Backend = Backend()
+    out: Folder = Path("runs/load")
+
+    def run(self) -> int:
+        self.out.mkdir(parents=True, exist_ok=True)
+        lines = Lines(self.out / "pushes.jsonl", "grasp that was pushed", lambda row: None)
+        done = {(row["target"], row["seed"]) for row in lines.rows}
+        targets = resolve_targets(self.objects)
+        jobs = [(target, seed) for seed in self.seeds for target in targets if (target, seed) not in done]
+        rows = run_pool(partial(grasp_row, count=self.pushes), jobs, self.backend)
+        for row in tqdm(rows, total=len(jobs), unit="grasp"):
+            lines.append(row)
+        found = summary(lines.rows)
+        print(json.dumps(found, indent=1))
+        write_json(self.out / "summary.json", found)
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Load))

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 import yaml
+from set_files import obj_of
 
 SHELLS = Path(__file__).with_name("shells.yaml")
 Point = tuple[float, float, float]
@@ -109,19 +110,12 @@ def _bounds(field: Field) -> list[float]:
     return [*(near.min(0) - 0.02), *(near.max(0) + 0.02)]
 
 
-def write_obj(path: Path, points: np.ndarray, triangles: np.ndarray) -> None:
-    """Write a mesh with vertices to 10 micrometres."""
-    lines = [f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in points]
-    lines += [f"f {a} {b} {c}" for a, b, c in triangles + 1]
-    path.write_text("\n".join(lines) + "\n")
-
-
 def write_shells(directory: Path) -> None:
     """Mesh every shell into `directory`."""
     shells = yaml.safe_load(SHELLS.read_text())
     for part, step, faces in (("arm", 0.005, 1800), ("hand", 0.002, 500)):
         for name, content in shells[part].items():
-            write_obj(directory / f"{name}.obj", *mesh_field(shell(**content), step, faces))
+            (directory / f"{name}.obj").write_bytes(obj_of(*mesh_field(shell(**content), step, faces)))
 
 
 if __name__ == "__main__":

@@ -9,7 +9,6 @@ pass is listed with the size of the change; changes smaller than what the field 
 says why) are counted apart. Exit code 1 if a larger one passes.
 """
 
-import argparse
 import copy
 import json
 import sys
@@ -21,9 +20,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from tqdm import tqdm
 
+from dexgrasp.cli.command import Argument, File, Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
 from dexgrasp.verify.verify import PARTS, verify
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import Count, Natural
 
 FREE = ("schema", "seed", "version", "versions", "created", "seconds", "planning_seconds", "agent")
 """Fields that say where a file comes from; no physics hangs on them."""
@@ -156,36 +158,40 @@ def _planned(out: Path) -> list[Path]:
     return paths
 
 
-def main() -> int:
-    """Change files, print what passes, return 1 if any of that matters."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path, nargs="?", help="folder for six new grasps and what passed")
-    parser.add_argument("--files", type=Path, nargs="*", default=[], help="grasp files instead")
-    parser.add_argument("--rows", type=int, default=3, help="random rows of each long array (default 3)")
-    parser.add_argument("--seed", type=int, default=0)
-    args = parser.parse_args()
-    if not args.files and args.out is None:
-        parser.error("name a folder, or --files")
-    rng, total, bad = np.random.default_rng(args.seed), Counter[str](), 0
-    for path in args.files or _planned(args.out):
-        read_grasp(path)  # says what is wrong with a file that is none
-        content = json.loads(path.read_text())
-        counts, through = missed(content, args.rows, rng)
-        total += counts
-        large = [m for m in through if matters(m)]
-        bad += len(large)
-        print(
-            f"{path.name}: {dict(counts)}, too small to matter {len(through) - len(large)}, missed {len(large)}"
-        )
-        for m in large:
-            print(f"  MISSED {'.'.join(map(str, m.path))} {m.kind}: {m.size:.3g}")
-        small = Counter(m.field for m in through if not matters(m))
-        print("  too small: " + ", ".join(f"{field} {count}" for field, count in small.most_common()))
-    print(f"all: {dict(total)}, missed {bad}")
-    return int(bad > 0)
+class Mutate(Script):
+    """Changes files, prints what passes, returns 1 if any of that matters.
+
+    Attributes:
+        out: folder for six new grasps and what passed.
+        files: grasp files instead.
+        rows: random rows of each long array.
+    """
+
+    out: Argument[Folder | None] = None
+    files: tuple[File, ...] = ()
+    rows: Count = 3
+    seed: Natural = 0
+
+    def run(self) -> int:
+        if not self.files and self.out is None:
+            raise InputError("name a folder, or --files")
+        rng, total, bad = np.random.default_rng(self.seed), Counter[str](), 0
+        for path in self.files or _planned(self.out):
+            read_grasp(path)  # says what is wrong with a file that is none
+            counts, through = missed(json.loads(path.read_text()), self.rows, rng)
+            total += counts
+            large = [m for m in through if matters(m)]
+            bad += len(large)
+            print(
+                f"{path.name}: {dict(counts)}, too small to matter {len(through) - len(large)}, missed {len(large)}"
+            )
+            for m in large:
+                print(f"  MISSED {'.'.join(map(str, m.path))} {m.kind}: {m.size:.3g}")
+            small = Counter(m.field for m in through if not matters(m))
+            print("  too small: " + ", ".join(f"{field} {count}" for field, count in small.most_common()))
+        print(f"all: {dict(total)}, missed {bad}")
+        return int(bad > 0)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Mutate))

@@ -8,7 +8,6 @@ what differs is said. The split follows from a hash of the names. `develop.json`
 `final.json` are for figures of record alone.
 """
 
-import argparse
 import hashlib
 import json
 import sys
@@ -18,10 +17,12 @@ from pathlib import Path
 import numpy as np
 from manifold3d import CrossSection, Manifold
 from numpy.random import Generator
+from set_files import obj_of, write_set
 from tqdm import tqdm
 
+from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp_env.files import write_atomically, write_json
-from dexgrasp_env.objects.sets import SCHEMA
 
 COUNT, FINAL, SEED = 1000, 300, 1848
 HASHES = Path(__file__).with_suffix(".json")
@@ -136,12 +137,10 @@ def _solid(rng: Generator) -> Manifold:
     return Manifold.cylinder(rng.uniform(0.4, 1.8), *rng.uniform(0.2, 0.7, 2), 32, center=True)
 
 
-def obj_of(solid: Manifold) -> bytes:
-    """Return a solid as an obj file; corners to a hundredth of a millimetre, so that rounding changes no bit."""
+def solid_obj(solid: Manifold) -> bytes:
+    """Return a solid as an obj file."""
     mesh = solid.to_mesh()
-    corners = (f"v {x:.5f} {y:.5f} {z:.5f}" for x, y, z in np.asarray(mesh.vert_properties)[:, :3] + 0.0)
-    faces = (f"f {a} {b} {c}" for a, b, c in np.asarray(mesh.tri_verts) + 1)
-    return "\n".join([*corners, *faces, ""]).encode()
+    return obj_of(np.asarray(mesh.vert_properties)[:, :3] + 0.0, np.asarray(mesh.tri_verts))
 
 
 def split() -> tuple[list[int], list[int]]:
@@ -150,40 +149,38 @@ def split() -> tuple[list[int], list[int]]:
     return sorted(order[FINAL:]), sorted(order[:FINAL])
 
 
-def main() -> int:
-    """Write the meshes and the two set files, held to the hashes."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folder", type=Path, metavar="DIR", help="where meshes and set files go")
-    parser.add_argument("--freeze", action="store_true", help="write scripts/outside.json anew: another set")
-    args = parser.parse_args()
-    (args.folder / "meshes").mkdir(parents=True, exist_ok=True)
-    found, members = {}, {}
-    for number in tqdm(range(COUNT), unit="shape", disable=None):
-        name = f"outside-{number:04d}"
-        solid, kind, mass = shape(number)
-        content = obj_of(solid)
-        write_atomically(args.folder / "meshes" / f"{name}.obj", content)
-        found[name] = hashlib.sha256(content).hexdigest()[:16]
-        members[number] = {
-            "name": name,
-            "mesh": f"meshes/{name}.obj",
-            "mass": mass,
-            "source": f"dexgrasp, {kind}",
-        }
-    for numbers, file in zip(split(), ("develop.json", "final.json"), strict=True):
-        write_json(args.folder / file, {"schema": SCHEMA, "objects": [members[k] for k in numbers]})
-    if args.freeze:
-        write_json(HASHES, found)
-    wrong = [name for name, value in json.loads(HASHES.read_text()).items() if found[name] != value]
-    if wrong:
-        print(
-            f"{len(wrong)} of {COUNT} meshes are not those of {HASHES.name}, {wrong[0]} the first",
-            file=sys.stderr,
-        )
-    return bool(wrong)
+class Outside(Script):
+    """Writes the meshes and the two set files, held to the hashes.
+
+    Attributes:
+        folder: where meshes and set files go.
+        freeze: write scripts/outside.json anew: another set.
+    """
+
+    folder: Argument[Folder]
+    freeze: bool = False
+
+    def run(self) -> int:
+        found, members = {}, {}
+        for number in tqdm(range(COUNT), unit="shape", disable=None):
+            name = f"outside-{number:04d}"
+            solid, kind, mass = shape(number)
+            content, mesh = solid_obj(solid), f"meshes/{name}.obj"
+            write_atomically(self.folder / mesh, content)
+            found[name] = hashlib.sha256(content).hexdigest()[:16]
+            members[number] = {"name": name, "mesh": mesh, "mass": mass, "source": f"dexgrasp, {kind}"}
+        for numbers, file in zip(split(), ("develop.json", "final.json"), strict=True):
+            write_set(self.folder / file, [members[k] for k in numbers])
+        if self.freeze:
+            write_json(HASHES, found)
+        wrong = [name for name, value in json.loads(HASHES.read_text()).items() if found[name] != value]
+        if wrong:
+            print(
+                f"{len(wrong)} of {COUNT} meshes are not those of {HASHES.name}, {wrong[0]} the first",
+                file=sys.stderr,
+            )
+        return int(bool(wrong))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Outside))

@@ -12,8 +12,8 @@ same grasp is lifted without pushes as well. OUT has a file a scene, with all th
 that are there are not made again.
 """
 
-import argparse
 import json
+import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -26,6 +26,8 @@ from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agent import Agent, Observation, public_info
+from dexgrasp.cli.command import Argument, File, Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import Outcome, run_trial
 from dexgrasp.motion.carrying import GuardedCarry
@@ -43,6 +45,7 @@ from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.objects.sets import is_set, set_member
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import Scene
+from dexgrasp_env.valid import Count
 
 SEED = 2828
 VARIED = "varied-20000..21999"
@@ -235,33 +238,34 @@ def path_of(folder: Path, job: Job) -> Path:
     return folder / f"scene-{job.number:05d}.npz"
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Make the scenes that are not there yet."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("out", type=Path)
-    parser.add_argument("--outside", type=Path, help="develop.json of scripts/outside.py")
-    parser.add_argument("--objects", nargs="+", help="other shapes, instead of those")
-    parser.add_argument("--scenes", type=int, default=6000)
-    parser.add_argument("--workers", type=int, default=1)
-    args = parser.parse_args(argv)
-    args.out.mkdir(parents=True, exist_ok=True)
-    if args.objects:
-        shapes = resolve_targets(args.objects)
-    else:  # as many scenes of the one as of the other, however many there are
-        pairs = zip(resolve_targets([VARIED]), resolve_targets([str(args.outside)]), strict=False)
-        shapes = [shape for pair in pairs for shape in pair]
-    jobs = [job_of(number, shapes) for number in range(args.scenes)]
-    with progress_bar("scene", "scenes") as show:
-        make_missing(
-            partial(make, folder=args.out),
-            jobs,
-            lambda job: is_shard(path_of(args.out, job), KEY),
-            Backend(workers=args.workers),
-            show,
-        )
+class Data(Script):
+    """Makes the scenes that are not there yet.
+
+    Attributes:
+        outside: develop.json of scripts/outside.py.
+        objects: other shapes, instead of those.
+    """
+
+    out: Argument[Folder]
+    outside: File | None = None
+    objects: tuple[str, ...] = ()
+    scenes: Count = 6000
+    backend: Backend = Backend()
+
+    def run(self) -> int:
+        self.out.mkdir(parents=True, exist_ok=True)
+        if self.objects:
+            shapes = resolve_targets(self.objects)
+        else:  # as many scenes of the one as of the other, however many there are
+            pairs = zip(resolve_targets([VARIED]), resolve_targets([str(self.outside)]), strict=False)
+            shapes = [shape for pair in pairs for shape in pair]
+        jobs, made = [job_of(k, shapes) for k in range(self.scenes)], partial(path_of, self.out)
+        with progress_bar("scene", "scenes") as show:
+            make_missing(
+                partial(make, folder=self.out), jobs, lambda job: is_shard(made(job), KEY), self.backend, show
+            )
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Data))

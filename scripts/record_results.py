@@ -9,7 +9,6 @@ within a sentence stands between `<!-- rate:NAME AGENT ROW -->` and `<!-- /rate 
 what was recorded.
 """
 
-import argparse
 import json
 import re
 import sys
@@ -21,9 +20,12 @@ from typing import Any
 
 from season import read_season, unpack
 
+from dexgrasp.cli.command import Argument, File, Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.report.build import read_agents
 from dexgrasp.evaluation.report.origin import commands, describe_run
 from dexgrasp.evaluation.report.tables import rate_words
+from dexgrasp_env.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS = ROOT / "docs" / "results"
@@ -155,29 +157,33 @@ def published(folder: Path, entry: str) -> list[Path]:
     return sorted(folder.glob(f"{entry}-[0-9]*"), key=lambda path: int(path.name.rpartition("-")[2]))
 
 
-def main() -> int:
-    """Record evaluations, or write the pages."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("folders", nargs="*", type=Path, metavar="RUN")
-    parser.add_argument("--out", type=Path, help="JSON file, e.g. docs/results/robust.json")
-    parser.add_argument("--title", default="")
-    parser.add_argument(
-        "--note", default="", help="what a reader must know: the machine's load, what is meant"
-    )
-    parser.add_argument("--write", action="store_true", help="put the tables into the pages")
-    args = parser.parse_args()
-    if args.folders:
-        if args.out is None:
-            parser.error("name the JSON file with --out")
-        args.out.parent.mkdir(parents=True, exist_ok=True)
-        args.out.write_text(json.dumps(record(args.folders, args.title, args.note), indent=1) + "\n")
-    if args.write:
-        for path in pages():
-            path.write_text(rewritten(path.read_text()))
-    return 0
+class Results(Script):
+    """Records evaluations, or writes the pages.
+
+    Attributes:
+        folders: of evaluations.
+        out: JSON file, e.g. docs/results/robust.json.
+        note: what a reader must know: the machine's load, what is meant.
+        write: put the tables into the pages.
+    """
+
+    folders: Argument[tuple[Folder, ...]] = ()
+    out: File | None = None
+    title: str = ""
+    note: str = ""
+    write: bool = False
+
+    def run(self) -> int:
+        if self.folders:
+            if self.out is None:
+                raise InputError("name the JSON file with --out")
+            self.out.parent.mkdir(parents=True, exist_ok=True)
+            self.out.write_text(json.dumps(record(self.folders, self.title, self.note), indent=1) + "\n")
+        if self.write:
+            for path in pages():
+                path.write_text(rewritten(path.read_text()))
+        return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Results))

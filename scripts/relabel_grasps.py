@@ -8,15 +8,15 @@ moved until the object stands on the table and its hull's centre under the plann
 passes, and how near the shapes are; exit code 1 if anything does.
 """
 
-import argparse
 import sys
 from collections import Counter
 from dataclasses import replace
-from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 from tqdm import tqdm
 
+from dexgrasp.cli.command import Argument, File, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.grasp.file import read_grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.record import GraspRecord
@@ -25,6 +25,7 @@ from dexgrasp.verify.verify import verify
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.load import load_object, resolve_targets
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.valid import one_of
 
 
 def named(record: GraspRecord, model: ObjectModel, source: str, T_world_object: Array) -> GraspRecord:
@@ -62,41 +63,36 @@ def relabelled(record: GraspRecord, source: str, pose: str) -> dict[str, Check]:
     return {c.name: c for c in verify(named(record, model, source, T), ["object"])}
 
 
-def main() -> int:
-    """Relabel, print, return 1 if anything passes."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("files", type=Path, nargs="+")
-    parser.add_argument("--objects", nargs="+", default=["all20"])
-    parser.add_argument("--pose", choices=("kept", "standing"), default="kept")
-    args = parser.parse_args()
-    names, why, passed, count = resolve_targets(args.objects), Counter[str](), [], 0
-    for file in tqdm(args.files):
-        record = read_grasp(file)
-        if any(not check.holds for check in verify(record)):
-            print(f"{file.name} is refused as it is")
-            continue
-        for name in names:
-            if name == record.object.source:
+class Relabel(Script):
+    """Relabels, prints, returns 1 if anything passes."""
+
+    files: Argument[tuple[File, ...]]
+    objects: tuple[str, ...] = ("all20",)
+    pose: Annotated[str, one_of(("kept", "standing"))] = "kept"
+
+    def run(self) -> int:
+        names, why, passed, count = resolve_targets(self.objects), Counter[str](), [], 0
+        for file in tqdm(self.files):
+            record = read_grasp(file)
+            if any(not check.holds for check in verify(record)):
+                print(f"{file.name} is refused as it is")
                 continue
-            checks = relabelled(record, name, args.pose)  # the other checks see no object: they hold
-            failed = [c.name for c in checks.values() if not c.holds]
-            count += 1
-            why.update(failed)
-            if len(failed) == 1:
-                why[f"{failed[0]} alone"] += 1
-            if not failed:
-                passed.append((record.object.name, name, checks))
-    print(
-        f"{count} relabelled, {count - len(passed)} refused; by "
-        + ", ".join(f"{k} {n}" for k, n in why.most_common())
-    )
-    for true, name, checks in passed:
-        near = ", ".join(f"{c.name} {c.value:.3g}" for c in checks.values() if c.bound[0] in "<>")
-        print(f"  PASSED {true} as {name}: {near}")
-    return int(bool(passed))
+            for name in [name for name in names if name != record.object.source]:
+                checks = relabelled(record, name, self.pose)  # the other checks see no object: they hold
+                failed = [c.name for c in checks.values() if not c.holds]
+                count += 1
+                why.update(failed)
+                if len(failed) == 1:
+                    why[f"{failed[0]} alone"] += 1
+                if not failed:
+                    passed.append((record.object.name, name, checks))
+        by = ", ".join(f"{k} {n}" for k, n in why.most_common())
+        print(f"{count} relabelled, {count - len(passed)} refused; by {by}")
+        for true, name, checks in passed:
+            near = ", ".join(f"{c.name} {c.value:.3g}" for c in checks.values() if c.bound[0] in "<>")
+            print(f"  PASSED {true} as {name}: {near}")
+        return int(bool(passed))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Relabel))

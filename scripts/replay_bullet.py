@@ -9,7 +9,6 @@ Bullet has no rotor inertia at the joints: that of the scene is added to the lin
 motions, and has no part in the forces of a grasp at rest. A replay takes ten seconds. Exit code 0 if every one holds.
 """
 
-import argparse
 import contextlib
 import functools
 import importlib.util
@@ -22,12 +21,14 @@ import mujoco
 import numpy as np
 from tqdm import tqdm
 
+from dexgrasp.cli.command import Argument, Folder, InCell, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.export.read import Recording, read_trajectory
 from dexgrasp.export.replay import HEIGHT, HOLD, Replay, displace, load_scene, set_points
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import matrix_to_quat, quat_conjugate, quat_multiply, quat_to_matrix, rotate
-from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.valid import Count, Natural
 
 Pose = tuple[Array, Array]
 """A position (3,), m, and a unit quaternion (4,) wxyz."""
@@ -309,27 +310,30 @@ def inverse(a: Pose) -> Pose:
     return -rotate(back, a[0]), back
 
 
-def main() -> int:
-    """Replay, print how often it held; 1 unless always, 2 for bad input."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("trajectory", type=Path, help="a folder of `dexgrasp export --format mjcf`")
-    parser.add_argument("--replay", type=int, default=1, metavar="N", help="times (default 1)")
-    parser.add_argument("--seed", type=int, default=0, help="of the object's errors: 3 mm and 1 degree")
-    args = parser.parse_args()
-    try:
-        recording, scene = read_trajectory(args.trajectory, default_cell()), args.trajectory / "scene.xml"
+class Bullet(Script, InCell):
+    """Replays, prints how often it held; 1 unless always, 2 for bad input.
+
+    Attributes:
+        trajectory: a folder of `dexgrasp export --format mjcf`.
+        replay: times.
+        seed: of the object's errors: 3 mm and 1 degree.
+    """
+
+    trajectory: Argument[Folder]
+    replay: Count = 1
+    seed: Natural = 0
+
+    def run(self) -> int:
+        recording, scene = read_trajectory(self.trajectory, self.cell), self.trajectory / "scene.xml"
         held = [
-            replay_in_bullet(recording, scene, np.random.default_rng([args.seed, k])).success
-            for k in tqdm(range(args.replay), unit="replay", leave=False)
+            replay_in_bullet(recording, scene, np.random.default_rng([self.seed, k])).success
+            for k in tqdm(range(self.replay), unit="replay", leave=False)
         ]
-    except InputError as error:
-        print(error, file=sys.stderr)
-        return 2
-    print(f"held in {sum(held)} of {len(held)} open-loop replays in Bullet, the object 3 mm and 1 deg off")
-    return int(sum(held) < len(held))
+        print(
+            f"held in {sum(held)} of {len(held)} open-loop replays in Bullet, the object 3 mm and 1 deg off"
+        )
+        return int(sum(held) < len(held))
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Bullet))

@@ -10,7 +10,6 @@ when neither planner nor season can change any more. A run that was interrupted 
 without --again REASON, and `docs/results/SEASON/season.json` keeps every reason.
 """
 
-import argparse
 import gzip
 import hashlib
 import json
@@ -22,13 +21,16 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
+from dexgrasp.cli.command import Argument, File, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object, write_atomically, write_json
+from dexgrasp_env.valid import Count, one_of
 
 ROOT = Path(__file__).resolve().parents[1]
 SCHEMA = 1
@@ -186,28 +188,28 @@ def unpack(published: Path, folder: Path) -> Path:
     return out
 
 
-def main() -> int:
-    """Say the seeds of a season, or score it."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("what", choices=("seeds", "run"))
-    parser.add_argument("season", type=Path, help="a file of seasons/")
-    parser.add_argument("--workers", type=int, default=1)
-    parser.add_argument("--again", metavar="REASON", help="score a second time, and say why")
-    args = parser.parse_args()
-    try:
-        if args.what == "run":
-            print(run(args.season, args.workers, args.again))
+class Scoring(Script):
+    """Says the seeds of a season, or scores it.
+
+    Attributes:
+        season: a file of seasons/.
+        again: score a second time, and say why.
+    """
+
+    what: Argument[Annotated[str, one_of(("seeds", "run"))]]
+    season: Argument[File]
+    workers: Count = 1
+    again: Annotated[str | None, "REASON"] = None
+
+    def run(self) -> int:
+        if self.what == "run":
+            print(run(self.season, self.workers, self.again))
         else:
-            season = read_season(args.season)
-            seeds = {name: settings.seed for name, settings in season.scorings(released(season, args.season))}
+            season = read_season(self.season)
+            seeds = {name: own.seed for name, own in season.scorings(released(season, self.season))}
             print(json.dumps(seeds, indent=1))
-    except InputError as error:
-        print(f"season: {error}", file=sys.stderr)
-        return 2
-    return 0
+        return 0
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Scoring))

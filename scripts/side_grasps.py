@@ -7,13 +7,16 @@ From the side: the palm looks less than 45 degrees down where the fingers close.
 grasps of the castle, the lego brick and the hairspray bottle.
 """
 
-import argparse
-from collections import defaultdict
+import sys
 from pathlib import Path
+from typing import Annotated
 
 import numpy as np
 
+from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.store import read_rows
+from dexgrasp.evaluation.summary import grouped
 from dexgrasp.grasp.file import read_grasp
 from dexgrasp.kinematics.forward import empty_frames, forward
 from dexgrasp.kinematics.tree import robot_tree
@@ -30,20 +33,22 @@ def from_side(path: Path) -> bool:
     return bool(-(frames.R[tree.palm] @ tree.palm_rotation)[2, 0] < STEEP)
 
 
-def main(argv: list[str] | None = None) -> None:
-    """Print object, grasps, grasps from the side."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("run", type=Path, help="folder of an evaluation")
-    run = parser.parse_args(argv).run
-    found: defaultdict[str, list[bool]] = defaultdict(list)
-    for row in read_rows(run):
-        if "grasp" in row:
-            found[row["object"]].append(from_side(run / row["grasp"]))
-    for name, sides in found.items():
-        print(f"{name:20} {len(sides):4} grasps, {sum(sides):4} from the side")
+class Sides(Script):
+    """Prints object, grasps, grasps from the side.
+
+    Attributes:
+        folder: of an evaluation.
+    """
+
+    folder: Argument[Annotated[Folder, "RUN"]]
+
+    def run(self) -> int:
+        planned = [row for row in read_rows(self.folder) if "grasp" in row]
+        for name, rows in grouped(planned, "object").items():
+            sides = sum(from_side(self.folder / row["grasp"]) for row in rows)
+            print(f"{name:20} {len(rows):4} grasps, {sides:4} from the side")
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Sides))

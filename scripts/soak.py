@@ -8,7 +8,6 @@ not finite, if memory grew by more than 32 MB (50 of plans) after the first tent
 a scene took 5 % longer than the first.
 """
 
-import argparse
 import ctypes
 import os
 import resource
@@ -25,8 +24,11 @@ import gymnasium as gym
 import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.cli.command import Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import resolve_targets
+from dexgrasp_env.valid import Count, Natural
 
 GROWTH_MB, PLANS_GROWTH_MB = 32.0, 50.0
 SLOWER = 1.05
@@ -173,34 +175,36 @@ def _reset(envs: Any, rng: np.random.Generator) -> None:
         envs.reset()
 
 
-def main() -> int:
-    """Run the soak and report."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("--steps", type=int, default=10_000)
-    parser.add_argument("--objects", nargs="+", default=["all20", "ycb6"])
-    parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--vector", type=int, default=1, metavar="N", help="environments beside each other")
-    parser.add_argument("--plans", type=int, metavar="N", help="plans instead of steps")
-    parser.add_argument(
-        "--robots", nargs="+", default=["default"], metavar="FILE", help="of the plans, in turns"
-    )
-    args = parser.parse_args()
-    if args.plans:
-        plans = run_plans(args.plans, args.objects, args.robots)
-        print(f"the same plan took {plans.slowdown:.3f} of its first time at the end")
-        soak: Soak = plans
-    else:
-        soak = run(args.steps, args.objects, args.vector, seed=args.seed)
-    print(f"{soak.steps} steps, {soak.episodes} episodes; endings {dict(soak.endings)}")
-    print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
-    print(
-        f"memory {soak.memory_mb[0]:.0f} to {soak.memory_mb[-1]:.0f} MB, {soak.growth_mb:+.1f} MB after the first tenth"
-    )
-    print("clean" if soak.is_clean else "NOT CLEAN")
-    return 0 if soak.is_clean else 1
+class Soaking(Script):
+    """Runs the soak and reports.
+
+    Attributes:
+        vector: environments beside each other.
+        plans: plans instead of steps.
+        robots: of the plans, in turns.
+    """
+
+    steps: Count = 10_000
+    objects: tuple[str, ...] = ("all20", "ycb6")
+    seed: Natural = 0
+    vector: Count = 1
+    plans: Count | None = None
+    robots: tuple[str, ...] = ("default",)
+
+    def run(self) -> int:
+        if self.plans:
+            soak: Soak = run_plans(self.plans, list(self.objects), list(self.robots))
+        else:
+            soak = run(self.steps, list(self.objects), self.vector, seed=self.seed)
+        print(f"{soak.steps} steps, {soak.episodes} episodes; endings {dict(soak.endings)}")
+        print(f"numbers gone wrong {soak.not_finite}; warnings {dict(soak.warnings) or 'none'}")
+        if isinstance(soak, PlanSoak):
+            print(f"the same plan took {soak.slowdown:.3f} of its first time at the end")
+        memory, grown = soak.memory_mb, soak.growth_mb
+        print(f"memory {memory[0]:.0f} to {memory[-1]:.0f} MB, {grown:+.1f} MB after the first tenth")
+        print("clean" if soak.is_clean else "NOT CLEAN")
+        return int(not soak.is_clean)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(run_script(Soaking))

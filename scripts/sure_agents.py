@@ -8,15 +8,16 @@ They plan as `dexgrasp plan --at-least` does and carry that one grasp out: nothi
 `Sure` asks for 0.95, `Unsure` for nothing; `SureSlippery` is told a friction of 0.35.
 """
 
-import argparse
-from collections import Counter
-from pathlib import Path
+import sys
 
 from dexgrasp.agents.bilevel import BilevelAgent
-from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.cli.command import Argument, Folder, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp.evaluation.report.tables import rate_words
+from dexgrasp.evaluation.store import Row, read_rows
+from dexgrasp.evaluation.summary import grouped, summarise_agent
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sure import UNSURE
-from dexgrasp.runs.lines import Row, read_lines
 
 
 class Unsure(BilevelAgent):
@@ -46,32 +47,27 @@ class SureSlippery(Sure):
 def summary(rows: list[Row]) -> str:
     """Return a line: how many scenes, how many answered, how many of these held, and what was said of them."""
     answered = [row for row in rows if "holds_probability" in row["details"]]
-    unsure = sum(UNSURE in str(row["reason"]) for row in rows)
-    held, said = (
-        sum(row["success"] for row in answered),
-        [row["details"]["holds_probability"]["lifted"]["value"] for row in answered],
-    )
-    low, high = wilson_interval(held, len(answered))
-    reasons = Counter(row["reason"] for row in answered if not row["success"])
+    said = [row["details"]["holds_probability"]["lifted"]["value"] for row in answered]
+    unsure, found = sum(UNSURE in str(row["reason"]) for row in rows), summarise_agent(answered)
     return (
         f"{len(rows)} scenes, {len(answered)} answered ({len(answered) / len(rows):.1%}), {unsure} not sure enough, "
-        f"{len(rows) - len(answered) - unsure} without a grasp; held {held} ({held / max(len(answered), 1):.1%}, "
-        f"[{low:.1%}, {high:.1%}]), said {sum(said) / max(len(said), 1):.3f}; {dict(reasons)}"
+        f"{len(rows) - len(answered) - unsure} without a grasp; held {found['successes']} ({rate_words(found)}), "
+        f"said {sum(said) / max(len(said), 1):.3f}; {found['failures']}"
     )
 
 
-def main() -> None:
-    """Say how it went, agent by agent and protocol by protocol."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument("runs", nargs="+", type=Path)
-    for run in parser.parse_args().runs:
-        rows = read_lines(run / "trials.jsonl", "trial", lambda row: None)
-        for key in sorted({(row["agent"], row["protocol"]) for row in rows}):
-            own = [row for row in rows if (row["agent"], row["protocol"]) == key]
-            print(f"{run.name}, {key[0]}, {key[1]}: {summary(own)}")
+class Summary(Script):
+    """Says how it went, agent by agent and protocol by protocol."""
+
+    runs: Argument[tuple[Folder, ...]]
+
+    def run(self) -> int:
+        for run in self.runs:
+            for agent, rows in grouped(read_rows(run), "agent").items():
+                for protocol, own in grouped(rows, "protocol").items():
+                    print(f"{run.name}, {agent}, {protocol}: {summary(own)}")
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script(Summary))

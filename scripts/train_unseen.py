@@ -10,10 +10,11 @@ leaves out the builders that the catalogue's objects come from. Every twentieth 
 |error| / spread + log spread, so that the spread becomes the mean absolute error that the network expects of itself.
 """
 
-import argparse
 import itertools
 import json
+import sys
 from collections.abc import Iterator
+from typing import Annotated
 
 import mujoco
 import numpy as np
@@ -25,6 +26,8 @@ from safetensors.torch import save_file
 from torch import Tensor, nn
 from tqdm import tqdm
 
+from dexgrasp.cli.command import Argument, File, Script
+from dexgrasp.cli.commands import run_script
 from dexgrasp.shape.network import LOG_SPREAD, OUTPUT, SCHEMA
 from dexgrasp.shape.view import UNIT, WRITTEN, View
 from dexgrasp_env.arrays import Array
@@ -37,6 +40,7 @@ from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
+from dexgrasp_env.valid import Count, Natural, number
 
 _BATCH, _RATE, _DECAY, _NOISE = 256, 1.5e-3, 1e-2, 0.03  # noise in standard deviations of the features
 _CELL = 0.7  # share of the cell's cameras among the cameras
@@ -165,53 +169,56 @@ def train(x: Tensor, y: Tensor, held_out: Tensor, hidden: int, epochs: int) -> n
     return network
 
 
-def write_views(out: str, first: int, count: int, varied: float) -> None:
-    """Write the examples of some objects."""
-    rows = []
-    for number in tqdm(range(first, first + count)):
-        rng = np.random.default_rng([number, 77])
-        for cloud, hull in views_of(shape_of(number, varied, rng), rng):
-            if cloud.reason is None:
-                rows += [(*example(cloud, hull, mirror), number) for mirror in (False, True)]
-    features, missing, objects = (np.array(column) for column in zip(*rows, strict=True))
-    np.savez(out, features=features.astype(np.float32), missing=missing.astype(np.float32), objects=objects)
+class Views(Script):
+    """Write the examples of some objects.
+
+    Attributes:
+        varied: share of `varied-N`.
+    """
+
+    out: Argument[File]
+    first: Natural = 5000
+    objects: Count = 2000
+    varied: Annotated[float, number(ge=0, le=1)] = 0.65
+
+    def run(self) -> int:
+        rows = []
+        for k in tqdm(range(self.first, self.first + self.objects)):
+            rng = np.random.default_rng([k, 77])
+            for cloud, hull in views_of(shape_of(k, self.varied, rng), rng):
+                if cloud.reason is None:
+                    rows += [(*example(cloud, hull, mirror), k) for mirror in (False, True)]
+        features, missing, objects = (np.array(column) for column in zip(*rows, strict=True))
+        np.savez(
+            self.out,
+            features=features.astype(np.float32),
+            missing=missing.astype(np.float32),
+            objects=objects,
+        )
+        return 0
 
 
-def write_weights(views: str, out: str, hidden: int, epochs: int, seed: int) -> None:
+class Train(Script):
     """Train, and write the weights."""
-    torch.manual_seed(seed)
-    file = np.load(views)
-    x, y = torch.tensor(file["features"]), torch.tensor(file["missing"])
-    held_out = torch.tensor(file["objects"] % 20 == 0)
-    mean, scale = x[~held_out].mean(0), x[~held_out].std(0) + 1e-3
-    network = train((x - mean) / scale, y, held_out, hidden, epochs)
-    arrays = {f"network.{key}": value for key, value in network.state_dict().items()}
-    note = {"schema": SCHEMA, "epochs": epochs, "seed": seed, "views": len(x)}
-    save_file({"mean": mean, "scale": scale} | arrays, out, {"dexgrasp": json.dumps(note)})
 
+    views: Argument[File]
+    out: Argument[File]
+    hidden: Count = 384
+    epochs: Count = 16
+    seed: Natural = 0
 
-def main(argv: list[str] | None = None) -> None:
-    """Make views, or train on them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    commands = parser.add_subparsers(required=True)
-    views = commands.add_parser("views")
-    views.set_defaults(run=write_views)
-    views.add_argument("out")
-    views.add_argument("--first", type=int, default=5000)
-    views.add_argument("--objects", dest="count", type=int, default=2000)
-    views.add_argument("--varied", type=float, default=0.65, help="share of `varied-N` (default 0.65)")
-    weights = commands.add_parser("train")
-    weights.set_defaults(run=write_weights)
-    weights.add_argument("views")
-    weights.add_argument("out")
-    weights.add_argument("--hidden", type=int, default=384)
-    weights.add_argument("--epochs", type=int, default=16)
-    weights.add_argument("--seed", type=int, default=0)
-    options = vars(parser.parse_args(argv))
-    options.pop("run")(**options)
+    def run(self) -> int:
+        torch.manual_seed(self.seed)
+        file = np.load(self.views)
+        x, y = torch.tensor(file["features"]), torch.tensor(file["missing"])
+        held_out = torch.tensor(file["objects"] % 20 == 0)
+        mean, scale = x[~held_out].mean(0), x[~held_out].std(0) + 1e-3
+        network = train((x - mean) / scale, y, held_out, self.hidden, self.epochs)
+        arrays = {f"network.{key}": value for key, value in network.state_dict().items()}
+        note = {"schema": SCHEMA, "epochs": self.epochs, "seed": self.seed, "views": len(x)}
+        save_file({"mean": mean, "scale": scale} | arrays, self.out, {"dexgrasp": json.dumps(note)})
+        return 0
 
 
 if __name__ == "__main__":
-    main()
+    sys.exit(run_script({"views": Views, "train": Train}))

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from robots import CELL, HOME
 
+from dexgrasp.cli.commands import run_script
 from dexgrasp.export.read import Recording, Rows
 from dexgrasp.export.scene_folder import write_scene
 from dexgrasp_env.errors import InputError
@@ -16,7 +17,7 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "scripts"))
-from replay_bullet import STEP, World, main, replay_in_bullet
+from replay_bullet import STEP, Bullet, World, replay_in_bullet
 
 REST = [0.5, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]
 
@@ -59,8 +60,7 @@ def test_a_missing_pybullet_is_named_in_one_line(monkeypatch, tmp_path):
         InputError, match=r"^replay in Bullet needs pybullet: pip install -c constraints.txt pybullet$"
     ):
         replay_in_bullet(still(), tmp_path / "scene.xml")
-    monkeypatch.setattr(sys, "argv", ["replay_bullet.py", str(tmp_path)])
-    assert main() == 2
+    assert run_script(Bullet, [str(tmp_path)]) == 2
 
 
 def still(seconds=0.1):

@@ -13,6 +13,7 @@ from refusals import refused
 from robots import CELL
 from trainings import goes_on_to_the_same_bits
 
+from dexgrasp.cli.commands import run_script
 from dexgrasp.demos.generate import generate
 from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.settings import DemoSettings
@@ -176,13 +177,19 @@ def test_damaged_policies_are_refused(demos, tmp_path):
 
 def test_the_script_records_clones_and_scores(tmp_path, capsys):
     script = load_script("clone_the_planner")
-    assert len(Path(script.__file__).read_text().splitlines()) < 60
+    assert len(Path(script.__file__).read_text().splitlines()) < 75
     words = (
         "--objects sugar_box --episodes 2 --epochs 1 --test sugar_box --trials 1 --beside hardcoded bilevel"
     )
-    rates = script.main([*words.split(), "--agent", "hardcoded", "--out", str(tmp_path / "out")])
-    assert list(rates) == [str(tmp_path / "out" / "policy"), "hardcoded", "bilevel"]
-    assert "demonstrations" in capsys.readouterr().out
+    words = [*words.split(), "--agent", "hardcoded", "--out", str(tmp_path / "out")]
+    assert run_script(script.Clone, words) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert "demonstrations" in lines[0]
+    assert [line.partition(": ")[0] for line in lines[-3:]] == [
+        str(tmp_path / "out" / "policy"),
+        "hardcoded",
+        "bilevel",
+    ]
 
 
 @pytest.mark.parametrize("name", ["bc", "bc_cloud", "rl"])

@@ -5,6 +5,7 @@ import io
 import json
 import tarfile
 import threading
+from functools import partial
 from pathlib import Path
 
 import gymnasium as gym
@@ -15,6 +16,7 @@ from project_scripts import load_script
 from refusals import refused
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.cli.commands import run_script
 from dexgrasp.cli.main import main
 from dexgrasp.evaluation.protocol import trial_seeds
 from dexgrasp.evaluation.report.origin import commands
@@ -186,7 +188,7 @@ def archive(content: bytes, name: str = "004_sugar_box") -> bytes:
 
 @pytest.fixture(scope="module")
 def fetch_ycb():
-    return load_script("fetch_ycb").main
+    return partial(run_script, load_script("fetch_ycb").Fetch)
 
 
 def test_ycb_meshes_are_fetched_on_the_users_word_and_once(folder, publisher, fetch_ycb, capsys):

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 import trimesh
 
+from dexgrasp.cli.commands import run_script
 from dexgrasp_env.objects.sets import read_set
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
@@ -22,7 +23,7 @@ HASHES = json.loads(outside.HASHES.read_text())
 @pytest.mark.parametrize("number", [0, 1, 2, 3, 4, 5, 502, 507, 999])
 def test_a_shape_is_the_frozen_one_and_a_closed_solid(number):
     solid, kind, mass = outside.shape(number)
-    content = outside.obj_of(solid)
+    content = outside.solid_obj(solid)
     assert hashlib.sha256(content).hexdigest()[:16] == HASHES[f"outside-{number:04d}"], kind
     mesh = trimesh.load(io.BytesIO(content), file_type="obj", process=False)
     assert mesh.is_watertight
@@ -38,26 +39,24 @@ def test_the_split_leaves_300_for_figures_of_record():
     assert len(HASHES) == len(set(HASHES.values())) == 1000
 
 
-def test_what_lies_in_a_kitchen_is_frozen(tmp_path, monkeypatch):
-    monkeypatch.setattr(sys, "argv", ["kitchen.py", str(tmp_path)])
-    assert kitchen.main() == 0
+def test_what_lies_in_a_kitchen_is_frozen(tmp_path):
+    assert run_script(kitchen.Kitchen, [str(tmp_path)]) == 0
     flat, handled = (read_set(str(tmp_path / f"{kind}.json")) for kind in ("flat", "handled"))
     assert (len(flat), len(handled)) == (19, 8)
     for member in (*flat.values(), *handled.values()):
         assert trimesh.load(member.mesh, process=False).is_watertight, member.name
 
 
-def run(monkeypatch, *arguments):
-    monkeypatch.setattr(sys, "argv", ["folder_set.py", *map(str, arguments)])
-    return folder_set.main()
+def run(*arguments):
+    return run_script(folder_set.FolderSet, list(map(str, arguments)))
 
 
-def test_a_folder_of_meshes_becomes_a_set_file(tmp_path, monkeypatch, capsys):
+def test_a_folder_of_meshes_becomes_a_set_file(tmp_path, capsys):
     (tmp_path / "mine" / "deep").mkdir(parents=True)
     trimesh.creation.box((10.0, 20.0, 40.0)).export(tmp_path / "mine" / "deep" / "a box.stl")
     (tmp_path / "mine" / "broken.stl").write_bytes(b"solid nothing")
     out = tmp_path / "sets" / "mine.json"
-    assert run(monkeypatch, tmp_path / "mine", out, "--longest", 0.08, "--mass", 0.2, "--source", "me") == 0
+    assert run(tmp_path / "mine", out, "--longest", 0.08, "--mass", 0.2, "--source", "me") == 0
     members = read_set(str(out))
     assert list(members) == ["deep_a_box"]
     assert members["deep_a_box"].scale == pytest.approx(0.002)
@@ -66,6 +65,6 @@ def test_a_folder_of_meshes_becomes_a_set_file(tmp_path, monkeypatch, capsys):
     assert "broken.stl" in capsys.readouterr().err
 
 
-def test_a_folder_without_meshes_is_one_line(tmp_path, monkeypatch, capsys):
-    assert run(monkeypatch, tmp_path, tmp_path / "set.json") == 2
+def test_a_folder_without_meshes_is_one_line(tmp_path, capsys):
+    assert run(tmp_path, tmp_path / "set.json") == 2
     assert capsys.readouterr().err.count("\n") == 1

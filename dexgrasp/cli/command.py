@@ -64,7 +64,15 @@ class Options:
         dataclass(frozen=True, kw_only=True)(cls)
 
 
-class Command(Options):
+class Script(Options):
+    """What is run with its options: a file of `scripts/`, which `run_script` runs, or a command."""
+
+    def run(self) -> Answer | int:
+        """Do it; return what is to be printed, or the exit code alone."""
+        raise NotImplementedError
+
+
+class Command(Script):
     """A command; the first lines of its docstring describe it, what follows until `Attributes:` is printed below.
 
     Attributes:
@@ -72,10 +80,6 @@ class Command(Options):
     """
 
     json: bool = False
-
-    def run(self) -> Answer | int:
-        """Do it; return what is to be printed, or the exit code alone."""
-        raise NotImplementedError
 
 
 def check_mesh_options(targets: Sequence[str], scale: float, mass: float | None) -> None:

@@ -7,10 +7,13 @@ import io
 import os
 import sys
 import traceback
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
+from pathlib import Path
 from typing import Any, NoReturn
 
 from dexgrasp.cli.codes import BAD_INPUT, INTERNAL_ERROR, INTERRUPTED, OK
+from dexgrasp.cli.command import Script
 from dexgrasp.cli.output import note, quiet
 from dexgrasp.cli.parsing import add_options, build, texts
 from dexgrasp.runs import interrupt
@@ -72,13 +75,33 @@ class Parser(argparse.ArgumentParser):
 
 def run_command(arguments: Sequence[str]) -> int:
     """Run one command and return its exit code."""
+    named = arguments[0] if arguments and arguments[0] in COMMANDS else ""
+    return _run(f"dexgrasp {named}".strip(), partial(_parsed, named, arguments))
+
+
+def run_script(
+    command: "type[Script] | dict[str, type[Script]]", arguments: Sequence[str] | None = None
+) -> int:
+    """Run a script as commands are run and return its exit code.
+
+    Args:
+        command: its options and what it does, or several by name; the help is the docstring of its module.
+        arguments: those of the process by default.
+    """
+    kinds = list(command.values()) if isinstance(command, dict) else [command]
+    module = sys.modules[kinds[0].__module__]
+    parser = Parser(prog=Path(str(module.__file__)).name, description=module.__doc__)
+    _add_options(parser, command, module)
+    return _run(parser.prog, partial(parser.parse_args, arguments))
+
+
+def _run(name: str, parse: Callable[[], argparse.Namespace]) -> int:
     _put_gl_aside()
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # names of files need not be text
             stream.reconfigure(errors="backslashreplace")
-    named = arguments[0] if arguments and arguments[0] in COMMANDS else ""
     try:
-        args = _parsed(named, arguments)
+        args = parse()
         as_json = getattr(args, "json", False)
         with quiet(as_json):
             answer = build(args.kind, args).run()
@@ -89,7 +112,7 @@ def run_command(arguments: Sequence[str]) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return OK
     except (Exception, KeyboardInterrupt) as error:
-        return _stopped(named, error)
+        return _stopped(name, error)
 
 
 def _put_gl_aside() -> None:
@@ -123,6 +146,11 @@ def _add_command(place: Any, name: str, line: str, command: Any, module: Any) ->
     """Add a command, or several by name as commands of one that the module's docstring describes."""
     description, below, _ = texts(module if isinstance(command, dict) else command)
     parser = place.add_parser(name, help=line, description=description, epilog=below)
+    _add_options(parser, command, module)
+
+
+def _add_options(parser: Parser, command: Any, module: Any) -> None:
+    """Add the options of a command, or several commands by name."""
     if isinstance(command, dict):
         within = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
         for own, kind in command.items():
@@ -144,7 +172,7 @@ def _parsed(named: str, arguments: Sequence[str]) -> argparse.Namespace:
     return args
 
 
-def _stopped(command: str, error: BaseException) -> int:
+def _stopped(name: str, error: BaseException) -> int:
     """Say in one line what is the user's to mend, of all else where it happened; return the exit code."""
     code = BAD_INPUT
     said: object = None
@@ -161,5 +189,5 @@ def _stopped(command: str, error: BaseException) -> int:
     if said is None:
         traceback.print_exception(error)
         code, said = INTERNAL_ERROR, "this is a fault of dexgrasp's, please report it"
-    note(f"{f'dexgrasp {command}'.strip()}: {' '.join(str(said).split())}")
+    note(f"{name}: {' '.join(str(said).split())}")
     return code

@@ -9,7 +9,7 @@ from dataclasses import MISSING, Field, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
-from dexgrasp.cli.command import POSITIONAL, Command
+from dexgrasp.cli.command import POSITIONAL, Command, Script
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import TEXT, Hint, Rule, hint_of, hints, read
 
@@ -17,7 +17,7 @@ _SHOWN = (str, int, float, Path)
 _LETTERS = {int: "N", float: "X"}
 
 
-C = TypeVar("C", bound=Command)
+C = TypeVar("C", bound=Script)
 
 
 def texts(owner: Any) -> tuple[str, str, dict[str, str]]:
@@ -33,7 +33,7 @@ def _line(text: str) -> str:
 
 
 def build(kind: type[C], args: argparse.Namespace) -> C:
-    """Return a command with the options that were given.
+    """Return a command or script with the options that were given.
 
     Raises:
         InputError: for settings that are not valid.
