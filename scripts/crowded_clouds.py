@@ -30,6 +30,7 @@ from dexgrasp.export.read import read_trajectory
 from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import gather, remove_flying
+from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel
@@ -49,20 +50,17 @@ class Thing(NamedTuple):
 
     def corners(self) -> Array:
         """Return the corners (N, 3) m of its hull."""
-        angles = (
-            np.arange(0.0, 2.0 * np.pi, np.pi / 24.0)
-            if self.can
-            else np.pi / 4.0 + np.pi / 2.0 * np.arange(4)
-        )
-        level = 0.5 * np.stack([np.cos(angles), np.sin(angles)], axis=1) * (1.0 if self.can else np.sqrt(2.0))
-        level = (
-            level
-            * self.sides[:2]
-            @ np.array([[np.cos(self.yaw), np.sin(self.yaw)], [-np.sin(self.yaw), np.cos(self.yaw)]])
-        )
+        corners = np.arange(0.0, 2.0 * np.pi, np.pi / (24.0 if self.can else 2.0))
+        level = _ring(corners) if self.can else np.sqrt(2.0) * _ring(corners + np.pi / 4.0)
+        level = (0.5 * level * self.sides[:2]) @ about_z(self.yaw)[:2, :2].T
         return np.concatenate(
             [np.c_[level + self.place, np.full(len(level), z)] for z in (0.0, self.sides[2])]
         )
+
+
+def _ring(angles: Any) -> Array:
+    """Return unit vectors (..., 2) at angles (...), rad."""
+    return np.stack([np.cos(angles), np.sin(angles)], axis=-1)
 
 
 CAN, BOX = (0.066, 0.066, 0.10), (0.04, 0.09, 0.17)
@@ -106,7 +104,7 @@ def drawn(rng: Generator) -> list[Thing]:
     low, high = np.log(0.005), np.log(0.08)
     for angle in rng.permutation(6)[: rng.integers(1, 6)] * np.pi / 3.0 + rng.uniform(0.0, 1.0):
         other, gap = _thing(rng, (0.0, 0.0)), float(np.exp(rng.uniform(low, high)))
-        way = np.array([np.cos(angle), np.sin(angle)])
+        way = _ring(angle)
         for step in np.arange(0.03, 0.30, 0.002):
             x, y = np.array(things[0].place) + step * way
             moved = other._replace(place=(float(x), float(y)))
@@ -131,8 +129,7 @@ def _thing(rng: Generator, place: tuple[float, float]) -> Thing:
 def _apart(a: Thing, b: Thing) -> float:
     """Return the gap between outlines, m, at least: along normals of their sides."""
     one, other = a.corners()[:, :2], b.corners()[:, :2]
-    angles = np.arange(0.0, np.pi, np.pi / 60.0)
-    ways = np.stack([np.cos(angles), np.sin(angles)])
+    ways = _ring(np.arange(0.0, np.pi, np.pi / 60.0)).T
     p, q = one @ ways, other @ ways
     return float(np.maximum(q.min(0) - p.max(0), p.min(0) - q.max(0)).max())
 

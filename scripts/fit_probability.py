@@ -133,23 +133,25 @@ class Ensemble:
         for number, trees in enumerate(self.members):
             first = float(np.ravel(trees._baseline_prediction)[0])
             for (tree,) in trees._predictors:
-                _add(columns, tree.nodes, number, first)
+                start = len(columns["feature"])
+                columns["roots"].append(start)
+                columns["member"].append(number)
+                for name, values in _nodes(tree.nodes, start, first).items():
+                    columns[name] += values
                 first = 0.0
         return columns | {"calibration": [self.offset, self.slope]}
 
 
-def _add(columns: dict[str, list[Any]], nodes: Any, number: int, more: float) -> None:
-    """Add a tree's nodes; `more` is added to what its leaves say."""
-    start = len(columns["feature"])
-    columns["roots"].append(start)
-    columns["member"].append(number)
-    for node in nodes:
-        leaf = bool(node["is_leaf"])
-        columns["feature"].append(0 if leaf else int(node["feature_idx"]))
-        columns["threshold"].append(0.0 if leaf else float(f"{node['num_threshold']:.7g}"))
-        columns["left"].append(-1 if leaf else start + int(node["left"]))
-        columns["right"].append(-1 if leaf else start + int(node["right"]))
-        columns["value"].append(float(f"{node['value'] + more:.5g}") if leaf else 0.0)
+def _nodes(nodes: Any, start: int, more: float) -> dict[str, list[Any]]:
+    """Return a tree's nodes, numbered from `start` on; `more` is added to what its leaves say."""
+    leaf = nodes["is_leaf"].astype(bool)
+    return {
+        "feature": np.where(leaf, 0, nodes["feature_idx"]).tolist(),
+        "threshold": [float(f"{value:.7g}") for value in np.where(leaf, 0.0, nodes["num_threshold"])],
+        "left": np.where(leaf, -1, start + nodes["left"].astype(int)).tolist(),
+        "right": np.where(leaf, -1, start + nodes["right"].astype(int)).tolist(),
+        "value": [float(f"{value:.5g}") for value in np.where(leaf, nodes["value"] + more, 0.0)],
+    }
 
 
 def foretold(rows: Rows, names: list[str], outcome: str) -> tuple[Array, Array, Array]:
@@ -177,30 +179,24 @@ def cells(rows: Rows) -> list[tuple[str, NDArray[np.bool_]]]:
     return found
 
 
-def expected_error(chance: Array, held: NDArray[np.bool_], bins: int = 10) -> float:
-    """Return the expected calibration error, of bins of equal width."""
-    at = np.minimum((chance * bins).astype(int), bins - 1)
-    gaps = [
-        abs(chance[at == k].mean() - held[at == k].mean()) * (at == k).sum()
-        for k in range(bins)
-        if (at == k).any()
-    ]
-    return float(sum(gaps) / len(chance))
+def figures(chance: Array, held: NDArray[np.bool_], bins: int = 10) -> dict[str, Any]:
+    """Return how many episodes there are and failed, the area, and what was said and came true in bins of equal width.
 
-
-def diagram(chance: Array, held: NDArray[np.bool_], bins: int = 10) -> list[dict[str, Any]]:
-    """Return a reliability diagram: what was said, in bins of equal width, and what came true."""
+    The calibration error is the mean distance of the two.
+    """
     at = np.minimum((chance * bins).astype(int), bins - 1)
-    return [
-        {
-            "said": float(chance[at == k].mean()),
-            "held": int(held[at == k].sum()),
-            "of": int((at == k).sum()),
-            "ci95": wilson_interval(int(held[at == k].sum()), int((at == k).sum())),
-        }
-        for k in range(bins)
-        if (at == k).any()
-    ]
+    diagram, gaps = [], 0.0
+    for inside in (at == k for k in np.unique(at)):
+        count, n, said = int(held[inside].sum()), int(inside.sum()), float(chance[inside].mean())
+        diagram.append({"said": said, "held": count, "of": n, "ci95": wilson_interval(count, n)})
+        gaps += abs(said - count / n) * n
+    return {
+        "episodes": len(held),
+        "failed": int((~held).sum()),
+        "area": auc(chance, held),
+        "calibration_error": gaps / len(held) if len(held) else None,
+        "diagram": diagram,
+    }
 
 
 def crossed(rows: Rows, outcome: str) -> dict[str, Any]:
@@ -223,16 +219,14 @@ def tried(model: Model, met: Rows, rows: Rows, outcome: str) -> dict[str, Any]:
 
 def judged(rows: Rows, outcome: str, said: tuple[Array, Array, Array], given: Array) -> dict[str, Any]:
     """Return how good probabilities are, beside load alone, and what friction and mass alone give."""
-    held, load = rows.held[outcome], rows.load
-    chance, low, high = said
+    held, (chance, low, high) = rows.held[outcome], said
+    scores = {"area": chance, "area_load": rows.load, "area_given": given}
     table = []
     for name, inside in cells(rows):
-        n, fails = int(inside.sum()), int((~held[inside]).sum())
-        row: dict[str, Any] = {"cell": name, "episodes": n, "failed": fails}
-        if min(fails, n - fails) >= LEAST:
-            for key, score in (("area", chance), ("area_load", load), ("area_given", given)):
-                row[key] = auc(score[inside], held[inside])
-        row["calibration_error"] = expected_error(chance[inside], held[inside], 5) if n else None
+        row = {"cell": name, **figures(chance[inside], held[inside], 5)}
+        del row["area"], row["diagram"]
+        if min(row["failed"], row["episodes"] - row["failed"]) >= LEAST:
+            row |= {key: auc(score[inside], held[inside]) for key, score in scores.items()}
         table.append(row)
     told = [row for row in table if "area" in row]
     sets = {
@@ -241,51 +235,23 @@ def judged(rows: Rows, outcome: str, said: tuple[Array, Array, Array], given: Ar
         **{name: rows.planner == name for name in np.unique(rows.planner)},
         **{name: rows.seen == name for name in np.unique(rows.seen)},
     }
+    errors = [row["calibration_error"] for row in table if row["episodes"]]
     return {
-        "episodes": len(held),
-        "failed": int((~held).sum()),
+        **figures(chance, held),
+        **{key: auc(score, held) for key, score in scores.items()},
         "shapes": len(np.unique(rows.shapes)),
         "cells_told": len(told),
-        **{
-            f"{key}_of_cells": float(np.mean([row[key] for row in told])) if told else None
-            for key in ("area", "area_load", "area_given")
-        },
-        "calibration_error_of_cells": float(
-            np.mean([row["calibration_error"] for row in table if row["episodes"]])
-        ),
-        "area": auc(chance, held),
-        "area_load": auc(load, held),
-        "area_given": auc(given, held),
-        "calibration_error": expected_error(chance, held),
+        **{f"{key}_of_cells": float(np.mean([row[key] for row in told])) if told else None for key in scores},
+        "calibration_error_of_cells": float(np.mean(errors)),
         "brier": float(((chance - held) ** 2).mean()),
         "interval_width": float((high - low).mean()),
         "cells": table,
-        "sets": {
-            name: {
-                "episodes": int(of.sum()),
-                "failed": int((~held[of]).sum()),
-                "area": auc(chance[of], held[of]),
-                "calibration_error": expected_error(chance[of], held[of]),
-                "diagram": diagram(chance[of], held[of]),
-            }
-            for name, of in sets.items()
-            if of.any()
-        },
-        "diagram": diagram(chance, held),
-        "sure": _sure(chance, held),
+        "sets": {name: figures(chance[of], held[of]) for name, of in sets.items() if of.any()},
+        "sure": [
+            {"at_least": p, "answered": int((chance >= p).sum()), "held": int(held[chance >= p].sum())}
+            for p in (0.8, 0.9, 0.95, 0.98)
+        ],
     }
-
-
-def _sure(chance: Array, held: NDArray[np.bool_]) -> list[dict[str, Any]]:
-    """Return how much is answered, and held, where a probability is asked for."""
-    return [
-        {
-            "at_least": least,
-            "answered": int((chance >= least).sum()),
-            "held": int(held[chance >= least].sum()),
-        }
-        for least in (0.8, 0.9, 0.95, 0.98)
-    ]
 
 
 def write_model(path: Path, rows: Rows, robot: str, judgement: dict[str, Any]) -> Model:

@@ -63,11 +63,12 @@ def prepare(folder: Path) -> None:
         "4",
         "--chunk",
         "2",
+        "--out",
     ]
     steps = {
-        "grasp/grasp.json": ["plan", "pear", "--seed", "1", "--out", str(folder / "grasp")],
+        "grasp/grasp.json": [*["plan", "pear", "--seed", "1", "--out"], str(folder / "grasp")],
         "run/summary.json": [*EVALUATE, str(folder / "run")],
-        "data/manifest.json": [*dataset, "--out", str(folder / "data")],
+        "data/manifest.json": [*dataset, str(folder / "data")],
     }
     for made, argv in steps.items():
         if not (folder / made).exists() and main(argv) != 0:
@@ -132,7 +133,7 @@ def _run(rng: Generator, good: Path, here: Path) -> Case:
         path.write_bytes(b"\n".join(lines) + b"\n")
     else:
         path.write_bytes(inputs.change_file(path, rng))
-    replay = ["replay", str(folder), "--agent", "random", "--object", "sugar_box", "--trial", "0"]
+    replay = ["replay", str(folder), *["--agent", "random", "--object", "sugar_box", "--trial", "0"]]
     compare, again = ["compare", str(folder), "random", "hardcoded"], [*EVALUATE, str(folder)]
     return Case(
         [compare, ["report", str(folder)], again, replay][int(rng.choice(4, p=[0.6, 0.15, 0.15, 0.1]))]

@@ -16,7 +16,6 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -25,11 +24,14 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
+from soak import Soak, act
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
 from dexgrasp.cli.command import File, Script
 from dexgrasp.cli.commands import run_script
+from dexgrasp.evaluation.statistics import mcnemar
+from dexgrasp.reinforcement.actor import one
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.objects.load import resolve_targets
@@ -111,13 +113,10 @@ def episodes(number: int, objects: list[str], device: str | None) -> np.ndarray:
     seen, _ = envs.reset(seed=1000)
     cell, policy = envs.settings.cell, agent._policy
 
-    def one(i: int) -> dict[str, Any]:
-        return {key: values[i] for key, values in seen.items()}
-
     solved, over = np.zeros(number, bool), np.zeros(number, bool)
-    runs = [policy.begin(one(i), cell) for i in range(number)]
+    runs = [policy.begin(one(seen, i), cell) for i in range(number)]
     for _ in range(300):
-        actions = np.stack([run.action(one(i)) for i, run in enumerate(runs)])
+        actions = np.stack([run.action(one(seen, i)) for i, run in enumerate(runs)])
         seen, _, terminated, truncated, infos = envs.step(actions)
         solved |= infos["is_success"] & ~over
         over |= terminated | truncated
@@ -130,42 +129,29 @@ def episodes(number: int, objects: list[str], device: str | None) -> np.ndarray:
 
 
 def closed_loop(number: int, objects: list[str], device: str) -> Result:
-    """Compare the agent's successes here and in MuJoCo, on the same scenes."""
+    """Compare the agent's successes here and in MuJoCo (b), on the same scenes."""
     ours, theirs = episodes(number, objects, device), episodes(number, objects, None)
-    return {
-        "episodes": number, "rate": ours.mean(), "rate_mujoco": theirs.mean(), "both": int((ours & theirs).sum()),
-        "only_here": int((ours & ~theirs).sum()), "only_mujoco": int((theirs & ~ours).sum()),
-    }  # fmt: skip
+    compared = mcnemar(zip(ours, theirs, strict=True))
+    return {"episodes": number, "rate": ours.mean(), "rate_mujoco": theirs.mean(), **compared}
 
 
 def random_steps(total: int, number: int, objects: list[str], device: str, seconds: float) -> Result:
     """Take random actions until there are as many environment steps, or time is up; count how episodes end."""
-    envs = make(number, objects, device)
+    envs, rng, soak = make(number, objects, device), np.random.default_rng(2), Soak()
     envs.reset(seed=2)
-    rng, failures, warned = np.random.default_rng(2), Counter[str](), Counter[str]()
-    done, start = 0, time.perf_counter()
-    while done < total and time.perf_counter() - start < seconds:
-        actions = rng.uniform(-1.0, 1.0, envs.action_space.shape).astype(np.float32)
-        observation, _, terminated, _, infos = envs.step(actions)
-        done += number
-        failures.update(infos["failure"][terminated].tolist())
-        warned.update(infos["mujoco_warnings"][terminated].tolist())
-        healthy = infos["failure"] != "simulation_diverged"
-        assert all(np.isfinite(values[healthy]).all() for values in observation.values())
+    start = time.perf_counter()
+    while soak.steps < total and time.perf_counter() - start < seconds:
+        act(envs, 20, rng, soak)
     envs.close()
-    return {"steps": done, "failures": dict(failures), "warnings": {k: v for k, v in warned.items() if k}}
+    found = {"steps": soak.steps, "not_finite": soak.not_finite}
+    return found | {"endings": dict(soak.endings), "warnings": dict(soak.warnings)}
 
 
 def tested(device: str) -> Result:
     """Run the tests that hold the physics to MuJoCo's, on the device."""
     command = [
         sys.executable,
-        "-m",
-        "pytest",
-        "-m",
-        "warp",
-        "tests/test_warp.py",
-        "tests/test_warp_device.py",
+        *["-m", "pytest", "-m", "warp", "tests/test_warp.py", "tests/test_warp_device.py"],
     ]
     done = subprocess.run(
         command, cwd=ROOT, env=os.environ | {"DEXGRASP_WARP_DEVICE": device}, capture_output=True, text=True

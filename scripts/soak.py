@@ -113,7 +113,8 @@ def run(steps: int, objects: list[str], number: int, *, seed: int = 0, episode: 
             name, num_envs=number, objects=objects, control_mode=mode, max_episode_steps=episode,
             randomisation=RANDOMISATION, **more,
         )  # fmt: skip
-        _episodes(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
+        _reset(envs, rng)
+        act(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
         envs.close()
         _note_memory(soak)
         if soak.steps >= steps:
@@ -146,8 +147,8 @@ def _note_memory(soak: Soak) -> None:
         print(f"{soak.steps} steps, {soak.memory_mb[-1]:.0f} MB", file=sys.stderr)
 
 
-def _episodes(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
-    _reset(envs, rng)
+def act(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
+    """Take random actions in running environments, and note what comes up."""
     centre = rng.uniform(-1, 1, envs.action_space.shape)
     for _ in range(steps):
         action = np.clip(centre + rng.normal(0, 0.5, centre.shape), -1, 1)
