@@ -16,8 +16,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -28,6 +27,7 @@ from soak import Soak, act
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp import make_agent
+from dexgrasp.benchmarks.timing import clocks
 from dexgrasp.cli.command import File, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import mcnemar
@@ -46,25 +46,6 @@ def make(number: int, objects: list[str], device: str | None, **kwargs: Any) -> 
     """Make environments on a device, or MuJoCo's for None."""
     where = {"backend": "warp", "device": device} if device else {}
     return gym.make_vec(ID, num_envs=number, objects=objects, **where, **kwargs).unwrapped
-
-
-@contextmanager
-def clock(owner: Any, method: str) -> Iterator[list[float]]:
-    """Collect the seconds that each call of a method takes."""
-    own, seconds = getattr(owner, method), list[float]()
-
-    def timed(*args: Any, **kwargs: Any) -> Any:
-        start = time.perf_counter()
-        try:
-            return own(*args, **kwargs)
-        finally:
-            seconds.append(time.perf_counter() - start)
-
-    setattr(owner, method, timed)
-    try:
-        yield seconds
-    finally:
-        setattr(owner, method, own)
 
 
 def free_gb(device: str) -> float:
@@ -91,10 +72,11 @@ def throughput(number: int, objects: list[str], device: str, steps: int, tensors
     cold = time.perf_counter() - start
     envs.step(actions[1])
     start = time.perf_counter()
-    with clock(envs._physics, "step") as physics, clock(envs, "_reset_one") as resets:
+    with clocks((envs._physics, "step"), (envs, "_reset_one")) as seconds:
         for row in actions[2:]:
             envs.step(row)
     whole = time.perf_counter() - start
+    physics, resets = seconds["step"], seconds["_reset_one"]
     used = before - free_gb(device)
     envs.close()
     return {

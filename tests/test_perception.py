@@ -188,7 +188,7 @@ def test_the_benchmark_splits_the_cost_by_step():
     benchmark = pytest.importorskip("dexgrasp.benchmarks.perception")
     result = benchmark.run(quick=True)
     assert result["total_ms"] > 0
-    assert {"render", "sensor", "fit_plane", "smooth"} <= set(result["steps_ms"])
+    assert {"render", "measure", "fit_plane", "smooth"} <= set(result["steps_ms"])
     assert 0.2 < result["ray_rate_ratio"] < 5.0
 
 

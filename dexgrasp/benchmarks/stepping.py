@@ -7,6 +7,7 @@ both, and medians over many rounds count.
 
 import itertools
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -153,42 +154,85 @@ def _ramp(start: Array, end: Array) -> Array:
     return rows
 
 
-def _compare(recording: Recording, rounds: int) -> dict[str, float]:
-    times = np.array([_round(recording) for _ in range(rounds)])
-    env, raw = np.median(times, axis=0)
+class _Loop:
+    """Physics alone, as a loop over simulations, from the states that a recording begins with."""
+
+    clock = staticmethod(time.process_time)
+
+    def __init__(self, recording: Recording) -> None:
+        self.models = recording.models
+        self.datas = [mujoco.MjData(model) for model in self.models]
+        for model, data, state in zip(self.models, self.datas, recording.states, strict=True):
+            mujoco.mj_setState(model, data, state, _STATE)
+
+    def run(self, controls: Array) -> None:
+        """Go on with set-points (T, N, 25, 23)."""
+        step = mujoco.mj_step
+        for rows in controls:
+            for model, data, own in zip(self.models, self.datas, rows, strict=True):
+                ctrl = data.ctrl
+                for row in own:
+                    ctrl[:] = row
+                    step(model, data)
+
+    def check(self, env: Any) -> None:
+        """Hold the end to that of the environment."""
+        for state, data in zip(_states(env, len(self.datas)), self.datas, strict=True):
+            if not np.array_equal(data.qpos, state[1:31]):  # after the time
+                raise RuntimeError("the raw loop and the environment do not end in the same state")
+
+
+class _Rolled(_Loop):
+    """The same by `mujoco.rollout`, timed by the clock; it begins without what warms the solver: ends may differ."""
+
+    clock = staticmethod(time.perf_counter)
+
+    def __init__(self, recording: Recording, rollout: Rollout, threads: int) -> None:
+        super().__init__(recording)
+        kind = mujoco.mjtState.mjSTATE_FULLPHYSICS
+        self._states = np.empty((len(self.datas), mujoco.mj_stateSize(self.models[0], kind)))
+        for model, data, state in zip(self.models, self.datas, self._states, strict=True):
+            mujoco.mj_getState(model, data, state, kind)
+        self._roll = partial(rollout.rollout, self.models, self.datas[:threads])
+
+    def run(self, controls: Array) -> None:
+        """As the loop does."""
+        rows = controls.swapaxes(0, 1).reshape(len(self.models), -1, controls.shape[-1])
+        self._states = self._roll(self._states, rows)[0][:, -1]
+
+    def check(self, env: Any) -> None:
+        """Nothing."""
+
+
+def _compare(
+    recording: Recording, rounds: int, raw: Callable[[Recording], _Loop] = _Loop
+) -> dict[str, float]:
+    times = np.array([_round(recording, raw(recording)) for _ in range(rounds)])
+    env, loop = np.median(times, axis=0)
     steps = len(recording.actions) * len(recording.models)
     return {
         "env_steps_per_second": steps / float(env),
-        "raw_steps_per_second": steps / float(raw),
+        "raw_steps_per_second": steps / float(loop),
         "ratio": float(np.median(times[:, 1] / times[:, 0])),
         **({} if np.isnan(recording.contacts) else {"contacts": recording.contacts}),
     }
 
 
-def _round(recording: Recording) -> tuple[float, float]:
-    """CPU seconds of the environment and of the raw loop over one run, taking turns every few control steps."""
-    env, actions, controls = recording.env, recording.actions, recording.controls
+def _round(recording: Recording, raw: _Loop) -> tuple[float, float]:
+    """Seconds of the environment and of physics alone over one run, taking turns every few control steps."""
+    env, actions = recording.env, recording.actions
     env.reset(seed=recording.seed)
-    datas = [mujoco.MjData(model) for model in recording.models]
-    for model, data, state in zip(recording.models, datas, recording.states, strict=True):
-        mujoco.mj_setState(model, data, state, _STATE)
-    sides = (partial(_run_env, env), actions), (partial(_run_raw, recording.models, datas), controls)
+    sides = (partial(_run_env, env), actions), (raw.run, recording.controls)
     seconds = [0.0, 0.0]
     for turn, first in enumerate(range(0, len(actions), _TURN)):
         # Who comes first finds the caches cold: that alternates too.
         for which in (0, 1) if turn % 2 else (1, 0):
             run_part, rows = sides[which]
-            start = time.process_time()
+            start = raw.clock()
             run_part(rows[first : first + _TURN])
-            seconds[which] += time.process_time() - start
-    _check_same_end(env, datas)
+            seconds[which] += raw.clock() - start
+    raw.check(env)
     return seconds[0], seconds[1]
-
-
-def _check_same_end(env: Any, datas: list[mujoco.MjData]) -> None:
-    for state, data in zip(_states(env, len(datas)), datas, strict=True):
-        if not np.array_equal(data.qpos, state[1:31]):  # after the time
-            raise RuntimeError("the raw loop and the environment do not end in the same state")
 
 
 def _run_env(env: Any, actions: NDArray[Any]) -> None:
@@ -196,55 +240,14 @@ def _run_env(env: Any, actions: NDArray[Any]) -> None:
         env.step(action)
 
 
-def _run_raw(models: list[mujoco.MjModel], datas: list[mujoco.MjData], controls: Array) -> None:
-    step = mujoco.mj_step
-    for rows in controls:
-        for model, data, own in zip(models, datas, rows, strict=True):
-            ctrl = data.ctrl
-            for row in own:
-                ctrl[:] = row
-                step(model, data)
-
-
-def _full_physics(data: mujoco.MjData, state: Array) -> Array:
-    """Return of an integration state what `mujoco.rollout` starts from."""
-    full = np.empty(mujoco.mj_stateSize(data.model, mujoco.mjtState.mjSTATE_FULLPHYSICS))
-    mujoco.mj_setState(data.model, data, state, _STATE)
-    mujoco.mj_getState(data.model, data, full, mujoco.mjtState.mjSTATE_FULLPHYSICS)
-    return full
-
-
 def _beside_rollout(threads: int, rounds: int) -> dict[str, float]:
     """Time by the clock of `mujoco.rollout` over the native environment's, on as many threads, taking turns."""
     env = gym.make_vec(_ID, num_envs=_MANY, objects=["sugar_box"], threads=threads)
     recording = _record(env, _random(4 * _TURN, _MANY))
-    rows = recording.controls.swapaxes(0, 1)  # (N, T, 25, 23)
-    datas = [mujoco.MjData(recording.models[0]) for _ in range(threads)]
-    times = []
-    with Rollout(nthread=threads) as raw:
-        for _ in range(rounds):
-            env.reset(seed=recording.seed)
-            states = np.array([_full_physics(datas[0], state) for state in recording.states])
-            for turn, first in enumerate(range(0, len(recording.actions), _TURN)):
-                part = slice(first, first + _TURN)
-                controls = rows[:, part].reshape(_MANY, -1, rows.shape[-1])
-                roll = partial(raw.rollout, recording.models, datas, states, controls)
-                seconds = {}
-                for which in (0, 1) if turn % 2 else (1, 0):
-                    start = time.perf_counter()
-                    if which:
-                        states = roll()[0][:, -1]
-                    else:
-                        _run_env(env, recording.actions[part])
-                    seconds[which] = time.perf_counter() - start
-                times.append((seconds[0], seconds[1]))
+    with Rollout(nthread=threads) as rollout:
+        found = _compare(recording, rounds, partial(_Rolled, rollout=rollout, threads=threads))
     env.close()
-    env_seconds, raw_seconds = np.median(times, axis=0)
-    return {
-        "env_steps_per_second": _TURN * _MANY / float(env_seconds),
-        "raw_steps_per_second": _TURN * _MANY / float(raw_seconds),
-        "ratio": float(np.median([raw / own for own, raw in times])),
-    }
+    return found
 
 
 def _beside_wrappers(objects: tuple[str, ...], rounds: int) -> dict[str, float]:

@@ -1,7 +1,11 @@
 """How long calls take, and how figures spread."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
+from functools import wraps
+from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -16,6 +20,28 @@ def seconds_of(call: Callable[[], object], repeats: int) -> Array:
         call()
         times[k] = time.perf_counter() - start
     return times
+
+
+@contextmanager
+def clocks(*calls: tuple[Any, str]) -> Iterator[dict[str, list[float]]]:
+    """Collect the wall time [s] of every call of some functions, by name, each of a module, class or object."""
+    seconds: dict[str, list[float]] = {name: [] for _, name in calls}
+
+    def timed(call: Callable[..., object], own: list[float]) -> Callable[..., object]:
+        @wraps(call)
+        def run(*args: Any, **kwargs: Any) -> object:
+            start = time.perf_counter()
+            try:
+                return call(*args, **kwargs)
+            finally:
+                own.append(time.perf_counter() - start)
+
+        return run
+
+    with ExitStack() as stack:
+        for owner, name in calls:
+            stack.enter_context(patch.object(owner, name, timed(getattr(owner, name), seconds[name])))
+        yield seconds
 
 
 def spread_of(values: Sequence[float] | Array) -> dict[str, float | list[float]]:

@@ -5,65 +5,48 @@ is that layer, for learning through the lower level. The planner needs no layer:
 gradients of a margin are those of its Lagrangian (`dexgrasp.physics.margin`), without torch.
 
 The forces of Eq. 4 are not unique: `regulariser` |f|^2 makes them so, and is what the gradients are of. DAQP
-solves the programmes forward; the backward pass differentiates the KKT system at the solution, with inactive
-constraints left out. Where a constraint is active with a zero multiplier the derivative does not exist and
-one side's is returned. Derivatives of derivatives are refused.
+says which constraints are active; the forces solve the KKT system of those, which torch differentiates, as
+often as one likes. Where a constraint is active with a zero multiplier the derivative does not exist and
+one side's is returned.
 """
-
-from typing import Any
 
 import numpy as np
 
 from dexgrasp.physics.cones import C1, C2, POLE, C
-from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
     import torch
     from torch import Tensor
-    from torch.autograd.function import once_differentiable
 
 
-class _QpForces(torch.autograd.Function):
-    """argmin 0.5 f^T H f subject to A f >= b, for batches H (B, n, n), A (B, m, n), b (B, m)."""
+def _active(H: Tensor, A: Tensor, b: Tensor) -> Tensor:
+    """Return which constraints (B, m) hold the least of 0.5 f^T H f subject to A f >= b; 1 for those, 0 for others.
 
-    @staticmethod
-    def forward(ctx: Any, H: Tensor, A: Tensor, b: Tensor) -> Tensor:
-        arrays = (t.detach().numpy() for t in (H, A, b))
-        solved = [_solve(*one) for one in zip(*arrays, strict=True)]
-        f, lam = (torch.from_numpy(np.array(part)) for part in zip(*solved, strict=True))
-        ctx.save_for_backward(H, A, f, lam)
-        return f
-
-    @staticmethod
-    @once_differentiable
-    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        H, A, f, lam = ctx.saved_tensors
-        n, m = A.shape[2], A.shape[1]
-        active = (lam > 0).to(A.dtype)
-        rows = A * active[..., None]
-        K = torch.zeros(len(A), n + m, n + m, dtype=A.dtype)
-        K[:, :n, :n], K[:, :n, n:], K[:, n:, :n] = H, rows.mT, rows
-        K[:, n:, n:] = torch.diag_embed(1.0 - active)
-        d = torch.linalg.solve(K, torch.cat([-grad, torch.zeros_like(lam)], 1)[..., None])[..., 0]
-        df, dlam = d[:, :n], -d[:, n:] * active
-        dH = 0.5 * (df[:, :, None] * f[:, None] + f[:, :, None] * df[:, None])
-        dA = -dlam[:, :, None] * f[:, None] - (lam * active)[:, :, None] * df[:, None]
-        return dH, dA, dlam
-
-
-def _solve(H: Array, A: Array, b: Array) -> tuple[Array, Array]:
-    """Return the solution (n,) and the multipliers (m,) >= 0 of one programme."""
+    The batches are H (B, n, n), A (B, m, n), b (B, m).
+    """
     import daqp
 
-    above, sense = np.full(len(b), 1e30), np.zeros(len(b), np.int32)
-    x, _, flag, info = daqp.solve(
-        np.ascontiguousarray(H), np.zeros(len(H)), A, above, b, sense, primal_tol=1e-12
-    )
-    if flag < 1:
-        raise RuntimeError(f"the QP was not solved: DAQP's exit flag is {flag}")
-    return x, np.maximum(-np.asarray(info["lam"]), 0.0)
+    found = A.new_zeros(b.shape)
+    for k, (H_k, A_k, b_k) in enumerate(zip(*(t.detach().numpy() for t in (H, A, b)), strict=True)):
+        above, sense = np.full(len(b_k), 1e30), np.zeros(len(b_k), np.int32)
+        _, _, flag, info = daqp.solve(
+            np.ascontiguousarray(H_k), np.zeros(len(H_k)), A_k, above, b_k, sense, primal_tol=1e-12
+        )
+        if flag < 1:
+            raise RuntimeError(f"the QP was not solved: DAQP's exit flag is {flag}")
+        found[k] = torch.from_numpy(np.asarray(info["lam"]) < 0.0)
+    return found
+
+
+def _forces(H: Tensor, A: Tensor, b: Tensor) -> Tensor:
+    """Return argmin 0.5 f^T H f subject to A f >= b (B, n): the KKT system of the active constraints, solved."""
+    active, n = _active(H, A, b), H.shape[-1]
+    rows = A * active[..., None]
+    above, below = torch.cat([H, -rows.mT], -1), torch.cat([rows, torch.diag_embed(1.0 - active)], -1)
+    known = torch.cat([H.new_zeros(len(H), n), active * b], -1)
+    return torch.linalg.solve(torch.cat([above, below], -2), known)[:, :n]
 
 
 def tangent_basis(normals: Tensor) -> tuple[Tensor, Tensor]:
@@ -78,10 +61,9 @@ def tangent_basis(normals: Tensor) -> tuple[Tensor, Tensor]:
 
 def grasp_matrix(points: Tensor, center: Tensor, length_scale: float) -> Tensor:
     """Grasp maps (B, 6, 3 N) of points (B, N, 3) about `center` (B, 3) or (3,)."""
-    x, y, z = ((points - center[..., None, :]) / length_scale).unbind(-1)
-    zero = torch.zeros_like(x)
-    cross = torch.stack([zero, -z, y, z, zero, -x, -y, x, zero], -1).unflatten(-1, (3, 3))
-    eye = torch.eye(3, dtype=points.dtype).expand_as(cross)
+    arms = ((points - center[..., None, :]) / length_scale)[..., None, :]
+    eye = torch.eye(3, dtype=points.dtype).expand(*points.shape, 3)
+    cross = torch.linalg.cross(arms, eye).mT
     return torch.cat([eye, cross], -2).permute(0, 2, 1, 3).flatten(2)
 
 
@@ -118,7 +100,7 @@ def wrench_layer(
         forces (B, N, 3) [N] and residual (B,), |F|^2 + |tau / L|^2 of those forces; both float64.
 
     Raises:
-        InputError: shapes, NaN, or numbers out of range. A second derivative raises RuntimeError.
+        InputError: shapes, NaN, or numbers out of range.
     """
     if points.ndim != 3 or points.shape[-1] != 3 or normals.shape != points.shape:
         raise InputError(
@@ -135,6 +117,6 @@ def wrench_layer(
     H = 2.0 * (G.mT @ G + regulariser * torch.eye(G.shape[-1], dtype=torch.float64))
     b = A.new_zeros(A.shape[:2])
     b[:, ::5] = f_min
-    f = _QpForces.apply(H, A, b)
+    f = _forces(H, A, b)
     wrench = (G @ f[..., None])[..., 0]
     return f.unflatten(-1, (-1, 3)), (wrench**2).sum(-1)

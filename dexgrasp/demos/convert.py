@@ -2,11 +2,11 @@
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
 from dexgrasp_env.tasks.control import max_step, normalise
@@ -28,7 +28,7 @@ def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree) -> 
     if control_mode == "joint_delta":
         return np.clip((wanted - now) / max_step(tree), -1.0, 1.0).astype(np.float32)
     (R, p), (R_wanted, p_wanted) = palm_frame(now, tree), palm_frame(wanted, tree)
-    turn = rotation_vector(R_wanted @ R.T)
+    turn = Rotation.from_matrix(R_wanted @ R.T).as_rotvec()
     palm = np.concatenate([(p_wanted - p) / PALM_STEP, turn / PALM_TURN])
     return np.clip(np.concatenate([palm, normalise(wanted, tree)[tree.arm :]]), -1.0, 1.0).astype(np.float32)
 
@@ -49,13 +49,3 @@ def with_noise(control_mode: str, action: Array, noise: Array, robot: Robot) -> 
     if control_mode == "ee_delta":
         change = np.concatenate([noise[:_PALM], change[robot.hand_columns]])
     return np.clip(action + change, -1.0, 1.0)
-
-
-def rotation_vector(R: Array) -> Array:
-    """Return the rotation vector (3,) rad of a rotation matrix (3, 3)."""
-    w, *v = matrix_to_quat(R)
-    sine = float(np.linalg.norm(v))
-    if sine < 1e-9:
-        return np.zeros(3)
-    angle = 2.0 * np.arctan2(sine, w)
-    return np.asarray(v) / sine * ((angle + np.pi) % (2 * np.pi) - np.pi)

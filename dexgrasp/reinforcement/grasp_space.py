@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from dexgrasp.imitation.features import Observation
 from dexgrasp_env.arrays import Array
@@ -114,9 +115,8 @@ class GraspSpace:
         bent = self._open + 0.5 * (actions[:, len(_PALM) :] + 1.0) @ self._closing
         targets = np.array(observations["joint_targets"], dtype=float)
         targets[:, self._robot.arm_dof :] = now + np.clip(bent - now, -_CLOSING, _CLOSING)
-        turn = _rotation_vector(
-            _hanging(self._axes + turned, tilted) @ quat_to_matrix(palm[:, 3:]).swapaxes(1, 2)
-        )
+        turned_by = _hanging(self._axes + turned, tilted) @ quat_to_matrix(palm[:, 3:]).swapaxes(1, 2)
+        turn = Rotation.from_matrix(turned_by).as_rotvec()
         hand = normalise(targets, self._robot)[:, self._robot.arm_dof :]
         moves = [_step((goals - palm[:, :3]) / PALM_STEP), _step(turn / PALM_TURN), hand]
         return np.concatenate(moves, axis=1).astype(np.float32)
@@ -140,14 +140,6 @@ def _hanging(yaw: Array, tilt: Array) -> Array:
     x = np.cos(tilt)[:, None] * down - np.sin(tilt)[:, None] * axis
     z = np.sin(tilt)[:, None] * down + np.cos(tilt)[:, None] * axis
     return np.stack([x, np.cross(z, x), z], axis=2)
-
-
-def _rotation_vector(R: Array) -> Array:
-    """Return rotation vectors (N, 3) rad."""
-    w = 0.5 * np.stack([R[:, 2, 1] - R[:, 1, 2], R[:, 0, 2] - R[:, 2, 0], R[:, 1, 0] - R[:, 0, 1]], axis=1)
-    sines = np.linalg.norm(w, axis=1)
-    angles = np.arctan2(sines, 0.5 * (np.trace(R, axis1=1, axis2=2) - 1.0))
-    return np.asarray(w * (angles / np.maximum(sines, 1e-9))[:, None])
 
 
 def _step(left: Array) -> Array:

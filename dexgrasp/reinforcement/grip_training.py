@@ -1,12 +1,10 @@
 """Teaching a clone a firmer grip by reinforcement."""
 
-from pathlib import Path
 from typing import Any
 
 from dexgrasp.reinforcement.grip import KIND
 from dexgrasp.reinforcement.rounds import Rounds
-from dexgrasp.reinforcement.settings import GripSettings
-from dexgrasp.runs.training import Course, Row
+from dexgrasp.runs.training import Row
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -19,10 +17,6 @@ class GripTraining(Rounds):
     """Training of corrections of a clone's grip."""
 
     kind, counted, won = KIND, "episodes", "training_held"
-
-    def __init__(self, out: Path, settings: GripSettings, clone: Path, course: Course = Course()) -> None:
-        """As `Rounds`."""
-        super().__init__(out, settings, clone, course)
 
     def environments(self) -> GripVecEnv:
         """Make the environments."""

@@ -49,7 +49,9 @@ class Rounds(Training):
     envs: Any
     model: Any
 
-    def __init__(self, out: Path, settings: Any, clone: Path | None, course: Course) -> None:
+    def __init__(
+        self, out: Path, settings: Any, clone: Path | None = None, course: Course = Course()
+    ) -> None:
         """Read the clone.
 
         Args:
