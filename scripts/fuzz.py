@@ -254,6 +254,16 @@ class Worker:
         self._process = None
         return -9, fault
 
+    @property
+    def memory_mb(self) -> int:
+        """Resident memory of the process: cases that leak show in a long run."""
+        if self._process is None:
+            return 0
+        return (
+            int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+            >> 20
+        )
+
 
 def serve(cases: Connection) -> None:
     """Answer cases."""
@@ -292,6 +302,7 @@ def fuzz(numbers: list[int], kinds: Sequence[str], seed: int, good: Path, worker
             "argv": case.argv,
             "code": code,
             "seconds": seconds,
+            "memory_mb": worker.memory_mb,
             "said": said[-1500:],
         }
 

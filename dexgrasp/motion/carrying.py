@@ -17,6 +17,7 @@ _FREE_SHARE = 0.15  # of the torque asked for: a finger that lags by less has no
 _GIVEN_WAY = 0.008  # m that thumb and finger come closer where nothing is between them any more
 _LATE = 10  # control steps past the end of the hold
 _LOST_STEPS = 11  # control steps that it must last: a push of 0.5 s may unload a finger
+_LOST_LIFTING = 6  # while the object is lifted, when nobody pushes
 
 
 class GuardedCarry(Motion):
@@ -39,7 +40,8 @@ class GuardedCarry(Motion):
     @property
     def lost(self) -> bool:
         """Whether the object has left the hand, as far as the joints can tell."""
-        return self._lost_steps >= _LOST_STEPS
+        lifting = self._step <= self._hold_start
+        return self._lost_steps >= (_LOST_LIFTING if lifting else _LOST_STEPS)
 
     @property
     def overdue(self) -> bool:

@@ -14,6 +14,7 @@ from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 _SETTLE = 0.35  # s at home: the arm's servos lag by 0.1 s
 _MARGIN = 0.004  # m that the robot keeps from the table and from itself
+_SPEED = 0.9  # of the limits: the hand is empty, and an episode has time for a second grasp only
 
 
 class Retreat(Played):
@@ -35,7 +36,7 @@ class Retreat(Played):
         start = np.clip(start, tree.lower, tree.upper)
         opened = np.concatenate([start[: tree.arm], home[tree.arm :]])
         # Unchecked: pressing fingers are set inside one another.
-        opening = time_path(np.stack([start, opened]), tree)
-        way = time_path(plan_approach(checker, opened, home), tree, checker)
+        opening = time_path(np.stack([start, opened]), tree, speed=_SPEED)
+        way = time_path(plan_approach(checker, opened, home), tree, checker, _SPEED)
         still = np.repeat(home[None], round(_SETTLE / CONTROL_PERIOD), axis=0)
         super().__init__(np.clip(np.concatenate([opening, way, still]), tree.lower, tree.upper), tree)

@@ -10,11 +10,14 @@ from dataclasses import replace
 from itertools import islice, product
 
 import numpy as np
+from numpy.random import Generator
 
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.slide import Push, Slide, can_push, make_slide, tips_apart
 from dexgrasp.planning.planner import Planner
+from dexgrasp.planning.proposals import SurfaceProposals
 from dexgrasp.planning.result import PlanResult
+from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
@@ -32,7 +35,9 @@ _APART = np.cos(np.deg2rad(10.0))  # of their directions
 _CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
 _FAR = 0.35  # m: the price of the far edge, where the arm hardly reaches round the object
 _AGAIN = 4  # seeds
-_POINTS, _TRIPLES, _POSTURES = 300, 100, 120  # most points are over the table, and of no use
+_POINTS, _TRIPLES, _POSTURES = 900, 100, 120  # most points are over the table, and of no use
+_UPWARD = 0.2  # vertical part of a normal
+_BREADTHS = (1.0, 2.0, 2.0)  # of the search for a push: of all pushes in brief, then at length
 _BORNE, _FIRM = 1.0, 2.0  # weights: of a grasp worth a push, and that ends the search for one
 _FLOOR = 0.5  # m below the table
 _SUNK = 0.002  # m that the table is taken to be lower than it is: the object lies on it
@@ -54,12 +59,20 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
     guessed = target.spread is not None or target.neighbours
     if guessed or not planner.settings.is_low(target.top) or not can_push(planner.cell):
         return None
-    there, home = _at_edge(planner), planner.tree.home
     found = pushes(target, tips_apart(planner.cell), planner.settings.tip_radius)
+    slides = list(islice(_slides(found, start, target, planner), _TRIED))
+    looks = (
+        _best(slides, target, _at_edge(planner, (breadth,)), seed + k) for k, breadth in enumerate(_BREADTHS)
+    )
+    return next(filter(None, looks), None)
+
+
+def _best(slides: list[Slide], target: GraspTarget, there: Planner, seed: int) -> Slide | None:
+    """Return the slide after which a grasp bears most, the first where it is firm; None where none bears enough."""
     best, most = None, _BORNE
-    for slide in islice(_slides(found, start, target, planner), _TRIED):
+    for slide in slides:
         push = slide.push
-        load = _load(there.plan(slid(target, push.distance * push.direction), seed, home.copy()))
+        load = _load(there.plan(slid(target, push.distance * push.direction), seed, there.tree.home.copy()))
         if load >= most:
             best, most = slide, load
         if load >= _FIRM:
@@ -89,7 +102,7 @@ def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, st
     """
     there, plans = slid(target, slide.moved * slide.push.direction), list[PlanResult]()
     for k in range(_AGAIN):
-        plans.append(_at_edge(planner).plan(there, seed + k, start))
+        plans.append(_at_edge(planner, _BREADTHS[:2]).plan(there, seed + k, start))
         if _load(plans[-1]) >= _FIRM:
             break
     return max(plans, key=_load)
@@ -155,10 +168,20 @@ def _touches(target: GraspTarget, apart: float, tip: float) -> tuple[Array, Arra
     return directions, np.where(np.abs(off) < _ALIKE, way, np.nan)
 
 
-def _at_edge(planner: Planner) -> Planner:
+def _at_edge(planner: Planner, breadths: tuple[float, ...]) -> Planner:
     cell = replace(planner.cell, name="edge", table_height=planner.cell.table_height - _FLOOR)
     more = replace(planner.settings, surface_points=_POINTS, triples=_TRIPLES, postures=_POSTURES)
-    return Planner(replace(more, patience=0, firm_load=_FIRM), cell=cell)
+    return Planner(replace(more, patience=0, firm_load=_FIRM, breadths=breadths), _Overhanging(), cell)
+
+
+class _Overhanging(SurfaceProposals):
+    """Of an even sample, only as many places above as there are elsewhere: over the table nothing opposes them."""
+
+    def places(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
+        points, normals = super().places(target, settings, rng)
+        above = normals[:, 2] > _UPWARD
+        kept = ~above | (np.cumsum(above) <= np.sum(~above))
+        return points[kept], normals[kept]
 
 
 def _distance(outline: Array, centre: Array, direction: Array, out: Array) -> float | None:

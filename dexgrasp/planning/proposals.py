@@ -75,7 +75,7 @@ class SurfaceProposals(ProposalSource):
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` triples, varied as well as good."""
-        points, normals = graspable_points(target, settings, rng)
+        points, normals = self.places(target, settings, rng)
         if len(points) < 3:
             return Proposals.none(_NO_SURFACE)
         if settings.fingers == 2:
@@ -94,6 +94,10 @@ class SurfaceProposals(ProposalSource):
             triples, contacts, at, margin = triples[closed], contacts[closed], at[closed], margin[closed]
         chosen = best_shared(triples, robustness(contacts, at, margin, target), settings.triples)
         return Proposals(contacts[chosen], at[chosen])
+
+    def places(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
+        """Return the contacts (N, 3) m and outward normals (N, 3) that triples are made of."""
+        return graspable_points(target, settings, rng)
 
 
 def graspable_points(target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
