@@ -13,6 +13,7 @@ from robots import BODIES, CELL, GRASP_FINGERS, HOME, LOWER, UPPER
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
+from dexgrasp.kinematics.cover import body_spheres
 from dexgrasp.kinematics.forward import body_frames, fingertips, hand_jacobian, tip_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
 from dexgrasp.kinematics.tree import robot_tree
@@ -170,6 +171,14 @@ def test_palm_ik_reports_what_it_cannot_reach():
     assert solve_palm(q, R, np.array([1.5, 0.0, 0.3]), robot_tree(CELL), 60, 1e-4) > 0.3
     assert ((q >= LOWER) & (q <= UPPER)).all()
     assert not reach_palm(HOME.copy(), R, np.array([1.5, 0.0, 0.3]), robot_tree(CELL))
+
+
+def test_a_sheet_is_covered_by_few_spheres():
+    sheet = '<mujoco><worldbody><geom type="box" size="0.02 1e-9 5" group="3"/></worldbody></mujoco>'
+    spheres = body_spheres(mujoco.MjModel.from_xml_string(sheet), 0, ())
+    assert len(spheres.radius) <= 20_000
+    corner = np.linalg.norm(spheres.centre - [0.02, 1e-9, 5.0], axis=1)
+    assert (corner <= spheres.radius + 1e-9).any()
 
 
 def test_spheres_cover_the_true_shapes_and_exceed_them_by_little():

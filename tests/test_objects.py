@@ -269,6 +269,20 @@ def test_a_sliver_has_a_reduced_hull():
     assert hull.extents == pytest.approx([0.016, 0.016, 3e-5], rel=0.02)
 
 
+def test_a_sliver_flat_to_rounding_has_a_reduced_hull(monkeypatch):
+    class Exact(scipy.spatial.ConvexHull):
+        def __init__(self, points, incremental=False, qhull_options=None):
+            if incremental and qhull_options is None:
+                raise scipy.spatial.QhullError("QH6154 initial simplex is flat")
+            super().__init__(points, incremental, qhull_options)
+
+    monkeypatch.setattr(scipy.spatial, "ConvexHull", Exact)
+    ball = 0.05 * fibonacci_directions(300) * [1.0, 1.0, 1e-4]
+    hull = reduced_hull(ball, 60)
+    assert 20 < len(hull.vertices) <= 60
+    assert hull.extents == pytest.approx([0.1, 0.1, 1e-5], rel=0.05)
+
+
 def test_a_reduced_hull_survives_what_qhull_cannot_add(monkeypatch):
     """As it cannot to a part of a scanned can: adding a point to its flat, round faces ends in a wide merge."""
 

@@ -11,6 +11,7 @@ from dexgrasp_env.arrays import Array
 
 _COLLISION_GROUP = 3
 _LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
+_MOST_CELLS = 20_000  # of a box: of one that is thin as a sheet they are as large as that takes
 _SPACING = 0.0015  # m between points of a box's edges
 _TIP_CELL, _LINK_CELL = 0.0045, 0.006  # m: cells of meshes, which are no smaller
 
@@ -86,9 +87,12 @@ def _cells(half: Array) -> tuple[Array, float]:
     A finger link (9.8 mm half thickness) is then exceeded by 3 mm at most, the palm by 7 mm.
     """
     cell = min(0.5 * half.min(), _LARGEST_CELL)
-    counts = np.maximum(1, np.ceil(half / (1.05 * cell))).astype(int)
+    while (counts := np.maximum(1.0, np.ceil(half / (1.05 * cell)))).prod() > _MOST_CELLS:
+        cell *= 2.0
     step = 2.0 * half / counts
-    axes = [np.linspace(-h + 0.5 * s, h - 0.5 * s, n) for h, s, n in zip(half, step, counts, strict=True)]
+    axes = [
+        np.linspace(-h + 0.5 * s, h - 0.5 * s, int(n)) for h, s, n in zip(half, step, counts, strict=True)
+    ]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
     return grid, float(0.5 * np.linalg.norm(step))
 

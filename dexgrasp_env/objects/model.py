@@ -163,7 +163,7 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
     except QhullError:  # of a sliver, whose furthest points lie in a plane: those out of it belong to them
         normal = np.linalg.svd(corners - corners.mean(axis=0), full_matrices=False)[2][2]
         kept = sorted({*kept, (corners @ normal).argmin(), (corners @ normal).argmax()})
-        inner = ConvexHull(corners[kept], incremental=True)
+        inner = _hull_of(corners[kept])
     while len(kept) < limit:
         planes = np.unique(inner.equations.round(9), axis=0)
         kept.append((corners @ planes[:, :3].T + planes[:, 3]).max(axis=1).argmax())
@@ -173,6 +173,16 @@ def reduced_hull(points: Array, limit: int) -> trimesh.Trimesh:
             inner = ConvexHull(corners[kept], incremental=True)
     inner.close()
     return trimesh.Trimesh(corners[kept], process=False).convex_hull
+
+
+def _hull_of(points: Array) -> Any:
+    """Hull that points can be added to; of what is flat to rounding, of points that are joggled."""
+    from scipy.spatial import ConvexHull, QhullError
+
+    try:
+        return ConvexHull(points, incremental=True)
+    except QhullError:
+        return ConvexHull(points, incremental=True, qhull_options="QJ")
 
 
 def _microns(values: Array) -> np.ndarray:

@@ -119,7 +119,8 @@ def _check_names(spec: mujoco.MjSpec, part: Arm | Hand, **named: Iterable[str]) 
             if getattr(spec, kind)(name) is None:
                 raise InputError(f"{part.mjcf} has no {kind} {name!r}, which {part.name!r} names")
     for servo in spec.actuators:
-        if servo.trntype == mujoco.mjtTrn.mjTRN_JOINT and spec.joint(servo.target) is None:
+        aimless = servo.trntype == mujoco.mjtTrn.mjTRN_UNDEFINED
+        if aimless or (servo.trntype == mujoco.mjtTrn.mjTRN_JOINT and spec.joint(servo.target) is None):
             raise InputError(f"{part.mjcf}: actuator {servo.name!r} moves no joint of it")
 
 
