@@ -4,8 +4,7 @@
 
 Run it in the repository's root. Every group is an agent of `evaluate` (`scripts.ablate_constants:no_rises`) beside
 `bilevel`, each with a run below --out that goes on when the same command is given again. Printed is what is lost
-without the group, in points of a hundred, with Newcombe's 95 % interval for paired rates; `docs/constants.md` has the
-constants.
+without the group (b; a has it), with Newcombe's 95 % interval for paired rates; `docs/constants.md` has the constants.
 """
 
 import json
@@ -104,23 +103,20 @@ class Ablate(Script):
             )
             evaluate(settings, self.out / folder, backend=self.backend)
         found = compare_agents([self.out / folder for folder in agents.values()], *agents)
-        low, high = (100 * side for side in found["ci95"])
+        low, high = found["ci95"]
+        kept = ("scenes", "rate_a", "rate_b", "difference", "ci95", "only_a", "only_b", "p_value")
+        verdict = (
+            "keep"
+            if low > 0
+            else "may go: a loss of more than a point is excluded"
+            if high <= 0.01
+            else "open"
+        )
         return {
             "group": group,
             "without": GROUPS[group],
-            "scenes": found["scenes"],
-            "with_percent": 100 * found["rate_a"],
-            "without_percent": 100 * found["rate_b"],
-            "loss_points": 100 * found["difference"],
-            "ci95": [low, high],
-            "only_with": found["only_a"],
-            "only_without": found["only_b"],
-            "p": found["p_value"],
-            "verdict": "keep"
-            if low > 0
-            else "may go: a loss of more than a point is excluded"
-            if high <= 1
-            else "open",
+            **{key: found[key] for key in kept},
+            "verdict": verdict,
         }
 
 

@@ -19,7 +19,8 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Sequence
-from multiprocessing.connection import Connection
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Annotated, Any, NamedTuple
 
@@ -232,26 +233,20 @@ def unphysical(path: Path, scale: float) -> str | None:
 class Worker:
     """A process that runs one case after the other, started again when it dies or hangs."""
 
-    def __init__(self) -> None:
-        self._process: Any = None
+    pool: ProcessPoolExecutor | None = None
 
     def run(self, case: Case, folder: str) -> tuple[int, str]:
         """Return exit code and the end of what was said; negative for what `run_case` says, a crash or a hang."""
-        if self._process is None:
-            context = multiprocessing.get_context("spawn")
-            self._pipe, theirs = context.Pipe()
-            self._process = context.Process(target=serve, args=(theirs,), daemon=True)
-            self._process.start()
-            theirs.close()
+        pool = self.pool = self.pool or ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), begin)
         try:
-            self._pipe.send((case, folder))
-            if self._pipe.poll(LONGEST):
-                return self._pipe.recv()
+            return pool.submit(answer, case, folder).result(LONGEST)
+        except TimeoutError:
             fault = f"no answer after {LONGEST:.0f} s"
-        except (EOFError, OSError):
+        except BrokenProcessPool:
             fault = "the process died"
-        self._process.kill()
-        self._process = None
+        for process in [*pool._processes.values()]:
+            process.kill()
+        self.pool = None
         return -9, fault
 
     @property
@@ -265,17 +260,19 @@ class Worker:
         )
 
 
-def serve(cases: Connection) -> None:
-    """Answer cases."""
+def begin() -> None:
+    """Leave out of answers what is the same every time, and slow, and what native code prints."""
     from dexgrasp.cli import checks
 
-    for name in ("check_versions", "check_rendering", "check_machine"):  # the same every time, and slow
+    for name in ("check_versions", "check_rendering", "check_machine"):
         setattr(checks, name, list)
-    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)  # what native code prints
-    while True:
-        case, folder = cases.recv()
-        os.chdir(folder)
-        cases.send(run_case(case))
+    os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
+
+
+def answer(case: Case, folder: str) -> tuple[int, str]:
+    """Run a case in its folder."""
+    os.chdir(folder)
+    return run_case(case)
 
 
 def make_case(kind: str, rng: Generator, good: Path, here: Path) -> Case:

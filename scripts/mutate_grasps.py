@@ -18,11 +18,12 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
+from crowded_clouds import run
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.grasp.file import read_grasp, record_of, write_grasp
+from dexgrasp.grasp.file import read_grasp, record_of
 from dexgrasp.verify.verify import PARTS, verify
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Natural
@@ -144,18 +145,9 @@ def matters(mutation: Mutation) -> bool:
 
 
 def _planned(out: Path) -> list[Path]:
-    from dexgrasp.agents.bilevel import BilevelAgent
-    from dexgrasp.planning.look import look_at
-
-    agent, paths = BilevelAgent(), []
     for seed, name in enumerate(OBJECTS):
-        look = look_at(name, agent, seed)
-        found = agent.plan(look.observation, look.info)
-        look.env.close()
-        for content in found.contents(look.subject.identity, "bilevel", look.subject.pose):
-            paths.append(out / f"{name}.json")
-            write_grasp(paths[-1], content)
-    return paths
+        run(["plan", name, "--seed", str(seed), "--out", str(out / name)])
+    return sorted(out.glob("*/grasp.json"))
 
 
 class Mutate(Script):
@@ -183,7 +175,7 @@ class Mutate(Script):
             large = [m for m in through if matters(m)]
             bad += len(large)
             print(
-                f"{path.name}: {dict(counts)}, too small to matter {len(through) - len(large)}, missed {len(large)}"
+                f"{path}: {dict(counts)}, too small to matter {len(through) - len(large)}, missed {len(large)}"
             )
             for m in large:
                 print(f"  MISSED {'.'.join(map(str, m.path))} {m.kind}: {m.size:.3g}")

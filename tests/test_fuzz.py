@@ -65,7 +65,8 @@ def test_a_short_run_ends_in_0_to_3(kind, fuzz, good, tmp_path, monkeypatch):
 def test_a_process_that_dies_or_raises_is_a_fault_and_the_next_case_runs(fuzz, tmp_path):
     worker = fuzz.Worker()
     assert worker.run(fuzz.Case(["list", "nosuch"]), str(tmp_path))[0] == 2
-    worker._process.kill()
+    for process in worker.pool._processes.values():
+        process.kill()
     code, said = worker.run(fuzz.Case(["list", "nosuch"]), str(tmp_path))
     assert code == -9, said
     assert worker.run(fuzz.Case(["list", "objects"]), str(tmp_path))[0] == 0
