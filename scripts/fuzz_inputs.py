@@ -238,14 +238,12 @@ def mesh_file(path: Path, rng: Rng) -> tuple[Path, float]:
 
 def arguments(rng: Rng) -> list[str]:
     """Return arguments as somebody in a hurry types them; long work is not asked for."""
-    good = {
-        "list": ["objects"], "plan": ["pear"], "verify": ["x.json"], "doctor": ["x.obj"], "report": ["runs"],
-        "evaluate": ["--agents", "random", "--objects", "pear", "--trials", "1"], "compare": ["runs", "a", "b"],
-        "replay": ["runs", "--agent", "a", "--object", "b", "--trial", "0"], "benchmark": ["nosuch"],
-        "dataset": ["info", "runs"], "train": ["cvae", "--data", "runs", "--out", "runs/t"], "demo": ["--no-video"],
-    }  # fmt: skip
-    command = str(rng.choice([*good, "", "nosuch"]))
-    rest = list(good.get(command, []))
+    good = (
+        "list objects", "plan pear", "verify x.json", "doctor x.obj", "report runs", "compare runs a b",
+        "evaluate --agents random --objects pear --trials 1", "replay runs --agent a --object b --trial 0",
+        "benchmark nosuch", "dataset info runs", "train cvae --data runs --out runs/t", "demo --no-video",
+    )  # fmt: skip
+    command, *rest = _one_of([*map(str.split, good), [""], ["nosuch"]], rng)
     for _ in range(int(rng.integers(1, 4))):
         word, at = _one_of(WORDS, rng), int(rng.integers(len(rest) + 1))
         rest[at : at + int(rng.integers(2))] = [word]

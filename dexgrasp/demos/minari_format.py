@@ -9,14 +9,13 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.demos.rollout import Episode
+from dexgrasp.demos.rollout import Arrays, Episode
 from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import require_extra
 
 DATA = "data"
 _FILE = "main_data.hdf5"
-_ONCE = "once"
 
 
 def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episode]) -> None:
@@ -52,7 +51,7 @@ def write_minari(folder: Path, settings: DemoSettings, episodes: Iterable[Episod
             group = file[f"episode_{number}"]
             group.attrs["about"] = json.dumps(episode.about)
             for name, array in episode.once.items():
-                group.create_dataset(f"{_ONCE}/{name}", data=array)
+                group.create_dataset(f"once/{name}", data=array)
     storage.update_metadata({
         "dataset_id": f"dexgrasp/{settings.agent.rpartition(':')[2].lower()}-{settings.obs_mode}-v0",
         "minari_version": minari.__version__,
@@ -89,7 +88,6 @@ def read_episodes(folder: Path) -> Iterator[Episode]:
 
 
 def _episode(group: Any) -> Episode:
-    steps = {name: group[name][()] for name in ("actions", "rewards", "terminations", "truncations")}
-    observations = {key: np.asarray(value[()]) for key, value in group["observations"].items()}
-    once = {key: np.asarray(value[()]) for key, value in group[_ONCE].items()} if _ONCE in group else {}
-    return Episode(observations, **steps, once=once, about=json.loads(group.attrs["about"]))
+    arrays: Arrays = {}
+    group.visititems(lambda name, item: arrays.update({name: item[()]}) if hasattr(item, "dtype") else None)
+    return Episode.of_arrays(arrays, json.loads(group.attrs["about"]))

@@ -15,6 +15,7 @@ from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
+from dexgrasp.runs.arrays import below
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
@@ -24,6 +25,8 @@ from dexgrasp_env.tasks.control import max_step
 
 _LINGER = 10  # control steps that a replay goes on after the rollout
 NOT_REPLAYED = "not_replayed"
+
+_STEPS = ("actions", "rewards", "terminations", "truncations")
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -52,6 +55,23 @@ class Episode:
 
     def __len__(self) -> int:
         return len(self.actions)
+
+    def arrays(self) -> Arrays:
+        """Return all arrays by name, `observations/KEY` and `once/KEY` among them."""
+        whole = {name: getattr(self, name) for name in _STEPS}
+        for part in ("observations", "once"):
+            whole |= {f"{part}/{key}": array for key, array in getattr(self, part).items()}
+        return whole
+
+    @classmethod
+    def of_arrays(cls, arrays: Arrays, about: dict[str, Any]) -> "Episode":
+        """Return the demonstration that has such arrays, among others.
+
+        Raises:
+            KeyError: if some are missing.
+        """
+        steps = (arrays[name] for name in _STEPS)
+        return cls(below(arrays, "observations/"), *steps, below(arrays, "once/"), about)
 
 
 class Recorder:
