@@ -22,7 +22,7 @@ from dexgrasp.dataset.info import check_sample, summary
 from dexgrasp.dataset.rest_scene import placed, rest_scene
 from dexgrasp.dataset.sampler import bearable
 from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.dataset.shards import FIELDS, complete, read_arrays, read_manifest, shape_of
+from dexgrasp.dataset.shards import complete, fields_of, read_arrays, read_manifest
 from dexgrasp.physics.margin import margins
 from dexgrasp.planning.placement import assignments, place_on_atlas
 from dexgrasp.planning.postures import loads_on
@@ -52,7 +52,9 @@ def test_every_rest_pose_has_its_grasps_and_they_pass_independent_checks(made):
     assert len(poses) == 6
     assert [len(p) for p in poses] == [6] * 6
     for pose in poses:
-        assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {n: shape_of(n, 23) for n in FIELDS}
+        assert {name: a.shape[1:] for name, a in pose.grasps.items()} == {
+            name: tuple(words["shape"]) for name, words in fields_of(23).items()
+        }
         distance = np.linalg.norm(pose.grasps["normals"], axis=-1)
         assert_allclose(distance, 1.0, atol=1e-5)
         assert (pose.grasps["margin"] >= SETTINGS.planner.closure_margin - 1e-5).all()

@@ -10,12 +10,11 @@ from dexgrasp.dataset.rest_scene import model_of, rest_scene
 from dexgrasp.dataset.sampler import REACH, sample_shard
 from dexgrasp.dataset.settings import SCHEMA, DatasetSettings, versions
 from dexgrasp.dataset.shards import (
-    FIELDS,
     MANIFEST,
     complete,
+    fields_of,
     pose_arrays,
     read_manifest,
-    shape_of,
     shard_arrays,
 )
 from dexgrasp.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
@@ -81,10 +80,7 @@ def generate(
             "complete": True,
             "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
             "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(hand.grasp), "hand": hand.stamp,
-            "fields": {
-                name: {"shape": list(shape_of(name, joints)), "type": kind, "meaning": says}
-                for name, (_, kind, says) in FIELDS.items()
-            },
+            "fields": fields_of(joints),
             "files": {job.file: file_hash(folder / job.file) for job in jobs},
         }  # fmt: skip
         write_json(folder / MANIFEST, manifest)

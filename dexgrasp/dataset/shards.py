@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import yaml
 
 from dexgrasp.dataset.rest_scene import RestScene
 from dexgrasp.dataset.sampler import COUNTS, Found
@@ -17,35 +18,23 @@ from dexgrasp_env.files import file_hash, read_json_object
 MANIFEST = "manifest.json"
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
-FIELDS: dict[str, tuple[tuple[int, ...], str, str]] = {
-    "q": ((-1,), "float32", "rad, joints of arm and hand, at the placement"),
-    "placement": ((3,), "float32", "x m, y m, yaw rad of the rest frame in the world frame"),
-    "triple": ((3,), "int16", "candidate points it started from, thumb, index, middle"),
-    "contacts": ((3, 3), "float32", "m, rest frame, thumb, index, middle"),
-    "normals": ((3, 3), "float32", "unit, out of the object, rest frame"),
-    "forces": ((3, 3), "float32", "N on the object that hold it, rest frame"),
-    "palm_position": ((3,), "float32", "m, rest frame"),
-    "palm_quat_wxyz": ((4,), "float32", "palm in the rest frame"),
-    "margin": ((), "float32", "closure margin, exact cones"),
-    "distances": ((3,), "float32", "m, signed distance of the compliant tips"),
-    "clearance": ((), "float32", "m, least of hand and arm to all but touching tips, at most 0.02"),
-    "joint_margin": ((), "float32", "rad to the nearest joint limit"),
-    "load": ((), "int8", "firmest of planner.loads that it holds, -1: none"),
-    "torque_fraction": ((), "float32", "largest joint torque of the forces over its limit"),
-}
-"""Field -> shape of one grasp, type, meaning; -1 stands for the robot's number of joints."""
+FIELDS: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("fields.yaml").read_text())
+"""Field -> shape of one grasp, type, meaning, from fields.yaml."""
 
 
-def shape_of(name: str, joints: int) -> tuple[int, ...]:
-    """Return the shape of a field of one grasp of a robot with so many joints."""
-    return tuple(joints if size < 0 else size for size in FIELDS[name][0])
+def fields_of(joints: int) -> dict[str, dict[str, Any]]:
+    """Return the fields, with their shapes for a robot with so many joints."""
+    return {
+        name: words | {"shape": [joints if size == "joints" else size for size in words["shape"]]}
+        for name, words in FIELDS.items()
+    }
 
 
 def shard_arrays(found: Found, joints: int) -> Arrays:
     """Return the grasps of a shard, of a robot with so many joints, with their counts."""
     arrays: Arrays = {
-        name: np.asarray(found.fields.get(name, []), dtype=kind).reshape(len(found), *shape_of(name, joints))
-        for name, (_, kind, _) in FIELDS.items()
+        name: np.asarray(found.fields.get(name, []), dtype=words["type"]).reshape(len(found), *words["shape"])
+        for name, words in fields_of(joints).items()
     }
     arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
     arrays["blocked"] = bytes_of(json.dumps(dict(sorted(found.blocked.items()))))
