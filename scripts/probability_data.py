@@ -32,7 +32,6 @@ from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import Outcome, run_trial
 from dexgrasp.motion.carrying import GuardedCarry
 from dexgrasp.motion.guarded import GuardedGrasp
-from dexgrasp.planning.look import subject_of
 from dexgrasp.planning.result import Planned, PlanResult
 from dexgrasp.planning.seen import plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
@@ -43,7 +42,6 @@ from dexgrasp.runs.shards import Arrays, bytes_of, is_shard, make_missing, write
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.objects.sets import is_set, set_member
-from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.valid import Count
 
@@ -156,14 +154,13 @@ def _env(job: Job, settings: Mapping[str, Any]) -> gym.Env[Any, Any]:
     return gym.make("DexGrasp/Lift-v2", objects=[target], disable_env_checker=True, **own, **settings)
 
 
-def plan(job: Job) -> tuple[PlanResult, Scene, float]:
-    """Plan in a scene; return the plan, one grasp at most, what was seen, and the object's mass, kg."""
+def plan(job: Job) -> tuple[PlanResult, float]:
+    """Plan in a scene; return the plan, one grasp at most, and the object's mass, kg."""
     name = "bilevel" if job.planner == "later" else job.planner
     agent: Any = make_agent(name, settings=PlannerSettings.for_friction(job.told_friction))
     env = _env(job, {**agent.env_settings, **_SEEN[job.seen][1]})
     observation, info = env.reset(seed=job.seed)
     mass = float(env.unwrapped.simulation.object.mass)  # type: ignore[attr-defined]
-    pose = subject_of(env).pose.T_world_object
     env.close()
     scene = Scene.of_observation(observation, public_info(env, info))
     planner = agent._planner
@@ -172,8 +169,7 @@ def plan(job: Job) -> tuple[PlanResult, Scene, float]:
     if count and result.found:
         of_set = np.random.default_rng([SEED, job.number, 2])
         result.found = [result.found[int(of_set.integers(len(result.found)))]]
-    result.sentence = json.dumps(pose.tolist())
-    return result, scene, mass
+    return result, mass
 
 
 def outcome_of(job: Job, planned: Planned, condition: tuple[float, float]) -> dict[str, Any]:
@@ -201,30 +197,15 @@ def _short(outcome: Outcome) -> dict[str, Any]:
 
 def arrays_of(job: Job) -> Arrays:
     """Plan, carry out, and return all that is kept of a scene."""
-    result, scene, mass = plan(job)
-    row: dict[str, Any] = {
-        "job": job._asdict(),
-        "mass": mass,
-        "reason": result.reason,
-        "pose": json.loads(result.sentence or "null"),
-        "cameras": len(scene.cameras),
-        "rows": [],
-    }
-    arrays: dict[str, Any] = {
-        "points": scene.target.points.astype(np.float32),
-        "normals": scene.target.normals.astype(np.float32),
-        "plane": Plane.to_array(scene.plane),
-    }
+    result, mass = plan(job)
+    row: dict[str, Any] = {"job": job._asdict(), "mass": mass, "reason": result.reason, "rows": []}
+    arrays: dict[str, Any] = {}
     if result.found:
-        target = result.target
-        assert target is not None
+        assert result.target is not None
         row["record"] = result.contents(job.target, job.planner)[0]
         row["rows"] = [outcome_of(job, result.found[0], condition) for condition in job.conditions]
-        arrays["forces"] = result.found[0].grasp.forces
-        if target.spread is not None:
-            arrays["spread_directions"], arrays["spread_errors"] = target.spread
-        if target.seen is not None:
-            arrays["airy"] = np.ones(1)
+        if result.target.spread is not None:
+            arrays["spread_directions"], arrays["spread_errors"] = result.target.spread
     return arrays | {"row": bytes_of(json.dumps(row, allow_nan=False))}
 
 

@@ -70,8 +70,8 @@ class Episode:
         Raises:
             KeyError: if some are missing.
         """
-        steps = (arrays[name] for name in _STEPS)
-        return cls(below(arrays, "observations/"), *steps, below(arrays, "once/"), about)
+        steps: dict[str, Any] = {name: arrays[name] for name in _STEPS}
+        return cls(below(arrays, "observations/"), **steps, once=below(arrays, "once/"), about=about)
 
 
 class Recorder:
