@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 Array = NDArray[np.float64]
 
@@ -16,6 +16,23 @@ def fibonacci_directions(count: int) -> Array:
     turn = np.pi * (1.0 + np.sqrt(5.0)) * index
     across = np.sqrt(1.0 - z**2)
     return np.stack([across * np.cos(turn), across * np.sin(turn), z], axis=-1)
+
+
+def unit(vectors: Array) -> Array:
+    """Return vectors (..., n) at length 1; those without a length stay about 0."""
+    lengths: Array = np.linalg.norm(vectors, axis=-1, keepdims=True)
+    return vectors / np.maximum(lengths, 1e-9)
+
+
+def grid(*axes: ArrayLike) -> Array:
+    """Return the points (N, n) whose coordinates are those of n axes, the last axis running fastest."""
+    return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(axes))
+
+
+def cube_directions() -> Array:
+    """Return the 26 unit directions (26, 3) to the faces, edges and corners of a cube."""
+    points = grid(*[[-1.0, 0.0, 1.0]] * 3)
+    return unit(points[points.any(1)])
 
 
 def joined(clouds: Sequence[Array]) -> dict[str, NDArray[Any]]:

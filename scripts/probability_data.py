@@ -110,7 +110,7 @@ class Carrier(Agent):
     @property
     def steps(self) -> int:
         """Control steps until the hand is up, about."""
-        return dict(self._script.phases)["hold"]
+        return len(self._script.targets) - len(self._script.phases["hold"])
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Begin."""

@@ -243,11 +243,9 @@ def closing(attempt, blocked):
     """
     grasp, script = attempt.agent.result.grasp, attempt.agent.result.script
     execution = GuardedGrasp(script, grasp)
-    first = dict(script.phases)
-    start = script.targets[first["close"] - 1]
-    end = script.targets[first["squeeze"] - 1]
+    start, end = script.phases["approach"][-1], script.phases["close"][-1]
     q, targets = start.copy(), []
-    for _ in range(first["close"]):
+    for _ in script.phases["approach"]:
         assert_allclose(denormalise(execution.action(q), ROBOT), script.targets[len(targets)], atol=1e-5)
         targets.append(0)
     closed = []

@@ -40,7 +40,7 @@ def heavy():
 
 def at_the_end_of(turn, plan):
     """Return set-points (23,) before the turn, and the arm's (23,) after it."""
-    start = plan.script.targets[dict(plan.script.phases)["hold"] - 1]
+    start = plan.script.phases["lift"][-1]
     return start, np.concatenate([turn.arm[-1], start[7:]])
 
 
@@ -99,23 +99,23 @@ def carried(motion, turn):
 def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
-    first = dict(script.phases)
+    closing = len(script.phases["approach"])
 
     def played(turn):
         execution = GuardedGrasp(script, grasp)
-        touching, q, out = script.targets[first["squeeze"] - 1][7:], script.start, []
+        touching, q, out = script.phases["close"][-1][7:], script.start, []
         for step in range(len(script.targets) + 40):
             execution = carried(execution, turn)
             target = denormalise(execution.action(q), ROBOT)
             # The joints follow at once, but the fingers are where they touch.
-            q = np.concatenate([target[:7], touching if step >= first["close"] else target[7:]])
+            q = np.concatenate([target[:7], touching if step >= closing else target[7:]])
             out.append(target)
         return np.array(out)
 
     still, turned = played(None), played(turn)
     end = len(turned) - 1
     assert_allclose(turned[end, :7], turn.arm[-1], atol=1e-4)
-    lifted = np.abs(still[:, :7] - script.targets[first["hold"] - 1, :7]).max(axis=1).argmin()
+    lifted = np.abs(still[:, :7] - script.phases["lift"][-1, :7]).max(axis=1).argmin()
     assert_array_equal(still[:lifted], turned[:lifted])
     frames = body_frames(grasp.q, TREE)
     J = tip_jacobian(TREE, frames, tip_positions(TREE, frames) - 0.0105 * grasp.normals)[:, :, 7:]
@@ -131,11 +131,11 @@ def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
     execution = GuardedGrasp(script, grasp)
-    touching, q = script.targets[dict(script.phases)["squeeze"] - 1], script.start
+    touching, q = script.phases["close"][-1], script.start
     for step in range(len(script.targets) + 60):
         execution = carried(execution, turn if turned else None)
         q = denormalise(execution.action(q), ROBOT)
-        if step >= dict(script.phases)["close"]:
+        if step >= len(script.phases["approach"]):
             q[7:] = touching[7:]
         if step > len(script.targets):
             for columns in (slice(19, 23), slice(7, 11), slice(11, 15))[:free]:

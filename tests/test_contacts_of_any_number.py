@@ -6,12 +6,13 @@ from numpy.testing import assert_allclose
 from refusals import refused
 
 from dexgrasp.physics.closure import opposed_pairs
-from dexgrasp.physics.contacts import Contacts
-from dexgrasp.physics.margin import UNDEFINED, margins
+from dexgrasp.physics.contacts import Contacts, shape_of
+from dexgrasp.physics.margin import UNDEFINED, cone_margin, margins
 from dexgrasp.physics.squeeze import firmest_squeeze
-from dexgrasp.physics.strength import capacity_of, directions, hold_residual, load_of, torque_fraction
+from dexgrasp.physics.strength import capacity_of, hold_residual, load_of, torque_fraction
 from dexgrasp.verify.cones import conic_margin, largest_push, slides, wrench_map
 from dexgrasp.verify.rays import least_way
+from dexgrasp_env.arrays import cube_directions
 
 KINDS = [(2, 0.008), (3, 0.008), (4, 0.0), (4, 0.008), (5, 0.0)]
 MU, PRESS = 0.6, 2.5
@@ -46,30 +47,32 @@ def test_margins_are_the_judges_and_have_slopes(count, torsion):
     rng, step = np.random.default_rng(count), 1e-6
     for _ in range(6):
         points, normals = _grasp(rng, count)
-        value, by_points, by_normals, forces = margins(points[None], normals[None], MU, torsion)
-        assert value[0] == pytest.approx(conic_margin(points, normals, MU, torsion), abs=2e-6)
+        shape = shape_of(count, torsion)
+        value, by_points, by_normals, forces = cone_margin(points, normals, MU, shape)
+        assert value == margins(points[None], normals[None], MU, torsion)[0]
+        assert value == pytest.approx(conic_margin(points, normals, MU, torsion), abs=2e-6)
         G = wrench_map(points, points.mean(0), normals, torsion)
-        assert_allclose(G @ forces[0].ravel(), 0.0, atol=1e-8)
-        assert slides(forces[0], normals)[0].sum() == pytest.approx(1.0)
+        assert_allclose(G @ forces.ravel(), 0.0, atol=1e-8)
+        assert slides(forces, normals)[0].sum() == pytest.approx(1.0)
 
         def moved(p, n, torsion=torsion):
             n = n / np.linalg.norm(n, axis=1, keepdims=True)
-            return margins(p[None], n[None], MU, torsion)[0][0]
+            return margins(p[None], n[None], MU, torsion)[0]
 
         way = rng.normal(size=points.shape)
         slope = (moved(points + step * way, normals) - moved(points - step * way, normals)) / (2 * step)
-        assert slope == pytest.approx((by_points[0] * way).sum(), rel=2e-3, abs=1e-2)
+        assert slope == pytest.approx((by_points * way).sum(), rel=2e-3, abs=1e-2)
         slope = (moved(points, normals + step * way) - moved(points, normals - step * way)) / (2 * step)
-        assert slope == pytest.approx((by_normals[0] * way).sum(), rel=2e-3, abs=1e-4)
+        assert slope == pytest.approx((by_normals * way).sum(), rel=2e-3, abs=1e-4)
 
 
 def test_two_points_leave_a_turn_free_and_two_soft_ones_do_not():
     points, normals = np.array([[0.03, 0.0, 0.0], [-0.03, 0.0, 0.0]]), np.array([[1.0, 0, 0], [-1.0, 0, 0]])
-    assert margins(points[None], normals[None], MU)[0][0] == UNDEFINED
+    assert margins(points[None], normals[None], MU)[0] == UNDEFINED
     assert conic_margin(points, normals, MU) is None
-    assert margins(points[None], normals[None], MU, 0.008)[0][0] == pytest.approx(1.0)
+    assert margins(points[None], normals[None], MU, 0.008)[0] == pytest.approx(1.0)
     line = np.array([[-0.03, 0, 0], [0, 0, 0], [0.03, 0, 0.0], [0.05, 0, 0]])
-    assert margins(line[None], np.eye(3)[[0, 1, 2, 0]][None], MU)[0][0] == UNDEFINED
+    assert margins(line[None], np.eye(3)[[0, 1, 2, 0]][None], MU)[0] == UNDEFINED
 
 
 @pytest.mark.parametrize(
@@ -99,7 +102,7 @@ def test_squeeze_load_and_capacity_are_the_judges(count, torsion, shared):
         down = weight * np.array([0, 0, -1.0, 0, 0, 0])
         most = [
             largest_push(G, contacts.normals, MU, torques, (down, weight * np.r_[way, np.zeros(3)]))
-            for way in directions()
+            for way in cube_directions()
         ]
         assert capacity_of(contacts) == pytest.approx(1.0 + min(most), rel=2e-3)
 

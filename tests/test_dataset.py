@@ -88,7 +88,7 @@ def test_no_hand_bears_the_object_at_triples_that_are_left_out():
     problem = Problem(scene.grasp_target, CELL, planner)
     at = place_on_atlas(scene.points[triples], scene.normals[triples], problem, assignments(3))
     loads = loads_on(at, problem)
-    margin = margins(scene.points[triples], scene.normals[triples], planner.friction)[0]
+    margin = margins(scene.points[triples], scene.normals[triples], planner.friction)
     borne = at.triple[loads >= SETTINGS.least_load] // 6
     firm = {tuple(triples[k]) for k in borne if margin[k] >= planner.closure_margin}
     assert firm

@@ -130,7 +130,7 @@ def test_script_around_the_tower_is_free_and_reproducible():
     motion = GraspMotion(RIGHT, RIGHT, RIGHT)
     script, again = (make_script(LEFT, motion, TOWER, CELL) for _ in range(2))
     assert_array_equal(script.targets, again.targets)
-    approach = np.concatenate([LEFT[None], script.targets[: script.phases[1][1]]])
+    approach = np.concatenate([LEFT[None], script.phases["approach"]])
     assert CollisionChecker(CELL, TOWER, margin=0.002).first_contact(approach) is None
 
 
@@ -196,16 +196,14 @@ def test_script_phases_limits_and_actions():
     grasp[[8, 12, 21]] += 0.2
     squeeze[[8, 12, 21]] += 0.25
     script = make_script(HOME, GraspMotion(q, grasp, squeeze), box(0.5, 0.1, (0.03, 0.03, 0.1)), CELL)
-    assert [name for name, _ in script.phases] == ["approach", "close", "squeeze", "lift", "hold"]
+    assert list(script.phases) == ["approach", "close", "squeeze", "lift", "hold"]
     assert len(script.targets) * CONTROL_PERIOD < 9.0
     assert within_limits(HOME, script.targets, robot_tree(CELL))
-    firsts = dict(script.phases)
-    assert (len(script.targets) - firsts["hold"]) * CONTROL_PERIOD >= 3.2
-    assert_allclose(script.targets[firsts["lift"] - 1], squeeze)
+    assert len(script.phases["hold"]) * CONTROL_PERIOD >= 3.2
+    assert_allclose(script.way("lift")[0], squeeze)
     rise = palm_frame(script.targets[-1], robot_tree(CELL))[1] - palm_frame(squeeze, robot_tree(CELL))[1]
     assert_allclose(rise, [0, 0, 0.14], atol=1e-4)
-    assert script.phase(0) == "approach"
-    assert script.phase(10_000) == "hold"
+    assert_array_equal(script.way("approach")[0], HOME)
     assert_array_equal(script.at(10_000), script.targets[-1])
 
 

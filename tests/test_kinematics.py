@@ -14,7 +14,7 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING
 from dexgrasp.kinematics.clearance import OBJECT, SELF, TABLE, clearance_rows, empty_rows
 from dexgrasp.kinematics.cover import body_spheres
-from dexgrasp.kinematics.forward import body_frames, fingertips, hand_jacobian, tip_jacobian
+from dexgrasp.kinematics.forward import body_frames, contact_jacobian, fingertips, tip_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm, solve_palm
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.robot.model import robot_spec
@@ -131,7 +131,8 @@ def test_tip_jacobians_are_mujocos(mount):
     for q in anywhere(np.random.default_rng(1), 40):
         model, data = placed(q, mount)
         ours, of_hand = tip_jacobian(tree, body_frames(q, tree), fingertips(q, tree)), np.empty((3, 3, 23))
-        hand_jacobian(tree, body_frames(q, tree), fingertips(q, tree), of_hand)
+        tips = fingertips(q, tree)
+        contact_jacobian(tree, body_frames(q, tree), tips, tips, tree.palm, of_hand)
         assert_array_equal(of_hand, np.where(np.arange(23) < 7, 0.0, ours))
         for i, finger in enumerate(GRASP_FINGERS):
             mujoco.mj_jacSite(model, data, J, None, model.site(f"{finger}_tip").id)

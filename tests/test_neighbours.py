@@ -120,8 +120,7 @@ def test_approach_and_lift_through_a_neighbour_are_refused(plans):
     check_way(script, CELL, ALONE)
     with pytest.raises(NoPath, match="lift_blocked"):
         check_way(script, CELL, lid)
-    first = dict(script.phases)
-    lift = script.targets[first["lift"] - 1 : first["hold"]]
+    lift = script.way("lift")
     assert carried_into(lid, lift, TREE) > 0.004
     assert carried_into(replace(ALONE, neighbours=SIDES), lift, TREE) == 0.0
     assert raised_into(lid, 0.14) > 0.01

@@ -135,7 +135,7 @@ def test_proposals_lie_on_the_surface_above_the_table(name, proposals):
 def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
     """The sweep judges by Eq. 2's pyramids, which reach beyond the cone; the margin says what the exact cone says."""
     found = proposals[name]
-    closed, known = [], margins(found.contacts, found.normals, SETTINGS.friction)[0]
+    closed, known = [], margins(found.contacts, found.normals, SETTINGS.friction)
     for k in range(0, len(found.contacts), 5 if len(found.contacts) > 20 else 1):
         p, n = found.contacts[k], found.normals[k]
         assert solve_wrench_qp(p, n, SETTINGS.friction, solver="daqp").residual < 1e-6
@@ -160,7 +160,7 @@ def test_proposals_are_varied_and_reproducible(proposals):
 def test_every_source_ranks_alike(source):
     target = subject("box")
     found = make_source(source).propose(target, SETTINGS, np.random.default_rng(0))
-    known = margins(found.contacts, found.normals, SETTINGS.friction)[0]
+    known = margins(found.contacts, found.normals, SETTINGS.friction)
     score = robustness(found.contacts, found.normals, known, target)
     assert len(score) > 20
     assert (

@@ -143,9 +143,8 @@ def test_plan_is_whole_and_repeats_itself(plan):
 
 def test_approach_keeps_clear_of_the_object(plan):
     """Up to the close, the way is free; the robot never leaves its joint range."""
-    first = dict(plan.script.phases)
     checker = CollisionChecker(CELL, BOX.distance, margin=0.0)
-    assert checker.first_contact(plan.script.targets[: first["close"]]) is None
+    assert checker.first_contact(plan.script.phases["approach"]) is None
     assert ((plan.script.targets >= LOWER - 1e-9) & (plan.script.targets <= UPPER + 1e-9)).all()
 
 

@@ -1,6 +1,5 @@
 """Ways that `verify` would refuse are refused when they are planned."""
 
-from dataclasses import replace
 from itertools import product
 
 import numpy as np
@@ -16,8 +15,10 @@ TARGET = GraspTarget.of_corners([np.array(list(product((0.50, 0.55), (0.30, 0.35
 
 
 def script(targets):
-    phases = (("approach", 0), ("close", 20), ("squeeze", 22), ("lift", 24), ("hold", 34))
-    return ActionScript(np.asarray(targets), phases, HOME.copy())
+    pieces = np.split(np.asarray(targets), [20, 22, 24, 34])
+    return ActionScript(
+        dict(zip(("approach", "close", "squeeze", "lift", "hold"), pieces, strict=True)), HOME.copy()
+    )
 
 
 @pytest.fixture
@@ -33,7 +34,7 @@ def test_a_set_point_that_stands_out_is_refused(still):
     targets = still.targets.copy()
     targets[9, 3] += 0.01
     with pytest.raises(NoPath, match="approach_bends"):
-        check_way(replace(still, targets=targets), CELL, TARGET)
+        check_way(script(targets), CELL, TARGET)
 
 
 def test_a_hand_that_meets_itself_on_the_way_up_is_refused(still):
@@ -41,4 +42,4 @@ def test_a_hand_that_meets_itself_on_the_way_up_is_refused(still):
     targets[24:34, 7:] = np.tile([0.0, 1.6, 1.6, 1.5], 4)  # a fist
     targets[24:34, 19:] = [1.35, 1.1, 1.6, 1.6]
     with pytest.raises(NoPath, match="lift_blocked"):
-        check_way(replace(still, targets=targets), CELL, TARGET)
+        check_way(script(targets), CELL, TARGET)

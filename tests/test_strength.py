@@ -8,7 +8,8 @@ from dexgrasp.physics.checks import rms_radius
 from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.equilibrium import grasp_map
-from dexgrasp.physics.strength import capacity_of, directions, hold_residual, load_of
+from dexgrasp.physics.strength import capacity_of, hold_residual, load_of
+from dexgrasp_env.arrays import cube_directions
 
 MU = 0.6
 
@@ -92,7 +93,7 @@ def most(c, direction, edges):
 @pytest.mark.parametrize("turn", [0.0, 0.7, 2.0])
 def test_capacity_is_that_of_a_linear_programme(turn):
     c = contacts(turn=turn)
-    expected = 1.0 + min(most(c, d, 96) for d in directions())
+    expected = 1.0 + min(most(c, d, 96) for d in cube_directions())
     assert capacity_of(c) == pytest.approx(expected, rel=2e-3)
     assert capacity_of(c) >= expected - 1e-6  # inscribed pyramids bear less
     assert capacity_of(c) >= load_of(c, pressing(c, 5.0)) - 1e-6
@@ -113,7 +114,7 @@ def test_capacity_that_need_not_be_known_is_only_told_to_be_less():
 
 
 def test_directions_are_26_units():
-    d = directions()
+    d = cube_directions()
     assert d.shape == (26, 3)
     np.testing.assert_allclose(np.linalg.norm(d, axis=1), 1.0)
     assert len(np.unique(d.round(6), axis=0)) == 26

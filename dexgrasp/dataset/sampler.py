@@ -18,7 +18,7 @@ from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.physics.contacts import Contacts, Shape, shape_of
-from dexgrasp.physics.margin import rough_margins
+from dexgrasp.physics.margin import margins_to
 from dexgrasp.physics.squeeze import empty_room, squeeze_estimate
 from dexgrasp.physics.strength import load_of, torque_fraction
 from dexgrasp.planning.atlas import hand_atlas
@@ -187,7 +187,7 @@ def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSett
         scene.points, scene.normals, scene.friction, triples, target.centre, target.weight, least, shape_of(3)
     )
     firm = triples[loads >= least]
-    margins = rough_margins(scene.points[firm], scene.normals[firm], planner.friction, _ROUGH, shape_of(3))
+    margins = margins_to(scene.points[firm], scene.normals[firm], planner.friction, shape_of(3), _ROUGH, 0.0)
     return firm[margins >= planner.closure_margin]
 
 

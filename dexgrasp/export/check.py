@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.export.read import Recording, Rows
+from dexgrasp.grasp.path import limit_shares
 from dexgrasp.grasp.values import CONVEX
 from dexgrasp.verify.check import Check, at_least, at_most
 from dexgrasp.verify.scene import Scene
@@ -33,6 +34,7 @@ _MAKERS: dict[str, dict[str, tuple[float, ...]]] = {
         "jerk": (3000.0,) * 16,
     },
 }
+_QUANTITIES = ("velocity", "acceleration", "jerk")
 _PERIODS = {"arm": 0.001, "hand": 0.003}  # s: the arm takes 1 kHz, the hand 333 Hz
 _TIME = 1e-9  # s
 _STEP = 0.02  # s between states that are looked at for collisions
@@ -82,9 +84,7 @@ def _timing(name: str, rows: Rows) -> list[Check]:
 
 def _tighter(name: str, own: Joints) -> dict[str, Array]:
     """The tighter of the maker's limits, where they are known here, and the cell's."""
-    limits = {
-        key: np.array(getattr(own, key)) for key in ("lower", "upper", "velocity", "acceleration", "jerk")
-    }
+    limits = {key: np.array(getattr(own, key)) for key in ("lower", "upper", *_QUANTITIES)}
     for key, maker in _MAKERS.get(name, {}).items():
         limits[key] = (np.maximum if key == "lower" else np.minimum)(limits[key], maker)
     return limits
@@ -93,13 +93,14 @@ def _tighter(name: str, own: Joints) -> dict[str, Array]:
 def _limits(name: str, rows: Rows, limits: dict[str, Array]) -> list[Check]:
     q, period = rows.positions, _PERIODS[name]
     room = float(np.minimum(q - limits["lower"], limits["upper"] - q).min())
-    checks = [at_least(f"{name}: inside the joint limits by (rad)", room, 0.0)]
-    # At rest before the first row and after the last: a jump at either end is motion too.
-    still = np.concatenate([np.repeat(q[:1], 3, axis=0), q, np.repeat(q[-1:], 3, axis=0)])
-    for order, quantity in enumerate(("velocity", "acceleration", "jerk"), start=1):
-        used = float((np.abs(np.diff(still, n=order, axis=0)) / period**order / limits[quantity]).max())
-        checks.append(at_most(f"{name}: share of the {quantity} limits", used, SHARE))
-    return checks
+    used = limit_shares(q, period, *(limits[quantity] for quantity in _QUANTITIES))
+    return [
+        at_least(f"{name}: inside the joint limits by (rad)", room, 0.0),
+        *(
+            at_most(f"{name}: share of the {quantity} limits", share, SHARE)
+            for quantity, share in zip(_QUANTITIES, used, strict=True)
+        ),
+    ]
 
 
 def _collisions(recording: Recording, cell: Cell) -> list[Check]:

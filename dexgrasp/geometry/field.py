@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, grid
 from dexgrasp_env.compiled import njit
 
 _SPACING = 0.015  # m
@@ -22,8 +22,8 @@ class Field(NamedTuple):
 def field_of(distance: ConvexDistance, low: Array, high: Array) -> Field:
     """Table a distance within a box from `low` to `high`, (3,) m both."""
     counts = np.ceil((high - low) / _SPACING).astype(int) + 1
-    nodes = low + _SPACING * np.stack(np.meshgrid(*map(np.arange, counts), indexing="ij"), axis=-1)
-    return Field(low, _SPACING, distance.distance(nodes.reshape(-1, 3)).reshape(counts))
+    nodes = low + _SPACING * grid(*map(np.arange, counts))
+    return Field(low, _SPACING, distance.distance(nodes).reshape(counts))
 
 
 @njit

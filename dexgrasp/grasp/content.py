@@ -110,13 +110,12 @@ def _told(identity: ObjectIdentity, target: GraspTarget) -> ObjectIdentity:
 
 
 def _approach(script: ActionScript) -> Phase:
-    rows = np.concatenate([script.start[None], script.targets[: dict(script.phases)["close"]]])
+    rows = script.way(APPROACH)
     return Phase(APPROACH, _times(rows), rows, bend(rows))
 
 
 def _lift(script: ActionScript, grasp: Grasp) -> Phase:
-    first = dict(script.phases)
-    rows = np.concatenate([grasp.motion.squeeze[None], script.targets[first["lift"] : first["hold"]]])
+    rows = np.concatenate([grasp.motion.squeeze[None], script.phases[LIFT]])
     palms = [palm_frame(q, robot_tree(grasp.cell)) for q in rows]
     strayed = stray(np.array([p for _, p in palms]), np.array([R for R, _ in palms]))
     return Phase(LIFT, _times(rows), rows, strayed)

@@ -11,14 +11,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.grasp.record import GraspRecord
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, cube_directions, unit
 
 GRAVITY = 9.81  # m/s^2
 _DRAWS = 64
 _PLACE, _TILT = 0.003, 0.07  # m of contacts and centre; rad of normals: standard deviations
 _MOST = 8.0  # weights: larger pushes tell nothing more
-_SIDES = np.array([s for s in np.ndindex(3, 3, 3) if s != (1, 1, 1)]) - 1.0
-_SIDES /= np.linalg.norm(_SIDES, axis=1, keepdims=True)
+_SIDES = cube_directions()
 
 
 class Draws(NamedTuple):
@@ -77,8 +76,7 @@ def _drawn(record: GraspRecord, place: float) -> Draws:
     rng, shape = np.random.default_rng(0), (_DRAWS, *record.points.shape)
     moved = place * rng.standard_normal(shape)
     tips = record.points + record.thresholds.tip_radius * record.normals
-    normals = _nearest(_faces(record), tips + moved) + _TILT * rng.standard_normal(shape)
-    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    normals = unit(_nearest(_faces(record), tips + moved) + _TILT * rng.standard_normal(shape))
     centres = record.centre + place * rng.standard_normal((_DRAWS, 3))
     return Draws(record.points + moved, normals, centres)
 

@@ -1,6 +1,7 @@
-"""Measures of a path of set-points that planner and judge share: how sharply it bends, how far a lift strays."""
+"""Paths of set-points, as planner and judge share them: how one bends, how far a lift strays, what lies between."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from dexgrasp_env.arrays import Array
@@ -41,3 +42,26 @@ def jerkiness(rows: Array) -> float:
     """Return how far, rad, set-points (T, 23) from rest to rest lie from the cubic through two on either side."""
     P = np.concatenate([rows[:1], rows[:1], rows, rows[-1:], rows[-1:]])
     return float(np.abs((-P[:-4] + 4.0 * P[1:-3] + 4.0 * P[3:-1] - P[4:]) / 6.0 - rows).max())
+
+
+def densify(path: ArrayLike, step: float) -> Array:
+    """Return points (m, n) on a polyline (k, n), corners included, no joint moving over `step` rad."""
+    path = np.asarray(path, dtype=float)
+    way = np.diff(path, axis=0)
+    counts = np.maximum(np.ceil(np.abs(way).max(axis=1) / step), 1).astype(int)
+    leg = np.repeat(np.arange(len(way)), counts)
+    number = np.arange(1, len(leg) + 1) - (np.cumsum(counts) - counts)[leg]
+    return np.concatenate([path[:1], path[leg] + (number / counts[leg])[:, None] * way[leg]])
+
+
+def limit_shares(rows: Array, period: float, *limits: Array) -> list[float]:
+    """Return the largest share that rows (T, n), from rest to rest, use of limits of velocity, acceleration, jerk.
+
+    At rest before the first row and after the last: a jump at either end is motion too.
+    """
+    order = len(limits)
+    still = np.concatenate([np.repeat(rows[:1], order, axis=0), rows, np.repeat(rows[-1:], order, axis=0)])
+    return [
+        float((np.abs(np.diff(still, n=n, axis=0)) / period**n / limit).max())
+        for n, limit in enumerate(limits, start=1)
+    ]

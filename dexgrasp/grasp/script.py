@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -13,25 +14,23 @@ class ActionScript:
     """Set-points of an episode.
 
     Attributes:
-        targets: (T, n) rad, one a control step.
-        phases: names and first steps: approach, close, squeeze, lift, hold.
+        phases: (k, n) rad of each phase, one a control step, by its name: approach, close, squeeze, lift, hold.
         start: (n,) rad, set-points before the first step.
     """
 
-    targets: Array
-    phases: tuple[tuple[str, int], ...]
+    phases: Mapping[str, Array]
     start: Array
 
-    @classmethod
-    def of(cls, pieces: Mapping[str, Array], start: Array) -> "ActionScript":
-        """Put phases (k, n) rad together, by their names in order."""
-        first = np.cumsum([0, *map(len, pieces.values())])[:-1].tolist()
-        return cls(np.concatenate(list(pieces.values())), tuple(zip(pieces, first, strict=True)), start)
+    @cached_property
+    def targets(self) -> Array:
+        """Set-points (T, n) rad of all phases."""
+        return np.concatenate(list(self.phases.values()))
+
+    def way(self, phase: str) -> Array:
+        """Return the set-points (k + 1, n) rad of a phase, from those before it on."""
+        before = dict(zip(self.phases, [self.start[None], *self.phases.values()], strict=False))
+        return np.concatenate([before[phase][-1:], self.phases[phase]])
 
     def at(self, step: int) -> Array:
         """Return the set-points (n,) rad of a step from 0 on; the last are held."""
         return np.asarray(self.targets[min(step, len(self.targets) - 1)])
-
-    def phase(self, step: int) -> str:
-        """Return the name of the phase that a step belongs to."""
-        return [name for name, first in self.phases if first <= step][-1]

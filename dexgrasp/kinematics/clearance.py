@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
-from dexgrasp.kinematics.forward import Frames, add_row, to_world
+from dexgrasp.kinematics.forward import Frames, add_row, body_frames, to_world
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
@@ -18,6 +18,7 @@ from dexgrasp_env.compiled import njit
 OBJECT, TABLE, SELF, NEIGHBOUR = 0, 1, 2, 3
 EDGE_ERROR = 0.0005  # m: how much the points of an edge may miss between two of them
 ROUNDING = 1e-9  # m: two ways to compute a distance differ by less
+_MOST_ROWS = 256  # more than there are bodies and pairs of them
 KINDS = ("hand_object", "hand_table", "self", "hand_neighbour")
 TABLE_FROM = 0.15  # m: nearer to the base than this the arm stands on its plinth, not over the table
 
@@ -90,6 +91,15 @@ def clearance_rows(
                 n += 1
     n = _palm_row(cover, activation, rows, n)
     return _self_rows(cover, activation, rows, n)
+
+
+def clearances(
+    q: Array, tree: RobotTree, obstacles: tuple[Obstacle, Obstacle], activation: float, tips_touch: bool
+) -> tuple[Array, NDArray[np.int64]]:
+    """Return the clearances (K,) m at `q` (n,) rad that `clearance_rows` finds, and their labels (K, 3)."""
+    rows = empty_rows(_MOST_ROWS, tree)
+    n = clearance_rows(tree, body_frames(q, tree), obstacles, activation, tips_touch, rows)
+    return rows.values[:n], rows.labels[:n]
 
 
 @njit

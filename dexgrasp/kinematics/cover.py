@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, grid
 
 _COLLISION_GROUP = 3
 _LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
@@ -93,8 +93,7 @@ def _cells(half: Array) -> tuple[Array, float]:
     axes = [
         np.linspace(-h + 0.5 * s, h - 0.5 * s, int(n)) for h, s, n in zip(half, step, counts, strict=True)
     ]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
-    return grid, float(0.5 * np.linalg.norm(step))
+    return grid(*axes), float(0.5 * np.linalg.norm(step))
 
 
 def mesh_points(model: mujoco.MjModel, geom: int) -> Array:
@@ -117,20 +116,20 @@ def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
     low, size = corners.min(0), np.ptp(corners, axis=0)
     counts = np.ceil(6.0 * size / cell).astype(int) + 1
     axes = [np.linspace(0.0, s, n) for s, n in zip(size, counts, strict=True)]
-    grid = low + np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, 3)
+    points = low + grid(*axes)
     planes = ConvexHull(corners).equations
-    outside = (grid @ planes[:, :3].T + planes[:, 3]).max(1)
+    outside = (points @ planes[:, :3].T + planes[:, 3]).max(1)
     apart = 0.5 * float(
         np.linalg.norm(size / (counts - 1))
     )  # m at most from a point of the hull to one of the grid
-    grid, outside = grid[outside < apart], outside[outside < apart]
+    points, outside = points[outside < apart], outside[outside < apart]
     cells = np.maximum(1, np.ceil(size / cell)).astype(int)
-    number = np.minimum(((grid - low) / size * cells).astype(int), cells - 1) @ [
+    number = np.minimum(((points - low) / size * cells).astype(int), cells - 1) @ [
         cells[1] * cells[2],
         cells[2],
         1,
     ]
-    groups = [grid[number == k] for k in np.unique(number) if outside[number == k].max() > -0.5 * cell]
+    groups = [points[number == k] for k in np.unique(number) if outside[number == k].max() > -0.5 * cell]
     centres = np.array([0.5 * (group.min(0) + group.max(0)) for group in groups])
     radii = [np.linalg.norm(g - c, axis=1).max() + apart for g, c in zip(groups, centres, strict=True)]
     return centres, np.array(radii)

@@ -139,27 +139,28 @@ def tip_positions(tree: RobotTree, frames: Frames) -> Array:
 @njit
 def tip_jacobian(tree: RobotTree, frames: Frames, tips: Array) -> Array:
     """Return the linear Jacobians (g, 3, n) of points (g, 3) m of the tips: finger, coordinate, joint."""
-    g = tree.tip_body.shape[0]
-    J = np.zeros((g, 3, tree.lower.shape[0]))
-    for i in range(g):
-        add_columns(J[i], tree.tip_body[i], -1, tips[i], tree, frames)
+    J = np.empty((tree.tip_body.shape[0], 3, tree.lower.shape[0]))
+    contact_jacobian(tree, frames, tips, tips, -1, J)
     return J
 
 
 @njit
-def contact_jacobian(tree: RobotTree, frames: Frames, points: Array, normals: Array, J: Array) -> None:
+def contact_jacobian(
+    tree: RobotTree, frames: Frames, points: Array, normals: Array, top: int, J: Array
+) -> None:
     """Write the Jacobians (g, c, n) of contacts; the fourth part is their turn about the normals by `torsion`, m/rad.
 
     Args:
         tree: the robot.
         frames: of its bodies.
         points: (g, 3) m, of the tips.
-        normals: (g, 3) out of the object.
+        normals: (g, 3) out of the object, for the fourth part.
+        top: body below which joints count, of the other parts: -1 all, `tree.palm` the hand's.
         J: (g, 3 or 4, n), written.
     """
     J[:] = 0.0
     for i in range(J.shape[0]):
-        add_columns(J[i], tree.tip_body[i], -1, points[i], tree, frames)
+        add_columns(J[i], tree.tip_body[i], top, points[i], tree, frames)
         if J.shape[1] == 4:
             add_turn_row(J[i, 3], tree.tip_body[i], normals[i], tree.torsion, tree, frames)
 
@@ -193,14 +194,6 @@ def add_columns(J: Array, body: int, top: int, point: Array, tree: RobotTree, fr
         b = tree.parent[b]
 
 
-@njit
-def hand_jacobian(tree: RobotTree, frames: Frames, points: Array, J: Array) -> None:
-    """Write the linear Jacobians (g, 3, n) of points (g, 3) m of the tips by the hand's joints; 0 by the arm's."""
-    J[:] = 0.0
-    for i in range(J.shape[0]):
-        add_columns(J[i], tree.tip_body[i], tree.palm, points[i], tree, frames)
-
-
 def body_frames(q: Array, tree: RobotTree) -> Frames:
     """Return the frames of all bodies at `q` (n,) rad."""
     bodies = len(tree.parent)
@@ -214,7 +207,7 @@ def body_frames(q: Array, tree: RobotTree) -> Frames:
 def hand_contact_jacobian(q: Array, points: Array, normals: Array, tree: RobotTree) -> Array:
     """Return `contact_jacobian` (g, c, n - arm) at `q` (n,) rad, by the hand's joints."""
     J = np.zeros((len(points), 4 if tree.torsion else 3, len(q)))
-    contact_jacobian(tree, body_frames(q, tree), points, normals, J)
+    contact_jacobian(tree, body_frames(q, tree), points, normals, tree.palm, J)
     return J[:, :, tree.arm :]
 
 

@@ -8,11 +8,10 @@ import numpy as np
 
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import (
+    contact_jacobian,
     empty_frames,
     follow,
     forward_part,
-    hand_jacobian,
-    tip_jacobian,
     tip_positions,
 )
 from dexgrasp.kinematics.tree import RobotTree
@@ -41,7 +40,7 @@ def solve_tips(
     frames = empty_frames(tree)
     start = q.copy()
     g, n = tree.tip_body.shape[0], q.shape[0]
-    blocks = np.zeros((g, 3, n))
+    blocks = np.empty((g, 3, n))
     miss = 1e9
     for k in range(iterations + 1):
         forward_part(q, tree, frames, tree.palm + 1 if fingers_only and k > 0 else 0, tree.parent.shape[0])
@@ -52,10 +51,7 @@ def solve_tips(
             miss = max(miss, np.sqrt(e[i] ** 2 + e[i + 1] ** 2 + e[i + 2] ** 2))
         if miss < tolerance or k == iterations:
             return miss
-        if fingers_only:
-            hand_jacobian(tree, frames, tips, blocks)
-        else:
-            blocks = tip_jacobian(tree, frames, tips)
+        contact_jacobian(tree, frames, tips, tips, tree.palm if fingers_only else -1, blocks)
         J = blocks.reshape(3 * g, n)
         _freeze_blocked(J, e, q, tree)
         step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)

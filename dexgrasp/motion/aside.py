@@ -28,8 +28,8 @@ class SettingAside(Played):
             held: that is done.
             way: from the end of its lift.
         """
-        first, arm = dict(held.script.phases), held.tree.arm
-        rows = np.concatenate([held.script.targets[first["lift"] : first["hold"]], way.there])
+        arm = held.tree.arm
+        rows = np.concatenate([held.script.phases["lift"], way.there])
         rows = np.concatenate([rows, np.repeat(rows[-1:], _SETTLE, axis=0)])
         rows[:, arm:] = held.targets[arm:]
         opened = np.concatenate([rows[-1, :arm], way.away[0, arm:]])

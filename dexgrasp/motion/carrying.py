@@ -31,9 +31,9 @@ class GuardedCarry(Motion):
             turn: of the object in the air, None to hold it as it was lifted.
         """
         self._held, self._turn, self.tree = held, turn, held.tree
-        first = dict(held.script.phases)
-        self._step, self._hold_start = first["lift"], first["hold"]
-        self._closed = held.script.targets[first["squeeze"] - 1]
+        phases = held.script.phases
+        self._hold_start = len(held.script.targets) - len(phases["hold"])
+        self._step, self._closed = self._hold_start - len(phases["lift"]), phases["close"][-1]
         self._pressed = self._before = self._after = held.targets
         self._turned, self._lost_steps = 0.0, 0
 

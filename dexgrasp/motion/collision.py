@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle, convex_distance
 from dexgrasp.geometry.samples import triangle_samples
+from dexgrasp.grasp.path import densify
 from dexgrasp.kinematics.clearance import (
     OBJECT,
     ROUNDING,
@@ -17,15 +18,14 @@ from dexgrasp.kinematics.clearance import (
     TABLE,
     Cover,
     bounds_clearance,
-    clearance_rows,
+    clearances,
     cover_of,
-    empty_rows,
     object_clearance,
     palm_clearance,
     self_clearance,
     table_clearance,
 )
-from dexgrasp.kinematics.forward import Frames, body_frames, empty_frames, forward
+from dexgrasp.kinematics.forward import Frames, empty_frames, forward
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.shapes import LEAST, near_shapes
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
@@ -34,7 +34,6 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 
-_MAX_ROWS = 256  # more than there are bodies and pairs of them
 _CHECK_STEP = 0.015  # rad of any joint between two checked states: under 12 mm of the fingertips
 _FAR, _NEAR = 0.016, 0.004  # m beyond the margin: up to there clearances from object and self are measured
 _CARRIED, _DEEPER = 200, 0.0015  # points of an object in the hand; m that it may get deeper into a neighbour
@@ -90,9 +89,7 @@ class CollisionChecker:
 
     def clearances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
         """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
-        rows, frames = empty_rows(_MAX_ROWS, self.tree), body_frames(q, self.tree)
-        count = clearance_rows(self.tree, frames, (self._obstacle, NOTHING), self.margin, False, rows)
-        return rows.values[:count], rows.labels[:count]
+        return clearances(q, self.tree, (self._obstacle, NOTHING), self.margin, False)
 
     def free(self, q: Array) -> bool:
         """Whether `q` (n,) rad is free."""
@@ -156,16 +153,6 @@ def _moved_into(target: GraspTarget, origin: Array, poses: Iterable[tuple[Array,
     for turn, at in poses:
         deepest = min(deepest, float(target.around.distance(held @ turn.T + at).min()))
     return max(least - deepest - _DEEPER, 0.0)
-
-
-def densify(path: Array, step: float) -> Array:
-    """Return points (m, n) on a polyline (k, n), corners included, no joint moving over `step` rad."""
-    path = np.atleast_2d(np.asarray(path, dtype=float))
-    way = np.diff(path, axis=0)
-    counts = np.maximum(np.ceil(np.abs(way).max(axis=1) / step), 1).astype(int)
-    leg = np.repeat(np.arange(len(way)), counts)
-    number = np.arange(1, len(leg) + 1) - (np.cumsum(counts) - counts)[leg]
-    return np.concatenate([path[:1], path[leg] + (number / counts[leg])[:, None] * way[leg]])
 
 
 class _Watch(NamedTuple):

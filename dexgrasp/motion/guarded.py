@@ -46,10 +46,8 @@ class GuardedGrasp(Motion):
         """
         self._overtravel = overtravel
         self.script, self.grasp, self.tree = script, grasp, robot_tree(grasp.cell)
-        first = dict(script.phases)
-        self._approach_end = first["close"]
-        self._open = script.targets[self._approach_end - 1] if self._approach_end else script.targets[0]
-        self._closed = script.targets[first["squeeze"] - 1]
+        self._approach, self._closed = script.phases["approach"], script.phases["close"][-1]
+        self._open = self._approach[-1]
         way = fingertips(self._closed, self.tree) - fingertips(self._open, self.tree)
         self._travel = np.maximum(np.linalg.norm(way, axis=1), 1e-3)  # m of the tips
         self._progress, self._touched = np.zeros(len(way)), np.zeros(len(way), bool)
@@ -63,9 +61,9 @@ class GuardedGrasp(Motion):
         return self._squeeze_count >= _SQUEEZE_STEPS
 
     def _next(self, q: Array) -> Array:
-        if self._step < self._approach_end:
+        if self._step < len(self._approach):
             self._step += 1
-            return self.script.targets[self._step - 1]
+            return self._approach[self._step - 1]
         return self._close(q) if self._settled <= _SETTLE_STEPS else self._squeeze(q)
 
     def _close(self, q: Array) -> Array:

@@ -64,7 +64,7 @@ def make_script(
         "lift": lift,
         "hold": _still(lift[-1], _HOLD),
     }
-    return ActionScript.of(pieces, start)
+    return ActionScript(pieces, start)
 
 
 def _still(q: Array, seconds: float) -> Array:
@@ -102,20 +102,12 @@ def check_way(script: ActionScript, cell: Cell, target: GraspTarget) -> None:
     Raises:
         NoPath: `approach_bends`, or `squeeze_blocked`, `lift_blocked` with what is in the way.
     """
-    first = dict(script.phases)
-    bent = bend(np.concatenate([script.start[None], script.targets[: first["close"]]]))
+    bent = bend(script.way("approach"))
     if bent > _BEND:
         raise NoPath("approach_bends", f"a set-point stands out by {1000 * bent:.1f} mrad")
-    checker, lift = (
-        CollisionChecker(cell, target.around, 0.0),
-        script.targets[first["lift"] - 1 : first["hold"]],
-    )
-    if target.around is not None:
-        pressing = script.targets[first["squeeze"] - 1 : first["lift"]]
-        if (contact := checker.first_contact(pressing)) is not None:
-            raise NoPath("squeeze_blocked", str(contact))
-    contact = checker.first_contact(lift)
-    if contact is not None:
-        raise NoPath("lift_blocked", str(contact))
+    checker, lift = CollisionChecker(cell, target.around, 0.0), script.way("lift")
+    for phase in ("squeeze", "lift") if target.around is not None else ("lift",):
+        if (contact := checker.first_contact(script.way(phase))) is not None:
+            raise NoPath(f"{phase}_blocked", str(contact))
     if (deeper := carried_into(target, lift, robot_tree(cell))) > 0.0:
         raise NoPath("lift_blocked", f"the object {1000 * deeper:.0f} mm into what stands around it")

@@ -59,7 +59,7 @@ class Slide(Played):
         """Prepare; `make_slide` plans one."""
         super().__init__(script.targets, tree)
         self.script, self.push, self.moved = script, push, 0.0
-        self._leave = dict(script.phases)["leave"]
+        self._leave = len(script.targets) - len(script.phases["leave"])
 
     def _next(self, q: Array) -> Array:
         if self._step == self._leave:
@@ -103,7 +103,7 @@ def make_slide(push: Push, start: Array, target: GraspTarget, cell: Cell) -> Sli
         "leave": _timed(way[: -_BACK - 2 : -1], tree),
     }
     kept = {name: np.clip(rows, tree.lower, tree.upper) for name, rows in pieces.items()}
-    return Slide(ActionScript.of(kept, start), push, tree)
+    return Slide(ActionScript(kept, start), push, tree)
 
 
 def _pushing(tree: RobotTree) -> Array:

@@ -20,7 +20,7 @@ from dexgrasp.physics.programme import (
     maximise,
     set_cones,
 )
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, cube_directions
 from dexgrasp_env.compiled import njit
 
 BALANCED = 1e-4  # of the weight: what counts as balanced
@@ -29,13 +29,6 @@ _FACES, _ROUNDS = 8, 24  # planes of each cone at first, and rounds of further o
 _IN_CONE = 2e-7  # N of friction that forces may be beyond their cones
 _FAR = 1e6  # weights: no push is larger
 _GIVES = 1e-6  # m/N that a contact gives way besides its joints, in every direction: hardly, but not nothing
-
-
-def directions() -> Array:
-    """Return the 26 unit directions (26, 3) to the faces, edges and corners of a cube."""
-    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3, indexing="ij"), -1).reshape(-1, 3)
-    grid = grid[np.abs(grid).sum(1) > 0]
-    return grid / np.linalg.norm(grid, axis=1, keepdims=True)
 
 
 def torque_fraction(contacts: Contacts, forces: Array) -> float:
@@ -133,12 +126,12 @@ def capacity_of(contacts: Contacts, stop: float = 0.0, pushes: Array | None = No
     Args:
         contacts: two that are soft, or three or more.
         stop: what is below need not be known exactly: anything from it up to there may be returned.
-        pushes: (K, 3) unit directions, `directions()` by default; the one that ended at `stop` is put first, so that
+        pushes: (K, 3) unit directions, `cube_directions` by default; the one that ended at `stop` is put first, so that
             grasps alike are refused at once.
     """
     contacts = checked(contacts)
     shape = shape_of(len(contacts.points), contacts.torsion)
-    return float(_capacity(contacts, shape, directions() if pushes is None else pushes, stop))
+    return float(_capacity(contacts, shape, cube_directions() if pushes is None else pushes, stop))
 
 
 @njit

@@ -10,7 +10,6 @@ import numpy as np
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
-from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.aside import WayAside
 from dexgrasp.motion.carried import carried
 from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
@@ -90,16 +89,15 @@ def _most_in_the_way(
 
 def _depth(script: ActionScript, target: GraspTarget, planner: Planner) -> float:
     """Return how deep, m, a neighbour is in the hand that closes, or in the object that is lifted."""
-    first, problem = dict(script.phases), Problem(target, planner.cell, planner.settings)
-    hand = [overlap(script.targets[first[phase] - 1], problem) for phase in ("close", "squeeze", "lift")]
-    lift = script.targets[first["lift"] - 1 : first["hold"]]
-    return max(*hand, carried_into(target, lift, problem.tree))
+    problem = Problem(target, planner.cell, planner.settings)
+    hand = [overlap(script.phases[phase][-1], problem) for phase in ("approach", "close", "squeeze")]
+    return max(*hand, carried_into(target, script.way("lift"), problem.tree))
 
 
 def _way_aside(script: ActionScript, problem: Problem, kept: Array) -> WayAside | None:
     """Return the way to the nearest free place, away from `kept` (3,) m, to which arm and object can go."""
-    tree, target, first = robot_tree(problem.cell), problem.target, dict(script.phases)
-    lifted, opened = script.targets[first["hold"] - 1], script.targets[first["close"] - 1]
+    tree, target = problem.tree, problem.target
+    lifted, opened = script.phases["lift"][-1], script.phases["approach"][-1]
     rise = palm_frame(lifted, tree)[1][2] - palm_frame(opened, tree)[1][2]
     middle = target.centre + np.array([0.0, 0.0, rise])
     checker = CollisionChecker(problem.cell, target.around, 0.0)
@@ -112,7 +110,7 @@ def _way_aside(script: ActionScript, problem: Problem, kept: Array) -> WayAside 
         rows = np.concatenate(there)
         if error > _STRAY or checker.first_contact(rows) is not None:
             continue
-        if carried_into(target, rows, tree, script.targets[first["lift"] - 1]) > 0.0:
+        if carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0:
             continue
         free = np.concatenate([now[: tree.arm], opened[tree.arm :]])
         return WayAside(rows[1:], carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0])

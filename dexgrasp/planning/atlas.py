@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 from dexgrasp.kinematics.clearance import cover_of, self_clearance
 from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, tip_positions
 from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, unit
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import Arrays, cache_dir, cached_arrays, content_hash
@@ -143,8 +143,7 @@ def _opposed(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
     sides = triangle_sides(tips)
     least = [_SIDE[0] + 0.006, _SIDE[0] + 0.006, 0.030] if sides.shape[1] == 3 else [_SIDE[0]]
     inside = ((sides > least) & (sides < _SIDE[1])).all(1)
-    between = tips[:, 1:3].mean(1) - tips[:, 0]
-    between /= np.linalg.norm(between, axis=1, keepdims=True)
+    between = unit(tips[:, 1:3].mean(1) - tips[:, 0])
     opposed = (pads[:, 0] * between).sum(1) > 0.1
     for i in range(1, tips.shape[1]):
         opposed &= (pads[:, i] * between).sum(1) < 0.2
@@ -156,8 +155,7 @@ def _opposed(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
 def _pressing(q: Array, tree: RobotTree, pairs: Index) -> NDArray[np.bool_]:
     """Return in which postures the hand is clear of itself, and no tip turns its back to what is between them."""
     tips, axes, _ = _tip_frames(q, tree)
-    inward = tips.mean(1, keepdims=True) - tips
-    inward /= np.linalg.norm(inward, axis=2, keepdims=True)
+    inward = unit(tips.mean(1, keepdims=True) - tips)
     pressing: NDArray[np.bool_] = ((axes * inward).sum(2) > _INWARD).all(1)
     pressing[pressing] = _clear_of_itself(q[pressing], tree, pairs)
     return pressing

@@ -15,11 +15,11 @@ from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.turn import Turn, turn_arm
 from dexgrasp.physics.contacts import Contacts
-from dexgrasp.physics.strength import capacity_of, directions
+from dexgrasp.physics.strength import capacity_of
 from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.holding import DOWN, robust_squeeze
 from dexgrasp.planning.problem import Problem
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, cube_directions
 
 ENOUGH = 4.0
 """Capacity, in weights, from which on an object is carried as it was lifted."""
@@ -41,9 +41,9 @@ def plan_turn(grasp: Grasp, script: ActionScript, problem: Problem) -> Turn | No
     if grasp.certificate.capacity >= ENOUGH:
         return None
     contacts, distance = contacts_of(grasp.q, problem, settings.friction_squeeze)
-    start = script.targets[dict(script.phases)["hold"] - 1]
+    start = script.phases["lift"][-1]
     centre = target.centre + palm_frame(start, tree)[1] - palm_frame(grasp.q, tree)[1]
-    corners, pushes = np.concatenate(target.corners) - target.centre, directions()
+    corners, pushes = np.concatenate(target.corners) - target.centre, cube_directions()
     arm, down, most = None, DOWN, capacity_of(contacts) + _GAIN
     for angle, azimuth in product(_ANGLES, _AXES):
         vector = angle * np.array([np.cos(azimuth), np.sin(azimuth), 0.0])

@@ -27,7 +27,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import LEAST_OPENING
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.sqp import Solution
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, unit
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
@@ -160,8 +160,7 @@ def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: flo
     """
     (_, goals), pregrasp, out = _touching(q, normals, problem), q.copy(), normals
     if problem.settings.is_low(problem.target.top):  # coming from above, tips would meet its edge too high up
-        out = normals * [1.0, 1.0, 0.0]
-        out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
+        out = unit(normals * [1.0, 1.0, 0.0])
     goals = goals + np.reshape(opening, (-1, 1)) * out + [0.0, 0.0, rise]
     solve_tips(pregrasp, goals, problem.tree, 40, 1e-4, True)
     robot = problem.cell.robot

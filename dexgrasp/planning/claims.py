@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearance_rows, empty_rows
-from dexgrasp.kinematics.forward import body_frames, fingertips, hand_contact_jacobian
+from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearances
+from dexgrasp.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.ratios import wrench_ratios
@@ -54,7 +54,7 @@ def certificate_of(q: Array, forces: Array, touched: tuple[Contacts, Array], pro
         torque_ratio_percent=ratios.torque,
         closure_residual=float(internal.residual),
         closure_margin=float(
-            margins(contacts.points[None], contacts.normals[None], settings.friction, tree.torsion)[0][0]
+            margins(contacts.points[None], contacts.normals[None], settings.friction, tree.torsion)[0]
         ),
         min_clearance_m=least_clearance(q, problem),
         joint_limit_margin_rad=float(np.minimum(q - tree.lower, tree.upper - q).min()),
@@ -119,6 +119,4 @@ def overlap(q: Array, problem: Problem) -> float:
 
 def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, NDArray[np.int64]]:
     """Return the clearances (K,) that are below `far` m, and their labels (K, 3)."""
-    tree, rows = problem.tree, empty_rows(160, problem.tree)
-    n = clearance_rows(tree, body_frames(q, tree), problem.obstacles, far, tips_touch, rows)
-    return rows.values[:n], rows.labels[:n]
+    return clearances(q, problem.tree, problem.obstacles, far, tips_touch)

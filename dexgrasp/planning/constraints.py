@@ -149,7 +149,7 @@ def _touch(tree: RobotTree, frames: Frames, obstacle: Obstacle) -> _Touch:
 @njit
 def _closure_row(touch: _Touch, bounds: Bounds, shape: Shape, rows: Rows) -> float:
     """Row of the lower problem, by the envelope theorem; return the closure margin."""
-    margin, by_point, by_normal = cone_margin(touch.contacts, touch.normals, bounds.friction, shape)
+    margin, by_point, by_normal, _ = cone_margin(touch.contacts, touch.normals, bounds.friction, shape)
     row = 2 * shape.contacts
     rows.values[row] = MARGIN_SCALE * (margin - bounds.margin)
     for i in range(shape.contacts):

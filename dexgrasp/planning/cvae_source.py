@@ -12,7 +12,7 @@ from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSourc
 from dexgrasp.planning.ranking import most_robust
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, unit
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import default_cell
@@ -83,9 +83,8 @@ def decode(decoder: Decoder, target: GraspTarget, count: int, rng: Generator) ->
 
 def _rotations(x: Array, y: Array) -> Array:
     """Return rotations (K, 3, 3) from their first two columns, made orthogonal."""
-    x = x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), 1e-9)
-    y = y - (x * y).sum(1, keepdims=True) * x
-    y = y / np.maximum(np.linalg.norm(y, axis=1, keepdims=True), 1e-9)
+    x = unit(x)
+    y = unit(y - (x * y).sum(1, keepdims=True) * x)
     return np.stack([x, y, np.cross(x, y)], axis=-1)
 
 

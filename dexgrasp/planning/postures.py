@@ -17,7 +17,6 @@ from dexgrasp.kinematics.forward import (
     empty_frames,
     forward,
     forward_part,
-    hand_jacobian,
     tip_positions,
     to_world,
 )
@@ -203,10 +202,7 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
             to_world(turn, shift, placed.goals.centres[goal, i] + height * inward, points[i])
             to_world(turn, nothing, -inward, normals[i])
             tips[i] -= height * normals[i]
-        if parts == 4:
-            contact_jacobian(tree, frames, tips, normals, J)
-        else:
-            hand_jacobian(tree, frames, tips, J)
+        contact_jacobian(tree, frames, tips, normals, tree.palm, J)
         hand[:] = J[:, :, tree.arm :]
         contacts = Contacts(points, normals, hand, limit, friction[goal], middle, down, shape.torsion)
         out[m] = squeeze_estimate(contacts, ENOUGH, room)

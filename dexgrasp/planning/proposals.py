@@ -88,9 +88,8 @@ class SurfaceProposals(ProposalSource):
         if len(triples) > judged:
             triples = triples[rng.choice(len(triples), judged, replace=False)]
         contacts, at = points[triples], normals[triples]
-        margin = margins(contacts, at, settings.friction, settings.torsion)[0]
-        if (margin > 0.0).any():  # the sweep's pyramids reach beyond the cones
-            closed = margin > 0.0
+        margin = margins(contacts, at, settings.friction, settings.torsion)
+        if (closed := margin > 0.0).any():  # the sweep's pyramids reach beyond the cones
             triples, contacts, at, margin = triples[closed], contacts[closed], at[closed], margin[closed]
         chosen = best_shared(triples, robustness(contacts, at, margin, target), settings.triples)
         return Proposals(contacts[chosen], at[chosen])

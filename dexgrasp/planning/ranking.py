@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.physics.margin import rough_margins
+from dexgrasp.physics.margin import margins_to
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
@@ -55,10 +55,8 @@ def most_robust(
     score = np.full(len(order), -np.inf)
     for first in range(0, len(order), _AT_ONCE):
         some = order[first : first + _AT_ONCE]
-        margin = (
-            rough_margins(contacts[some], normals[some], settings.friction, _ROUGH, settings.proposed)
-            - _ROUGH
-        )
+        known = margins_to(contacts[some], normals[some], settings.friction, settings.proposed, _ROUGH, 0.0)
+        margin = known - _ROUGH
         score[some] = np.where(margin > 0.0, np.minimum(margin, _ENOUGH) - risk[some], -np.inf)
         chosen = best_apart(contacts, score, settings.triples)
         rest = order[first + _AT_ONCE : first + _AT_ONCE + 1]

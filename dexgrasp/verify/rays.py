@@ -3,7 +3,7 @@
 import numpy as np
 
 from dexgrasp.verify.cones import slides
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, fibonacci_directions, unit
 
 _RAYS, _NEAR = 1500, 80  # directions at first, and about each of the best
 _NARROWINGS, _BEST, _REACH = 8, 5, 0.12
@@ -22,14 +22,13 @@ def least_way(forces: Array, answer: Array, normals: Array, mu: float) -> float:
     Returns:
         The way in units of the push.
     """
-    directions, reach, least = _sphere(_RAYS), _REACH, np.inf
-    spread = _sphere(_NEAR)
+    directions, reach, least = fibonacci_directions(_RAYS), _REACH, np.inf
+    spread = fibonacci_directions(_NEAR)
     for _ in range(_NARROWINGS + 1):
         ways = _ways(forces, np.einsum("ij,kj->ki", answer, directions), normals, mu)
         least = min(least, float(ways.min()))
         best = directions[np.argsort(ways)[:_BEST]]
-        directions = (best[:, None] + reach * spread[None]).reshape(-1, 3)
-        directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+        directions = unit((best[:, None] + reach * spread[None]).reshape(-1, 3))
         reach *= 0.4
     return least
 
@@ -45,10 +44,3 @@ def _ways(forces: Array, moves: Array, normals: Array, mu: float) -> Array:
         inside = (sliding <= mu * press).all(1)
         low, high = np.where(inside, middle, low), np.where(inside, high, middle)
     return low
-
-
-def _sphere(count: int) -> Array:
-    """Evenly spread unit vectors (count, 3)."""
-    k = np.arange(count) + 0.5
-    z, turn = 1.0 - 2.0 * k / count, np.pi * (1.0 + 5.0**0.5) * k
-    return np.stack([np.sqrt(1.0 - z * z) * np.cos(turn), np.sqrt(1.0 - z * z) * np.sin(turn), z], 1)

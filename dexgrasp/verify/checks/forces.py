@@ -10,7 +10,7 @@ from dexgrasp.verify.case import Case, Hold
 from dexgrasp.verify.check import Check, at_least, at_most, claim
 from dexgrasp.verify.cones import conic_margin, conic_residual, largest_push, pyramid_forces, wrench_map
 from dexgrasp.verify.rays import least_way
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, cube_directions
 
 RESIDUAL = 1e-6  # N^2, as in the paper's feasibility test
 MARGIN = 1e-4
@@ -126,5 +126,4 @@ def _capacity(hold: Hold) -> float:
     down = most(np.zeros(3), gravity)
     if down < 1.0:
         return down
-    grid = np.stack(np.meshgrid(*[[-1.0, 0.0, 1.0]] * 3), -1).reshape(-1, 3)
-    return 1.0 + min(most(gravity, d / np.linalg.norm(d)) for d in grid if d.any())
+    return 1.0 + min(most(gravity, direction) for direction in cube_directions())

@@ -1,10 +1,8 @@
 """Set-points: do they open, touch and press as claimed, and are approach and lift ways that the robot can go."""
 
-from itertools import pairwise
-
 import numpy as np
 
-from dexgrasp.grasp.path import bend, jerkiness, stray
+from dexgrasp.grasp.path import bend, densify, jerkiness, limit_shares, stray
 from dexgrasp.grasp.record import APPROACH, LIFT, Phase
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import ROUNDING, Check, at_least, at_most, same
@@ -47,7 +45,7 @@ def _closing_checks(case: Case) -> list[Check]:
         return []
     found = [
         case.scene.clearances(q, tips_touch=True)["hand_neighbour"]
-        for q in _dense(np.stack([case.record.pregrasp, case.record.grasp, case.record.squeeze]))
+        for q in densify([case.record.pregrasp, case.record.grasp, case.record.squeeze], _DENSE)
     ]
     return [at_least("closing: clearance hand_neighbour", min(found), 0.0, "m")]
 
@@ -83,7 +81,7 @@ def approach_checks(case: Case) -> list[Check]:
     if phase is None:
         return [Check("approach given", 1.0, "in the file", False)]
     rows = phase.setpoints
-    found, (row, depth) = bend(rows), case.scene.first_contact(_dense(rows))
+    found, (row, depth) = bend(rows), case.scene.first_contact(densify(rows, _DENSE))
     return [
         *_phase_checks(phase, case.robot),
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
@@ -104,7 +102,7 @@ def lift_checks(case: Case) -> list[Check]:
     positions = np.array([p for p, _ in palms])
     strayed = stray(positions, np.array([R for _, R in palms]))
     rise = positions[:, 2] - positions[0, 2]
-    row, depth = case.scene.first_contact(_dense(rows), with_object=False)
+    row, depth = case.scene.first_contact(densify(rows, _DENSE), with_object=False)
     return [
         *_phase_checks(phase, case.robot),
         same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),
@@ -130,24 +128,11 @@ def _carried_checks(case: Case, rows: Array) -> list[Check]:
 def _phase_checks(phase: Phase, robot: Robot) -> list[Check]:
     """Times, and the limits of position, velocity and acceleration, from rest to rest."""
     name, rows, expected = phase.name, phase.setpoints, np.arange(len(phase.times)) * CONTROL_PERIOD
-    rest, room = (
-        np.concatenate([rows[:1], rows, rows[-1:]]),
-        np.minimum(rows - robot.lower, robot.upper - rows),
-    )
-    speed = np.abs(np.diff(rest, axis=0)) / CONTROL_PERIOD / robot.velocity
-    change = np.abs(np.diff(rest, n=2, axis=0)) / CONTROL_PERIOD**2 / robot.acceleration
+    room = np.minimum(rows - robot.lower, robot.upper - rows)
+    speed, change = limit_shares(rows, CONTROL_PERIOD, robot.velocity, robot.acceleration)
     return [
         same(f"{name}: times", np.abs(phase.times - expected).max(), ROUNDING, "s"),
         at_least(f"{name}: joint limits", room.min(), 0.0, "rad", ROUNDING),
-        at_most(f"{name}: velocity over its limit", speed.max(), 1.0, "", ROUNDING),
-        at_most(f"{name}: acceleration over its limit", change.max(), 1.0, "", ROUNDING),
+        at_most(f"{name}: velocity over its limit", speed, 1.0, "", ROUNDING),
+        at_most(f"{name}: acceleration over its limit", change, 1.0, "", ROUNDING),
     ]  # fmt: skip
-
-
-def _dense(rows: Array) -> Array:
-    """Set-points move straight between control steps: states on the way, no joint moving over `_DENSE` rad."""
-    pieces = [rows[:1]]
-    for a, b in pairwise(rows):
-        count = max(1, int(np.ceil(np.abs(b - a).max() / _DENSE)))
-        pieces.append(a + np.arange(1, count + 1)[:, None] / count * (b - a))
-    return np.concatenate(pieces)
