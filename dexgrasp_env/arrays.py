@@ -6,7 +6,35 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from dexgrasp_env.valid import Rule
+
 Array = NDArray[np.float64]
+LARGEST = 1e6
+"""In SI units: no number that somebody states is nearly as large, and squares of larger ones overflow."""
+
+
+def array(*shape: int | None) -> Rule:
+    """Return the rule of finite numbers of a shape (None: any length); text and truth values are no numbers."""
+    sizes = ", ".join("N" if size is None else str(size) for size in shape)
+
+    def admit(value: Any) -> Array:
+        found = np.array(value, dtype=np.float64, order="C")
+        fits = found.ndim == len(shape) and all(map(_is_size, shape, found.shape))
+        if not fits or _has_words(value) or not (np.abs(found) < LARGEST).all():
+            raise ValueError
+        return found
+
+    return Rule(f"finite numbers below {LARGEST:.0e} of shape ({sizes})", admit)
+
+
+def _is_size(wanted: int | None, size: int) -> bool:
+    return wanted in (None, size)
+
+
+def _has_words(value: Any) -> bool:
+    if isinstance(value, list):
+        return any(_has_words(item) for item in value)
+    return isinstance(value, str | bool)
 
 
 def fibonacci_directions(count: int) -> Array:

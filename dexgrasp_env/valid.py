@@ -115,7 +115,8 @@ NATURAL = number(ge=0, whole=True)
 Natural = Annotated[int, NATURAL]
 COUNT = number(ge=1, whole=True)
 Count = Annotated[int, COUNT]
-Positive = Annotated[float, number(gt=0)]
+POSITIVE = number(gt=0)
+Positive = Annotated[float, POSITIVE]
 Share = Annotated[float, number(gt=0, lt=1)]
 Friction = Annotated[float, number(gt=0, le=2)]
 """Sliding coefficient."""

@@ -154,7 +154,7 @@ def test_simplified_hull_keeps_its_stated_error():
     ],
 )
 def test_points_without_a_volume_are_refused(points):
-    with refused("convex hull needs"):
+    with refused("convex hull"):
         ConvexDistance.from_points(points)
 
 

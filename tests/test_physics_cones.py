@@ -58,7 +58,7 @@ def test_the_oracles_tell_inside_from_outside():
 
 
 def test_bad_input_is_named():
-    with refused("NaN"):
+    with refused("nan.* finite numbers"):
         tangent_basis([[np.nan, 0, 1]])
     with refused("shape"):
         tangent_basis(np.zeros((2, 2)))

@@ -21,6 +21,7 @@ from dexgrasp_env.objects.parts import hull_part
 from dexgrasp_env.poses import matrix_to_quat, rigid
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
+from dexgrasp_env.valid import POSITIVE, check
 
 FORMATS = ("csv", "json", "ros2", "mjcf")
 _PRESSING = (
@@ -52,8 +53,7 @@ def export_grasp(
         raise unknown_name("format", kind, FORMATS)
     cell = record.check_cell()
     stiffness = cell.robot.hand.joints.stiffness[0] if stiffness is None else stiffness
-    if not (np.isfinite(stiffness) and stiffness > 0.0):
-        raise InputError(f"stiffness is {stiffness}: valid is a positive number of Nm/rad")
+    check("stiffness", stiffness, POSITIVE)
     trajectory, facts = trajectory_of(record, cell.robot), grasp_facts(record, cell, stiffness)
     facts["rejected"] = list(rejected)
     if kind == "json":

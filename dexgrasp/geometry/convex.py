@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -13,10 +13,9 @@ from scipy.spatial import ConvexHull, QhullError
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distances, outward_triangles
 from dexgrasp.geometry.outline import outline
+from dexgrasp_env.arrays import array
 from dexgrasp_env.errors import InputError
-
-if TYPE_CHECKING:
-    pass
+from dexgrasp_env.valid import check
 
 FLAT = 1e-6
 """A hull thinner than this [m] is refused: its inside has no meaning at the scale of a hand."""
@@ -50,7 +49,9 @@ class ConvexDistance:
         Raises:
             InputError: fewer than 4 points, not finite, (nearly) coplanar, or `max_faces` too small.
         """
-        vertices = _checked_points(points)
+        vertices = check("points of a convex hull", points, array(None, 3))
+        if len(vertices) < 4:
+            raise InputError(f"points are {len(vertices)}: a convex hull needs 4 or more")
         if max_faces is not None and max_faces < 20:
             raise InputError(f"max_faces is {max_faces}: valid are integers of at least 20")
         triangles, planes, hull = _hull(vertices)
@@ -99,16 +100,6 @@ class ConvexDistance:
 def _obstacle(triangles: NDArray[Any], planes: NDArray[Any], sizes: tuple[int, ...] = ()) -> Obstacle:
     starts = np.cumsum([0, *(sizes or (len(planes),))], dtype=np.int64)
     return Obstacle(triangles, planes, starts)
-
-
-def _checked_points(points: ArrayLike) -> NDArray[Any]:
-    """Return points as (N, 3) floats, or raise InputError."""
-    array = np.array(points, dtype=np.float64)
-    if array.ndim != 2 or array.shape[1] != 3 or len(array) < 4:
-        raise InputError(f"points have shape {array.shape}: a convex hull needs (N, 3) with N >= 4")
-    if not np.isfinite(array).all():
-        raise InputError("points hold NaN or infinity: a convex hull needs finite points")
-    return array
 
 
 def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], ConvexHull]:

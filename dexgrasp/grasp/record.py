@@ -12,8 +12,8 @@ from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.conventions import RobotName, conventions
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
-from dexgrasp.grasp.values import Number, Parts, Pose, Positive, Row, Share, Vector, Word, array, several
-from dexgrasp_env.arrays import Array
+from dexgrasp.grasp.values import Number, Parts, Pose, Positive, Row, Share, Vector, Word, several
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.poses import shifted

@@ -4,29 +4,11 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import LARGEST, Array, array
 from dexgrasp_env.valid import Rule, number, read
 
-LARGEST = 1e6
-"""In SI units: no number of a grasp is nearly as large, and squares of larger ones overflow."""
 _FLAT = 1e-6  # m: a part thinner than this has no inside
 _MOST_VERTICES, _MOST_PARTS = 100_000, 64
-
-
-def array(*shape: int | None) -> Rule:
-    """Return the rule of finite numbers of a shape (None: any length); text and truth values are no numbers."""
-    sizes = ", ".join("N" if size is None else str(size) for size in shape)
-
-    def admit(value: Any) -> Array:
-        found = np.asarray(value, dtype=float)
-        fits = found.ndim == len(shape) and all(
-            s in (None, n) for s, n in zip(shape, found.shape, strict=True)
-        )
-        if not fits or _has_words(value) or not (np.abs(found) < LARGEST).all():
-            raise ValueError
-        return found
-
-    return Rule(f"finite numbers below {LARGEST:.0e} of shape ({sizes})", admit)
 
 
 def several(kind: type, least: int, most: int) -> Rule:
@@ -59,12 +41,6 @@ def _word(value: Any) -> str:
     if not isinstance(value, str) or len(value) > 4096:
         raise ValueError
     return value
-
-
-def _has_words(value: Any) -> bool:
-    if isinstance(value, list):
-        return any(_has_words(item) for item in value)
-    return isinstance(value, str | bool)
 
 
 Number = Annotated[float, number(ge=-LARGEST, le=LARGEST)]

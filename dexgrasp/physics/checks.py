@@ -4,41 +4,22 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import POSITIVE, check
 
 Numbers = Any
 """Whatever numpy turns into numbers: public functions take it and check it."""
 
 
 def check_array(name: str, value: object, shape: tuple[int | None, ...]) -> Array:
-    """Return `value` as a contiguous float array of `shape` (None: any length).
-
-    Raises:
-        InputError: another shape, not numbers, or NaN or infinity in it.
-    """
-    try:
-        array = np.ascontiguousarray(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise InputError(f"{name} must be numbers of shape {_words(shape)}") from None
-    if array.ndim != len(shape) or any(
-        s is not None and s != n for s, n in zip(shape, array.shape, strict=True)
-    ):
-        raise InputError(f"{name} must have shape {_words(shape)}, got {array.shape}")
-    if not np.isfinite(array).all():
-        raise InputError(f"{name} must be finite: it holds NaN or infinity")
-    return array
-
-
-def _words(shape: tuple[int | None, ...]) -> str:
-    return "(" + ", ".join("N" if size is None else str(size) for size in shape) + ")"
+    """Return `value` as a contiguous float array of `shape` (None: any length), or raise `InputError`."""
+    return np.asarray(check(name, value, array(*shape)))
 
 
 def check_positive(name: str, value: Any) -> float:
     """Return `value` as a float above zero, or raise `InputError`."""
-    if not (isinstance(value, int | float | np.number) and np.isfinite(value) and float(value) > 0):
-        raise InputError(f"{name} must be a finite number above 0, got {value!r}")
-    return float(value)
+    return float(check(name, value, POSITIVE))
 
 
 def check_contacts(points: object, normals: object) -> tuple[Array, Array]:

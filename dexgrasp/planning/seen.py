@@ -17,7 +17,7 @@ from dexgrasp.planning.sources import make_source
 from dexgrasp.planning.sure import sure_of
 from dexgrasp.shape.around import neighbours_of
 from dexgrasp.shape.completion import NoTarget, target_of
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import Cloud
 from dexgrasp_env.perception.pointing import Pointing, mask_of
@@ -28,7 +28,7 @@ from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import Cell, Given, default_cell, make_cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import Robot
-from dexgrasp_env.valid import check
+from dexgrasp_env.valid import POSITIVE, check
 
 _BEYOND = 0.1  # rad that set-points may be outside the joint ranges: servos and noise
 
@@ -128,13 +128,13 @@ def plan_cloud(
     Raises:
         InputError: for something that is no cloud, a point, box, mask, mass or count that is none.
     """
-    if mass is not None and not (isinstance(mass, int | float) and np.isfinite(mass) and mass > 0):
-        raise InputError(f"mass is {mass!r}: valid is a positive number of kilograms")
+    if mass is not None:
+        check("mass", mass, POSITIVE)
     planner = planner or default_planner(make_cell(robot))
     home = planner.cell.robot.home
-    q = _checked("start", home if start is None else start, len(home))
-    corners = None if box is None else _checked("box", box, 6).reshape(2, 3)
-    where = None if near is None else _checked("near", near, 3)
+    q = check("start", home if start is None else start, array(len(home)))
+    corners = None if box is None else check("box", box, array(6)).reshape(2, 3)
+    where = None if near is None else check("near", near, array(3))
     pointing = Pointing(where, corners, None if mask is None else mask_of(mask, label))
     scene = scene_of(points, pointing, seed=seed, start=q, cell=planner.cell)
     return plan_scene(planner, scene, seed, q, mass=mass, count=count)
@@ -169,13 +169,3 @@ def default_planner(
     source = make_source(proposals, cell.robot)
     warm_up(cell, source)
     return Planner(settings, source, cell)
-
-
-def _checked(name: str, value: Any, size: int) -> Array:
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        array = np.empty(0)
-    if array.shape != (size,) or not np.isfinite(array).all():
-        raise InputError(f"{name} must be {size} finite numbers")
-    return array

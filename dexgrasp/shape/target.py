@@ -14,7 +14,7 @@ from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.shape.hull import REACH
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.valid import POSITIVE, check
 
 if TYPE_CHECKING:
     import trimesh
@@ -93,8 +93,8 @@ class GraspTarget:
         Raises:
             InputError: for a part without volume or a mass that is not positive.
         """
-        if mass is not None and not (np.isfinite(mass) and mass > 0.0):
-            raise InputError(f"mass {mass!r}: valid is a positive number of kilograms")
+        if mass is not None:
+            check("mass", mass, POSITIVE)
         faces = MAX_FACES if len(corners) == 1 else PART_FACES
         distance = ConvexDistance.union([ConvexDistance.from_points(some, faces) for some in corners])
         middle = np.asarray(volume_centre(distance) if centre is None else centre, dtype=float)
