@@ -8,12 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
-from dexgrasp.imitation.clone import KIND as CLONE
-from dexgrasp.imitation.clone import Clone, CloneRun
-from dexgrasp.reinforcement.actor import KIND as ACTOR
-from dexgrasp.reinforcement.actor import Actor, ActorRun
-from dexgrasp.reinforcement.grip import KIND as GRIP
-from dexgrasp.reinforcement.grip import Grip, GripRun
+from dexgrasp.imitation.clone import Clone
+from dexgrasp.imitation.policy import Policy
+from dexgrasp.reinforcement.actor import Actor
+from dexgrasp.reinforcement.grip import Grip
 from dexgrasp.runs.policy_folder import read_policy
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
@@ -38,7 +36,7 @@ class LearnedAgent(Agent):
         """
         self._policy = read_learned(expand(folder or asset_path("weights", self.shipped)))
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
-        self._run: CloneRun | ActorRun | GripRun | None = None
+        self._run: Any = None
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Look at the object."""
@@ -58,17 +56,18 @@ class LearnedAgent(Agent):
         """Return the next action."""
         if self._run is None:
             raise InputError("this agent has nothing to look at: reset() says why in report.failure")
-        return self._run.action(observation)
+        action: NDArray[np.float32] = self._run.action(observation)
+        return action
 
 
-def read_learned(folder: Path) -> Clone | Actor | Grip:
+def read_learned(folder: Path) -> Policy:
     """Read the policy of a folder, of whatever kind.
 
     Raises:
         InputError: if it holds none, or a damaged one.
     """
     about, arrays = read_policy(folder)
-    kinds: dict[str, type[Clone] | type[Actor] | type[Grip]] = {CLONE: Clone, ACTOR: Actor, GRIP: Grip}
+    kinds: dict[str, type[Policy]] = {own.kind: own for own in (Clone, Actor, Grip)}
     kind = str(about.get("kind"))
     if kind not in kinds:
         raise InputError(f"{folder}: policy of kind {kind!r}: valid are {', '.join(kinds)}")

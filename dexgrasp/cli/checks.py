@@ -4,7 +4,6 @@ import os
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 from typing import Any
 
 from dexgrasp.runs.versions import package_version
@@ -130,10 +129,3 @@ def _check_torch() -> list[Finding]:
         return [Finding("error", "torch does not import", remedy)]
     device, _, threads = done.stdout.strip().rpartition(" ")
     return [Finding("info", f"torch works: {device}, {threads} threads")]
-
-
-def check_mesh(path: Path, scale: float) -> list[Finding]:
-    """Look at a mesh file."""
-    from dexgrasp_env.objects.user_mesh import describe_mesh
-
-    return describe_mesh(path, scale=scale)

@@ -33,6 +33,7 @@ class Doctor(Command):
     def run(self) -> Answer:
         """Look; 1 if one of the findings is an error."""
         from dexgrasp.cli import checks
+        from dexgrasp_env.objects.user_mesh import describe_mesh
 
         for mesh in self.meshes:
             if not mesh.is_file():
@@ -44,7 +45,7 @@ class Doctor(Command):
         }  # fmt: skip
         for mesh in self.meshes:
             note(f"checking {mesh} (a first look can take a minute)")
-            found[str(mesh)] = checks.check_mesh(mesh, self.mesh_scale)
+            found[str(mesh)] = describe_mesh(mesh, scale=self.mesh_scale)
         wrong = any(finding.level == "error" for part in found.values() for finding in part)
         text = "\n".join("\n".join([part, *map(finding_line, findings)]) for part, findings in found.items())
         return Answer({"ok": not wrong, "findings": found}, text, int(wrong))

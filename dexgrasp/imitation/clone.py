@@ -14,12 +14,13 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.control import max_step, normalise
 
-KIND = "clone"
 CONTROL_MODES = ("joint_delta", "joint_position")
 
 
 class Clone(Policy):
     """The network: arrays and how to use them."""
+
+    kind = "clone"
 
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
         self.view, self.chunk = str(about["view"]), int(about["chunk"])

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from dexgrasp.imitation.clone import KIND
+from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.clone_net import CloneNet
 from dexgrasp.imitation.data import Batch, read_rows
 from dexgrasp.imitation.settings import BcSettings
@@ -103,7 +103,7 @@ class Cloning(StepTraining):
         """Write the policy."""
         arrays = self.net.arrays() | {"unit": self._unit.cpu().numpy()}
         about = {
-            "kind": KIND, "view": self.settings.view, "chunk": self.settings.network.chunk,
+            "kind": Clone.kind, "view": self.settings.view, "chunk": self.settings.network.chunk,
             "execute": self.settings.execute, "env": self._env, "robot": default_cell().robot.stamp,
             "training": {
                 "seed": self.settings.seed, "demonstrations": len(self._trained), "steps": len(self._rows.looks),

@@ -2,7 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,9 +20,12 @@ class Policy(ABC):
     """A policy; who inherits reads it and begins episodes of it.
 
     Attributes:
+        kind: as its folder says it.
         env: keywords of `gym.make` that it needs.
         robot: that it moves, as `Robot.stamp` says it; ours where its folder says nothing.
     """
+
+    kind: ClassVar[str]
 
     def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
         """Take what `read_policy` returns.

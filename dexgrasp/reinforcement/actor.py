@@ -15,8 +15,6 @@ from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 
-KIND = "actor"
-
 
 class Acting(NamedTuple):
     """How a network's answers become actions.
@@ -38,6 +36,8 @@ class Acting(NamedTuple):
 
 class Actor(Policy):
     """The network: features, and what the clone would do, to an action or to a correction of the clone's."""
+
+    kind = "actor"
 
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
         scaling, self._squashed = Scaling(arrays["mean"], arrays["scale"]), bool(about["squashed"])

@@ -26,7 +26,6 @@ from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step
 
-KIND = "grip"
 _PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
 """Axis of the palm, and m along it or (from 3 on) rad about it at 1."""
 _FINGERS = {
@@ -56,6 +55,8 @@ def _tables(robot: Robot) -> tuple[Array, Array]:
 
 class Grip(Policy):
     """The network, and the clone it corrects."""
+
+    kind = "grip"
 
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
         base = below(arrays, "base.")

@@ -2,7 +2,7 @@
 
 from typing import Any
 
-from dexgrasp.reinforcement.grip import KIND
+from dexgrasp.reinforcement.grip import Grip
 from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.runs.training import Row
 from dexgrasp_env.extras import from_extra
@@ -16,7 +16,7 @@ with from_extra():
 class GripTraining(Rounds):
     """Training of corrections of a clone's grip."""
 
-    kind, counted, won = KIND, "episodes", "training_held"
+    kind, counted, won = Grip.kind, "episodes", "training_held"
 
     def environments(self) -> GripVecEnv:
         """Make the environments."""

@@ -8,7 +8,7 @@ import numpy as np
 
 from dexgrasp.demos.resets import DemoResets
 from dexgrasp.imitation.policy import Scaling
-from dexgrasp.reinforcement.actor import KIND, Acting
+from dexgrasp.reinforcement.actor import Acting, Actor
 from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.training import Course, Row
@@ -29,7 +29,7 @@ _MEASURED = 100  # control steps of random actions that features are scaled by, 
 class PolicyTraining(Rounds):
     """Training of a policy in rounds of one episode of every environment."""
 
-    kind, counted, won = KIND, "steps", "training_success"
+    kind, counted, won = Actor.kind, "steps", "training_success"
 
     def __init__(
         self, out: Path, settings: RlSettings, clone: Path | None = None, course: Course = Course()
