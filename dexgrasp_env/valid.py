@@ -92,6 +92,21 @@ def several(each: Rule, count: int | None = None) -> Rule:
     return Rule(f"a list of {count or 'any length'}, each {each.words}", admit)
 
 
+def list_of(kind: type[Any], least: int = 0, most: int = 100, *, more: bool = False) -> Rule:
+    """Return the rule of lists of a dataclass, each as `read` makes it; kept as tuples."""
+    name = kind.__name__.lower()
+
+    def admit(value: Any) -> tuple[Any, ...]:
+        known = isinstance(value, list | tuple) and least <= len(value) <= most
+        return (
+            tuple(read(kind, one, f"{name} {k}", more=more) for k, one in enumerate(value))
+            if known
+            else _refuse()
+        )
+
+    return Rule(f"a list of {least} to {most}", admit)
+
+
 def _distinct(value: Any) -> tuple[str, ...]:
     names = several(WORD).admit(value)
     return names if 0 < len(names) == len(set(names)) else _refuse()
@@ -111,12 +126,14 @@ WORD = Rule(
 )
 Word = Annotated[str, WORD]
 NAMES = Rule("a list of names, each once", _distinct)
+Names = Annotated[tuple[str, ...], NAMES]
 NATURAL = number(ge=0, whole=True)
 Natural = Annotated[int, NATURAL]
 COUNT = number(ge=1, whole=True)
 Count = Annotated[int, COUNT]
 POSITIVE = number(gt=0)
 Positive = Annotated[float, POSITIVE]
+Positives = Annotated[tuple[float, ...], several(POSITIVE)]
 Share = Annotated[float, number(gt=0, lt=1)]
 Friction = Annotated[float, number(gt=0, le=2)]
 """Sliding coefficient."""

@@ -18,8 +18,9 @@ from dexgrasp.demos.settings import DemoSettings
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_json
 from dexgrasp_env.robot.cell import make_cell
-from dexgrasp_env.robot.robot import Names, Robot
+from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
+from dexgrasp_env.valid import Names
 
 FOLDER = "lerobot"
 _DATA = "data/chunk-000/file-000.parquet"

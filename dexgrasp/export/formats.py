@@ -10,7 +10,7 @@ import numpy as np
 from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Trajectory
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import write_atomically
-from dexgrasp_env.robot.robot import Names
+from dexgrasp_env.valid import Names
 
 SCHEMA = 1
 _ROS_EVERY = {"arm": 10, "hand": 5}  # rows to a point of a ROS trajectory: its controllers interpolate

@@ -11,7 +11,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, read_json_object, readable
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.robot import Names
+from dexgrasp_env.valid import Names
 
 _MOST_ROWS = 600_000  # ten minutes at 1 kHz
 

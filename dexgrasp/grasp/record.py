@@ -12,13 +12,13 @@ from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.conventions import RobotName, conventions
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
-from dexgrasp.grasp.values import Number, Parts, Pose, Positive, Row, Share, Vector, Word, several
+from dexgrasp.grasp.values import Number, Parts, Pose, Positive, Row, Share, Vector, Word
 from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.poses import shifted
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.valid import number, one_of
+from dexgrasp_env.valid import list_of, number, one_of
 
 SCHEMA = 3
 APPROACH, LIFT = "approach", "lift"
@@ -66,7 +66,7 @@ class Script:
     """What is executed open loop: approach and lift; between them fingers close and press on feedback."""
 
     lift_height: Annotated[float, number(gt=0, le=0.5)]
-    phases: Annotated[tuple[Phase, ...], several(Phase, 2, 2)]
+    phases: Annotated[tuple[Phase, ...], list_of(Phase, 2, 2, more=True)]
 
 
 @dataclass(frozen=True)
@@ -159,8 +159,8 @@ class GraspRecord:
     pregrasp: Row
     grasp: Row
     squeeze: Row
-    contacts: Annotated[tuple[Contact, ...], several(Contact, 2, 20)]
-    neighbours: Annotated[tuple[Neighbour, ...], several(Neighbour, 0, 100)]
+    contacts: Annotated[tuple[Contact, ...], list_of(Contact, 2, 20, more=True)]
+    neighbours: Annotated[tuple[Neighbour, ...], list_of(Neighbour, 0, 100, more=True)]
     script: Script | None
     certificate: Certificate
     holds_probability: HoldsProbability | None

@@ -5,23 +5,10 @@ from typing import Annotated, Any
 import numpy as np
 
 from dexgrasp_env.arrays import LARGEST, Array, array
-from dexgrasp_env.valid import Rule, number, read
+from dexgrasp_env.valid import Rule, number
 
 _FLAT = 1e-6  # m: a part thinner than this has no inside
 _MOST_VERTICES, _MOST_PARTS = 100_000, 64
-
-
-def several(kind: type, least: int, most: int) -> Rule:
-    """Return the rule of lists of a dataclass."""
-
-    def admit(value: Any) -> tuple[Any, ...]:
-        if not isinstance(value, list) or not least <= len(value) <= most:
-            raise ValueError
-        return tuple(
-            read(kind, item, f"{kind.__name__.lower()} {k}", more=True) for k, item in enumerate(value)
-        )
-
-    return Rule(f"a list of {least} to {most}", admit)
 
 
 def _convex_parts(value: Any) -> tuple[Array, ...]:

@@ -17,8 +17,9 @@ from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import content_hash, expand
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.robot.cell_file import CellCamera, read_cell_fields
-from dexgrasp_env.robot.robot import Names, Numbers, Robot
+from dexgrasp_env.robot.robot import Numbers, Robot
 from dexgrasp_env.robot.robot_file import read_content, read_robot, said_of
+from dexgrasp_env.valid import Names
 
 SIMULATED = "simulated"
 """Name of the default cell, which no other may bear."""

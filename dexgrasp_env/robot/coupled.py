@@ -1,16 +1,17 @@
 """Joints that do not move alone: some follow others rigidly, some share a servo by a tendon."""
 
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.valid import NAMES, Rule, Word, number, read, several
+from dexgrasp_env.valid import Names, Positives, Word, number
 
-Names = Annotated[tuple[str, ...], NAMES]
+if TYPE_CHECKING:
+    from dexgrasp_env.robot.robot import Hand
+
 Number = Annotated[float, number()]
-Positives = Annotated[tuple[float, ...], several(number(gt=0))]
 
 
 @dataclass(frozen=True)
@@ -35,39 +36,24 @@ class Tendon:
     coefs: Positives
 
 
-def _couplings(value: Any) -> tuple[Coupling, ...]:
-    return tuple(read(Coupling, coupling, "coupling") for coupling in value)
-
-
-def _tendons(value: Any) -> tuple[Tendon, ...]:
-    return tuple(read(Tendon, tendon, "tendon") for tendon in value)
-
-
-COUPLINGS = Rule("a list of couplings", _couplings)
-TENDONS = Rule("a list of tendons", _tendons)
-
-
-def drive_of(
-    names: Names, lower: tuple[float, ...], couplings: tuple[Coupling, ...], tendons: tuple[Tendon, ...]
-) -> tuple[Array, Array]:
-    """Return `Hand.drive` of joints with their lower stops, rad."""
+def drive_of(hand: "Hand") -> tuple[Array, Array]:
+    """Return `Hand.drive`."""
+    names, lower = hand.joints.names, hand.joints.lower
     C, c = np.eye(len(names)), np.zeros(len(names))
-    for own in couplings:
+    for own in hand.couplings:
         row = names.index(own.joint)
         C[row], c[row] = own.ratio * np.eye(len(names))[names.index(own.follows)], own.offset
-    for row in (names.index(joint) for tendon in tendons for joint in tendon.joints[:-1]):
+    for row in (names.index(joint) for tendon in hand.tendons for joint in tendon.joints[:-1]):
         C[row], c[row] = 0.0, lower[row]
     return C, c
 
 
-def free_of(
-    names: Names, lower: tuple[float, ...], couplings: tuple[Coupling, ...], tendons: tuple[Tendon, ...]
-) -> tuple[Array, Array]:
-    """Return `Hand.free` of joints with their lower stops, rad."""
-    C, c = drive_of(names, lower, couplings, tendons)
-    for tendon in tendons:
-        rows, coefs = [names.index(joint) for joint in tendon.joints], np.array(tendon.coefs)
+def free_of(hand: "Hand") -> tuple[Array, Array]:
+    """Return `Hand.free`."""
+    C, c = drive_of(hand)
+    for tendon in hand.tendons:
+        rows, coefs = [hand.joints.names.index(joint) for joint in tendon.joints], np.array(tendon.coefs)
         share = np.outer(coefs, coefs) / (coefs @ coefs)
         C[np.ix_(rows, rows)] = share
-        c[rows] = (np.eye(len(rows)) - share) @ np.array(lower)[rows]
+        c[rows] = (np.eye(len(rows)) - share) @ np.array(hand.joints.lower)[rows]
     return C, c

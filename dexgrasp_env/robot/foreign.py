@@ -22,6 +22,7 @@ FLANGE = 0.107
 """m from the frame of an arm's last link to its flange, along z: mounts count on it."""
 _ROTOR = {"arm": 0.1, "hand": 0.001}  # kg m2 of joints whose description has none: they are geared
 _GEOM = mujoco.mjtGeom
+_CUBE = np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
 _SHAPES = (
     _GEOM.mjGEOM_SPHERE,
     _GEOM.mjGEOM_CAPSULE,
@@ -31,14 +32,47 @@ _SHAPES = (
 )
 
 
-def compile_file(path: Path) -> mujoco.MjModel:
-    """Return what an MJCF file describes.
+class Description:
+    """What an MJCF file describes: its bodies and shapes in the world of the file, all joints at 0.
 
-    Raises:
-        InputError: in one line, where MuJoCo cannot read it.
+    Attributes:
+        path: of the file.
+        model, data: of it.
     """
-    model: mujoco.MjModel = _read(mujoco.MjModel.from_xml_path, path)
-    return model
+
+    def __init__(self, path: Path) -> None:
+        """Compile it.
+
+        Raises:
+            InputError: in one line, where MuJoCo cannot read it.
+        """
+        self.path, self.model = path, _read(mujoco.MjModel.from_xml_path, path)
+        self.data = mujoco.MjData(self.model)
+        self.data.qpos[:] = 0.0
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+
+    def pose(self, body: int | str) -> Array:
+        """Return the pose (4, 4) of a body."""
+        at = self.data.body(body)
+        return rigid(at.xmat.reshape(3, 3), at.xpos)
+
+    def geom_pose(self, geom: int) -> Array:
+        """Return the pose (4, 4) of a shape."""
+        return rigid(self.data.geom_xmat[geom].reshape(3, 3), self.data.geom_xpos[geom])
+
+    def mesh(self, geom: int) -> tuple[Array, Any]:
+        """Return vertices (n, 3) m and faces (m, 3) of a shape that is a mesh, in its own frame."""
+        m, k = self.model, int(self.model.geom_dataid[geom])
+        vertices = m.mesh_vert[m.mesh_vertadr[k] : m.mesh_vertadr[k] + m.mesh_vertnum[k]]
+        return vertices, m.mesh_face[m.mesh_faceadr[k] : m.mesh_faceadr[k] + m.mesh_facenum[k]]
+
+    def corners(self, geom: int) -> Array:
+        """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
+        if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
+            return self.mesh(geom)[0]
+        middle, half = np.split(self.model.geom_aabb[geom], 2)
+        return np.asarray(middle + half * _CUBE)
 
 
 def _read(reader: Callable[[str], Any], path: Path) -> Any:
@@ -62,15 +96,13 @@ def described(part: Arm | Hand) -> mujoco.MjSpec:
     return _Rebuilt(part).spec
 
 
-class _Rebuilt:
+class _Rebuilt(Description):
     """A description as it is rebuilt; W are the new frames of bodies in the world of the file, joints at 0."""
 
     def __init__(self, part: Arm | Hand) -> None:
-        self.part, self.model = part, compile_file(part.mjcf)
-        self.data = mujoco.MjData(self.model)
-        self.data.qpos[:] = 0.0
-        mujoco.mj_kinematics(self.model, self.data)
-        mujoco.mj_comPos(self.model, self.data)
+        super().__init__(part.mjcf)
+        self.part = part
+        self.reach: dict[str, Array] = {}  # points (n, 3) m of solid shapes, in the frame of their body
         self.spec = mujoco.MjSpec()
         self.spec.compiler.degree = False
         names = part.bodies
@@ -109,7 +141,7 @@ class _Rebuilt:
         return [self.model.joint(first + k).name for k in range(int(self.model.body_jntnum[body]))]
 
     def _frames(self) -> dict[str, Array]:
-        part, W = self.part, {name: _pose(self.data.body(name)) for name in self.part.bodies}
+        part, W = self.part, {name: self.pose(name) for name in self.part.bodies}
         assert part.frame is not None
         end = W[part.bodies[-1] if isinstance(part, Arm) else part.palm] @ matrix(part.frame)
         if isinstance(part, Hand):
@@ -198,20 +230,19 @@ class _Rebuilt:
                     self._add_tip(body, finger, self.part)
 
     def _add_geom(self, body: Any, g: int, name: str, collides: bool) -> None:
-        local = np.linalg.inv(self.W[body.name]) @ _geom_pose(self.data, g)
+        local = np.linalg.inv(self.W[body.name]) @ self.geom_pose(g)
         look = {"name": name, "rgba": self._colour(g), **_LOOK[collides]}
-        if self.model.geom_type[g] != _GEOM.mjGEOM_MESH:
+        is_mesh = self.model.geom_type[g] == _GEOM.mjGEOM_MESH
+        points, faces = self.mesh(g) if is_mesh else (self.corners(g), None)
+        if is_mesh and collides:
+            points, faces = hull_of(points)
+        self.reach[name] = points @ local[:3, :3].T + local[:3, 3]
+        if is_mesh:
+            self.reach[name] = add_mesh_geom(self.spec, body, self.reach[name], faces, look)
+        else:
             body.add_geom(
                 type=_GEOM(self.model.geom_type[g]), size=self.model.geom_size[g], **placed(local), **look
             )
-            return
-        points, faces = self._mesh(g)
-        add_mesh_geom(self.spec, body, *((hull_of(points)) if collides else (points, faces)), local, look)
-
-    def _mesh(self, g: int) -> tuple[Array, Any]:
-        m, k = self.model, int(self.model.geom_dataid[g])
-        vertices = m.mesh_vert[m.mesh_vertadr[k] : m.mesh_vertadr[k] + m.mesh_vertnum[k]]
-        return vertices, m.mesh_face[m.mesh_faceadr[k] : m.mesh_faceadr[k] + m.mesh_facenum[k]]
 
     def _colour(self, g: int) -> Array:
         material = int(self.model.geom_matid[g])
@@ -221,7 +252,7 @@ class _Rebuilt:
     def _add_tip(self, body: Any, finger: Finger, hand: Hand) -> None:
         """Name the shape that reaches farthest the tip; of a long one, what is before the back of its sphere."""
         assert finger.frame is not None
-        old = _pose(self.data.body(body.name)) @ matrix(finger.frame)
+        old = self.pose(body.name) @ matrix(finger.frame)
         centre = np.linalg.inv(self.W[body.name]) @ old[:, 3]
         body.add_site(name=finger.tip, pos=centre[:3], group=4, size=[0.005] * 3)
         solid = [geom for geom in body.geoms if geom.contype]
@@ -229,33 +260,19 @@ class _Rebuilt:
             raise InputError(
                 f"{self.part.mjcf}: nothing of body {body.name!r} collides: tip {finger.tip!r} has no shape"
             )
-        tip = max(solid, key=lambda geom: self._reach(geom)[:, 2].max())
+        tip = max(solid, key=lambda geom: self.reach[geom.name][:, 2].max())
         radius = hand.tip_radius
         behind = (hand.tip_length or 2.0 * radius) - radius
         if tip.type not in (_GEOM.mjGEOM_MESH, _GEOM.mjGEOM_BOX):
             tip.name = finger.tip
             return
-        before, rest = cut(self._reach(tip), centre[2] - behind)
+        before, rest = cut(self.reach[tip.name], centre[2] - behind)
         look = {"rgba": tip.rgba.copy(), **_LOOK[True]}
         name = f"{tip.name}_rest"
         self.spec.delete(tip)
-        add_mesh_geom(self.spec, body, *hull_of(before), np.eye(4), {"name": finger.tip, **look})
+        add_mesh_geom(self.spec, body, *hull_of(before), {"name": finger.tip, **look})
         if len(rest) > 3:
-            add_mesh_geom(self.spec, body, *hull_of(rest), np.eye(4), {"name": name, **look})
-
-    def _reach(self, geom: Any) -> Array:
-        """Points (n, 3) m of a shape's hull, or around it, in the frame of its body."""
-        R = np.zeros(9)
-        mujoco.mju_quat2Mat(R, geom.quat)
-        if geom.type == _GEOM.mjGEOM_MESH:
-            points = np.reshape(self.spec.mesh(geom.meshname).uservert, (-1, 3))
-        else:
-            round_ = geom.type in (_GEOM.mjGEOM_SPHERE, _GEOM.mjGEOM_CAPSULE)
-            half = np.full(3, geom.size[0]) if round_ else geom.size
-            if geom.type == _GEOM.mjGEOM_CAPSULE:
-                half = half + np.array([0.0, 0.0, geom.size[1]])
-            points = half * np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
-        return np.asarray(points) @ R.reshape(3, 3).T + geom.pos
+            add_mesh_geom(self.spec, body, *hull_of(rest), {"name": name, **look})
 
     def _add_excludes(self) -> None:
         for k, signature in enumerate(self.model.exclude_signature):
@@ -280,15 +297,12 @@ _LOOK: dict[bool, dict[str, Any]] = {
 """Of what collides, and of what is seen."""
 
 
-def add_mesh_geom(
-    spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, pose: Array, look: dict[str, Any]
-) -> None:
-    """Add a mesh of points (n, 3) m in the frame of a body after `pose` (4, 4), named like its geom."""
-    mesh = spec.add_mesh(name=look["name"])
-    mesh.uservert = (points @ pose[:3, :3].T + pose[:3, 3]).ravel()
-    mesh.userface = np.asarray(faces).ravel()
+def add_mesh_geom(spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, look: dict[str, Any]) -> Array:
+    """Add a mesh of points (n, 3) m in the frame of a body, named like its geom; return them as it keeps them."""
+    mesh = spec.add_mesh(name=look["name"], uservert=points.ravel(), userface=np.asarray(faces).ravel())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX
     body.add_geom(type=_GEOM.mjGEOM_MESH, meshname=mesh.name, **look)
+    return np.reshape(np.asarray(mesh.uservert, dtype=float), (-1, 3))
 
 
 def matrix(frame: Frame) -> Array:
@@ -313,14 +327,6 @@ def about(origin: Array, z: Array, x: Array) -> Array:
         across = across - z * (across @ z)
     across = across / np.linalg.norm(across)
     return rigid(np.stack([across, np.cross(z, across), z], axis=1), origin)
-
-
-def _pose(body: Any) -> Array:
-    return rigid(body.xmat.reshape(3, 3), body.xpos)
-
-
-def _geom_pose(data: mujoco.MjData, g: int) -> Array:
-    return rigid(data.geom_xmat[g].reshape(3, 3), data.geom_xpos[g])
 
 
 def _rounded(vector: Array) -> Array:

@@ -5,8 +5,8 @@ from dataclasses import fields
 from typing import Any
 
 from dexgrasp_env.errors import InputError, unknown_name
-from dexgrasp_env.robot.robot import Joints, Names, Numbers
-from dexgrasp_env.valid import read
+from dexgrasp_env.robot.robot import Joints, Numbers
+from dexgrasp_env.valid import Names, read
 
 SETTINGS = tuple(field.name for field in fields(Joints) if field.name != "names")
 _GAINS = ("stiffness", "damping")

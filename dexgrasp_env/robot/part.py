@@ -1,6 +1,5 @@
 """A description in MJCF as `make` looks at it: chains of bodies, shapes, and what it states of its joints."""
 
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +8,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.poses import rigid
-from dexgrasp_env.robot.foreign import compile_file
+from dexgrasp_env.robot.foreign import Description
 
 _TORQUE = 0.7  # Nm
 _LOAD = 20.0  # N, of a hand and what it holds
@@ -21,28 +19,19 @@ _ASSUMED = {
 }
 
 
-@dataclass
-class Part:
-    """A description as it is looked at, all joints at 0 or as near as they go.
+class Part(Description):
+    """A description as it is looked at, all joints at 0 or as near as they go; `notes` say what was assumed."""
 
-    Attributes:
-        path: of the MJCF.
-        model, data: of it.
-        notes: what was assumed, a line each.
-    """
+    def __init__(self, path: Path) -> None:
+        """Compile it.
 
-    path: Path
-    model: mujoco.MjModel = field(init=False)
-    data: mujoco.MjData = field(init=False)
-    notes: list[str] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        """Compile it."""
-        self.model = compile_file(self.path)
-        self.data = mujoco.MjData(self.model)
+        Raises:
+            InputError: for what MuJoCo cannot read, or has no joints.
+        """
+        super().__init__(path)
+        self.notes = list[str]()
         if self.model.njnt == 0:
             raise InputError(f"{self.path} has no joints: it is no hand and no arm")
-        self.data.qpos[:] = 0.0
         if self.model.nq == self.model.njnt:
             self.data.qpos[:] = np.clip(0.0, *self.ranges(range(self.model.njnt)).T)
         mujoco.mj_kinematics(self.model, self.data)
@@ -52,10 +41,6 @@ class Part:
         limited = self.model.jnt_limited[list(joints)].astype(bool)[:, None]
         turn = np.array([-np.pi, np.pi])
         return np.where(limited, self.model.jnt_range[list(joints)], turn)
-
-    def pose(self, body: int) -> Array:
-        """Return the pose (4, 4) of a body."""
-        return rigid(self.data.xmat[body].reshape(3, 3), self.data.xpos[body])
 
     def below(self, body: int) -> list[int]:
         """Return the bodies that hang on a body and have or lead to joints."""
@@ -103,17 +88,11 @@ class Part:
         Raises:
             InputError: where nothing does.
         """
-        m, corners = self.model, np.array(np.meshgrid(*[(-1.0, 1.0)] * 3)).reshape(3, 8).T
-        found = []
-        for g in np.flatnonzero(m.geom_contype | m.geom_conaffinity):
-            if not self.hangs_on(int(m.geom_bodyid[g]), body):
-                continue
-            if m.geom_type[g] == mujoco.mjtGeom.mjGEOM_MESH:
-                k = int(m.geom_dataid[g])
-                local = m.mesh_vert[m.mesh_vertadr[k] : m.mesh_vertadr[k] + m.mesh_vertnum[k]]
-            else:
-                local = m.geom_aabb[g, :3] + m.geom_aabb[g, 3:] * corners
-            found.append(local @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g])
+        found = [
+            self.corners(int(g)) @ self.data.geom_xmat[g].reshape(3, 3).T + self.data.geom_xpos[g]
+            for g in np.flatnonzero(self.model.geom_contype | self.model.geom_conaffinity)
+            if self.hangs_on(int(self.model.geom_bodyid[g]), body)
+        ]
         if not found:
             raise InputError(f"nothing of body {self._name(body)} collides: give it a collision geom")
         return np.concatenate(found)

@@ -14,13 +14,24 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.robot.coupled import COUPLINGS, TENDONS, Coupling, Tendon, drive_of, free_of
-from dexgrasp_env.valid import NAMES, NATURAL, WORD, Natural, Positive, Rule, Word, number, read, several
+from dexgrasp_env.robot.coupled import Coupling, Tendon, drive_of, free_of
+from dexgrasp_env.valid import (
+    NATURAL,
+    WORD,
+    Names,
+    Natural,
+    Positive,
+    Positives,
+    Rule,
+    Word,
+    list_of,
+    number,
+    read,
+    several,
+)
 
 Numbers = Annotated[tuple[float, ...], several(number())]
-Positives = Annotated[tuple[float, ...], several(number(gt=0))]
 Vector = Annotated[tuple[float, ...], several(number(), 3)]
-Names = Annotated[tuple[str, ...], NAMES]
 SLIDE = 0.1
 """m of a slide that count as much as a radian of a hinge."""
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
@@ -143,18 +154,11 @@ class Mount:
     quat_wxyz: Quaternion
 
 
-def _fingers(value: Any) -> tuple[Finger, ...]:
-    fingers = tuple(read(Finger, finger, "finger") for finger in value)
-    if len(fingers) < 2:
-        raise ValueError
-    return fingers
-
-
 def _mounts(value: Any) -> tuple[Mount, ...]:
     return tuple(read(Mount, {"name": name, **mount}, f"mount {name}") for name, mount in value.items())
 
 
-FINGERS = Rule("a list of two fingers or more", _fingers)
+FINGERS = list_of(Finger, 2)
 
 
 @dataclass(frozen=True)
@@ -200,8 +204,8 @@ class Hand:
     tip_radius: Positive = field(default=0.014, repr=False)
     tip_length: Annotated[float, number(ge=0)] = field(default=0.0, repr=False)
     torsion: Annotated[float, number(ge=0, le=0.1)] = field(default=0.0, repr=False)
-    couplings: Annotated[tuple[Coupling, ...], COUPLINGS] = field(default=(), repr=False)
-    tendons: Annotated[tuple[Tendon, ...], TENDONS] = field(default=(), repr=False)
+    couplings: Annotated[tuple[Coupling, ...], list_of(Coupling)] = field(default=(), repr=False)
+    tendons: Annotated[tuple[Tendon, ...], list_of(Tendon)] = field(default=(), repr=False)
     held: Names = field(default=(), repr=False)
     grasps: Annotated[tuple[Names, ...], several(NAMES)] = field(default=(), repr=False)
 
@@ -213,12 +217,12 @@ class Hand:
     @cached_property
     def drive(self) -> tuple[Array, Array]:
         """C (h, h) and c (h,): joints of a grasp are at C q + c where q says it; those without servos have no say."""
-        return drive_of(self.joints.names, self.joints.lower, self.couplings, self.tendons)
+        return drive_of(self)
 
     @cached_property
     def free(self) -> tuple[Array, Array]:
         """Like `drive`, of a hand that touches nothing: a tendon turns its joints from their stops by its coefs."""
-        return free_of(self.joints.names, self.joints.lower, self.couplings, self.tendons)
+        return free_of(self)
 
     @cached_property
     def stamp(self) -> str:
