@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
 from dexgrasp_env.arrays import Array, grid
+from dexgrasp_env.robot.hulls import mesh_of
 
 _COLLISION_GROUP = 3
 _LARGEST_CELL = 0.03  # m: half the cell that one sphere covers
@@ -40,7 +41,7 @@ def body_spheres(model: mujoco.MjModel, body: int, touching: tuple[str, ...]) ->
             continue
         is_tip, R = model.geom(geom).name in touching, rotation_matrix(model.geom_quat[geom])
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
-            corners = mesh_points(model, geom) @ R.T + model.geom_pos[geom]
+            corners = mesh_of(model, geom)[0].astype(float) @ R.T + model.geom_pos[geom]
             cell = _TIP_CELL if is_tip else max(_LINK_CELL, 0.35 * float(np.ptp(corners, axis=0).min()))
             placed, radius = hull_cells(corners, cell)
         else:
@@ -94,13 +95,6 @@ def _cells(half: Array) -> tuple[Array, float]:
         np.linspace(-h + 0.5 * s, h - 0.5 * s, int(n)) for h, s, n in zip(half, step, counts, strict=True)
     ]
     return grid(*axes), float(0.5 * np.linalg.norm(step))
-
-
-def mesh_points(model: mujoco.MjModel, geom: int) -> Array:
-    """Return the corners (n, 3) m of a geom's mesh, in the frame of the geom."""
-    mesh = int(model.geom_dataid[geom])
-    first = int(model.mesh_vertadr[mesh])
-    return model.mesh_vert[first : first + int(model.mesh_vertnum[mesh])].astype(float)
 
 
 def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:

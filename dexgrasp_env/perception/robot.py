@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.robot.hulls import mesh_of
 
 if TYPE_CHECKING:
     import mujoco
@@ -98,8 +99,4 @@ def _mesh_facets(model: "mujoco.MjModel", geom: int) -> Array:
         return np.empty((0, 4))
     from scipy.spatial import ConvexHull
 
-    mesh = model.mesh(int(model.geom_dataid[geom]))
-    start, count = int(mesh.vertadr[0]), int(mesh.vertnum[0])
-    return np.unique(
-        ConvexHull(model.mesh_vert[start : start + count].astype(float)).equations.round(9), axis=0
-    )
+    return np.unique(ConvexHull(mesh_of(model, geom)[0].astype(float)).equations.round(9), axis=0)

@@ -15,7 +15,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
-from dexgrasp_env.robot.hulls import cut, hull_of
+from dexgrasp_env.robot.hulls import cut, hull_of, mesh_of
 from dexgrasp_env.robot.robot import Arm, Finger, Frame, Hand
 
 FLANGE = 0.107
@@ -61,16 +61,10 @@ class Description:
         """Return the pose (4, 4) of a shape."""
         return rigid(self.data.geom_xmat[geom].reshape(3, 3), self.data.geom_xpos[geom])
 
-    def mesh(self, geom: int) -> tuple[Array, Any]:
-        """Return vertices (n, 3) m and faces (m, 3) of a shape that is a mesh, in its own frame."""
-        m, k = self.model, int(self.model.geom_dataid[geom])
-        vertices = m.mesh_vert[m.mesh_vertadr[k] : m.mesh_vertadr[k] + m.mesh_vertnum[k]]
-        return vertices, m.mesh_face[m.mesh_faceadr[k] : m.mesh_faceadr[k] + m.mesh_facenum[k]]
-
     def corners(self, geom: int) -> Array:
         """Return points (n, 3) m of a shape, or of the box around one that is no mesh, in its own frame."""
         if self.model.geom_type[geom] == _GEOM.mjGEOM_MESH:
-            return self.mesh(geom)[0]
+            return mesh_of(self.model, geom)[0]
         middle, half = np.split(self.model.geom_aabb[geom], 2)
         return np.asarray(middle + half * _CUBE)
 
@@ -233,7 +227,7 @@ class _Rebuilt(Description):
         local = np.linalg.inv(self.W[body.name]) @ self.geom_pose(g)
         look = {"name": name, "rgba": self._colour(g), **_LOOK[collides]}
         is_mesh = self.model.geom_type[g] == _GEOM.mjGEOM_MESH
-        points, faces = self.mesh(g) if is_mesh else (self.corners(g), None)
+        points, faces = mesh_of(self.model, g) if is_mesh else (self.corners(g), None)
         if is_mesh and collides:
             points, faces = hull_of(points)
         self.reach[name] = points @ local[:3, :3].T + local[:3, 3]

@@ -1,10 +1,17 @@
-"""Convex hulls of points, and cuts through them."""
+"""Meshes of models, convex hulls of points, and cuts through them."""
 
 from typing import Any
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array
+
+
+def mesh_of(model: Any, geom: int) -> tuple[Array, Any]:
+    """Return vertices (n, 3) m and faces (m, 3) of a geom that is a mesh of a MuJoCo model, in its own frame."""
+    mesh = model.mesh(int(model.geom_dataid[geom]))
+    (vertex,), (face,) = mesh.vertadr, mesh.faceadr
+    return model.mesh_vert[vertex : vertex + mesh.vertnum[0]], model.mesh_face[face : face + mesh.facenum[0]]
 
 
 def hull_of(points: Array) -> tuple[Array, Any]:

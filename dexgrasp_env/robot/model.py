@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Iterable
-from functools import lru_cache
+from functools import lru_cache, partial
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from dexgrasp_env.robot.coupled import Tendon
 from dexgrasp_env.robot.foreign import described
 from dexgrasp_env.robot.robot import Adapter, Arm, Hand, Joints, Robot
 
+_NAMES = ("name", "material", "meshname", "target", "bodyname1", "bodyname2")  # by which parts of models go
 FARTHEST, HEAVIEST, STIFFEST = 10.0, 1e3, 1e5
 """m; kg and kg m2; Nm s/rad, Nm and Nm/rad: nothing of a robot on a table is beyond."""
 
@@ -153,22 +154,15 @@ def attach(spec: mujoco.MjSpec, other: mujoco.MjSpec, frame: mujoco.MjsFrame) ->
     """
     prefix = f"attached{len(spec.bodies)}/"
     spec.attach(other, frame=frame, prefix=prefix)
-    named = (
+    parts = (
         spec.bodies, spec.joints, spec.geoms, spec.sites, spec.lights, spec.textures, spec.materials, spec.meshes,
-        spec.actuators,
+        spec.actuators, spec.excludes,
     )  # fmt: skip
-    for element in itertools.chain(*named):
-        element.name = element.name.removeprefix(prefix)
+    for element in itertools.chain(*parts):
+        for name in filter(partial(hasattr, element), _NAMES):
+            setattr(element, name, getattr(element, name).removeprefix(prefix))
     for material in spec.materials:
         material.textures = [name.removeprefix(prefix) for name in material.textures]
-    for geom in spec.geoms:
-        geom.material = geom.material.removeprefix(prefix)
-        geom.meshname = geom.meshname.removeprefix(prefix)
-    for actuator in spec.actuators:
-        actuator.target = actuator.target.removeprefix(prefix)
-    for exclude in spec.excludes:
-        exclude.bodyname1 = exclude.bodyname1.removeprefix(prefix)
-        exclude.bodyname2 = exclude.bodyname2.removeprefix(prefix)
 
 
 def _add_adapter(arm: mujoco.MjSpec, link: mujoco.MjsBody, adapter: Adapter) -> None:

@@ -3,6 +3,7 @@
 from typing import Any
 
 from dexgrasp_env.objects.parts import KINDS, ContactPart
+from dexgrasp_env.robot.hulls import mesh_of
 
 
 def geom_mesh(model: Any, geom: int) -> Any:
@@ -15,8 +16,5 @@ def geom_mesh(model: Any, geom: int) -> Any:
 
     kind = mujoco.mjtGeom(int(model.geom_type[geom])).name.removeprefix("mjGEOM_").lower()
     if kind == "mesh":
-        mesh = model.mesh(int(model.geom_dataid[geom]))
-        vertex, face = int(mesh.vertadr[0]), int(mesh.faceadr[0])
-        vertices = model.mesh_vert[vertex : vertex + int(mesh.vertnum[0])]
-        return trimesh.Trimesh(vertices, model.mesh_face[face : face + int(mesh.facenum[0])], process=False)
+        return trimesh.Trimesh(*mesh_of(model, geom), process=False)
     return ContactPart(kind, model.geom_size[geom]).surface(detail=2) if kind in KINDS else None
