@@ -1,6 +1,5 @@
 """DexGrasp/ClutterSparse-v1, ClutterDense-v1 and ClutterHeap-v1."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -128,12 +127,10 @@ class ClutterEpisodes(Episodes):
         for k, model in enumerate(simulation.neighbours):
             record["neighbour_size"][k] = model.extents
 
-    def conclude(
-        self, part: slice, moment: Moment, warnings: NDArray[np.int64], rngs: Sequence[Generator | None],
-        judge: bool = True,
-    ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Do what `Episodes.conclude` does, look what became of the neighbours, and observe them in `state`."""
-        state = super().conclude(part, moment, warnings, rngs, judge)
+    def _finish(
+        self, part: slice, moment: Moment, judge: bool, state: dict[str, NDArray[Any]]
+    ) -> dict[str, NDArray[Any]]:
+        """Look what became of the neighbours, and observe them in `state`."""
         records, (positions, sensors) = self.records[part], self._alone
         poses = moment.qpos[:, positions:].reshape(len(records), -1, 7)
         if judge:

@@ -23,7 +23,7 @@ from dexgrasp_env.tasks.control import check_finite
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, STAGES, TOLD
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, PHASES, TOLD, TOLD_AS
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -290,13 +290,20 @@ class Episodes:
         noise = self._joint_noise(records, rngs)
         if self.device and part == slice(None):
             noisy = self.settings.randomisation.joint_noise is not None
-            return cut(self.device.conclude(noise if noisy else None), self.layout)
-        rows = np.empty((len(records), self.width), np.float32)
-        state, out = (moment.qpos, moment.qvel, moment.sensors, commands), (told, rewards, rows)
-        kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
-        if self.device:
-            self.device.load(part.start, rows)
-        return cut(rows, self.layout)
+            rows = self.device.conclude(noise if noisy else None)
+        else:
+            rows = np.empty((len(records), self.width), np.float32)
+            state, out = (moment.qpos, moment.qvel, moment.sensors, commands), (told, rewards, rows)
+            kernel.conclude(records, state, warnings, noise, self.rules, out, judge)
+            if self.device:
+                self.device.load(part.start, rows)
+        return self._finish(part, moment, judge, cut(rows, self.layout))
+
+    def _finish(
+        self, part: slice, moment: Moment, judge: bool, state: dict[str, NDArray[Any]]
+    ) -> dict[str, NDArray[Any]]:
+        """Do what a task does more than `conclude`, and return the observation with that."""
+        return state
 
     def _part(self, part: slice) -> tuple[NDArray[Any], ...]:
         """Return records, commands, told, rewards, rows, pushes of a part; slices cost, so the whole is not sliced."""
@@ -315,25 +322,17 @@ class Episodes:
 
     def info(self, i: int) -> dict[str, Any]:
         """Return the info of episode `i`, without cameras: the same keys and types at reset and at every step."""
-        success, stable, grasped, stage, failure, height, slip, tilt, shift, held, phase, warnings, *terms = (
-            self.told[i].tolist()
-        )
+        numbers = self.told[i].tolist()
+        told = {
+            key: kind[int(number)] if isinstance(kind, tuple) else kind(number)
+            for (key, kind), number in zip(TOLD_AS.items(), numbers, strict=False)
+        }
         return {
-            "is_success": bool(success),
-            "is_stable": bool(stable),
-            "is_grasped": bool(grasped),
-            "stage": STAGES[int(stage)],
-            "failure": FAILURES[int(failure)],
+            **told,
             "object": self.object_name(i),
-            "object_height": height,
-            "object_slip": slip,
-            "object_tilt": tilt,
-            "object_shift": shift,
-            "held_seconds": held,
-            "disturbance": PHASES[int(phase)],
-            "mujoco_warnings": warning_names(int(warnings)) if warnings else "",
+            "mujoco_warnings": warning_names(told["mujoco_warnings"]),
             "variation": dict(vars(self.slots[i].variation)),
-            "reward_terms": dict(zip(self.settings.weights, terms, strict=True)),
+            "reward_terms": dict(zip(self.settings.weights, numbers[len(told) :], strict=True)),
             **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
         }
 

@@ -1,40 +1,19 @@
 """What advances many environments: MuJoCo on all cores, or mujoco_warp on a GPU."""
 
 from functools import partial
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-from numpy.typing import NDArray
-
-from dexgrasp_env.arrays import Array
 from dexgrasp_env.tasks.batch import BatchPhysics
 from dexgrasp_env.tasks.rests import Rests
-from dexgrasp_env.tasks.simulation import Moment, Simulation
 
 if TYPE_CHECKING:
     from dexgrasp_env.tasks.episodes import Episodes
+    from dexgrasp_env.tasks.warp_batch import WarpPhysics
 
 
-class Physics(Moment, Protocol):
-    """N environments; see `BatchPhysics`, whose arguments these are."""
-
-    def load(self, i: int, simulation: Simulation) -> None:
-        """Make environment `i` what a scene holds now."""
-
-    def moment(self, i: int) -> Moment:
-        """Return where environment `i` is, which has just been loaded."""
-
-    def state(self, i: int) -> Array:
-        """Return the full integration state of environment `i`."""
-
-    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> NDArray[np.int64]:
-        """Advance environments by one control step, and return the warnings."""
-
-    def close(self) -> None:
-        """Free what is held."""
-
-
-def make_physics(episodes: "Episodes", number: int, threads: int | None = None) -> Physics:
+def make_physics(
+    episodes: "Episodes", number: int, threads: int | None = None
+) -> "BatchPhysics | WarpPhysics":
     """Return the physics of environments, as their settings choose it.
 
     Args:

@@ -1,6 +1,6 @@
 """DexGrasp/Place-v2, and v1."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
@@ -126,12 +126,10 @@ class PlaceEpisodes(Episodes):
             )
         return given
 
-    def conclude(
-        self, part: slice, moment: Moment, warnings: NDArray[np.int64], rngs: Sequence[Generator | None],
-        judge: bool = True,
-    ) -> dict[str, NDArray[Any]]:  # fmt: skip
-        """Do what `Episodes.conclude` does; rewards, success and the observation are those of the goal."""
-        state = super().conclude(part, moment, warnings, rngs, judge)
+    def _finish(
+        self, part: slice, moment: Moment, judge: bool, state: dict[str, NDArray[Any]]
+    ) -> dict[str, NDArray[Any]]:
+        """Make rewards, success and the observation those of the goal."""
         records, centres = self.records[part], moment.qpos[:, -7:-4]
         goals = records["goal"][:, : self._size].astype(np.float32)
         self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)

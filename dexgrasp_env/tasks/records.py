@@ -72,11 +72,14 @@ COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
 are told then (targets and the shaking), and the command before, for late ones."""
 
-TOLD = (
-    "is_success", "is_stable", "is_grasped", "stage", "failure", "object_height", "object_slip", "object_tilt",
-    "object_shift", "held_seconds", "disturbance", "mujoco_warnings",
-)  # fmt: skip
-"""Columns of what the kernel tells of an episode, before the terms of the reward."""
+TOLD_AS: dict[str, Any] = {
+    "is_success": bool, "is_stable": bool, "is_grasped": bool, "stage": STAGES, "failure": FAILURES,
+    "object_height": float, "object_slip": float, "object_tilt": float, "object_shift": float, "held_seconds": float,
+    "disturbance": PHASES, "mujoco_warnings": int,
+}  # fmt: skip
+"""Columns of what the kernel tells of an episode, before the terms of the reward, and what infos make of the numbers:
+names, where there are some."""
+TOLD = tuple(TOLD_AS)
 
 Records = NDArray[np.void]
 """Array of EPISODE records, (N,)."""

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Sequence
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import mujoco
@@ -205,6 +205,7 @@ def warning_bits(numbers: NDArray[np.int32]) -> int:
     return sum(1 << k for k, count in enumerate(counts) if count) if any(counts) else 0
 
 
+@cache
 def warning_names(bits: int) -> str:
     """Return the names of the warnings, with spaces between."""
     return " ".join(name for k, name in enumerate(_WARNINGS) if bits >> k & 1)

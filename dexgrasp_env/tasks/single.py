@@ -16,13 +16,11 @@ from dexgrasp_env.tasks.control import ActionSpace, check_actions
 from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Starts
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
-from dexgrasp_env.tasks.records import TOLD
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
 from dexgrasp_env.tasks.views import Views
 
 _ONLY = slice(None)
-_FAILURE = TOLD.index("failure")
 NO_WARNINGS = np.zeros(1, np.int64)
 
 
@@ -179,7 +177,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
             What `step` returns.
         """
         observation, episodes = self._conclude(bits), self._episodes
-        self._over = bool(episodes.told[0, _FAILURE])
+        self._over = bool(episodes.records["failure"][0])
         observation, info = self._look(observation, at_reset=False)
         return observation, float(episodes.rewards[0]), self._over, False, info
 

@@ -23,7 +23,7 @@ from dexgrasp_env.tasks.observations import cut
 from dexgrasp_env.tasks.physics import make_physics, use_device
 from dexgrasp_env.tasks.place import PlaceEnv, goal_rewards
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import FAILURES, PHASES, STAGES, TOLD
+from dexgrasp_env.tasks.records import TOLD_AS
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.single import NO_WARNINGS
 from dexgrasp_env.tasks.views import Views
@@ -31,7 +31,6 @@ from dexgrasp_env.valid import COUNT, Rule, check, instance
 
 _Observations = dict[str, NDArray[Any]]
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
-_STAGES, _FAILURES, _PHASES = (np.array(names, dtype=object) for names in (STAGES, FAILURES, PHASES))
 
 
 class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPickle):
@@ -331,21 +330,22 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     def _infos(self) -> dict[str, Any]:
         """Return what `Episodes.info` says of every environment, as arrays by key with their masks."""
         episodes = self._episodes
-        told = dict(zip(TOLD, episodes.told.T.copy(), strict=False))
         drawn = [slot.variation for slot in episodes.slots]
-        warned = told["mujoco_warnings"].astype(int).tolist()
-        infos: dict[str, Any] = told | {
-            **{name: told[name] > 0 for name in ("is_success", "is_stable", "is_grasped")},
-            "stage": _STAGES[told["stage"].astype(int)],
-            "failure": _FAILURES[told["failure"].astype(int)],
+        infos: dict[str, Any] = {}
+        for (key, kind), numbers in zip(TOLD_AS.items(), episodes.told.T, strict=False):
+            named = isinstance(kind, tuple)
+            infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
+        infos |= {
             "object": objects([episodes.object_name(i) for i in range(self.num_envs)]),
-            "disturbance": _PHASES[told["disturbance"].astype(int)],
-            "mujoco_warnings": objects([warning_names(bits) if bits else "" for bits in warned]),
+            "mujoco_warnings": objects([*map(warning_names, infos["mujoco_warnings"].tolist())]),
             "variation": with_masks(
                 {name: np.array([getattr(v, name) for v in drawn]) for name in vars(Variation())}
             ),
             "reward_terms": with_masks(
-                {name: episodes.told[:, len(TOLD) + k].copy() for k, name in enumerate(self.settings.weights)}
+                {
+                    name: episodes.told[:, len(TOLD_AS) + k].copy()
+                    for k, name in enumerate(self.settings.weights)
+                }
             ),
         }
         infos |= episodes.more_infos()
