@@ -13,9 +13,6 @@ from dexgrasp_env.robot.model import compiled_robot, robot_spec
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.arena import add_arena, add_bin
 from dexgrasp_env.scene.constants import (
-    BIN_HEIGHT,
-    BIN_HIGH,
-    BIN_LOW,
     FRICTION,
     ROLLING_FRICTION,
     TIP_SOLIMP,
@@ -50,7 +47,7 @@ def scene_spec(
     spec.modelname = f"dexgrasp {model.name}"
     add_arena(spec, float(cell.base[2]))
     if walled:
-        add_bin(spec, BIN_LOW, BIN_HIGH, BIN_HEIGHT)
+        add_bin(spec)
     parts = [_add_object(spec, "object", model)]
     parts += [_add_object(spec, f"neighbour_{k}", shape) for k, shape in enumerate(neighbours)]
     for geom in spec.geoms:

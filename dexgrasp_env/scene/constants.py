@@ -16,5 +16,3 @@ TIP_SOLREFFRICTION = (0.004, 1.0)
 TABLE_SIZE = (0.70, 1.20, 0.04)  # m, x y z; the top is the plane z = 0
 TABLE_CENTRE_X = 0.52  # m
 TABLE_HEIGHT = 0.75  # m above the floor
-BIN_LOW, BIN_HIGH, BIN_HEIGHT = (0.295, -0.385), (0.765, 0.385), 0.08  # m, x and y of its inside
-BIN_THICKNESS = 0.01  # m
