@@ -9,6 +9,7 @@ from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.physics.cones import cone_edges
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.perception.picture import save
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 
@@ -42,7 +43,7 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
     figure.suptitle(title)
     figure.text(0.5, 0.02, _caption(grasp), ha="center", fontsize=11)
     figure.subplots_adjust(left=0.01, right=0.98, bottom=0.06, top=0.97, wspace=0.1)
-    return _save(figure, path)
+    return save(figure, path)
 
 
 def hand_picture(
@@ -70,22 +71,13 @@ def hand_picture(
         axes.view_init(*_VIEWS[0])
         axes.set_title(name)
     figure.subplots_adjust(left=0.02, right=0.97, bottom=0.05, top=0.92, wspace=0.1)
-    return _save(figure, path)
+    return save(figure, path)
 
 
 def _figure(width: float, height: float) -> Any:
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = Figure(figsize=(width, height))
-    FigureCanvasAgg(figure)
-    return figure
-
-
-def _save(figure: Any, path: Path) -> Path:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path, dpi=110)
-    return path
+    return Figure(figsize=(width, height))
 
 
 def _hand_triangles(cell: Cell, q: Array) -> Array:

@@ -36,11 +36,9 @@ def cloud_picture(
     Returns:
         The path.
     """
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(13.5, 4.4))
-    FigureCanvasAgg(figure)
     for k, (name, elevation, azimuth) in enumerate(_VIEWS):
         axes = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
         _draw(axes, np.asarray(points, float), hull, true_mesh)
@@ -52,7 +50,11 @@ def cloud_picture(
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False)
     figure.suptitle(title or f"{len(points)} points", y=0.985)
     figure.subplots_adjust(left=0.01, right=0.97, bottom=0.10, top=0.88, wspace=0.08)
-    path = Path(path)
+    return save(figure, Path(path))
+
+
+def save(figure: Any, path: Path) -> Path:
+    """Write a figure as PNG, and return the path."""
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=110)
     return path
@@ -60,19 +62,16 @@ def cloud_picture(
 
 def objects_picture(path: Path, scene: "Scene", seen: "list[Seen]") -> Path:
     """Draw the objects of a scene from above with their numbers, the robot to the left, and write them as PNG."""
-    from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     figure = Figure(figsize=(8.0, 8.0))
-    FigureCanvasAgg(figure)
     axes = figure.add_subplot(xlabel="x, m", ylabel="y, m", aspect="equal")
     axes.plot(*scene.rest.points[:, :2].T, ".", markersize=2, color="0.7")
     for one, cloud in zip(seen, [c for c in (scene.target, *scene.neighbours) if len(c)], strict=True):
         axes.plot(*cloud.points[:, :2].T, ".", markersize=2)
         x, y, _ = cloud.points.mean(0)
         axes.text(x, y, str(one.number), fontsize=16, ha="center", va="center")
-    figure.savefig(path, dpi=110)
-    return path
+    return save(figure, path)
 
 
 def _draw(
