@@ -13,7 +13,7 @@ from robots import HOME
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_SHIFT, GRASP_STEPS, HOLD_STEPS
-from dexgrasp_env.tasks.rewards import WEIGHTS
+from dexgrasp_env.tasks.settings import WEIGHTS
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "scripts"))
 import cheats

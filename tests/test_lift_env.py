@@ -20,7 +20,7 @@ from dexgrasp_env.tasks import control
 from dexgrasp_env.tasks.control import CONTROL_MODES, max_step
 from dexgrasp_env.tasks.observations import OBS_MODES
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.rewards import REWARD_MODES
+from dexgrasp_env.tasks.settings import REWARD_MODES
 
 # Cameras know nothing of control and reward: every pair of modes meets once, not every triple.
 EVERY_MODE = [

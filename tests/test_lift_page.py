@@ -16,8 +16,7 @@ from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import OBS_SUMS
-from dexgrasp_env.tasks.rewards import WEIGHTS
-from dexgrasp_env.tasks.settings import LiftSettings
+from dexgrasp_env.tasks.settings import WEIGHTS, LiftSettings
 
 
 def table(heading):

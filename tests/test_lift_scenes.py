@@ -15,10 +15,10 @@ from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.tasks.control import max_step, normalise
+from dexgrasp_env.tasks.physics import Rests
 from dexgrasp_env.tasks.placement import Placement
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
-from dexgrasp_env.tasks.rests import Rests
-from dexgrasp_env.tasks.rewards import WEIGHTS
+from dexgrasp_env.tasks.settings import WEIGHTS
 from dexgrasp_env.tasks.simulation import Simulation
 
 

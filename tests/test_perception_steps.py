@@ -22,11 +22,10 @@ from dexgrasp_env.perception.cloud import (
     pad,
     remove_flying,
     remove_outliers,
+    smooth,
 )
-from dexgrasp_env.perception.level import level_views, view_corrections
-from dexgrasp_env.perception.normals import smooth
 from dexgrasp_env.perception.picture import cloud_picture
-from dexgrasp_env.perception.plane import Plane, fit_plane, remove_plane
+from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, remove_plane, view_corrections
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
 from dexgrasp_env.robot.model import compiled_robot, posed
 

@@ -7,11 +7,17 @@ from numpy.testing import assert_allclose
 
 from dexgrasp_env.objects.bottles import revolve
 from dexgrasp_env.objects.catalogue import CATALOGUE
-from dexgrasp_env.objects.dropping import drop_model
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel, centred_model
 from dexgrasp_env.objects.parts import hull_part
-from dexgrasp_env.objects.rest_poses import MOST_POSES, clusters, find_rest_poses, rest_poses, symmetry_axis
+from dexgrasp_env.objects.rest_poses import (
+    MOST_POSES,
+    clusters,
+    drop_model,
+    find_rest_poses,
+    rest_poses,
+    symmetry_axis,
+)
 from dexgrasp_env.objects.shapes import Shape, box, cylinder, tetrahedron
 from dexgrasp_env.poses import quat_to_matrix
 

@@ -10,10 +10,9 @@ from robots import CELL
 
 from dexgrasp.cli.plan import scan_name
 from dexgrasp_env.perception import recorded
-from dexgrasp_env.perception.depth_folder import read_cameras
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.recorded import find_object
-from dexgrasp_env.perception.scan import cloud_of, read_scan
+from dexgrasp_env.perception.scan import cloud_of, read_cameras, read_scan
 from dexgrasp_env.perception.scene import Scene
 
 

@@ -37,7 +37,7 @@ def list_envs() -> Rows:
 
     from dexgrasp_env.robot.cell import default_cell
     from dexgrasp_env.tasks.control import CONTROL_MODES
-    from dexgrasp_env.tasks.rewards import REWARD_MODES
+    from dexgrasp_env.tasks.settings import REWARD_MODES
 
     choices = {"control_mode": CONTROL_MODES, "reward_mode": REWARD_MODES, "mount": default_cell().mounts}
     specs = [spec for id, spec in sorted(gym.registry.items()) if id.startswith("DexGrasp/")]

@@ -19,7 +19,7 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.shape.target import GraspTarget, assumed_mass, hull_volume, volume_centre
 from dexgrasp_env import __version__
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.objects.solid import Solid
+from dexgrasp_env.objects.model import Solid
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 

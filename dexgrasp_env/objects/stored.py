@@ -12,9 +12,8 @@ from dexgrasp_env.arrays import divided, joined
 from dexgrasp_env.files import Arrays, cached_arrays, content_hash
 from dexgrasp_env.objects import bottles, loft, model, parts, shapes
 from dexgrasp_env.objects.catalogue import ObjectSpec
-from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.objects.model import ObjectModel, Solid
 from dexgrasp_env.objects.parts import ContactPart
-from dexgrasp_env.objects.solid import Solid
 
 _VERSION = 2
 _SOLID = [field.name for field in fields(Solid)]

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud, downsample
-from dexgrasp_env.perception.normals import smooth
+from dexgrasp_env.perception.cloud import Cloud, downsample, smooth
 from dexgrasp_env.perception.parting import LEAST_EXTENT, LEAST_POINTS, MOST_EXTENT, Parting
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scene import ObjectCloud, Scene

@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.perception.cloud import Cloud, cells_of, clusters
-from dexgrasp_env.perception.normals import smooth
+from dexgrasp_env.perception.cloud import Cloud, cells_of, clusters, smooth
 from dexgrasp_env.perception.plane import Plane
 
 LEAST_POINTS, LEAST_EXTENT = 50, 0.02

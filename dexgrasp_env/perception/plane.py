@@ -1,16 +1,24 @@
-"""The table plane: found in the cloud and removed from it."""
+"""The table plane: found in the cloud and removed from it, and the calibration errors that it shows, taken out.
+
+All cameras look at one table, so what separates their tables is calibration error: roll, pitch and height of
+each camera follow from it; x, y and yaw cannot.
+"""
 
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
+from dexgrasp_env.poses import rigid
 
 TOLERANCE = 0.010  # m within which points are the table's
 _TILT = np.radians(8.0)  # steeper hypotheses are dropped
 _HYPOTHESES, _SAMPLES = 64, 1500  # triples tried, points on which they are scored
 _LEAST_CLEARANCE = 0.002  # m
+_COMMON = 0.012  # m: points of a view this close to the plane of all views count as table
+_LEAST_VIEW = 100  # points: a view with fewer of them stays as it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,3 +140,45 @@ def table_clearance(plane: Plane, depth: Array, reference: float, sigmas: float)
         sigmas: how much of the noise's tail is table.
     """
     return np.maximum(_LEAST_CLEARANCE, sigmas * plane.rms * (depth / reference) ** 2)
+
+
+def view_corrections(cloud: Cloud, plane: Plane, views: int) -> NDArray[np.float64]:
+    """Return the transform that lays each view's own table into the common plane, (views, 4, 4).
+
+    Args:
+        cloud: points of all views, table included.
+        plane: the common table.
+        views: number of cameras.
+    """
+    corrections = np.tile(np.eye(4), (views, 1, 1))
+    table = np.abs(plane.heights(cloud.points)) < _COMMON
+    for k in range(views):
+        own = cloud.points[table & (cloud.camera == k)]
+        if len(own) < _LEAST_VIEW:
+            continue
+        fit = refine_plane(own, plane.normal, plane.offset, _COMMON, _LEAST_VIEW)
+        if fit is not None:
+            corrections[k] = _onto(fit, plane, own.mean(0))
+    return corrections
+
+
+def level_views(cloud: Cloud, corrections: NDArray[np.float64]) -> Cloud:
+    """Return the cloud with every point moved by the correction of its view."""
+    points = cloud.points.copy()
+    for k, T in enumerate(corrections):
+        rows = np.flatnonzero(cloud.camera == k)
+        points[rows] = points[rows] @ T[:3, :3].T + T[:3, 3]
+    return cloud.moved(points)
+
+
+def _onto(own: Plane, common: Plane, centre: Array) -> Array:
+    pivot = centre - own.heights(centre) * own.normal
+    R = _smallest_turn(own.normal, common.normal)
+    return rigid(R, pivot - common.heights(pivot) * common.normal - R @ pivot)
+
+
+def _smallest_turn(a: Array, b: Array) -> Array:
+    """Return the smallest rotation that takes unit vector a to the nearby unit vector b (Rodrigues)."""
+    v = np.cross(a, b)
+    K = np.array([[0, -v[2], v[1]], [v[2], 0, -v[0]], [-v[1], v[0], 0]])
+    return np.eye(3) + K + K @ K / (1.0 + a @ b)

@@ -11,7 +11,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import check_file
 from dexgrasp_env.perception.cloud import Cloud, deproject
-from dexgrasp_env.perception.depth_folder import CAMERAS_FILE, read_cameras
+from dexgrasp_env.perception.scan import CAMERAS_FILE, read_cameras
 
 
 @dataclass(frozen=True, eq=False)

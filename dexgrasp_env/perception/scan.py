@@ -4,19 +4,126 @@ What is read becomes a `Cloud` in the robot base frame, metres, as the simulated
 file is the code that they go through as well.
 """
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import read_npz
-from dexgrasp_env.perception.cloud import Cloud, check_count
-from dexgrasp_env.perception.depth_folder import CAMERAS_FILE, check_scan, read_views
+from dexgrasp_env.files import check_file, read_npz, read_yaml
+from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
 from dexgrasp_env.perception.pcd import read_pcd
+from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
+from dexgrasp_env.valid import Rule, read
+
+CAMERAS_FILE = "cameras.yaml"
+
+
+def check_scan(path: Path) -> None:
+    """Raise `InputError` where a file cannot be read, is none, is empty, or is too large for a scan."""
+    try:
+        size = check_file(path)
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot read {path}: {getattr(error, 'strerror', None) or error}") from None
+    if size == 0:
+        raise InputError(f"{path} is empty: record it again")
+
+
+def _inside(value: Any) -> str:
+    if not value or Path(value).is_absolute() or ".." in Path(value).parts:
+        raise ValueError
+    return str(value)
+
+
+@dataclass(frozen=True, eq=False)
+class DepthImage:
+    """An image and its camera, as `cameras.yaml` has them; see `read_cameras`."""
+
+    depth: Annotated[str, Rule("the name of a file of the same folder", _inside)]
+    width: float
+    height: float
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    T_base_camera: Annotated[Array, Rule("4 x 4 numbers", lambda value: np.asarray(value, dtype=float))]
+    name: Annotated[str, Rule("text", str)] = ""
+    depth_scale: float | None = None
+
+    @cached_property
+    def camera(self) -> Camera:
+        """The camera, in the frame of the robot's base."""
+        lens = CameraIntrinsics(int(self.width), int(self.height), self.fx, self.fy, self.cx, self.cy)
+        return Camera(self.name or self.depth, self.T_base_camera, lens)
+
+    def read(self, folder: Path) -> NDArray[np.float32]:
+        """Return the depth (H, W) m."""
+        path, lens = folder / self.depth, self.camera.intrinsics
+        check_scan(path)
+        is_png = path.suffix.lower() == ".png"
+        scale = (0.001 if is_png else 1.0) if self.depth_scale is None else self.depth_scale
+        try:
+            image = _array(path)
+            if image.shape != (lens.height, lens.width):
+                raise InputError(
+                    f"{path} is {image.shape}: its camera says {lens.height} rows of {lens.width} pixels"
+                )
+            check_count(image.size, str(path))
+            return (np.asarray(image, dtype=float) * scale).astype(np.float32)
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(f"{path} cannot be read as a depth image ({type(error).__name__})") from None
+
+
+def _array(path: Path) -> NDArray[Any]:
+    if path.suffix.lower() == ".npy":
+        return np.load(path, mmap_mode="r", allow_pickle=False)
+    import imageio.v3 as iio
+
+    return iio.imread(path)
+
+
+def read_views(folder: Path) -> Cloud:
+    """Merge the depth images that `cameras.yaml` of a folder names; see `read_cameras`."""
+    clouds, shapes, first = list[Cloud](), list[tuple[int, ...]](), 0
+    for k, image in enumerate(read_cameras(folder / CAMERAS_FILE)):
+        depth = image.read(folder)
+        seen = gather(remove_flying(depth[None]), (image.camera,))
+        clouds.append(
+            replace(seen, camera=np.full(len(seen), k, np.int32), pixel=seen.pixel + np.int32(first))
+        )
+        check_count(sum(map(len, clouds)), str(folder))
+        shapes, first = [*shapes, depth.shape], first + depth.size
+    shape = (len(shapes), *shapes[0]) if len(set(shapes)) == 1 else (first,)
+    merged = replace(Cloud.join(clouds), shape=shape)
+    if not len(merged):
+        raise InputError(f"{folder}: no depth image holds a measurement")
+    return merged
+
+
+def read_cameras(path: Path) -> list[DepthImage]:
+    """Read which depth images there are, and their cameras.
+
+    The file is YAML: `cameras:` a list of `name`, `depth` (a file: npy, or 16-bit png), `depth_scale` (metres a unit;
+    1 for npy, 0.001 for png), `width`, `height`, `fx`, `fy`, `cx`, `cy` (pixels), and `T_base_camera`, the 4 x 4 pose
+    of the optical frame (x right, y down, z forward) in the robot base frame, metres.
+
+    Raises:
+        InputError: naming the camera and the field that is missing or wrong.
+    """
+    content = read_yaml(path)
+    entries = content.get("cameras") if isinstance(content, dict) else None
+    if not isinstance(entries, list) or not entries:
+        raise InputError(f"{path}: valid is a mapping with `cameras`, a list of one or more")
+    return [read(DepthImage, entry, f"{path}: camera {k}", more=True) for k, entry in enumerate(entries)]
+
 
 SUFFIXES = (".ply", ".pcd", ".xyz", ".npy", ".npz")
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}

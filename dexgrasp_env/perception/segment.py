@@ -17,16 +17,17 @@ from dexgrasp_env.perception.cloud import (
     remove_flying,
     remove_outliers,
 )
-from dexgrasp_env.perception.level import level_views, view_corrections
 from dexgrasp_env.perception.objects import object_cloud, objects_of, seen_from_outside
 from dexgrasp_env.perception.parting import Parting, parted
 from dexgrasp_env.perception.plane import (
     Plane,
     fit_plane,
+    level_views,
     noise_depth,
     refine_plane,
     remove_plane,
     table_clearance,
+    view_corrections,
 )
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own

@@ -1,17 +1,76 @@
 """Reader of robot files: an arm's, a hand's, and the robot's that names both; paths in a file are relative to it."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import check_file, expand, read_yaml
-from dexgrasp_env.robot.limits import SETTINGS, check_home, check_length, read_joints
-from dexgrasp_env.robot.robot import FINGERS, Arm, Hand, Robot
-from dexgrasp_env.valid import NAMES, WORD, Word, check, read
+from dexgrasp_env.robot.robot import FINGERS, Arm, Hand, Joints, Numbers, Robot
+from dexgrasp_env.valid import NAMES, WORD, Names, Word, check, read
+
+SETTINGS = tuple(field.name for field in fields(Joints) if field.name != "names")
+_GAINS = ("stiffness", "damping")
+
+
+def read_joints(part: str, given: Mapping[str, Any], names: Names) -> Joints:
+    """Return the limits and gains that a mapping states for joints: a number each, or one for all.
+
+    Raises:
+        InputError: for what is missing, no number, or of another length.
+    """
+    each = {
+        key: value if isinstance(value, list | tuple) else [value] * len(names)
+        for key, value in given.items()
+    }
+    joints = read(Joints, {"names": names, **each}, part)
+    for key in each:
+        check_length(f"{part} {key}", getattr(joints, key), len(names))
+    if part == "hand" and len(set(joints.stiffness)) > 1:
+        raise InputError("hand stiffness differs between joints: valid is one number")
+    return joints
+
+
+def check_length(what: str, values: Numbers, length: int) -> None:
+    """Refuse a list of another length."""
+    if len(values) != length:
+        raise InputError(f"{what} has {len(values)} numbers: valid are {length} finite numbers")
+
+
+def narrowed(part: str, given: Mapping[str, Any], maker: Joints, home: Numbers) -> Joints:
+    """Return joints with the limits and gains that a cell gives for them.
+
+    Raises:
+        InputError: for an unknown setting, limits wider than the maker's, or a range that does not hold `home`.
+    """
+    own = {key: values for key in SETTINGS if (values := getattr(maker, key))}
+    for key in given:
+        if key not in own:
+            raise unknown_name(f"setting of {part}", key, own)
+    joints = read_joints(part, {**own, **given}, maker.names)
+    for key in own.keys() - set(_GAINS):
+        sign, most = (-1.0, "least") if key == "lower" else (1.0, "most")
+        for joint, (value, bound) in enumerate(zip(getattr(joints, key), own[key], strict=True)):
+            if sign * value > sign * bound:
+                raise InputError(
+                    f"{part} {key} of joint {joint + 1} is {value}: valid is at {most} {bound}, the maker's"
+                )
+    check_home(part, joints, home)
+    return joints
+
+
+def check_home(part: str, joints: Joints, home: Numbers) -> None:
+    """Refuse ranges that do not hold home."""
+    check_length(f"{part} home", home, len(joints.names))
+    for joint, (low, q, high) in enumerate(zip(joints.lower, home, joints.upper, strict=True)):
+        if not low <= q <= high:
+            raise InputError(
+                f"{part} joint {joint + 1} ranges from {low} to {high}: valid ranges hold home, {q:.4f}"
+            )
+
 
 SCHEMA = 1
 _HEAD = ("schema", "kind", "licence")

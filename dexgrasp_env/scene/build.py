@@ -1,12 +1,14 @@
 """Robot, object, table and cameras put together into one model."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import mujoco
+import numpy as np
 
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
+from dexgrasp_env.poses import matrix_to_quat
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, robot_spec
@@ -21,7 +23,24 @@ from dexgrasp_env.scene.constants import (
     TORSIONAL_FRICTION,
 )
 from dexgrasp_env.scene.sensors import add_neighbour_sensors, add_sensors
-from dexgrasp_env.sensing.cameras import add_cameras
+
+_GL_FROM_OPTICAL = np.diag([1.0, -1.0, -1.0])  # MuJoCo's cameras look along -z with y up
+
+
+def add_cameras(spec: mujoco.MjSpec, cameras: Iterable[Camera]) -> None:
+    """Add the cameras to a model under construction, fixed to the world.
+
+    MJCF knows a centred principal point only; the depth backends use the full intrinsics whatever is written
+    here.
+    """
+    for camera in cameras:
+        spec.worldbody.add_camera(
+            name=camera.name,
+            pos=camera.position,
+            quat=matrix_to_quat(camera.rotation @ _GL_FROM_OPTICAL),
+            fovy=camera.intrinsics.fovy,
+            resolution=[camera.intrinsics.width, camera.intrinsics.height],
+        )
 
 
 def scene_spec(

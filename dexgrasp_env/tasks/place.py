@@ -27,9 +27,8 @@ from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import key_sizes
 from dexgrasp_env.tasks.records import TOLD
-from dexgrasp_env.tasks.rewards import REWARD_MODES
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
-from dexgrasp_env.tasks.settings import LiftSettings
+from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
 from dexgrasp_env.tasks.simulation import Moment, Simulation
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import one_of

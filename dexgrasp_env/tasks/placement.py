@@ -96,8 +96,8 @@ def upright_rest(model: ObjectModel) -> tuple[Array, float] | None:
     """
     if model.fixed_pose is not None:
         return fixed_rest(model)
-    from dexgrasp_env.objects.dropping import stays
     from dexgrasp_env.objects.parts import support_height
+    from dexgrasp_env.objects.rest_poses import stays
 
     quat = np.array([1.0, 0.0, 0.0, 0.0]) if model.upright is None else np.asarray(model.upright)
     up = rotate(quat_conjugate(quat), np.array([0.0, 0.0, 1.0]))

@@ -1,9 +1,10 @@
-"""Settings of the environment, checked once at construction."""
+"""Settings of the environment, checked once at construction, and the weights of the reward; `terms` computes it."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
 
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, load_target
 from dexgrasp_env.objects.model import ObjectModel
@@ -18,8 +19,28 @@ from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.placement import PRESENTATIONS, Placement
 from dexgrasp_env.tasks.randomisation import Randomisation
-from dexgrasp_env.tasks.rewards import REWARD_MODES, reward_weights
 from dexgrasp_env.valid import Friction, Mass, Positive, Rule, check, number, one_of, read
+
+REWARD_MODES = ("dense", "sparse")
+WEIGHTS = {
+    "reach": 5.0, "close": 10.0, "contact": 5.0, "squeeze": 5.0, "lift": 15.0, "hold": 10.0, "success": 50.0,
+}  # fmt: skip
+WEIGHTS_V1 = {"reach": 0.2, "contact": 0.2, "lift": 0.3, "hold": 0.3}
+
+
+def reward_weights(version: int, given: Mapping[str, float] | None) -> dict[str, float]:
+    """Return the weight of each term: that given, else the version's.
+
+    Raises:
+        InputError: for an unknown term, or a weight that is not a number from 0 on.
+    """
+    known = WEIGHTS if version > 1 else WEIGHTS_V1
+    for term, weight in (given or {}).items():
+        if term not in known:
+            raise unknown_name("reward_weights key", term, known)
+        check(f"reward_weights {term}", weight, number(ge=0))
+    return known | dict(given or {})
+
 
 BACKENDS = ("mujoco", "warp")
 _VIEWS = 4
