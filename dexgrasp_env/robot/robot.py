@@ -16,6 +16,7 @@ from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.coupled import Coupling, Tendon, drive_of, free_of
 from dexgrasp_env.valid import (
+    NAMES,
     NATURAL,
     WORD,
     Names,
