@@ -9,14 +9,13 @@ from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 
 from dexgrasp_env.arrays import fibonacci_directions
-from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
+from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, stored_object
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel, centred_model, reduced_hull
 from dexgrasp_env.objects.parts import KINDS, MAX_VERTICES, ContactPart, hull_part
 from dexgrasp_env.objects.shapes import prism, to_manifold
-from dexgrasp_env.objects.stored import stored_object
 
 SIZES = {  # millimetres, grams
     "cracker_box": (60, 160, 210, 411),

@@ -8,9 +8,9 @@ from robots import CELL
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import deproject
+from dexgrasp_env.rendering import ColourCameras
 from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.scene.build import add_cameras
-from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.sensing.sensor import SensorModel, incidence
 

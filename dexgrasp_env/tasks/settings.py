@@ -11,8 +11,7 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
-from dexgrasp_env.sensing.calibration import Calibration
-from dexgrasp_env.sensing.sensor import SensorModel
+from dexgrasp_env.sensing.sensor import Calibration, SensorModel
 from dexgrasp_env.tasks.constants import LONGEST_SKIP, SHORTEST_SKIP
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance

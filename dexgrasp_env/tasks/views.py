@@ -14,8 +14,8 @@ from numpy.typing import NDArray
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.segment import COUNT
+from dexgrasp_env.rendering import ColourCameras
 from dexgrasp_env.robot.camera import Camera
-from dexgrasp_env.sensing.gl import ColourCameras
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.sensing.raycast import RayCameras
 from dexgrasp_env.tasks.constants import AROUND_POINTS
