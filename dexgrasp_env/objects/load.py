@@ -45,13 +45,18 @@ def load_object(
     target = os.fspath(target)
     scale = check("scale", scale, number(gt=0))
     mass = None if mass is None else check("mass", mass, MASS)
-    if target in CATALOGUE or varied_targets(target) == (target,):
+    if is_ours(target):
         model = (_catalogue_object if target in CATALOGUE else varied_object)(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)
     if is_set(target):
         return _member_object(set_member(target))
     path = Path(os.path.realpath(_bare_mesh(target)))
     return _mesh_object(path, path.stat().st_mtime_ns, scale, mass)
+
+
+def is_ours(target: str) -> bool:
+    """Whether a target is an object of the catalogue, or `varied-N`."""
+    return target in CATALOGUE or varied_targets(target) == (target,)
 
 
 def _bare_mesh(target: str) -> Path:
@@ -75,7 +80,7 @@ def load_target(target: str, mesh_scale: float = 1.0, mesh_mass: float | None = 
 
 def has_own_size(target: str) -> bool:
     """Whether a target is of the catalogue, `varied-N` or of a set file: all but bare mesh files have size and mass."""
-    return target in CATALOGUE or bool(varied_targets(target)) or is_set(target)
+    return is_ours(target) or is_set(target)
 
 
 def resolve_targets(targets: Sequence[str]) -> list[str]:
@@ -115,7 +120,7 @@ def _expanded(target: str) -> Sequence[str]:
 
 def target_files(target: str) -> tuple[Path, ...]:
     """Return the files that an object is made from: none, a mesh, or a set file and the member's mesh."""
-    if target in CATALOGUE or varied_targets(target):
+    if is_ours(target):
         return ()
     if is_set(target):
         return expand(target.partition("#")[0]), set_member(target).mesh
@@ -129,9 +134,7 @@ def seed_name(target: str) -> str:
 
 def object_name(target: str) -> str:
     """Return the name an object is shown by: itself, the stem of a mesh file, or a member's of a set file."""
-    if is_set(target):
-        return target.partition("#")[2]
-    return target if target in CATALOGUE else printable_stem(Path(target))
+    return seed_name(target) if is_ours(target) or is_set(target) else printable_stem(Path(target))
 
 
 def is_mesh_path(target: str) -> bool:

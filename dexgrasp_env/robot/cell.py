@@ -67,31 +67,6 @@ class _CellFile:
     hand: dict[str, Any] = field(default_factory=dict)
 
 
-def read_cell_fields(path: Path) -> dict[str, Any]:
-    """Read the fields of a `Cell` from its file; what that leaves out is as in the simulated cell.
-
-    Raises:
-        InputError: one line: what is wrong, where, and what is valid.
-    """
-    content = read_content(path, "cell file")
-    default = read_content(asset_path("robot", "cell.yaml"), "cell file")
-    with said_of(path):
-        file = read(_CellFile, default | content)
-        robot = read_robot(find_beside(path.parent, file.robot))
-        arm = replace(robot.arm, joints=narrowed("arm", file.arm, robot.arm.joints, robot.arm.home))
-        hand = replace(
-            robot.hand, mounts=_mounts(robot.hand, file.mounts),
-            joints=narrowed("hand", file.hand, robot.hand.joints, robot.hand.open),
-        )  # fmt: skip
-        return {
-            "name": file.name,
-            "robot": replace(robot, arm=arm, hand=hand, mount=hand.mount(robot.mount.name)),
-            "image": tuple(map(float, astuple(file.image))),
-            "cameras": file.cameras,
-            "table_height": file.table_height,
-        }
-
-
 def _mounts(hand: Hand, given: Mapping[str, Mapping[str, Any]]) -> tuple[Mount, ...]:
     """Return the mounts of a hand, with what a cell states of them."""
     known = {mount.name: mount for mount in hand.mounts}
@@ -198,7 +173,7 @@ simulated cell."""
 @lru_cache(maxsize=1)
 def default_cell() -> Cell:
     """Return the simulated cell, whose limits are the makers'."""
-    return Cell(**read_cell_fields(asset_path("robot", "cell.yaml")))
+    return read_cell(asset_path("robot", "cell.yaml"))
 
 
 def read_cell(path: Path) -> Cell:
@@ -207,10 +182,19 @@ def read_cell(path: Path) -> Cell:
     Raises:
         InputError: one line: what is wrong, where, and what is valid.
     """
-    cell = Cell(**read_cell_fields(path))
+    ours = asset_path("robot", "cell.yaml")
+    content = read_content(path, "cell file")
     with said_of(path):
-        is_default = path.resolve() == asset_path("robot", "cell.yaml").resolve()
-        if cell.name == SIMULATED and not is_default and cell != default_cell():
+        file = read(_CellFile, read_content(ours, "cell file") | content)
+        robot = read_robot(find_beside(path.parent, file.robot))
+        arm = replace(robot.arm, joints=narrowed("arm", file.arm, robot.arm.joints, robot.arm.home))
+        hand = replace(
+            robot.hand, mounts=_mounts(robot.hand, file.mounts),
+            joints=narrowed("hand", file.hand, robot.hand.joints, robot.hand.open),
+        )  # fmt: skip
+        robot = replace(robot, arm=arm, hand=hand, mount=hand.mount(robot.mount.name))
+        cell = Cell(file.name, robot, tuple(map(float, astuple(file.image))), file.cameras, file.table_height)
+        if cell.name == SIMULATED and path.resolve() != ours.resolve() and cell != default_cell():
             raise InputError(f"a cell needs a `name` of its own: {SIMULATED!r} is the default one's")
         cell.make_cameras()  # checks poses
     return cell

@@ -3,7 +3,7 @@
 Vectors of joints have the arm's joints first, then the hand's, each in the order of its file.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -14,7 +14,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.robot.coupled import Coupling, Tendon, drive_of, free_of
+from dexgrasp_env.robot.coupled import Coupling, Tendon
 from dexgrasp_env.valid import (
     NAMES,
     NATURAL,
@@ -218,12 +218,25 @@ class Hand:
     @cached_property
     def drive(self) -> tuple[Array, Array]:
         """C (h, h) and c (h,): joints of a grasp are at C q + c where q says it; those without servos have no say."""
-        return drive_of(self)
+        names, lower = self.joints.names, self.joints.lower
+        C, c = np.eye(len(names)), np.zeros(len(names))
+        for own in self.couplings:
+            row = names.index(own.joint)
+            C[row], c[row] = own.ratio * np.eye(len(names))[names.index(own.follows)], own.offset
+        for row in (names.index(joint) for tendon in self.tendons for joint in tendon.joints[:-1]):
+            C[row], c[row] = 0.0, lower[row]
+        return C, c
 
     @cached_property
     def free(self) -> tuple[Array, Array]:
         """Like `drive`, of a hand that touches nothing: a tendon turns its joints from their stops by its coefs."""
-        return free_of(self)
+        C, c = map(np.copy, self.drive)
+        for tendon in self.tendons:
+            rows, coefs = [self.joints.names.index(joint) for joint in tendon.joints], np.array(tendon.coefs)
+            share = np.outer(coefs, coefs) / (coefs @ coefs)
+            C[np.ix_(rows, rows)] = share
+            c[rows] = (np.eye(len(rows)) - share) @ np.array(self.joints.lower)[rows]
+        return C, c
 
     @cached_property
     def stamp(self) -> str:
@@ -359,18 +372,17 @@ class Robot:
     @cached_property
     def hash(self) -> str:
         """A hash of all that the files say, the descriptions in MJCF with their meshes' names among it."""
-        hand, arm = self.hand, self.arm
-        frames = (arm.frame, hand.frame, *(finger.frame for finger in hand.fingers), hand.tip_radius)
-        own: tuple[Any, ...] = () if set(frames) == {None, Hand.tip_radius} else frames
-        own += () if (arm.plinth, arm.starts) == (Arm.plinth, Arm.starts) else (arm.plinth, arm.starts)
-        own += (hand.torsion, hand.couplings) if hand.torsion or hand.couplings else ()
-        late = (hand.tip_length, hand.excluded, hand.tendons, hand.held)
-        own += late if any(late) else ()
-        own += hand.grasps
+        parts: tuple[Any, ...] = (self.arm, self.hand, *self.hand.fingers)
+        late = [
+            (each.name, value)
+            for part in parts
+            for each in fields(part)
+            if not each.repr and (value := getattr(part, each.name)) != each.default and each.name != "mjcf"
+        ]
         described = [
-            part.mjcf.read_text("utf-8", "replace") for part in (arm, hand)
+            part.mjcf.read_text("utf-8", "replace") for part in parts[:2]
         ]  # MuJoCo says what is wrong
-        return content_hash(repr(self), *described, *own)[:8]
+        return content_hash(repr(self), *described, *late)[:8]
 
 
 def _fixed(*values: float) -> Array:

@@ -12,6 +12,8 @@ from dexgrasp_env.files import check_file, expand, read_yaml
 from dexgrasp_env.robot.robot import FINGERS, Arm, Hand, Joints, Numbers, Robot
 from dexgrasp_env.valid import NAMES, WORD, Names, Word, check, read
 
+SCHEMA = 1
+_HEAD = ("schema", "kind", "licence")
 SETTINGS = tuple(field.name for field in fields(Joints) if field.name != "names")
 _GAINS = ("stiffness", "damping")
 
@@ -70,10 +72,6 @@ def check_home(part: str, joints: Joints, home: Numbers) -> None:
             raise InputError(
                 f"{part} joint {joint + 1} ranges from {low} to {high}: valid ranges hold home, {q:.4f}"
             )
-
-
-SCHEMA = 1
-_HEAD = ("schema", "kind", "licence")
 
 
 @dataclass(frozen=True)
