@@ -9,7 +9,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from processes import python
 from refusals import refused
-from robots import CELL, LOWER, ROBOT, UPPER
+from robots import CELL, LOWER, ROBOT, UPPER, denormalise
 
 from dexgrasp import make_agent
 from dexgrasp.agent import public_info
@@ -26,7 +26,6 @@ from dexgrasp.planning.seen import plan_scene
 from dexgrasp.planning.sources import make_source
 from dexgrasp.shape.completion import target_of
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.tasks.control import denormalise
 
 COLUMNS = (np.r_[19:23], np.r_[7:11], np.r_[11:15])  # thumb, index, middle
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal, assert_array_less
 from planned import lying
-from robots import CELL, HOME, ROBOT
+from robots import CELL, HOME, ROBOT, denormalise
 
 from dexgrasp.kinematics.forward import body_frames, tip_jacobian, tip_positions
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -20,7 +20,6 @@ from dexgrasp.planning.claims import contacts_of
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.tasks.control import denormalise
 
 TREE, SETTINGS = robot_tree(CELL), PlannerSettings()
 

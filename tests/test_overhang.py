@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 import trimesh
 from numpy.testing import assert_allclose
-from robots import CELL, HOME
+from robots import CELL, HOME, denormalise
 
 from dexgrasp.agent import public_info
 from dexgrasp.agents.bilevel import BilevelAgent
@@ -20,7 +20,6 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.verify import verify
 from dexgrasp_env.scene.constants import TABLE_CENTRE_X, TABLE_SIZE
-from dexgrasp_env.tasks.control import denormalise
 
 START, TREE = np.array(HOME), robot_tree(CELL)
 LOW = np.array([TABLE_CENTRE_X, 0.0]) - 0.5 * np.array(TABLE_SIZE[:2])

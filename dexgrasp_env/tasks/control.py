@@ -53,11 +53,6 @@ def normalise(q: Array, robot: Ranges) -> Array:
     return np.clip(2.0 * (q - robot.lower) / (robot.upper - robot.lower) - 1.0, -1.0, 1.0)
 
 
-def denormalise(action: Array, robot: Ranges) -> Array:
-    """`joint_position` actions (..., n) as joint positions (..., n) rad."""
-    return robot.lower + 0.5 * (action + 1.0) * (robot.upper - robot.lower)
-
-
 def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
     """Return a copy of actions of the right shape, in double precision; raises as `check_tensor`."""
     own: NDArray[np.float64] = check_tensor(np.array(action, dtype=np.float64), shape)
