@@ -140,8 +140,8 @@ class Plan(Command, Scan, Scene):
         """Plan on a cloud; return what came of it, and the same as JSON."""
         from dexgrasp.planning.seen import default_planner, plan_scene, scene_of
         from dexgrasp.planning.settings import PlannerSettings
-        from dexgrasp_env.perception.objects import listed
         from dexgrasp_env.perception.recorded import SEVERAL
+        from dexgrasp_env.perception.segment import listed
 
         planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least))
         scene, home = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell), self.cell.robot.home
@@ -163,8 +163,8 @@ class Plan(Command, Scan, Scene):
     def _list(self, scan: "Cloud") -> Answer:
         """Say which objects are seen, with a picture where there is a folder for it."""
         from dexgrasp.planning.seen import scene_of
-        from dexgrasp_env.perception.objects import listed
         from dexgrasp_env.perception.picture import objects_picture
+        from dexgrasp_env.perception.segment import listed
 
         scene = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell)
         seen = listed(scene, self.cell.base)

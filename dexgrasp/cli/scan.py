@@ -8,8 +8,8 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Positive
 
 if TYPE_CHECKING:
-    from dexgrasp_env.perception.objects import Seen
     from dexgrasp_env.perception.pointing import Pointing
+    from dexgrasp_env.perception.segment import Seen
 
 _DOUBT = "may be two objects, or a part of the next"
 _BESIDE = 0.15  # m from the object within which it is said what stands there

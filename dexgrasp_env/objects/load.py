@@ -14,7 +14,13 @@ import numpy as np
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, printable_stem
-from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, stored_object
+from dexgrasp_env.objects.catalogue import (
+    CATALOGUE,
+    OBJECT_SETS,
+    stored_object,
+    varied_object,
+    varied_targets,
+)
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.sets import (
     MESH_SUFFIXES,
@@ -24,7 +30,6 @@ from dexgrasp_env.objects.sets import (
     set_member,
     set_targets,
 )
-from dexgrasp_env.objects.varied import varied_object, varied_targets
 from dexgrasp_env.valid import MASS, Rule, check, number
 
 

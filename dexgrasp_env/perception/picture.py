@@ -11,8 +11,8 @@ from dexgrasp_env.arrays import Array
 if TYPE_CHECKING:
     import trimesh
 
-    from dexgrasp_env.perception.objects import Seen
     from dexgrasp_env.perception.scene import Scene
+    from dexgrasp_env.perception.segment import Seen
 
 _VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("from above", 90, -90))
 

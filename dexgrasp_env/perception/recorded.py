@@ -12,13 +12,25 @@ from numpy.random import Generator
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud, cells_of, crop
-from dexgrasp_env.perception.objects import extents, in_words, object_cloud, objects_of, seen_from_outside
 from dexgrasp_env.perception.parting import parted
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import Own
 from dexgrasp_env.perception.scene import Scene
-from dexgrasp_env.perception.segment import COUNT, CROP_HIGH, CROP_LOW, MIN_POINTS, SIGMAS, divided, isolate
+from dexgrasp_env.perception.segment import (
+    COUNT,
+    CROP_HIGH,
+    CROP_LOW,
+    MIN_POINTS,
+    SIGMAS,
+    divided,
+    extents,
+    in_words,
+    isolate,
+    object_cloud,
+    objects_of,
+    seen_from_outside,
+)
 from dexgrasp_env.robot.cell import Cell
 
 EMPTY = "empty_cloud"
