@@ -102,7 +102,7 @@ FRAME = {"position": [0.0, 0.0, 0.0]}
         ({"mjcf": "nowhere.xml"}, "nowhere.xml does not exist"),
         ({"palm": ""}, "valid is a word"),
         ({"palm": "a\nb"}, "valid is a word"),
-        ({"fingers": HAND["fingers"][:1]}, "two fingers"),
+        ({"fingers": HAND["fingers"][:1]}, "fingers is .*: valid is a list of 2"),
         ({"open": [0.0] * 15}, "valid are 16"),
         ({"open": [9.0] * 16}, "valid ranges hold home"),
         ({"grasp": ["thumb", "pinky"]}, "finger of a grasp 'pinky'"),
