@@ -12,7 +12,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 from lift_envs import ID, assert_same, make, rollout, skip_without_gl
 from refusals import refused
-from robots import HOME, LOWER, ROBOT, UPPER
+from robots import HOME, LOWER, ROBOT, UPPER, denormalise
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env.rendering import choose_gl
@@ -200,7 +200,7 @@ def test_set_points_keep_range_and_velocity(control_mode):
 
 def test_positions_and_actions_are_inverse():
     q = LOWER + np.random.default_rng(0).random((5, 23)) * (UPPER - LOWER)
-    np.testing.assert_allclose(control.denormalise(control.normalise(q, ROBOT), ROBOT), q, atol=1e-12)
+    np.testing.assert_allclose(denormalise(control.normalise(q, ROBOT), ROBOT), q, atol=1e-12)
 
 
 def test_ee_delta_moves_the_palm():

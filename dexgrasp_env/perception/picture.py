@@ -18,7 +18,7 @@ _VIEWS = (("from the front right", 25, -40), ("from the back left", 25, 140), ("
 
 
 def cloud_picture(
-    path: str | Path,
+    path: Path,
     points: NDArray[Any],
     hull: "trimesh.Trimesh | None",
     true_mesh: "trimesh.Trimesh | None" = None,
@@ -50,7 +50,7 @@ def cloud_picture(
     figure.legend(*axes.get_legend_handles_labels(), loc="lower center", ncols=3, frameon=False)
     figure.suptitle(title or f"{len(points)} points", y=0.985)
     figure.subplots_adjust(left=0.01, right=0.97, bottom=0.10, top=0.88, wspace=0.08)
-    return save(figure, Path(path))
+    return save(figure, path)
 
 
 def save(figure: Any, path: Path) -> Path:

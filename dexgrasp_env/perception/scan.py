@@ -5,6 +5,7 @@ file is the code that they go through as well.
 """
 
 import io
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import islice
@@ -22,8 +23,7 @@ from dexgrasp_env.robot.camera import Camera, CameraIntrinsics
 from dexgrasp_env.valid import Rule, read
 
 _LINES = 1_000  # of a header
-_TYPES = {("F", 4): "<f4", ("F", 8): "<f8", ("I", 1): "<i1", ("I", 2): "<i2", ("I", 4): "<i4", ("I", 8): "<i8",
-          ("U", 1): "<u1", ("U", 2): "<u2", ("U", 4): "<u4", ("U", 8): "<u8"}  # fmt: skip
+_KINDS = {"F": "f", "I": "i", "U": "u"}  # letters of PCD, and of numpy
 
 
 def read_pcd(path: Path) -> Array:
@@ -46,7 +46,7 @@ def read_pcd(path: Path) -> Array:
         raise InputError(f"{path}: PCD data {kind!r} is none of ascii, binary and binary_compressed")
     repeats = map(int, header.get("COUNT", ["1"] * len(names)))
     kinds = zip(header["TYPE"], map(int, header["SIZE"]), repeats, strict=True)
-    row = np.dtype([(f"f{i}", _TYPES[letter, size], (n,)) for i, (letter, size, n) in enumerate(kinds)])
+    row = np.dtype([(f"f{i}", f"<{_KINDS[letter]}{size}", (n,)) for i, (letter, size, n) in enumerate(kinds)])
     check_bytes(count * row.itemsize, f"{path} unpacked", ".pcd")
     table = (
         _plain(file.read(), row, count, path) if kind == "binary" else _packed(file.read(), row, count, path)
@@ -197,7 +197,6 @@ def read_cameras(path: Path) -> list[DepthImage]:
     return [read(DepthImage, entry, f"{path}: camera {k}", more=True) for k, entry in enumerate(entries)]
 
 
-SUFFIXES = (".ply", ".pcd", ".xyz", ".npy", ".npz")
 UNITS = {"m": 1.0, "cm": 0.01, "mm": 0.001}
 
 
@@ -205,7 +204,7 @@ def read_scan(path: Path, unit: str = "m") -> Cloud:
     """Read a scene.
 
     Args:
-        path: a cloud in the robot base frame (`SUFFIXES`), or a folder with `cameras.yaml` and its depth images.
+        path: a cloud in the robot base frame (`READERS`), or a folder with `cameras.yaml` and its depth images.
         unit: of the file's coordinates, of `UNITS`; a folder says its own.
 
     Raises:
@@ -217,12 +216,11 @@ def read_scan(path: Path, unit: str = "m") -> Cloud:
                 f"{path} is a folder: depth_scale in its {CAMERAS_FILE} gives the unit of its images"
             )
         return read_views(path)
-    if path.suffix.lower() not in SUFFIXES:
-        raise InputError(f"{path}: valid clouds are {', '.join(SUFFIXES)}, or a folder with {CAMERAS_FILE}")
+    if path.suffix.lower() not in READERS:
+        raise InputError(f"{path}: valid clouds are {', '.join(READERS)}, or a folder with {CAMERAS_FILE}")
     check_scan(path)
-    readers = {".ply": _read_ply, ".pcd": read_pcd, ".xyz": _read_xyz, ".npy": _read_npy, ".npz": _read_npz}
     try:
-        points = readers[path.suffix.lower()](path)
+        points = READERS[path.suffix.lower()](path)
     except InputError:
         raise
     except Exception as error:  # parsers of damaged files raise whatever they trip over
@@ -289,3 +287,9 @@ def _read_xyz(path: Path) -> Array:
     with path.open() as file:
         rows = (line.replace(",", " ") for line in file)
         return np.loadtxt(rows, ndmin=2, usecols=(0, 1, 2))
+
+
+READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
+    ".ply": _read_ply, ".pcd": read_pcd, ".xyz": _read_xyz, ".npy": _read_npy, ".npz": _read_npz,
+}  # fmt: skip
+"""What reads clouds, by the ending of their files."""

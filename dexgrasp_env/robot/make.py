@@ -30,7 +30,7 @@ def frame_entry(T_body: Array, T: Array) -> dict[str, list[float]]:
     return {"position": np.round(found["pos"], 6).tolist(), "quat_wxyz": np.round(found["quat"], 9).tolist()}
 
 
-class HandMaker:
+class HandMaker(Part):
     """Finds palm, fingers, tips of a hand's description."""
 
     def __init__(self, path: Path) -> None:
@@ -39,44 +39,48 @@ class HandMaker:
         Raises:
             InputError: for what is no hand of hinges with three fingers or more.
         """
-        self.part = part = Part(path)
-        m = part.model
-        if m.neq:
+        super().__init__(path)
+        if self.model.neq:
             raise InputError(
                 f"{path} couples joints by equality: `couplings` of a hand's file are to say that"
             )
-        if (m.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
+        if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
             raise InputError(
                 f"{path} has joints that are no hinges: valid is a hand of hinges that does not float"
             )
         self.held: list[str] = []
         self.palm = self._find_palm()
-        self.chains = [part.chain(b) for b in part.below(self.palm)]
+        self.chains = [self.chain(b) for b in self.below(self.palm)]
         if len(self.chains) < 3:
             raise InputError(f"{path} has {len(self.chains)} fingers: valid are three or more")
         self._tips = [self._tip(chain) for chain in self.chains]
-        self.thumb = self._find_thumb()
+        thumb = self._find_thumb()
+        self.chains.append(self.chains.pop(thumb))  # the thumb comes last
+        self._tips.append(self._tips.pop(thumb))
+        self.bases = np.array(
+            [self.data.xanchor[int(self.model.body_jntadr[chain[0]])] for chain in self.chains]
+        )
         self.frame = self._palm_frame()
         self.radius = float(np.round(min(radius for _, radius in self._tips), 4))
 
     def _find_palm(self) -> int:
         body = 0
-        while len(self.part.below(body)) == 1:
-            body = self.part.below(body)[0]
-            if self.part.model.body_jntnum[body]:
-                self.held += self.part.names([body])[1]
+        while len(self.below(body)) == 1:
+            body = self.below(body)[0]
+            if self.model.body_jntnum[body]:
+                self.held += self.names([body])[1]
         if self.held:
-            self.part.notes.append(f"hand held: {', '.join(self.held)}, before the palm, stand still at 0")
+            self.notes.append(f"hand held: {', '.join(self.held)}, before the palm, stand still at 0")
         return body
 
     def _tip(self, chain: list[int]) -> tuple[Array, float]:
         """Frame (4, 4) at the end of a chain, its origin on the surface of the pad, and the radius m of its tip."""
-        m, data = self.part.model, self.part.data
+        m, data = self.model, self.data
         j = int(m.body_jntadr[chain[-1]])
         axis, anchor = data.xaxis[j], data.xanchor[j]
-        low, high = self.part.ranges([j])[0]
+        low, high = self.ranges([j])[0]
         flexing = axis if high > -low else -axis
-        points, radius = self.part.points(chain[-1]) - anchor, 0.01
+        points, radius = self.points(chain[-1]) - anchor, 0.01
         along = points - np.outer(points @ axis, axis)
         way = along[np.argmax(np.linalg.norm(along, axis=1))]
         for _ in range(10):  # the section at the sphere's middle says where the tip is, and how wide
@@ -106,35 +110,22 @@ class HandMaker:
         ways = np.array([np.r_[T[:3, 2], T[:3, 0]] for T, _ in self._tips])
         return int(np.argmin((ways @ ways.T).sum(1)))
 
-    def _others(self) -> list[int]:
-        return [k for k in range(len(self.chains)) if k != self.thumb]
-
     def _palm_frame(self) -> Array:
-        others = [self._tips[k][0] for k in self._others()]
+        others = [T for T, _ in self._tips[:-1]]
         z = np.mean([T[:3, 2] for T in others], axis=0)
         T = about(np.zeros(3), z / np.linalg.norm(z), np.mean([T[:3, 0] for T in others], axis=0))
-        m, data = self.part.model, self.part.data
-        bases = np.array([data.xanchor[int(m.body_jntadr[self.chains[k][0]])] for k in self._others()])
-        depth = np.mean(
-            [
-                (t[:3, 3] - self._tips[k][1] * t[:3, 0]) @ T[:3, 0]
-                for k, t in zip(self._others(), others, strict=True)
-            ]
-        )
-        base = bases.mean(0)
+        pads = [(t[:3, 3] - radius * t[:3, 0]) @ T[:3, 0] for t, radius in self._tips[:-1]]
+        depth, base = np.mean(pads), self.bases[:-1].mean(0)
         T[:3, 3] = base + (depth - base @ T[:3, 0]) * T[:3, 0]
         return T
 
     def entry(self) -> dict[str, Any]:
         """Return what the hand's file says."""
-        part, m = self.part, self.part.model
-        order = [*self._others(), self.thumb]
-        base = {k: part.data.xanchor[int(m.body_jntadr[self.chains[k][0]])] for k in order}
-        near = self._beside_thumb(base)
-        names = {k: f"finger_{i + 1}" for i, k in enumerate(self._others())} | {self.thumb: "thumb"}
+        near = self._beside_thumb()
+        names = [*(f"finger_{k + 1}" for k in range(len(self.chains) - 1)), "thumb"]
         fingers, joints = [], list[str]()
-        for k in order:
-            bodies, own = part.names(self.chains[k])
+        for k, chain in enumerate(self.chains):
+            bodies, own = self.names(chain)
             joints += own
             entry: dict[str, Any] = {
                 "name": names[k],
@@ -142,14 +133,13 @@ class HandMaker:
                 "bodies": bodies,
                 "tip": f"{names[k]}_tip",
             }
-            entry["frame"] = frame_entry(part.pose(self.chains[k][-1]), self.tip(k))
-            if k not in (*near, self.thumb):
-                entry["aside"] = self._aside(k, np.mean([base[i] for i in near], axis=0))
+            entry["frame"] = frame_entry(self.pose(chain[-1]), self.tip(k))
+            if k not in near and names[k] != "thumb":
+                entry["aside"] = self._aside(k, self.bases[near].mean(0))
             fingers.append(entry)
-        palm = m.body(self.palm).name
         return {
-            "name": m.names.split(b"\0")[0].decode() or part.path.stem, "mjcf": str(part.path.resolve()), "palm": palm,
-            "frame": frame_entry(part.pose(self.palm), self.frame), "tip_radius": self.radius,
+            **self.head(), "palm": self.model.body(self.palm).name,
+            "frame": frame_entry(self.pose(self.palm), self.frame), "tip_radius": self.radius,
             **({"tip_length": self._longest()} if self.radius < _NARROW else {}),
             **self._driven(joints), **({"held": self.held} if self.held else {}),
             "fingers": fingers, "grasp": ["thumb", *(names[k] for k in near)],
@@ -158,12 +148,11 @@ class HandMaker:
 
     def _aside(self, k: int, others: Array) -> list[float]:
         """Return the posture (n,) rad of an idle finger: straight, spread away from the bases of the others (3,) m."""
-        part = self.part
-        joints = [int(part.model.body_jntadr[b]) for b in self.chains[k]]
-        low, high = part.ranges(joints).T
-        away = part.data.xanchor[joints[0]] - others
+        joints = [int(self.model.body_jntadr[b]) for b in self.chains[k]]
+        low, high = self.ranges(joints).T
+        away = self.data.xanchor[joints[0]] - others
         away -= away @ self.frame[:3, :3][:, 2] * self.frame[:3, 2]
-        moves = np.cross(part.data.xaxis[joints], self.tip(k)[:3, 3] - part.data.xanchor[joints]) @ away
+        moves = np.cross(self.data.xaxis[joints], self.tip(k)[:3, 3] - self.data.xanchor[joints]) @ away
         moves /= np.linalg.norm(away)
         straight, spreads = np.clip(0.0, low, high), int(np.argmax(np.abs(moves)))
         straight[spreads] += np.sign(moves[spreads]) * _SPREAD
@@ -171,36 +160,35 @@ class HandMaker:
 
     def _driven(self, joints: list[str]) -> dict[str, Any]:
         """Return limits, gains and tendons as the file says them."""
-        limits, m = self.part.limits(joints, "hand"), self.part.model
+        limits, m = self.limits(joints, "hand"), self.model
         tendons = [
             {"joints": [m.joint(j).name for j, _ in own], "coefs": [coef for _, coef in own]}
-            for own in self.part.tendons().values()
+            for own in self.tendons().values()
         ]
         for tendon in tendons:
             last = joints.index(tendon["joints"][-1])
             limits["upper"][last] = min(limits["upper"][last], _CURLED)
         if tendons:
-            self.part.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
+            self.notes.append(f"hand upper: last joints of tendons end at {_CURLED} rad")
         return limits | ({"tendons": tendons} if tendons else {})
 
-    def _beside_thumb(self, base: dict[int, Array]) -> list[int]:
+    def _beside_thumb(self) -> list[int]:
         """The finger whose base is nearest to the thumb's, and the neighbour of it whose base is nearer."""
-        near = sorted(self._others(), key=lambda k: float(np.linalg.norm(base[k] - base[self.thumb])))
+        away = np.linalg.norm(self.bases[:-1] - self.bases[-1], axis=1)
+        near = np.argsort(away, kind="stable").tolist()
         tips = [self.tip(k)[:3, 3] for k in near]
         beside = [round(float(np.linalg.norm(tip - tips[0])), 2) for tip in tips]
         return [near[k] for k in np.argsort(beside, kind="stable")[:2]]
 
     def _longest(self) -> float:
         """How far any last link reaches back from its end, m."""
-        lengths = [
-            np.ptp(self.part.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)
-        ]
+        lengths = [np.ptp(self.points(chain[-1]) @ self.tip(k)[:3, 2]) for k, chain in enumerate(self.chains)]
         return float(np.round(max(lengths), 4))
 
     def _mount(self) -> dict[str, list[float]]:
         """The back of the hand on the flange, the palm's middle on the flange's axis."""
         palm, *fingers = (
-            (self.part.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
+            (self.points(b) - self.frame[:3, 3]) @ self.frame[:3, :3]
             for b in (self.palm, *(chain[0] for chain in self.chains))
         )
         middle = 0.5 * (palm.min(0) + palm.max(0))
@@ -222,7 +210,7 @@ def hand_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
     if near := always_near(value, described(value).compile()):
         entry["excluded"] = near
         value = make_hand({**entry, "open": straight})
-    return entry | {"open": open_posture(value, described(value).compile())}, maker.part.notes
+    return entry | {"open": open_posture(value, described(value).compile())}, maker.notes
 
 
 def arm_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
@@ -251,8 +239,8 @@ def arm_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
     second = data.xanchor[m.joint(joints[1]).id]
     entry: dict[str, Any] = {
-        "name": m.names.split(b"\0")[0].decode() or path.stem, "mjcf": str(path.resolve()),
-        "bodies": [m.body(base).name, *bodies], "joints": joints, "frame": frame_entry(part.pose(chain[-1]), flange),
+        **part.head(), "bodies": [m.body(base).name, *bodies], "joints": joints,
+        "frame": frame_entry(part.pose(chain[-1]), flange),
         **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, second[2]], 4).tolist(),
         "reach": round(_reach(part, flange, chain[-1], second), 3), "shaken": [0, (len(joints) - 1) // 2],
     }  # fmt: skip

@@ -36,6 +36,13 @@ class Part(Description):
             self.data.qpos[:] = np.clip(0.0, *self.ranges(range(self.model.njnt)).T)
         mujoco.mj_kinematics(self.model, self.data)
 
+    def head(self) -> dict[str, str]:
+        """Return name and path as files state them."""
+        return {
+            "name": self.model.names.split(b"\0")[0].decode() or self.path.stem,
+            "mjcf": str(self.path.resolve()),
+        }
+
     def ranges(self, joints: Any) -> Array:
         """Return the ranges (n, 2) rad of joints; a whole turn where there is none."""
         limited = self.model.jnt_limited[list(joints)].astype(bool)[:, None]
