@@ -8,7 +8,7 @@ class Warmup(Command, InCell):
 
     examples:
       dexgrasp warmup                                    all that plans and environments call, on all processors
-      dexgrasp warmup --robot my_cell.yaml               and the postures of the hand of this robot
+      dexgrasp warmup --robot my_cell.yaml               and what each grasp of the hand of this robot needs
 
     Where what is compiled is kept: in __pycache__ beside the code, or in NUMBA_CACHE_DIR; postures in DEXGRASP_CACHE.
     In an image for another machine the processor has to be of the same kind.
