@@ -35,9 +35,9 @@ _APART = np.cos(np.deg2rad(10.0))  # of their directions
 _CROWDED, _NEAR_BASE = 0.1, 0.1  # m: the price of a grasp in front of the base, and how wide that is
 _FAR = 0.35  # m: the price of the far edge, where the arm hardly reaches round the object
 _AGAIN = 4  # seeds
-_POINTS, _TRIPLES, _POSTURES = 900, 100, 120  # most points are over the table, and of no use
+_POINTS, _TRIPLES, _POSTURES = 600, 100, 120  # most points are over the table, and of no use
 _UPWARD = 0.2  # vertical part of a normal
-_BREADTHS = (1.0, 2.0, 2.0)  # of the search for a push: of all pushes in brief, then at length
+_BRIEF, _AT_LENGTH = (1.0,), (1.0, 2.0, 3.0)  # breadths of the search for a push
 _BORNE, _FIRM = 1.0, 2.0  # weights: of a grasp worth a push, and that ends the search for one
 _FLOOR = 0.5  # m below the table
 _SUNK = 0.002  # m that the table is taken to be lower than it is: the object lies on it
@@ -61,21 +61,19 @@ def plan_slide(planner: Planner, target: GraspTarget, seed: int, start: Array) -
         return None
     found = pushes(target, tips_apart(planner.cell), planner.settings.tip_radius)
     slides = list(islice(_slides(found, start, target, planner), _TRIED))
-    looks = (
-        _best(slides, target, _at_edge(planner, (breadth,)), seed + k) for k, breadth in enumerate(_BREADTHS)
-    )
-    return next(filter(None, looks), None)
+    in_brief = _best(slides, target, _at_edge(planner, _BRIEF), seed, _FIRM)
+    return in_brief or _best(slides, target, _at_edge(planner, _AT_LENGTH), seed, _BORNE)
 
 
-def _best(slides: list[Slide], target: GraspTarget, there: Planner, seed: int) -> Slide | None:
-    """Return the slide after which a grasp bears most, the first where it is firm; None where none bears enough."""
+def _best(slides: list[Slide], target: GraspTarget, there: Planner, seed: int, enough: float) -> Slide | None:
+    """Return the first slide after which a grasp bears `enough`, else the most; None where none bears its weight."""
     best, most = None, _BORNE
     for slide in slides:
         push = slide.push
         load = _load(there.plan(slid(target, push.distance * push.direction), seed, there.tree.home.copy()))
         if load >= most:
             best, most = slide, load
-        if load >= _FIRM:
+        if load >= enough:
             break
     return best
 
@@ -102,7 +100,7 @@ def plan_slid(planner: Planner, target: GraspTarget, slide: Slide, seed: int, st
     """
     there, plans = slid(target, slide.moved * slide.push.direction), list[PlanResult]()
     for k in range(_AGAIN):
-        plans.append(_at_edge(planner, _BREADTHS[:2]).plan(there, seed + k, start))
+        plans.append(_at_edge(planner, _AT_LENGTH).plan(there, seed + k, start))
         if _load(plans[-1]) >= _FIRM:
             break
     return max(plans, key=_load)
