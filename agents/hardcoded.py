@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
-from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
@@ -19,6 +18,7 @@ from dexgrasp.motion.script import make_script
 from dexgrasp.planning.seen import start_of
 from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp.shape.completion import NoTarget, target_of
+from dexgrasp.shape.hull import standing_hull
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
@@ -44,7 +44,6 @@ _ABOVE = 0.045  # above the cloud's highest point
 _LEAST_Z = 0.137  # above the table, which the fingertips must clear
 _MIN_POINTS = 20
 _COMPLETED_POINTS = 512
-_HULL_FACES = 80
 _IK_ERROR = 0.003  # m
 
 
@@ -106,7 +105,7 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        tree, obstacle, hands = robot_tree(self._cell), _obstacle(points), list(map(self._hand, _HANDS))
+        tree, obstacle, hands = robot_tree(self._cell), standing_hull(points), list(map(self._hand, _HANDS))
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
         for arm in self._arms(tree, start, points):
             pregrasp, grasp, squeeze = (np.concatenate([arm, hand]) for hand in hands)
@@ -180,9 +179,3 @@ def short_axis(points: Array) -> Array:
     flat = points[:, :2] - points[:, :2].mean(axis=0)
     _, axes = np.linalg.eigh((flat[:, :, None] * flat[:, None, :]).mean(axis=0))
     return np.array([*axes[:, 0], 0.0])
-
-
-def _obstacle(points: Array) -> ConvexDistance:
-    """Convex hull of the cloud and its shadow on the table: what cameras miss is below what they see."""
-    shadow = points * [1.0, 1.0, 0.0]
-    return ConvexDistance.from_points(np.concatenate([points, shadow]), max_faces=_HULL_FACES)

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.imitation.clone import Clone
+from dexgrasp.imitation.grasper import Grasper
 from dexgrasp.imitation.policy import Policy
 from dexgrasp.reinforcement.actor import Actor
 from dexgrasp.reinforcement.grip import Grip
@@ -67,7 +68,7 @@ def read_learned(folder: Path) -> Policy:
         InputError: if it holds none, or a damaged one.
     """
     about, arrays = read_policy(folder)
-    kinds: dict[str, type[Policy]] = {own.kind: own for own in (Clone, Actor, Grip)}
+    kinds: dict[str, type[Policy]] = {own.kind: own for own in (Clone, Grasper, Actor, Grip)}
     kind = str(about.get("kind"))
     if kind not in kinds:
         raise InputError(f"{folder}: policy of kind {kind!r}: valid are {', '.join(kinds)}")
@@ -89,11 +90,11 @@ class RlAgent(LearnedAgent):
 
 
 class BcCloudAgent(LearnedAgent):
-    """Cloned from demonstrations: looks at the cloud once, then feels through the joints."""
+    """Cloned from demonstrations of the planner: looks at the cloud once, then feels through the joints."""
 
     env_settings: ClassVar[Mapping[str, Any]] = {
         "obs_mode": "pointcloud",
-        "control_mode": "joint_delta",
+        "control_mode": "joint_position",
         "observe": "reset",
     }
     shipped = "bc_cloud"

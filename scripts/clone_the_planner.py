@@ -17,10 +17,10 @@ from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.report.tables import rate_words
 from dexgrasp.evaluation.settings import EvaluationSettings
-from dexgrasp.imitation.cloning import Cloning
+from dexgrasp.imitation.cloning import VIEWS
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.runs.pool import Backend
-from dexgrasp_env.valid import Count
+from dexgrasp_env.valid import Count, one_of
 
 
 class Clone(Script):
@@ -31,7 +31,7 @@ class Clone(Script):
         objects: to learn on.
         episodes: scenes of each object.
         noise: on what is demonstrated.
-        view: what the clone sees, state or cloud.
+        view: what the clone sees.
         epochs: of training.
         test: objects to score on.
         beside: agents to score beside.
@@ -43,7 +43,7 @@ class Clone(Script):
     objects: tuple[str, ...] = ("varied-0..19",)
     episodes: Count = 20
     noise: float = 0.03
-    view: str = "state"
+    view: Annotated[str, one_of(("state", "cloud"))] = "state"
     epochs: Count = 10
     test: tuple[str, ...] = ("seen",)
     beside: Annotated[tuple[str, ...], {"nargs": "*"}] = ("hardcoded", "bilevel")
@@ -57,7 +57,7 @@ class Clone(Script):
         made = generate(settings, demos, backend=self.backend)
         print(f"{made['episodes']} of {made['tried']} scenes became demonstrations")
 
-        trained = Cloning([demos], clone, BcSettings(view=self.view, epochs=self.epochs)).run()
+        trained = VIEWS[self.view]([demos], clone, BcSettings(view=self.view, epochs=self.epochs)).run()
         print(f"loss {trained.curve[-1]['loss']:.3f} after {trained.seconds:.0f} s; the policy is {clone}")
 
         scored = EvaluationSettings.of([str(clone), *self.beside], self.test, trials=self.trials)

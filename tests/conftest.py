@@ -47,7 +47,7 @@ def clone(tmp_path):
 
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box")
     first, _ = env.reset(seed=0)
-    width = len(features("state", first_look("state", first), first, 0))
+    width = len(features(first_look(first), first, 0))
     rng = np.random.default_rng(0)
     arrays = {
         "mean": np.zeros(width), "scale": np.ones(width), "unit": np.full(8 * 23, 0.01),

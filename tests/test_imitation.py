@@ -20,22 +20,27 @@ from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.imitation.clone import Clone, CloneRun
-from dexgrasp.imitation.data import read_rows
+from dexgrasp.imitation.cloud_look import along, look_at
+from dexgrasp.imitation.data import read_grips, read_rows
 from dexgrasp.imitation.features import features, first_look, side_by_side
+from dexgrasp.imitation.grasper import Grasper
+from dexgrasp.imitation.taken import as_row, of_row, taken
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.registry import make_agent
-from dexgrasp_env.poses import quat_multiply, rotate, yaw_quat
+from dexgrasp_env.poses import about_z, quat_multiply, rotate, yaw_quat
 
 torch = pytest.importorskip("torch")
 pytest.importorskip("minari")
-from dexgrasp.imitation.clone_net import CloneNet  # noqa: E402
-from dexgrasp.imitation.cloning import Cloning  # noqa: E402
-from dexgrasp.imitation.settings import BcSettings, CloneNetwork  # noqa: E402
+from dexgrasp.imitation.clone_net import CloneNet, GraspNet  # noqa: E402
+from dexgrasp.imitation.cloning import VIEWS, Cloning, StateCloning  # noqa: E402
+from dexgrasp.imitation.settings import BcSettings, CloneNetwork, GraspNetwork  # noqa: E402
 from dexgrasp.imitation.trials import Trials  # noqa: E402
 from dexgrasp.runs.checkpoint import read_state  # noqa: E402
 from dexgrasp.runs.policy_folder import read_policy  # noqa: E402
 from dexgrasp.runs.training import CHECKPOINT, Course  # noqa: E402
 
-SMALL = CloneNetwork(hidden=24, layers=2, local=8, cloud=12)
+SMALL = CloneNetwork(hidden=24, layers=2)
+NARROW = GraspNetwork(local=8, cloud=12, width=24)
 
 
 @pytest.fixture(scope="module")
@@ -51,11 +56,10 @@ def short_epochs(monkeypatch):
 
 
 def settings_of(view, **more):
-    return BcSettings(view=view, epochs=2, episodes=2, rows=8, network=SMALL, **more)
+    return BcSettings(view=view, epochs=2, episodes=2, rows=8, network=SMALL, grasps=NARROW, **more)
 
 
-@pytest.mark.parametrize("view", ["state", "cloud"])
-def test_a_scene_turned_about_the_base_looks_the_same(demos, view):
+def test_a_scene_turned_about_the_base_looks_the_same(demos):
     episode = next(read_episodes(demos))
     seen = {key: array[40] for key, array in episode.observations.items()} | episode.once
     angle = 0.3
@@ -67,12 +71,12 @@ def test_a_scene_turned_about_the_base_looks_the_same(demos, view):
     other = dict(seen)
     for key in ("object_pose", "palm_pose"):
         other[key] = turned(np.asarray(seen[key], dtype=float))
-    for key in ("fingertip_positions", "fingertip_forces", "cloud"):
+    for key in ("fingertip_positions", "fingertip_forces"):
         other[key] = rotate(turn, np.asarray(seen[key], dtype=float).reshape(-1, 3)).reshape(seen[key].shape)
     for key in ("joint_targets", "joint_positions"):
         other[key] = seen[key] + angle * np.eye(23)[0]
-    scenes = [first_look(view, look) for look in (seen, other)]
-    rows = [features(view, scene, look, 40) for scene, look in zip(scenes, (seen, other), strict=True)]
+    scenes = [first_look(look) for look in (seen, other)]
+    rows = [features(scene, look, 40) for scene, look in zip(scenes, (seen, other), strict=True)]
     differing = np.flatnonzero(~np.isclose(*rows, atol=1e-4))
     # The way from the base to the object alone tells them apart.
     assert len(differing) == 1
@@ -82,29 +86,27 @@ def test_a_scene_turned_about_the_base_looks_the_same(demos, view):
 def test_episodes_side_by_side_are_seen_as_each_alone(demos):
     episodes = list(islice(read_episodes(demos), 2))
     seen = [{key: array[40] for key, array in episode.observations.items()} for episode in episodes]
-    scenes = [first_look("state", look) for look in seen]
-    alone = [
-        features("state", scene, look, k) for k, (scene, look) in enumerate(zip(scenes, seen, strict=True))
-    ]
+    scenes = [first_look(look) for look in seen]
+    alone = [features(scene, look, k) for k, (scene, look) in enumerate(zip(scenes, seen, strict=True))]
     together = {key: np.stack([look[key] for look in seen]) for key in seen[0]}
-    rows = features("state", side_by_side(scenes), together, np.arange(len(seen)))
+    rows = features(side_by_side(scenes), together, np.arange(len(seen)))
     assert_allclose(rows, alone, atol=1e-12)
 
 
 def test_features_tell_nothing_of_the_last_action(demos):
     episode = next(read_episodes(demos))
     seen = {key: array[40] for key, array in episode.observations.items()}
-    scene = first_look("state", seen)
+    scene = first_look(seen)
     faster = seen | {
         "joint_velocities": seen["joint_velocities"] + 1.0,
         "joint_positions": seen["joint_positions"] - 0.1,
     }
-    assert_array_equal(*(features("state", scene, look, 40) for look in (seen, faster)))
+    assert_array_equal(*(features(scene, look, 40) for look in (seen, faster)))
 
 
 def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
-    rows, modes = read_rows([demos], "state")
-    assert modes == {"obs_mode": "state", "control_mode": "joint_delta"}
+    rows = read_rows([demos])
+    assert rows.control_mode == "joint_delta"
     episode = next(read_episodes(demos))
     targets = episode.observations["joint_targets"]
     chunk = rows.chunks(np.array([0]), np.array([[10, len(episode) - 2]]), 8)[0]
@@ -115,9 +117,9 @@ def test_chunks_are_the_set_points_to_come_and_stand_still_at_the_end(demos):
 @pytest.mark.parametrize("view", ["state", "cloud"])
 def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, view):
     settings = settings_of(view)
-    assert goes_on_to_the_same_bits(partial(Cloning, [demos], settings=settings), tmp_path).epoch == 2
+    assert goes_on_to_the_same_bits(partial(VIEWS[view], [demos], settings=settings), tmp_path).epoch == 2
     with refused("other settings"):
-        Cloning([demos], tmp_path / "parts", settings_of(view, seed=1)).run()
+        VIEWS[view]([demos], tmp_path / "parts", settings_of(view, seed=1)).run()
     agent = make_agent(str(tmp_path / "whole"))
     assert agent.env_settings["obs_mode"] == {"state": "state", "cloud": "pointcloud"}[view]
     evaluation = EvaluationSettings.of([str(tmp_path / "whole")], ["sugar_box"], trials=1)
@@ -127,23 +129,68 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(demos, tmp_path, v
     assert row["steps"] > 0
 
 
-def test_numpy_predicts_what_torch_does(demos, tmp_path):
-    Cloning([demos], tmp_path / "out", settings_of("cloud")).run()
-    clone = Clone(*read_policy(tmp_path / "out"))
-    rows, _ = read_rows([demos], "cloud")
-    batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
-    net = CloneNet(SMALL, *rows.looks[:2], with_cloud=True)
-    note = read_state(tmp_path / "out" / CHECKPOINT, {"net": net, "adam": torch.optim.Adam(net.parameters())})
+def trained(net, folder):
+    """Return a network with what a training has learned."""
+    note = read_state(folder / CHECKPOINT, {"net": net, "adam": torch.optim.Adam(net.parameters())})
     assert note["progress"]["epoch"] == 2
+    return net
+
+
+def test_numpy_predicts_what_torch_does(demos, tmp_path):
+    StateCloning([demos], tmp_path / "out", settings_of("state")).run()
+    clone, rows = Clone(*read_policy(tmp_path / "out")), read_rows([demos])
+    batch = rows.batch(np.array([0]), np.array([[5, 50]]), 8)
+    net = trained(CloneNet(SMALL, *rows.looks[:2]), tmp_path / "out")
+    theirs = net(torch.from_numpy(batch.looks)).detach().numpy()[0]
+    assert_allclose(clone.predict(batch.looks[0]).reshape(2, -1) / clone._unit, theirs, atol=1e-4)
+
+
+def test_numpy_weighs_grips_as_torch_does(demos, tmp_path):
+    VIEWS["cloud"]([demos], tmp_path / "out", settings_of("cloud")).run()
+    grips, azimuths = read_grips([demos]), np.array([0.0, 1.0, 4.0])
+    points, numbers = along(grips.looks[0], azimuths)
+    net = trained(GraspNet(NARROW, numbers, grips.rows), tmp_path / "out")
+    ours = Grasper(*read_policy(tmp_path / "out")).weigh(grips.looks[0], azimuths)
+    for one, other in zip(ours, net(*map(torch.from_numpy, (points, numbers))), strict=True):
+        assert_allclose(one, other.detach().numpy(), atol=1e-4)
+
+
+def test_a_cloud_turned_with_its_grip_looks_the_same(demos):
+    first = next(read_episodes(demos)).once
+    angle = 0.7
+    other = first | {key: first[key] @ about_z(angle).T for key in ("cloud", "cloud_normals")}
+    one, turned = (along(look_at(look), np.array([a])) for look, a in ((first, 0.2), (other, 0.2 + angle)))
+    for a, b in zip(one, turned, strict=True):
+        assert_allclose(a, b, atol=1e-4)
+    lines = along(look_at(first), np.array([0.2, 1.2]))[0]
+    assert np.abs(lines[0] - lines[1]).max() > 0.1
+
+
+def test_the_grasp_of_a_demonstration_is_read_and_written(demos):
+    episode, tree = next(read_episodes(demos)), robot_tree(CELL)
+    grasp, look = taken(episode, 0.0, CELL), look_at(episode.once)
+    thumb, *fingers = grasp.tips
+    assert all(0.02 < np.linalg.norm(tip - thumb) < 0.2 for tip in fingers)
+    assert np.linalg.norm(grasp.tips.mean(axis=0) - look.middle) < 0.05
+    # What presses, presses inwards, and along the line of the grip most of all.
+    line = np.array([np.cos(grasp.azimuth), np.sin(grasp.azimuth), 0.0])
+    assert grasp.forces[0] @ line > 1.0
+    assert all(force @ line < -0.5 for force in grasp.forces[1:])
+    again = of_row(as_row(grasp, look.middle), look.middle, grasp.azimuth, tree)
+    for a, b in zip(grasp, again, strict=True):
+        assert_allclose(a, b, atol=1e-9)
+
+
+def test_demonstrations_without_a_wait_teach_no_grasp(demos):
     episode = next(read_episodes(demos))
-    _, code = clone.look({key: array[0] for key, array in episode.observations.items()} | episode.once)
-    ours = clone.predict(batch.looks[0], np.repeat(code[None], 2, 0))
-    theirs = net(*(torch.from_numpy(array) for array in batch[:2])).detach().numpy()[0]
-    assert_allclose(ours.reshape(2, -1) / clone._unit, theirs, atol=1e-4)
+    targets = episode.observations["joint_targets"].copy()
+    targets[:, 0] += 1e-3 * np.arange(len(targets))
+    episode.observations["joint_targets"] = targets
+    assert taken(episode, 0.0, CELL) is None
 
 
 def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, monkeypatch):
-    Cloning([demos], tmp_path / "out", settings_of("state", execute=3)).run()
+    StateCloning([demos], tmp_path / "out", settings_of("state", execute=3)).run()
     clone, looks = Clone(*read_policy(tmp_path / "out")), []
     predict = clone.predict
     monkeypatch.setattr(clone, "predict", lambda *a: looks.append(1) or predict(*a))
@@ -156,16 +203,22 @@ def test_a_chunk_is_carried_out_in_part_before_the_next_look(demos, tmp_path, mo
 
 def test_policies_are_tried_while_they_learn(demos, tmp_path):
     trials = Trials(("sugar_box",), every=2)
-    state = Cloning([demos], tmp_path / "out", settings_of("state"), Course(tester=trials)).run()
+    state = StateCloning([demos], tmp_path / "out", settings_of("state"), Course(tester=trials)).run()
     assert "success" not in state.curve[0]
     assert state.curve[1]["trials"] == 1
 
 
 def test_damaged_policies_are_refused(demos, tmp_path):
     out = tmp_path / "out"
-    Cloning([demos], out, settings_of("state")).run()
+    StateCloning([demos], out, settings_of("state")).run()
     about = json.loads((out / "policy.json").read_text())
-    for key, value, says in (("chunk", 7, "do not fit"), ("kind", "x", "kind"), ("execute", 99, "executes")):
+    changes = (
+        ("chunk", 7, "do not fit"),
+        ("view", "cloud", "do not fit"),
+        ("kind", "x", "kind"),
+        ("execute", 99, "exec"),
+    )
+    for key, value, says in changes:
         (out / "policy.json").write_text(json.dumps(about | {key: value}))
         with refused(says):
             make_agent(str(out))

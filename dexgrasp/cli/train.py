@@ -89,9 +89,10 @@ class Bc(PolicyCommand):
       dexgrasp train bc --data runs/demos --out runs/bc --epochs 20 --try-on seen --trials 3 --every 5
       dexgrasp evaluate --agents runs/bc bilevel --objects all20
 
-    A policy sees the whole state, or joints and one look at a cloud, and predicts the set-points of the next 8 control
-    steps. --out then holds policy.json and policy.safetensors: an agent by its path, wherever agents are named. A run
-    that was interrupted goes on when the same command is given again, on a CPU to the same bits.
+    A policy sees the whole state and predicts the set-points of the next 8 control steps; or it looks at a cloud once,
+    predicts how the object is grasped, and closes its hand until the joints feel contact. --out then holds policy.json
+    and policy.safetensors: an agent by its path, wherever agents are named. A run that was interrupted goes on when the
+    same command is given again, on a CPU to the same bits.
 
     Attributes:
         data: of `dexgrasp demos generate`.
@@ -109,12 +110,12 @@ class Bc(PolicyCommand):
     def learn(self) -> Answer:
         """Train a policy for each seed, return losses and successes."""
         from dexgrasp.demos.generate import read_about
-        from dexgrasp.imitation.cloning import Cloning
+        from dexgrasp.imitation.cloning import VIEWS
         from dexgrasp.imitation.features import view_of
 
         view = self.view or view_of(str(read_about(self.data[0])["settings"].get("obs_mode")))
         settings = replace(self.settings, view=view)
-        return self.train_each(partial(Cloning, self.data), "epoch", settings, minutes=self.minutes)
+        return self.train_each(partial(VIEWS[view], self.data), "epoch", settings, minutes=self.minutes)
 
 
 class Grip(PolicyCommand):

@@ -1,6 +1,7 @@
 """The certificate of a grasp: the residual of every constraint, in physical units."""
 
-from dataclasses import asdict, dataclass
+import math
+from dataclasses import asdict, dataclass, fields
 from typing import Any
 
 from dexgrasp.grasp.values import Number, Numbers, Positive
@@ -43,6 +44,12 @@ class Certificate:
     load: Number
     capacity: Number
     friction: Number
+
+    @classmethod
+    def unclaimed(cls, contacts: int) -> "Certificate":
+        """Return one that claims nothing of a grasp with so many contacts."""
+        numbers: dict[str, Any] = {field.name: math.nan for field in fields(cls)}
+        return cls(**numbers | {"distances_cm": (math.nan,) * contacts, "holds": False})
 
     def as_json(self) -> dict[str, Any]:
         """Return the certificate as JSON holds it."""

@@ -1,4 +1,4 @@
-"""A cloned policy at work, in numpy: looks, predicts a chunk of set-points, carries out a part of it."""
+"""A policy cloned from the state at work, in numpy: looks, predicts a chunk of set-points, carries out a part of it."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.imitation.features import VIEWS, Observation, Scene, features, first_look
+from dexgrasp.imitation.features import Observation, features, first_look
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
@@ -23,19 +23,16 @@ class Clone(Policy):
     kind = "clone"
 
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
-        self.view, self.chunk = str(about["view"]), int(about["chunk"])
-        self.execute = int(about["execute"])
+        self.chunk, self.execute = int(about["chunk"]), int(about["execute"])
         if not 1 <= self.execute <= self.chunk:
             raise InputError(f"the policy executes {self.execute} of {self.chunk} steps: valid are 1 to all")
         self.scaling, self._unit = Scaling(arrays["mean"], arrays["scale"]), arrays["unit"]
         self._trunk = Mlp(arrays, "trunk", relu)
-        self._encoder = Mlp(arrays, "encoder", relu) if self.view == "cloud" else None
         self.joints = self._unit.size // self.chunk
-        inputs = len(self.scaling.mean) + (self._encoder.outputs if self._encoder else 0)
-        known = self.view in VIEWS and self.env.get("control_mode") in CONTROL_MODES
         return (
-            known
-            and self._trunk.inputs == inputs
+            about["view"] == "state"
+            and self.env.get("control_mode") in CONTROL_MODES
+            and self._trunk.inputs == len(self.scaling.mean)
             and self._trunk.outputs == self.joints * self.chunk == self._unit.size
         )
 
@@ -43,25 +40,9 @@ class Clone(Policy):
         """Start an episode in a cell."""
         return CloneRun(self, first, cell)
 
-    def look(self, first: Observation) -> tuple[Scene, NDArray[np.float32]]:
-        """Return what is remembered of the first observation, and the code (K,) of its cloud.
-
-        Raises:
-            InputError: where there is nothing to look at.
-        """
-        scene = first_look(self.view, first)
-        if self._encoder is None:
-            return scene, np.zeros(0, np.float32)
-        return scene, relu(self._encoder(scene.points)).max(axis=0)
-
-    def predict(self, looks: Array, codes: NDArray[np.float32]) -> Array:
-        """Return the set-points of the next steps relative to now, (n, chunk, joints) rad.
-
-        Args:
-            looks: (n, F) features.
-            codes: (n, K) of the clouds.
-        """
-        out = self._trunk(np.concatenate([self.scaling(looks), codes], axis=-1)) * self._unit
+    def predict(self, looks: Array) -> Array:
+        """Return the set-points of the next steps relative to now, (n, chunk, joints) rad, for features (n, F)."""
+        out = self._trunk(self.scaling(looks)) * self._unit
         return out.reshape(len(looks), self.chunk, self.joints).astype(float)
 
 
@@ -72,14 +53,14 @@ class CloneRun:
         """Look at the first observation.
 
         Raises:
-            InputError: where there is nothing to look at, or the robot is another.
+            InputError: where the robot is another.
         """
         self._clone, self._robot = clone, cell.robot
         if self._robot.dof != clone.joints:
             raise InputError(
                 f"the policy moves {clone.joints} joints: {self._robot.name} has {self._robot.dof}"
             )
-        self._scene, self._code = clone.look(first)
+        self._scene = first_look(first)
         self._step, self._wanted = 0, np.zeros((0, clone.joints))
 
     def set_points(self, observation: Observation) -> Array:
@@ -87,8 +68,8 @@ class CloneRun:
         at = self._step % self._clone.execute
         now = np.asarray(observation["joint_targets"], dtype=float)
         if at == 0:
-            looks = features(self._clone.view, self._scene, observation, self._step)
-            chunk = self._clone.predict(looks[None], self._code[None])[0]
+            looks = features(self._scene, observation, self._step)
+            chunk = self._clone.predict(looks[None])[0]
             self._wanted = np.clip(now + chunk, self._robot.lower, self._robot.upper)
         self._step += 1
         return self._wanted[at]

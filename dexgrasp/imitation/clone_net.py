@@ -1,4 +1,4 @@
-"""The network that is trained; `clone` runs it in numpy."""
+"""The networks that are trained; `clone` and `grasper` run them in numpy."""
 
 from collections.abc import Iterable
 from itertools import pairwise
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.imitation.policy import FARTHEST
-from dexgrasp.imitation.settings import CloneNetwork
+from dexgrasp.imitation.settings import CloneNetwork, GraspNetwork
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -16,40 +16,69 @@ with from_extra():
 
 
 class CloneNet(nn.Module):
-    """Features, and with a cloud its code, to the set-points of the next steps, in units of their spread."""
+    """Features to the set-points of the next steps, in units of their spread."""
 
-    def __init__(
-        self, sizes: CloneNetwork, mean: NDArray[np.float32], scale: NDArray[np.float32], with_cloud: bool
-    ) -> None:
+    def __init__(self, sizes: CloneNetwork, mean: NDArray[np.float32], scale: NDArray[np.float32]) -> None:
         """Prepare.
 
         Args:
             sizes: of the layers.
             mean: (F,) of the features.
             scale: (F,) of the features.
-            with_cloud: whether there is a cloud.
         """
         super().__init__()
         self.mean: torch.Tensor
         self.scale: torch.Tensor
         self.register_buffer("mean", torch.from_numpy(mean))
         self.register_buffer("scale", torch.from_numpy(scale))
-        self.encoder = _mlp([3, sizes.local, sizes.cloud]) if with_cloud else None
-        width = len(mean) + (sizes.cloud if with_cloud else 0)
-        self.trunk = _mlp([width, *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
+        self.trunk = _mlp([len(mean), *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
 
-    def forward(self, looks: torch.Tensor, points: torch.Tensor) -> torch.Tensor:
-        """Return (E, R, chunk * 23) for features (E, R, F) of E episodes and their clouds (E, N, 3)."""
-        x = ((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
-        if self.encoder is not None:
-            code = torch.relu(self.encoder(points)).amax(dim=1)
-            x = torch.cat([x, code[:, None].expand(-1, x.shape[1], -1)], dim=-1)
-        return self.trunk(x)
+    def forward(self, looks: torch.Tensor) -> torch.Tensor:
+        """Return (E, R, chunk * 23) for features (E, R, F) of E episodes."""
+        return self.trunk(((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST))
 
     def arrays(self) -> dict[str, NDArray[np.float32]]:
         """Return the arrays as `clone` reads them."""
         out = {"mean": self.mean.cpu().numpy(), "scale": self.scale.cpu().numpy()}
-        return out | layer_arrays("encoder", self.encoder or ()) | layer_arrays("trunk", self.trunk)
+        return out | layer_arrays("trunk", self.trunk)
+
+
+class GraspNet(nn.Module):
+    """Objects seen along grips, to the merit of each grip and to ways to take hold along it."""
+
+    def __init__(self, sizes: GraspNetwork, numbers: NDArray[np.float32], rows: NDArray[np.float32]) -> None:
+        """Prepare.
+
+        Args:
+            sizes: of the layers.
+            numbers: (M, F) of scenes, which give mean and scale.
+            rows: (E, R) of grasps, which give mean and scale.
+        """
+        super().__init__()
+        self.modes = sizes.modes
+        self.mean: torch.Tensor
+        self.scale: torch.Tensor
+        self.row_mean: torch.Tensor
+        self.row_scale: torch.Tensor
+        spreads = {"mean": numbers.mean(0), "row_mean": rows.mean(0)}
+        spreads |= {"scale": np.maximum(numbers.std(0), 0.05), "row_scale": np.maximum(rows.std(0), 0.02)}
+        for name, array in spreads.items():
+            self.register_buffer(name, torch.from_numpy(array))
+        self.encoder = _mlp([6, sizes.local, sizes.cloud])
+        inputs, outputs = sizes.cloud + numbers.shape[1], sizes.modes * (1 + rows.shape[1])
+        self.trunk = _mlp([inputs, *[sizes.width] * sizes.depth, outputs])
+
+    def forward(self, points: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+        """Return merits (..., modes) and rows (..., modes, R) for points (..., N, 6) and numbers (..., F)."""
+        code = torch.relu(self.encoder(points)).amax(dim=-2)
+        scaled = ((numbers - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
+        out = self.trunk(torch.cat([code, scaled], dim=-1)).unflatten(-1, (self.modes, -1))
+        return out[..., 0], self.row_mean + self.row_scale * out[..., 1:]
+
+    def arrays(self) -> dict[str, NDArray[np.float32]]:
+        """Return the arrays as `grasper` reads them."""
+        out = {name: buffer.cpu().numpy() for name, buffer in self.named_buffers()}
+        return out | layer_arrays("encoder", self.encoder) | layer_arrays("trunk", self.trunk)
 
 
 def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, NDArray[np.float32]]:

@@ -1,14 +1,21 @@
 """Cloning of a policy from demonstrations."""
 
+from abc import abstractmethod
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from dexgrasp.imitation.clone import Clone
-from dexgrasp.imitation.clone_net import CloneNet
-from dexgrasp.imitation.data import Batch, read_rows
+from dexgrasp.imitation.clone_net import CloneNet, GraspNet
+from dexgrasp.imitation.cloud_look import along
+from dexgrasp.imitation.data import Grips, Rows, read_grips, read_rows
+from dexgrasp.imitation.grasper import Grasper
 from dexgrasp.imitation.settings import BcSettings
+from dexgrasp.imitation.taken import sizes
+from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp.runs.step_training import StepTraining
 from dexgrasp.runs.training import Course, Row
@@ -19,16 +26,21 @@ from dexgrasp_env.robot.cell import default_cell
 with from_extra():
     import torch
 
-_TESTED = 16  # rows of each held-out episode
 _BEND = 0.1
 """Of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned."""
 _LAST_RATE = 0.02
 _LEAST_UNIT = 0.005  # rad: joints that hardly move need not be predicted better
+_OFF = 0.15, 0.15, 0.15, 0.15, 0.15, 0.3
+"""Network units that tips, palm, its turn, hand closed and opened, and forces are off by before distance counts."""
+_WEIGHTS = 1.0, 1.0, 0.5, 0.3, 0.2, 0.3
 _PACKAGES = ("dexgrasp", "numpy", "torch")
 
 
 class Cloning(StepTraining):
-    """Training on demonstrations; its folder is an agent by its path."""
+    """Training on demonstrations; its folder is an agent by its path.
+
+    Who inherits says what is read of demonstrations, what learns from it, and by which loss.
+    """
 
     steps, clip = 200, 1.0
 
@@ -47,29 +59,26 @@ class Cloning(StepTraining):
             InputError: no usable demonstrations, no such device.
         """
         super().__init__(out, settings, settings.epochs, course)
-        self._rows, modes = read_rows(data, settings.view)
-        self._env = _env(modes, settings.view)
-        order = np.random.default_rng([settings.seed, 0]).permutation(len(self._rows.steps))
+        self._rows = self.read(data)
+        order = np.random.default_rng([settings.seed, 0]).permutation(len(self._rows))
         tested = int(np.ceil(settings.held_out * len(order))) if len(order) > 1 else 0
         self._held_out, self._trained = np.sort(order[:tested]), np.sort(order[tested:])
-        self._unit = self._spread().to(self.place)
 
-    def _spread(self) -> torch.Tensor:
-        """Spread (chunk * 23,) rad of what is predicted, at least `_LEAST_UNIT`."""
-        rng = np.random.default_rng([self.settings.seed, 1])
-        drawn = self._rows.draw(rng, self._trained, 256, 32, self.settings.network.chunk).chunks
-        unit = np.sqrt((drawn**2).mean(axis=(0, 1))).ravel()
-        return torch.from_numpy(np.maximum(unit, _LEAST_UNIT).astype(np.float32))
+    @abstractmethod
+    def read(self, data: Sequence[Path]) -> Any:
+        """Return what is learned from: it has a length and a key, and draws batches."""
+
+    @abstractmethod
+    def loss(self, *batch: torch.Tensor) -> torch.Tensor:
+        """Return the loss of a batch."""
+
+    @abstractmethod
+    def policy(self) -> tuple[Row, dict[str, Any]]:
+        """Return what is said of the policy, and arrays beside the network's."""
 
     def identity(self) -> Row:
         """Return what the demonstrations are."""
         return {"data": self._rows.key}
-
-    def network(self) -> CloneNet:
-        """Make the network."""
-        looks = self._rows.looks
-        mean, scale = looks.mean(axis=0), np.maximum(looks.std(axis=0), 1e-3)
-        return CloneNet(self.settings.network, mean, scale, self.settings.view == "cloud")
 
     def rate(self, done: float) -> float:
         """Return Adam's rate."""
@@ -77,13 +86,11 @@ class Cloning(StepTraining):
 
     def losses(self, step: int, done: float) -> Sequence[torch.Tensor]:
         """Return the loss of a step."""
-        s, rng = self.settings, np.random.default_rng([self.settings.seed, 2, step])
-        return (self._loss(self._rows.draw(rng, self._trained, s.episodes, s.rows, s.network.chunk)),)
+        rng = np.random.default_rng([self.settings.seed, 2, step])
+        return (self._loss(self._rows.draw(rng, self._trained, self.settings)),)
 
-    def _loss(self, batch: Batch) -> torch.Tensor:
-        looks, points, chunks = (torch.from_numpy(array).to(self.place) for array in batch)
-        wanted = chunks.flatten(start_dim=2) / self._unit
-        return torch.nn.functional.smooth_l1_loss(self.net(looks, points), wanted, beta=_BEND)
+    def _loss(self, batch: Any) -> torch.Tensor:
+        return self.loss(*(torch.from_numpy(array).to(self.place) for array in batch))
 
     def learn(self) -> Row:
         """Do an epoch; return its loss, and that on demonstrations that were kept apart, where there are any."""
@@ -95,26 +102,99 @@ class Cloning(StepTraining):
         if not len(self._held_out):
             return None
         self.net.eval()
-        steps = self._rows.steps[self._held_out]
-        at = (np.linspace(0.0, 1.0, _TESTED, endpoint=False) * steps[:, None]).astype(int)
-        return float(self._loss(self._rows.batch(self._held_out, at, self.settings.network.chunk)))
+        return float(self._loss(self._rows.tested(self._held_out, self.settings)))
 
     def write(self) -> None:
         """Write the policy."""
-        arrays = self.net.arrays() | {"unit": self._unit.cpu().numpy()}
+        own, arrays = self.policy()
         about = {
-            "kind": Clone.kind, "view": self.settings.view, "chunk": self.settings.network.chunk,
-            "execute": self.settings.execute, "env": self._env, "robot": default_cell().robot.stamp,
+            **own, "view": self.settings.view, "robot": default_cell().robot.stamp,
             "training": {
-                "seed": self.settings.seed, "demonstrations": len(self._trained), "steps": len(self._rows.looks),
-                **self.state.curve[-1], "versions": package_versions(_PACKAGES),
+                "seed": self.settings.seed, "demonstrations": len(self._trained), **self.state.curve[-1],
+                "versions": package_versions(_PACKAGES),
             },
         }  # fmt: skip
-        write_policy(self.out, about, arrays)
+        write_policy(self.out, about, self.net.arrays() | arrays)
 
 
-def _env(modes: dict[str, str], view: str) -> dict[str, str]:
-    """Return the settings of `gym.make` that the policy needs; it commands set-points."""
-    joints = modes["control_mode"] if modes["control_mode"].startswith("joint") else "joint_position"
-    seen = {"obs_mode": "state"} if view == "state" else {"obs_mode": "pointcloud", "observe": "reset"}
-    return {**seen, "control_mode": joints}
+class StateCloning(Cloning):
+    """Of a policy that sees the state, and answers with the next set-points."""
+
+    _rows: Rows
+
+    def read(self, data: Sequence[Path]) -> Rows:
+        """Return the control steps of demonstrations."""
+        return read_rows(data)
+
+    def build(self) -> None:
+        """Make network and optimiser, and measure the spread (chunk * 23,) rad of what is predicted."""
+        rng, s = np.random.default_rng([self.settings.seed, 1]), self.settings
+        drawn = self._rows.draw(rng, self._trained, replace(s, episodes=256, rows=32)).chunks
+        unit = np.sqrt((drawn**2).mean(axis=(0, 1))).ravel()
+        self._unit = torch.from_numpy(np.maximum(unit, _LEAST_UNIT).astype(np.float32)).to(self.place)
+        super().build()
+
+    def network(self) -> CloneNet:
+        """Make the network."""
+        looks = self._rows.looks
+        return CloneNet(self.settings.network, looks.mean(axis=0), np.maximum(looks.std(axis=0), 1e-3))
+
+    def loss(self, *batch: torch.Tensor) -> torch.Tensor:
+        """Return how far set-points are from those that were meant."""
+        looks, chunks = batch
+        wanted = chunks.flatten(start_dim=2) / self._unit
+        return torch.nn.functional.smooth_l1_loss(self.net(looks), wanted, beta=_BEND)
+
+    def policy(self) -> tuple[Row, dict[str, Any]]:
+        """Return what a `Clone` reads."""
+        mode = self._rows.control_mode
+        env = {"obs_mode": "state", "control_mode": mode if mode.startswith("joint") else "joint_position"}
+        own = {"kind": Clone.kind, "chunk": self.settings.network.chunk, "execute": self.settings.execute}
+        return {**own, "env": env}, {"unit": self._unit.cpu().numpy()}
+
+
+class CloudCloning(Cloning):
+    """Of a policy that looks at a cloud once, and answers with a grasp.
+
+    Demonstrations of one scene grip along many lines and in several ways, so a mean of them is none: the network tells
+    the line that was taken from others around the object, and along it a mixture of ways.
+    """
+
+    _rows: Grips
+
+    def read(self, data: Sequence[Path]) -> Grips:
+        """Return looks and grasps of demonstrations."""
+        return read_grips(data)
+
+    def network(self) -> GraspNet:
+        """Make the network."""
+        numbers = np.concatenate(
+            [
+                along(look, np.array([a]))[1]
+                for look, a in zip(self._rows.looks, self._rows.azimuths, strict=True)
+            ]
+        )
+        parts = sizes(robot_tree(default_cell()))
+        self._off, self._weights = (
+            torch.from_numpy(np.repeat(part, parts).astype(np.float32)).to(self.place)
+            for part in (_OFF, _WEIGHTS)
+        )
+        return GraspNet(self.settings.grasps, numbers, self._rows.rows)
+
+    def loss(self, *batch: torch.Tensor) -> torch.Tensor:
+        """Return the mean of -log p(grip, grasp): the first grip of each object is the one that was taken."""
+        points, numbers, rows = batch
+        merits, grasps = self.net(points, numbers)
+        off = (grasps[:, 0] - rows[:, None]) / self._off
+        far = torch.nn.functional.smooth_l1_loss(off, torch.zeros_like(off), reduction="none") @ self._weights
+        likely = merits.flatten(1).log_softmax(dim=1).unflatten(1, merits.shape[1:])
+        return -torch.logsumexp(likely[:, 0] - far, dim=1).mean()
+
+    def policy(self) -> tuple[Row, dict[str, Any]]:
+        """Return what a `Grasper` reads."""
+        env = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
+        return {"kind": Grasper.kind, "modes": self.settings.grasps.modes, "env": env}, {}
+
+
+VIEWS: dict[str, type[Cloning]] = {"state": StateCloning, "cloud": CloudCloning}
+"""Who clones a policy of each view."""

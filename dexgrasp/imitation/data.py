@@ -1,6 +1,6 @@
 """Demonstrations as a network is trained on them."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -10,20 +10,24 @@ from numpy.typing import NDArray
 
 from dexgrasp.demos.generate import read_about
 from dexgrasp.demos.minari_format import read_episodes
-from dexgrasp.demos.rollout import Episode, intended
-from dexgrasp.imitation.features import POINTS, features, first_look
+from dexgrasp.demos.rollout import Arrays, Episode, intended
+from dexgrasp.imitation.cloud_look import CloudLook, along, look_at
+from dexgrasp.imitation.features import features, first_look
+from dexgrasp.imitation.settings import BcSettings
+from dexgrasp.imitation.taken import as_row, taken
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.cell import default_cell
 
 Floats = NDArray[np.float32]
+_TESTED = 16  # rows of each held-out episode
 
 
 class Batch(NamedTuple):
-    """Rows of some episodes: features (E, R, F), clouds (E, N, 3), set-points to come (E, R, chunk, 23) rad."""
+    """Rows of some episodes: features (E, R, F), set-points to come (E, R, chunk, 23) rad."""
 
     looks: Floats
-    points: Floats
     chunks: Floats
 
 
@@ -37,7 +41,7 @@ class Rows:
         meant: (S, 23) rad, what the demonstrator meant them to be after it, without its noise.
         first: (E,) rows that the episodes begin at.
         steps: (E,) lengths.
-        points: (E, N, 3) of the clouds.
+        control_mode: of the demonstrations.
         key: hash of all that.
     """
 
@@ -46,8 +50,11 @@ class Rows:
     meant: Floats
     first: NDArray[np.int64]
     steps: NDArray[np.int64]
-    points: Floats
+    control_mode: str
     key: str
+
+    def __len__(self) -> int:
+        return len(self.steps)
 
     def chunks(self, episodes: NDArray[np.int64], rows: NDArray[np.int64], length: int) -> Floats:
         """Return the set-points that follow rows (E, R) of episodes (E,), relative to those now, (E, R, length, 23)."""
@@ -58,34 +65,133 @@ class Rows:
 
     def batch(self, episodes: NDArray[np.int64], rows: NDArray[np.int64], length: int) -> Batch:
         """Return rows (E, R) of episodes (E,)."""
-        looks = self.looks[self.first[episodes][:, None] + rows]
-        return Batch(looks, self.points[episodes], self.chunks(episodes, rows, length))
+        return Batch(self.looks[self.first[episodes][:, None] + rows], self.chunks(episodes, rows, length))
 
-    def draw(
-        self, rng: np.random.Generator, among: NDArray[np.int64], episodes: int, rows: int, length: int
-    ) -> Batch:
+    def draw(self, rng: np.random.Generator, among: NDArray[np.int64], settings: BcSettings) -> Batch:
         """Draw a batch; long episodes come as often as short ones."""
-        chosen = rng.choice(among, episodes, replace=len(among) < episodes)
-        return self.batch(
-            chosen, (rng.random((episodes, rows)) * self.steps[chosen][:, None]).astype(int), length
-        )
+        s = settings
+        chosen = rng.choice(among, s.episodes, replace=len(among) < s.episodes)
+        at = (rng.random((s.episodes, s.rows)) * self.steps[chosen][:, None]).astype(int)
+        return self.batch(chosen, at, s.network.chunk)
+
+    def tested(self, among: NDArray[np.int64], settings: BcSettings) -> Batch:
+        """Return some rows of each of some episodes."""
+        at = (np.linspace(0.0, 1.0, _TESTED, endpoint=False) * self.steps[among][:, None]).astype(int)
+        return self.batch(among, at, settings.network.chunk)
 
 
-def read_rows(folders: Sequence[Path], view: str) -> tuple[Rows, dict[str, str]]:
+def read_rows(folders: Sequence[Path]) -> Rows:
     """Read demonstrations.
 
     Args:
         folders: of `dexgrasp demos generate`.
-        view: `state` or `cloud`.
-
-    Returns:
-        The rows, and the modes (`obs_mode`, `control_mode`) that the demonstrations are in.
 
     Raises:
-        InputError: for folders without demonstrations, of different modes, or without what `view` looks at.
+        InputError: for folders without demonstrations, of different modes, or without the state.
+    """
+    parts = [_parts(episode, folder, noise) for episode, folder, noise in _shown(folders)]
+    looks, targets, meant = zip(*parts, strict=True)
+    steps = np.array([len(part) for part in looks])
+    ways = (np.concatenate(targets), np.concatenate(meant))
+    arrays = (np.concatenate(looks), *ways, np.cumsum(steps) - steps, steps)
+    mode = str(read_about(folders[0])["settings"]["control_mode"])
+    return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
+
+
+def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Floats, ...]:
+    seen = episode.observations
+    _check(seen, "object_pose", folder)
+    scene = first_look({key: array[0] for key, array in seen.items()})
+    looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
+    targets = np.asarray(seen["joint_targets"], dtype=float)
+    robot = default_cell().robot
+    meant = intended(targets, noise, episode.about["agent_seed"], robot) if noise else targets
+    return looks.astype(np.float32), targets[:-1].astype(np.float32), meant[1:].astype(np.float32)
+
+
+class GripBatch(NamedTuple):
+    """Objects seen along several grips each, the first of them the one that was taken.
+
+    Attributes:
+        points: (E, m, N, 6).
+        numbers: (E, m, F).
+        rows: (E, R) of the grasps that were taken.
+    """
+
+    points: Floats
+    numbers: Floats
+    rows: Floats
+
+
+@dataclass(frozen=True)
+class Grips:
+    """Looks at objects, and the grasps that demonstrations took.
+
+    Attributes:
+        looks: E of them.
+        azimuths: (E,) rad, of the grips.
+        rows: (E, R) numbers of the grasps, see `taken`.
+        key: hash of all that.
+    """
+
+    looks: tuple[CloudLook, ...]
+    azimuths: Array
+    rows: Floats
+    key: str
+
+    def __len__(self) -> int:
+        return len(self.looks)
+
+    def draw(self, rng: np.random.Generator, among: NDArray[np.int64], settings: BcSettings) -> GripBatch:
+        """Draw a batch; of each cloud other points come every time."""
+        size = settings.episodes
+        return self._batch(rng, rng.choice(among, size, replace=len(among) < size), settings.grips)
+
+    def tested(self, among: NDArray[np.int64], settings: BcSettings) -> GripBatch:
+        """Return a batch of some episodes, each time the same."""
+        return self._batch(np.random.default_rng(0), among, settings.grips)
+
+    def _batch(self, rng: np.random.Generator, episodes: NDArray[np.int64], grips: int) -> GripBatch:
+        apart = 2 * np.pi / grips
+        others = (np.arange(1, grips) + rng.uniform(-0.4, 0.4, (len(episodes), 1))) * apart
+        azimuths = self.azimuths[episodes][:, None] + np.pad(others, ((0, 0), (1, 0)))
+        seen = [along(self.looks[i], turns, rng) for i, turns in zip(episodes, azimuths, strict=True)]
+        points, numbers = zip(*seen, strict=True)
+        return GripBatch(np.stack(points), np.stack(numbers), self.rows[episodes])
+
+
+def read_grips(folders: Sequence[Path]) -> Grips:
+    """Read the looks and grasps of demonstrations in which the hand closed once, while the arm waited.
+
+    Args:
+        folders: of `dexgrasp demos generate`.
+
+    Raises:
+        InputError: for folders without such demonstrations, of different modes, or without clouds.
+    """
+    looks, grasps = [], []
+    for episode, folder, noise in _shown(folders):
+        _check(episode.once, "cloud", folder)
+        grasp = taken(episode, noise, default_cell())
+        if grasp is not None:
+            looks.append(look_at(episode.once))
+            grasps.append(grasp)
+    if not grasps:
+        raise InputError("in no demonstration the arm waits once for the hand to close: clone from the state")
+    pairs = zip(grasps, looks, strict=True)
+    rows = np.stack([as_row(grasp, look.middle) for grasp, look in pairs]).astype(np.float32)
+    azimuths = np.array([grasp.azimuth for grasp in grasps])
+    return Grips(tuple(looks), azimuths, rows, content_hash(np.stack([look.seen for look in looks]), rows))
+
+
+def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
+    """Yield demonstrations, their folders and the noise they were recorded with.
+
+    Raises:
+        InputError: for folders without demonstrations, or of different modes.
     """
     modes: dict[str, str] = {}
-    parts: list[tuple[Floats, ...]] = []
+    number = 0
     for folder in folders:
         settings = read_about(folder)["settings"]
         found = {key: str(settings[key]) for key in ("obs_mode", "control_mode")}
@@ -94,29 +200,13 @@ def read_rows(folders: Sequence[Path], view: str) -> tuple[Rows, dict[str, str]]
                 f"{folder} has {found}, the first {modes}: demonstrations of one kind are wanted"
             )
         modes = found
-        noise = float(settings["noise"])
-        parts += [_parts(view, episode, folder, noise) for episode in read_episodes(folder)]
-    if not parts:
+        for episode in read_episodes(folder):
+            number += 1
+            yield episode, folder, float(settings["noise"])
+    if not number:
         raise InputError("no demonstrations: name folders of `dexgrasp demos generate`")
-    looks, targets, meant, points = zip(*parts, strict=True)
-    steps = np.array([len(part) for part in looks])
-    ways = (np.concatenate(targets), np.concatenate(meant))
-    arrays = (np.concatenate(looks), *ways, np.cumsum(steps) - steps, steps, np.stack(points))
-    return Rows(*arrays, key=content_hash(*arrays)), modes
 
 
-def _parts(view: str, episode: Episode, folder: Path, noise: float) -> tuple[Floats, ...]:
-    seen = episode.observations
-    first = {key: array[0] for key, array in seen.items()} | episode.once
-    needed = "object_pose" if view == "state" else "cloud"
-    if needed not in first:
-        raise InputError(f"{folder} has no {needed}: a policy from {view} cannot be cloned from it")
-    scene = first_look(view, first)
-    now = {key: array[:-1] for key, array in seen.items()}
-    looks = features(view, scene, now, np.arange(len(episode)))
-    points = scene.points if view == "cloud" else np.zeros((0, 3), np.float32)
-    assert len(points) in (0, POINTS)
-    targets = np.asarray(seen["joint_targets"], dtype=float)
-    robot = default_cell().robot
-    meant = intended(targets, noise, episode.about["agent_seed"], robot) if noise else targets
-    return looks.astype(np.float32), targets[:-1].astype(np.float32), meant[1:].astype(np.float32), points
+def _check(seen: Arrays, needed: str, folder: Path) -> None:
+    if needed not in seen:
+        raise InputError(f"{folder} has no {needed}: a policy that sees it cannot be cloned from it")

@@ -9,21 +9,36 @@ from dexgrasp_env.valid import Count, Natural, Positive, Share, one_of
 
 @dataclass(frozen=True)
 class CloneNetwork:
-    """Sizes of the network.
+    """Sizes of the network of a policy from the state.
 
     Attributes:
         hidden: width of the network's layers.
         layers: hidden layers.
-        local: width of the points' features.
-        cloud: width of the cloud's feature.
         chunk: set-points predicted, one a control step.
     """
 
     hidden: Count = 512
     layers: Count = 3
+    chunk: Count = 8
+
+
+@dataclass(frozen=True)
+class GraspNetwork:
+    """Sizes of the network of a policy from clouds.
+
+    Attributes:
+        local: width of the points' features.
+        cloud: width of the cloud's feature.
+        width: of the layers after it.
+        depth: how many they are.
+        modes: ways to take hold along one grip, at most.
+    """
+
     local: Count = 64
     cloud: Count = 128
-    chunk: Count = 8
+    width: Count = 256
+    depth: Count = 2
+    modes: Count = 3
 
 
 @dataclass(frozen=True)
@@ -31,16 +46,18 @@ class BcSettings:
     """How a policy is cloned.
 
     Attributes:
-        view: `state`, or `cloud`: joints and one look at a cloud.
+        view: `state`, which is answered by the next set-points; or `cloud`: one look, answered by a grasp.
         epochs: of 200 steps each.
         seed: of weights and batches.
         episodes: a batch is drawn from.
-        rows: control steps drawn of each of them.
+        rows: control steps drawn of each of them (`state`).
+        grips: all around an object, among which the one that was taken is to be told (`cloud`).
         rate: of Adam at first; it goes down by a cosine.
-        execute: control steps of a chunk that are carried out before the policy looks again.
+        execute: control steps of a chunk that are carried out before the policy looks again (`state`).
         held_out: share of the demonstrations that the loss is tested on.
         threads: of torch on the CPU; results differ in the last bits with it.
-        network: sizes.
+        network: sizes (`state`).
+        grasps: sizes (`cloud`).
     """
 
     view: Annotated[str, one_of(("state", "cloud"))] = "state"
@@ -48,11 +65,13 @@ class BcSettings:
     seed: Natural = 0
     episodes: Count = 64
     rows: Count = 16
+    grips: Count = 8
     rate: Positive = 1e-3
     execute: Count = 4
     held_out: Share = 0.05
     threads: Count = 1
     network: CloneNetwork = field(default_factory=CloneNetwork)
+    grasps: GraspNetwork = field(default_factory=GraspNetwork)
 
     def __post_init__(self) -> None:
         """Check what no field alone can be wrong in.

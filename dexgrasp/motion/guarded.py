@@ -24,7 +24,7 @@ _OVERTRAVEL = 0.016  # m past where the surface is believed to be
 _CLOSE_STEPS, _SETTLE_STEPS = 60, 3  # control steps at most, and after contact
 _RAMP_STEPS, _SQUEEZE_STEPS = 8, 16  # control steps until the torque is asked for in full, and until the lift
 _GAIN = 0.6  # of the way to the wanted torque, per control step: less than 1, as the joints move on meanwhile
-_TIP_DEPTH = 0.75  # of a tip's radius: how far from its centre it touches
+TIP_DEPTH = 0.75  # of a tip's radius: how far from its centre it touches
 
 
 class GuardedGrasp(Motion):
@@ -113,7 +113,7 @@ def lag_of(torques: Array, tree: RobotTree) -> Array:
 
 def pressing_torques(q: Array, normals: Array, forces: Array, tree: RobotTree) -> Array:
     """Return the torques (n,) Nm with which fingers at `q` (n,) press with forces (g, c) N; 0 for the arm."""
-    points = fingertips(q, tree) - _TIP_DEPTH * tree.tip_radius * normals
+    points = fingertips(q, tree) - TIP_DEPTH * tree.tip_radius * normals
     J = hand_contact_jacobian(q, points, normals, tree)
     torque = np.einsum("frj,fr->j", J, forces)
     return np.concatenate([np.zeros(tree.arm), np.clip(torque, -tree.torque, tree.torque)])

@@ -71,7 +71,7 @@ class Eyes:
         """
         self._acting, self._cell = acting, cell
         every = [one(firsts, i) for i in range(len(firsts["joint_targets"]))]
-        self._scenes = side_by_side([first_look("state", first) for first in every])
+        self._scenes = side_by_side([first_look(first) for first in every])
         self._clones = [self._clone(first) for first in every]
         self._space = GraspSpace(cell.robot, firsts) if acting.grasps else None
         self._steps = np.zeros(len(every), np.int64)
@@ -79,7 +79,7 @@ class Eyes:
 
     def begin(self, i: int, first: Observation) -> None:
         """Begin episode `i` anew, at its first observation."""
-        scene = first_look("state", first)
+        scene = first_look(first)
         for name, values in vars(self._scenes).items():
             values[i] = getattr(scene, name)
         if self._space:
@@ -109,7 +109,7 @@ class Eyes:
         return looks if clone is None else np.concatenate([looks, clone.action(observation)])
 
     def _see(self, scenes: Scene, observations: Observation, rows: slice) -> NDArray[np.float32]:
-        seen = features("state", scenes, observations, self._steps[rows])
+        seen = features(scenes, observations, self._steps[rows])
         if self._space:
             seen = np.concatenate([seen, self._space.look(observations, rows)], axis=-1)
         return self._acting.scaling(seen)

@@ -62,7 +62,7 @@ class Grip(Policy):
         base = below(arrays, "base.")
         self.clone, self._actor = Clone(about["base"], base), Mlp(arrays, "actor", np.tanh)
         sized = self._actor.inputs == len(self.clone.scaling.mean) and self._actor.outputs == SIZE
-        return sized and self.clone.view == "state" and self.env == self.clone.env
+        return sized and self.env == self.clone.env
 
     def begin(self, first: Observation, cell: Cell) -> "GripRun":
         """Decide on the correction and start an episode in a cell."""
@@ -107,7 +107,7 @@ class GripRun:
 
 def look(clone: Clone, first: Observation) -> NDArray[np.float32]:
     """Return what the network is given: the first observation's features (F,), scaled as the clone's."""
-    return clone.scaling(features("state", first_look("state", first), first, 0))
+    return clone.scaling(features(first_look(first), first, 0))
 
 
 @njit

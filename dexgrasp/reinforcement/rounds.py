@@ -68,7 +68,7 @@ class Rounds(Training):
         self.clone = None if self.base is None else Clone(*self.base)
         mode = getattr(settings, "control_mode", "joint_delta")
         self.env = {"obs_mode": "state", "control_mode": "ee_delta" if mode == GRASPS else mode}
-        if self.clone and (self.clone.view != "state" or self.clone.env != self.env):
+        if self.clone and self.clone.env != self.env:
             raise InputError(
                 f"reinforcement starts from a clone of {self.env}: this one is of {self.clone.env}, clone another"
             )

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.perception.plane import Plane
@@ -17,6 +18,7 @@ REACH = 0.020
 # 13 % too large.
 _TRIMMED = 0.01  # share of the points that count as extremes in a direction, from 1 mm of noise
 _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the last point that is none
+_FACES = 80  # of a hull that is kept clear of
 
 
 def cloud_corners(points: NDArray[Any], plane: Plane | None = None) -> Array | None:
@@ -48,6 +50,16 @@ def cloud_corners(points: NDArray[Any], plane: Plane | None = None) -> Array | N
         return np.asarray(points[ConvexHull(points).vertices])
     except QhullError:  # all points in a plane or on a line
         return None
+
+
+def standing_hull(points: Array) -> ConvexDistance:
+    """Return the convex hull of a cloud (M, 3) m and its shadow on the table: what cameras miss is below what they see.
+
+    Raises:
+        InputError: if the points span no volume.
+    """
+    shadow = points * [1.0, 1.0, 0.0]
+    return ConvexDistance.from_points(np.concatenate([points, shadow]), max_faces=_FACES)
 
 
 def trim_extremes(points: Array, noise: float) -> Array:
