@@ -157,8 +157,10 @@ class BilevelAgent(Agent):
                 home = self._way_home(observation, state.plan)
                 return state if home is None else state._replace(motion=home)
             case GuardedCarry() as carry if state.looks and (carry.lost or self._missed(carry, state.plan)):
-                home = self._way_home(observation, state.plan)
-                return state._replace(looks=0) if home is None else state._replace(motion=home)
+                if (home := self._way_home(observation, state.plan)) is not None:
+                    return state._replace(motion=home)
+                # Right above the table the hand may have no room to open: it has a little higher.
+                return state if carry.lifting else state._replace(looks=0)
             case Retreat(done=True) if state.looks or state.aside is not None:
                 return self._look_again(state, observation)
         return state

@@ -40,8 +40,12 @@ class GuardedCarry(Motion):
     @property
     def lost(self) -> bool:
         """Whether the object has left the hand, as far as the joints can tell."""
-        lifting = self._step <= self._hold_start
-        return self._lost_steps >= (_LOST_LIFTING if lifting else _LOST_STEPS)
+        return self._lost_steps >= (_LOST_LIFTING if self.lifting else _LOST_STEPS)
+
+    @property
+    def lifting(self) -> bool:
+        """Whether the hand is still on its way up."""
+        return self._step <= self._hold_start
 
     @property
     def overdue(self) -> bool:
