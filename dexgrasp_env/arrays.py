@@ -1,4 +1,4 @@
-"""The array type of this project: metres, radians, whatever shape the docstring says; and a few arrays."""
+"""The array types of this project: metres, radians, whatever shape the docstring says; and a few arrays."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,6 +9,9 @@ from numpy.typing import ArrayLike, NDArray
 from dexgrasp_env.valid import Rule
 
 Array = NDArray[np.float64]
+Index = NDArray[np.int64]
+Mask = NDArray[np.bool_]
+Single = NDArray[np.float32]
 LARGEST = 1e6
 """In SI units: no number that somebody states is nearly as large, and squares of larger ones overflow."""
 
@@ -69,6 +72,6 @@ def joined(clouds: Sequence[Array]) -> dict[str, NDArray[Any]]:
     return {"points": np.concatenate([np.zeros((0, 3)), *clouds]), "counts": counts}
 
 
-def divided(points: Array, counts: NDArray[np.int64]) -> list[Array]:
+def divided(points: Array, counts: Index) -> list[Array]:
     """Return the clouds that `joined` was given."""
     return np.split(points, np.cumsum(counts)[:-1])

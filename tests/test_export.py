@@ -18,9 +18,10 @@ from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
 from dexgrasp.export.replay import replay
 from dexgrasp.export.scene_folder import write_scene
-from dexgrasp.export.time_law import Limits, largest_shares, timed
+from dexgrasp.export.time_law import Limits, timed
 from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Waypoints, make_trajectory
 from dexgrasp.grasp.file import record_of
+from dexgrasp.grasp.path import limit_shares
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.scene.build import build_scene
 
@@ -60,7 +61,7 @@ def test_laws_keep_the_limits_and_reach_the_end(seed):
     rows = timed(path, LIMITS, 0.001, 3)
     assert len(rows) % 3 == 0
     assert np.array_equal(rows[-1], path[-1])
-    shares = largest_shares(np.concatenate([path[:1], rows, np.repeat(rows[-1:], 3, axis=0)]), LIMITS, 0.001)
+    shares = np.array(limit_shares(np.concatenate([path[:1], rows]), 0.001, *LIMITS))
     assert max(shares) < 0.95
     assert shares[:2].max() > 0.2  # not just slow
 

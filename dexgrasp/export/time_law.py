@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.grasp.path import limit_shares
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
@@ -53,21 +54,12 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
     for _ in range(_ROUNDS):
         rows = spline(_law(length, slow, tick))
         rows[-1] = points[-1]
-        to_rest = np.concatenate([points[:1], rows, np.repeat(rows[-1:], 3, axis=0)])
-        excess = (largest_shares(to_rest, limits, tick) ** _SLOWER).max() / USED
+        used = np.array(limit_shares(np.concatenate([points[:1], rows]), tick, *limits))
+        excess = (used**_SLOWER).max() / USED
         if excess <= 1.0:
             return _padded(rows, multiple)
         slow *= 1.02 * excess
     raise InputError("the path cannot be timed within the limits of the joints: it bends too sharply")
-
-
-def largest_shares(rows: Array, limits: Limits, tick: float) -> Array:
-    """Return the largest part used of each limit by the finite differences of rows (T, n); at rest before the first."""
-    still = np.concatenate([np.repeat(rows[:1], 3, axis=0), rows])
-    return np.array([
-        (np.abs(np.diff(still, n=order, axis=0)) / tick**order / limit).max(initial=0.0)
-        for order, limit in enumerate(limits, start=1)
-    ])  # fmt: skip
 
 
 def _thinned(path: Array) -> Array:

@@ -5,9 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
+from dexgrasp.grasp.values import LIFT_HEIGHT
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.valid import check
 
 
 @dataclass(frozen=True)
@@ -29,14 +30,11 @@ class GraspMotion:
     def __post_init__(self) -> None:
         """Check shapes and numbers."""
         for name in ("pregrasp", "grasp", "squeeze"):
-            value = np.asarray(getattr(self, name), dtype=float)
-            if value.shape != np.shape(self.pregrasp) or value.ndim != 1 or not np.isfinite(value).all():
-                raise InputError(
-                    f"{name} of a grasp motion must be finite joint positions in radians, one a joint"
-                )
+            value = check(
+                f"{name} of a grasp motion, rad", getattr(self, name), array(np.size(self.pregrasp))
+            )
             object.__setattr__(self, name, value)
-        if not 0.0 < self.lift_height <= 0.5:
-            raise InputError(f"lift_height is {self.lift_height}: valid is above 0 and up to 0.5 m")
+        check("lift_height", self.lift_height, LIFT_HEIGHT)
 
 
 @dataclass(frozen=True)

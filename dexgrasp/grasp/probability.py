@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.grasp.features import features_of
 from dexgrasp.grasp.record import Chance, GraspRecord, HoldsProbability
 from dexgrasp.grasp.thresholds import HOLD_SHARE
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_file
@@ -31,13 +30,13 @@ _SPREAD = 1.96  # standard deviations of the members' log odds, to either side
 class Trees(NamedTuple):
     """The trees of all members: nodes (K,), of which a leaf's `left` is -1; roots (T,), and whose each is (T,)."""
 
-    feature: NDArray[np.int64]
+    feature: Index
     threshold: Array
-    left: NDArray[np.int64]
-    right: NDArray[np.int64]
+    left: Index
+    right: Index
     value: Array
-    roots: NDArray[np.int64]
-    member: NDArray[np.int64]
+    roots: Index
+    member: Index
 
     def log_odds(self, x: Array) -> Array:
         """Return the sum (M,) of each member's trees for features (F,)."""

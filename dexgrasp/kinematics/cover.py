@@ -4,10 +4,9 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from dexgrasp_env.arrays import Array, grid
+from dexgrasp_env.arrays import Array, Mask, grid
 from dexgrasp_env.robot.hulls import mesh_of
 
 _COLLISION_GROUP = 3
@@ -23,7 +22,7 @@ class Spheres:
 
     centre: Array
     radius: Array
-    is_tip: NDArray[np.bool_]
+    is_tip: Mask
 
     def bound(self) -> tuple[Array, float]:
         """Return centre (3,) and radius of a sphere around all; radius -1 if there are none."""

@@ -4,11 +4,11 @@ from itertools import combinations
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.kinematics.cover import Spheres
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Index, Mask
 from dexgrasp_env.files import cached_arrays, content_hash
+from dexgrasp_env.robot.model import excluded_pairs
 from dexgrasp_env.robot.robot import Robot
 
 _SAMPLES = 300
@@ -30,7 +30,7 @@ def meeting_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[str, str]]:
         Names; without neighbours along a chain, and without what the description excludes.
     """
     numbers = [model.body(name).id for name in robot.hand.bodies]
-    excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature}
+    excluded = excluded_pairs(model)
     pairs = [
         (a, b)
         for a, b in combinations(numbers, 2)
@@ -41,10 +41,10 @@ def meeting_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[str, str]]:
     return [(model.body(a).name, model.body(b).name) for a, b in np.array(pairs)[near]]
 
 
-def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> NDArray[np.bool_]:
+def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> Mask:
     data, near, nothing = mujoco.MjData(model), np.zeros(len(pairs), bool), np.zeros(6)
     solid = {b: solid_geoms(model, b) for pair in pairs for b in pair}
-    for q in _postures(robot, _SAMPLES):
+    for q in robot.drawn(_SAMPLES):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)
         for k in np.flatnonzero(~near):
@@ -56,14 +56,25 @@ def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> NDArray[np.
     return near
 
 
-def _postures(robot: Robot, count: int) -> Array:
-    return robot.drawn(count)
-
-
 def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
     """Return the geoms of a body that collide."""
     first = int(model.body_geomadr[body])
     return [g for g in range(first, first + int(model.body_geomnum[body])) if model.geom_contype[g]]
+
+
+def joints_between(model: mujoco.MjModel, a: int, b: int) -> Index:
+    """Return the joints that move two bodies against each other."""
+    between = _chain(model, a) ^ _chain(model, b)
+    return np.flatnonzero([body in between for body in model.jnt_bodyid])
+
+
+def _chain(model: mujoco.MjModel, body: int) -> set[int]:
+    """The body and all that bear it."""
+    chain = set()
+    while body:
+        chain.add(body)
+        body = int(model.body_parentid[body])
+    return chain
 
 
 def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Pairs:
@@ -73,7 +84,7 @@ def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[
     for finger in robot.hand.fingers:
         if finger.aside:
             idle[robot.columns[finger.name]] = finger.aside
-    weights, postures = [_LOOKS, _LOOKS] + [1] * _LOOKS, [robot.home, idle, *_postures(robot, _LOOKS)]
+    weights, postures = [_LOOKS, _LOOKS] + [1] * _LOOKS, [robot.home, idle, *robot.drawn(_LOOKS)]
     for weight, q in zip(weights, postures, strict=True):
         data.qpos[:] = q
         mujoco.mj_kinematics(model, data)

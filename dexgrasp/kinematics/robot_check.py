@@ -8,13 +8,15 @@ import mujoco
 import numpy as np
 
 from dexgrasp.kinematics.forward import body_frames, fingertips
+from dexgrasp.kinematics.pairs import joints_between
 from dexgrasp.kinematics.palm_ik import PALM_DOWN, reach_palm
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot, robot_spec
+from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, robot_spec
+from dexgrasp_env.robot.robot import Finger
 from dexgrasp_env.scene.arena import read_arena
 
 _ROUNDING = 1e-12  # m and of directions: two ways to compute a frame differ by less
@@ -37,6 +39,17 @@ def check_robot(cell: Cell) -> list[Finding]:
     if any(finding.level == "error" for finding in found):
         return found  # nothing else can be told of joints that are others
     return found + [finding for check in checks for finding in check(cell, model)]
+
+
+def _told(good: bool, what: str, mend: str, level: str = "error") -> Finding:
+    """Say of something that it is good, or how to mend it."""
+    return Finding("info", what) if good else Finding(level, what, mend)
+
+
+def _pad(data: mujoco.MjData, finger: Finger) -> Array:
+    """The direction (3,) that the pad of a finger faces, world frame."""
+    direction: Array = data.body(finger.bodies[-1]).xmat.reshape(3, 3) @ finger.pad
+    return direction
 
 
 def _alone(cell: Cell, excluding: bool = True) -> mujoco.MjModel:
@@ -73,9 +86,8 @@ def _kinematics(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
         for b, name in enumerate(robot.bodies):
             worst = max(worst, float(np.abs(frames.p[b] - data.body(name).xpos).max()))
             worst = max(worst, float(np.abs(frames.R[b] - data.body(name).xmat.reshape(3, 3)).max()))
-    good = worst < _ROUNDING
-    mend = "" if good else "joints have to sit at their bodies' origins, and to turn or slide"
-    yield Finding("info" if good else "error", f"kinematics and simulation differ by {worst:.0e}", mend)
+    mend = "joints have to sit at their bodies' origins, and to turn or slide"
+    yield _told(worst < _ROUNDING, f"kinematics and simulation differ by {worst:.0e}", mend)
 
 
 def _home(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
@@ -93,9 +105,13 @@ def _home(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
 
 
 def _excluded(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
-    """Bodies that are excluded from colliding, though motion takes them into each other."""
-    named = [(int(s) >> 16, int(s) & 0xFFFF) for s in model.exclude_signature]
-    pairs = {(min(pair), max(pair)) for pair in named if _apart(model, *pair) > 2}
+    """Bodies that are excluded from colliding, though motion takes them into each other.
+
+    With two joints between them or fewer, bodies overlap in every hand.
+    """
+    pairs = {
+        (min(pair), max(pair)) for pair in excluded_pairs(model) if len(joints_between(model, *pair)) > 2
+    }
     if not pairs:
         return
     every, robot, found = _alone(cell, excluding=False), cell.robot, dict[tuple[int, int], float]()
@@ -109,17 +125,6 @@ def _excluded(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
             both = f"{model.body(a).name} and {model.body(b).name}"
             deep = f"{both} get {1000 * depth:.0f} mm into each other: they are excluded from colliding"
             yield Finding("warning", deep, "take the <exclude> out of the MJCF")
-
-
-def _apart(model: mujoco.MjModel, a: int, b: int) -> int:
-    """How many joints lie between two bodies; neighbours, and theirs, overlap in every hand."""
-    return len(_jointed(model, a) ^ _jointed(model, b))
-
-
-def _jointed(model: mujoco.MjModel, body: int) -> set[int]:
-    """A body and those that bear it, as far as they have joints."""
-    own = {body} if model.body_jntnum[body] else set()
-    return own | _jointed(model, int(model.body_parentid[body])) if body else own
 
 
 def _touching(data: mujoco.MjData) -> Iterator[tuple[tuple[int, int], float]]:
@@ -167,17 +172,14 @@ def _tips(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     """The surface of each grasping tip is a radius from its site, out of the tip and out of its pad."""
     data, radius = _at(model, cell.robot.home), cell.robot.hand.tip_radius
     for finger in cell.robot.grasping:
-        site, body = data.site(finger.tip), data.body(finger.bodies[-1])
-        pad = body.xmat.reshape(3, 3) @ finger.pad
-        for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", pad)):
+        site, mend = (
+            data.site(finger.tip),
+            f"shift the tip's frame, or change tip_radius, {1000 * radius:.1f} mm",
+        )
+        for what, way in (("end", site.xmat.reshape(3, 3)[:, 2]), ("pad", _pad(data, finger))):
             depth = _surface(model, data, model.geom(finger.tip).id, site.xpos, way)
-            if abs(depth - radius) > _OFF:
-                mend = f"shift the tip's frame, or change tip_radius, {1000 * radius:.1f} mm"
-                yield Finding(
-                    "error", f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre", mend
-                )
-            else:
-                yield Finding("info", f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre")
+            far = f"the {what} of {finger.tip} is {1000 * depth:.1f} mm from its centre"
+            yield _told(abs(depth - radius) <= _OFF, far, mend)
 
 
 def _surface(model: mujoco.MjModel, data: mujoco.MjData, geom: int, centre: Array, way: Array) -> float:
@@ -201,9 +203,8 @@ def _opposition(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
         mend = "the palm frame's x has to point out of the palm's face; or bend `open` further"
         yield Finding("error", f"an open tip is {1000 * front.min():.0f} mm in front of the palm", mend)
     tips = np.array([data.site(finger.tip).xpos for finger in cell.robot.grasping])
-    pads = [data.body(f.bodies[-1]).xmat.reshape(3, 3) @ f.pad for f in cell.robot.grasping]
     between = tips[1:].mean(0) - tips[0]
-    facing = float(pads[0] @ between / np.linalg.norm(between))
+    facing = float(_pad(data, cell.robot.grasping[0]) @ between / np.linalg.norm(between))
     if facing < 0.0:
         mend = "x of a tip's frame has to point out of its pad; or change `open`, or which finger is first in `grasp`"
         yield Finding("error", f"the pad of {cell.robot.hand.grasp[0]} looks away from the others", mend)
@@ -246,7 +247,7 @@ def closed_posture(cell: Cell) -> tuple[Array, Array]:
         mujoco.mj_kinematics(model, data)
         for f, finger in enumerate(robot.grasping):
             tips[f, k] = data.site(finger.tip).xpos
-            pads[f, k] = data.body(finger.bodies[-1]).xmat.reshape(3, 3) @ finger.pad
+            pads[f, k] = _pad(data, finger)
     gaps = np.stack([_gaps(tips[0], pads[0], *of) for of in zip(tips[1:], pads[1:], strict=True)])
     thumb = int(gaps.min(2).max(0).argmin())
     closed = drawn[thumb]
@@ -270,11 +271,10 @@ def _strength(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     for finger in robot.grasping:
         body = data.body(finger.bodies[-1])
         mujoco.mj_jac(model, data, J, None, data.site(finger.tip).xpos, body.id)
-        lever = np.abs(body.xmat.reshape(3, 3) @ finger.pad @ J)[robot.arm_dof :]
+        lever = np.abs(_pad(data, finger) @ J)[robot.arm_dof :]
         force = float((robot.torque[robot.hand_columns] / np.maximum(lever, 1e-9)).min())
-        level = "warning" if force < _PINCH else "info"
-        mend = "torque of its joints, Nm: heavy objects will be beyond it" if level == "warning" else ""
-        yield Finding(level, f"{finger.name} can press with {force:.1f} N", mend)
+        mend = "torque of its joints, Nm: heavy objects will be beyond it"
+        yield _told(force >= _PINCH, f"{finger.name} can press with {force:.1f} N", mend, "warning")
     yield from _bearing(cell, model)
 
 
@@ -284,19 +284,15 @@ def _bearing(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     postures = [cell.robot.home, *_palms_down(cell)[0]]
     share = np.max([np.abs(_at(model, q).qfrc_bias[arm]) for q in postures], axis=0) / cell.robot.torque[arm]
     name = f"{cell.robot.joints[int(share.argmax())]} needs {100 * share.max():.0f} % of its torque to bear its weight"
-    if share.max() > _BORNE:
-        yield Finding("error", name, "state the maker's torque, or the true masses in the MJCF")
-    else:
-        yield Finding("info", name)
+    yield _told(share.max() <= _BORNE, name, "state the maker's torque, or the true masses in the MJCF")
 
 
 def _reach(cell: Cell, model: mujoco.MjModel) -> Iterator[Finding]:
     """Palms that look down on the middle of the table."""
     found, total = _palms_down(cell)
-    good = len(found) >= _REACHED * total
-    mend = "" if good else "change the arm's `home` or `starts`, or the mount: palms look along its flange"
+    mend = "change the arm's `home` or `starts`, or the mount: palms look along its flange"
     what = f"{len(found)} of {total} palm poses over the table are reached"
-    yield Finding("info" if good else "error", what, mend)
+    yield _told(len(found) >= _REACHED * total, what, mend)
 
 
 @lru_cache(maxsize=1)

@@ -7,9 +7,9 @@ from typing import NamedTuple
 import mujoco
 import numpy as np
 
-from dexgrasp.kinematics.pairs import solid_geoms
-from dexgrasp.kinematics.tree import Index, body_pairs, robot_tree
-from dexgrasp_env.arrays import Array
+from dexgrasp.kinematics.pairs import joints_between, solid_geoms
+from dexgrasp.kinematics.tree import body_pairs, robot_tree
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot
 
@@ -68,18 +68,7 @@ def _left_out(cell: Cell) -> tuple[_Pair, ...]:
     found = []
     for a, b in body_pairs(robot, model):
         one, two = (model.body(robot.bodies[k]).id for k in (a, b))
-        between = _chain(model, one) ^ _chain(model, two)
-        joints = np.flatnonzero([body in between for body in model.jnt_bodyid])
         geoms = [(g, h) for g in solid_geoms(model, one) for h in solid_geoms(model, two)]
         if (a, b) not in kept and geoms:
-            found.append(_Pair((a, b), geoms, joints))
+            found.append(_Pair((a, b), geoms, joints_between(model, one, two)))
     return tuple(found)
-
-
-def _chain(model: mujoco.MjModel, body: int) -> set[int]:
-    """The body and all that bear it."""
-    chain = set()
-    while body:
-        chain.add(body)
-        body = int(model.body_parentid[body])
-    return chain

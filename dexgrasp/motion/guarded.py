@@ -8,14 +8,13 @@ has.
 """
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.grasp.grasp import Grasp
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import fingertips, follow, hand_contact_jacobian
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import Motion
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 _TOUCH_LAG = 0.0018  # m that a tip stays behind its set-point when it has touched: about 2 N
@@ -96,7 +95,7 @@ class GuardedGrasp(Motion):
         return self.targets
 
 
-def finger_of_joints(tree: RobotTree) -> NDArray[np.int64]:
+def finger_of_joints(tree: RobotTree) -> Index:
     """Return which of the grasping fingers each joint (n,) is of, -1 for the others."""
     found = np.full(len(tree.lower), -1)
     for finger, (first, end) in enumerate(tree.fingers):

@@ -3,11 +3,10 @@
 from abc import ABC, abstractmethod
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.kinematics.forward import follow
 from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.tasks.control import normalise
 
 
@@ -20,7 +19,7 @@ class Motion(ABC):
 
     tree: RobotTree
 
-    def action(self, joint_positions: Array) -> NDArray[np.float32]:
+    def action(self, joint_positions: Array) -> Single:
         """Return the next `joint_position` action for measured joint positions (n,) rad."""
         q = np.array(joint_positions, dtype=float)
         if self.tree.stands.any():

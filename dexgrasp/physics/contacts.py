@@ -4,10 +4,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.physics.checks import Numbers, check_array, check_contacts
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 
 GRAVITY = 9.81  # m/s^2
@@ -35,7 +34,7 @@ class Contacts(NamedTuple):
         return float(np.sqrt((self.gravity**2).sum()))
 
 
-Unknowns = tuple[int, ...] | NDArray[np.int64]
+Unknowns = tuple[int, ...] | Index
 """Zeros, one an unknown: compiled code knows the length of a tuple, and unrolls its loops."""
 
 

@@ -5,7 +5,6 @@ from itertools import product
 from typing import Generic, NamedTuple, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF
@@ -20,14 +19,15 @@ from dexgrasp.kinematics.forward import (
 from dexgrasp.kinematics.shapes import shapes_apart
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp.planning.claims import certificate_of, is_clear, too_near, with_capacity
+from dexgrasp.physics.strength import capacity_of
+from dexgrasp.planning.claims import certificate_of, is_clear, too_near
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import LEAST_OPENING
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.sqp import Solution
-from dexgrasp_env.arrays import Array, unit
+from dexgrasp_env.arrays import Array, Index, unit
 
 OPENINGS = (0.025, 0.035, 0.018, 0.012)
 """m that the tips back off along the normals, first choice first."""
@@ -122,7 +122,7 @@ def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
     )
 
 
-def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> NDArray[np.int64]:
+def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> Index:
     """Return the labels (K, 3) of the bodies that neighbours are nearer to than they may be while the hand closes."""
     if problem.target.around is None:
         return np.zeros((0, 3), np.int64)
@@ -144,8 +144,10 @@ def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -
 
 
 def completed(grasp: Grasp, hold: Hold) -> Grasp:
-    """Return a grasp that was chosen with what is not worth computing for those that are not."""
-    return replace(grasp, certificate=with_capacity(grasp.certificate, hold.contacts))
+    """Return a grasp that was chosen with its capacity, 26 programmes, which its load does not exceed."""
+    capacity = capacity_of(hold.contacts)
+    load = min(grasp.certificate.load, capacity)
+    return replace(grasp, certificate=replace(grasp.certificate, capacity=capacity, load=load))
 
 
 def opened(q: Array, normals: Array, problem: Problem, opening: float, rise: float = 0.0) -> Array:

@@ -1,9 +1,6 @@
 """What the planner claims of a grasp: the certificate, from configuration, forces and object alone."""
 
-from dataclasses import replace
-
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.kinematics.clearance import NEIGHBOUR, SELF, TABLE, clearances
@@ -11,10 +8,10 @@ from dexgrasp.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.physics.contacts import Contacts
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.ratios import wrench_ratios
-from dexgrasp.physics.strength import capacity_of, hold_residual, load_of, torque_fraction
+from dexgrasp.physics.strength import hold_residual, load_of, torque_fraction
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.problem import Problem
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index, Mask
 
 BESIDE = 0.002
 """m between the hand, closed or open, and what stands around the object."""
@@ -68,12 +65,6 @@ def certificate_of(q: Array, forces: Array, touched: tuple[Contacts, Array], pro
     )
 
 
-def with_capacity(certificate: Certificate, contacts: Contacts) -> Certificate:
-    """Return a certificate with its capacity, 26 programmes, which its load does not exceed."""
-    capacity = capacity_of(contacts)
-    return replace(certificate, capacity=capacity, load=min(certificate.load, capacity))
-
-
 def least_clearance(q: Array, problem: Problem) -> float:
     """Return the least clearance from object, table and itself, m, at most `FAR`.
 
@@ -88,7 +79,7 @@ def is_clear(q: Array, problem: Problem, least: float) -> bool:
     return not len(too_near(q, problem, least))
 
 
-def too_near(q: Array, problem: Problem, least: float) -> NDArray[np.int64]:
+def too_near(q: Array, problem: Problem, least: float) -> Index:
     """Return the labels (K, 3), kind and bodies, of clearances below `least` m; of neighbours, below `BESIDE`.
 
     Beside a low object tips may be as near the table as they grasp; fingers that stand close at home may be as close
@@ -103,11 +94,11 @@ def too_near(q: Array, problem: Problem, least: float) -> NDArray[np.int64]:
     return labels[values < needed]
 
 
-def _close_at_home(labels: NDArray[np.int64], problem: Problem, least: float) -> NDArray[np.bool_]:
+def _close_at_home(labels: Index, problem: Problem, least: float) -> Mask:
     """Return which labels (K, 3) are of parts of the robot that are nearer to each other than `least` m at home."""
     found = _clearances(problem.tree.home, problem, least, tips_touch=True)[1]
     found = found[found[:, 0] == SELF]
-    close: NDArray[np.bool_] = (labels[:, None] == found).all(2).any(1)
+    close: Mask = (labels[:, None] == found).all(2).any(1)
     return close
 
 
@@ -117,6 +108,6 @@ def overlap(q: Array, problem: Problem) -> float:
     return float(-min(values[np.isin(labels[:, 0], (NEIGHBOUR, SELF))], default=0.0))
 
 
-def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, NDArray[np.int64]]:
+def _clearances(q: Array, problem: Problem, far: float, tips_touch: bool) -> tuple[Array, Index]:
     """Return the clearances (K,) that are below `far` m, and their labels (K, 3)."""
     return clearances(q, problem.tree, problem.obstacles, far, tips_touch)

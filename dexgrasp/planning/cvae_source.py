@@ -5,14 +5,13 @@ from pathlib import Path
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp.planning.decoder import CROPPED, SCALE, Decoder, centre_of, read_decoder
 from dexgrasp.planning.proposals import LEAST_DISTANCE, Proposals, ProposalSource, fits
 from dexgrasp.planning.ranking import most_robust
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.arrays import Array, unit
+from dexgrasp_env.arrays import Array, Mask, unit
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import default_cell
@@ -106,9 +105,7 @@ def hull_cloud(target: GraspTarget, count: int, rng: Generator) -> tuple[Array, 
     return points[seen], (normal / np.maximum(doubled, 1e-12)[:, None])[face[seen]]
 
 
-def on_surface(
-    tips: Array, target: GraspTarget, settings: PlannerSettings
-) -> tuple[Array, Array, NDArray[np.bool_]]:
+def on_surface(tips: Array, target: GraspTarget, settings: PlannerSettings) -> tuple[Array, Array, Mask]:
     """Put fingertips (K, 3, 3) on the surface.
 
     Returns:

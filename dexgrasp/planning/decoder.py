@@ -5,10 +5,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp.runs.arrays import Layer, layers_of, read_arrays
-from dexgrasp_env.arrays import Array
+from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count
 
@@ -70,18 +69,18 @@ class Decoder:
     layers: tuple[Layer, ...]
     hand: str | None = None
 
-    def feature(self, cloud: NDArray[np.float32]) -> NDArray[np.float32]:
+    def feature(self, cloud: Single) -> Single:
         """Return the feature (cloud,) of a cloud (N, 6) of points and unit normals."""
-        each = _relu(_through(self.first, cloud, _relu))
-        whole = _through(self.beside, each.max(0), _relu)
-        return _through(self.second, each + whole, _relu).max(0)
+        each = relu(through(self.first, cloud, relu))
+        whole = through(self.beside, each.max(0), relu)
+        return through(self.second, each + whole, relu).max(0)
 
-    def decode(self, feature: NDArray[np.float32], latent: NDArray[np.float32]) -> NDArray[np.float32]:
+    def decode(self, feature: Single, latent: Single) -> Single:
         """Return grasps (K, 18) of a cloud's feature and latents (K, latent)."""
         (weight, bias), *rest = self.layers
         # The cloud's share of the first layer is the same for all latents.
         first = latent @ weight[len(feature) :] + (feature @ weight[: len(feature)] + bias)
-        return _through(tuple(rest), _silu(first), _silu) if rest else first
+        return through(tuple(rest), _silu(first), _silu) if rest else first
 
 
 def read_decoder(path: Path) -> Decoder:
@@ -107,18 +106,7 @@ def wrong_schema(path: Path) -> InputError:
     return InputError(f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`")
 
 
-def _through(layers: tuple[Layer, ...], x: NDArray[np.float32], activation: Any) -> NDArray[np.float32]:
-    for k, (weight, bias) in enumerate(layers):
-        x = (activation(x) if k else x) @ weight
-        x += bias
-    return x
-
-
-def _relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.maximum(x, 0.0, out=x)
-
-
-def _silu(x: NDArray[np.float32]) -> NDArray[np.float32]:
+def _silu(x: Single) -> Single:
     with np.errstate(over="ignore"):  # exp(-x) of a large -x is infinite, and x / infinity what it should be
         shrink = np.negative(x)
         np.exp(shrink, out=shrink)

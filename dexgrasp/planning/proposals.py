@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.physics.closure import closure_sweep, opposed_pairs
@@ -13,7 +12,7 @@ from dexgrasp.physics.margin import margins
 from dexgrasp.planning.ranking import best_shared, robustness
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.robot.robot import Hand
 
 LEAST_DISTANCE = 0.03
@@ -148,7 +147,7 @@ def _points_beside(target: GraspTarget, settings: PlannerSettings, rng: Generato
     return contacts[kept], normals[kept]
 
 
-def fits(centres: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> NDArray[np.bool_]:
+def fits(centres: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> Mask:
     """Return where the centre of a fingertip (N, 3) m may be, so that it touches no neighbour (N,), open or closed.
 
     Args:

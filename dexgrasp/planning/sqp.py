@@ -11,13 +11,12 @@ from dataclasses import dataclass
 
 import daqp
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.kinematics.clearance import KINDS
 from dexgrasp.kinematics.forward import follow
 from dexgrasp.planning.constraints import MARGIN_SCALE, Bounds, Evaluation, evaluate, fixed_rows
 from dexgrasp.planning.problem import Problem
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.robot import Robot
 
 _SOFT = 8  # daqp's mark of a soft constraint
@@ -162,7 +161,7 @@ _TIP_ROWS = ("distance_min", "distance_max", "fingertip_axis", "fingertip_pad")
 """Names of the fixed rows beside closure's, of each one a finger."""
 
 
-def _name(label: NDArray[np.int64], robot: Robot) -> str:
+def _name(label: Index, robot: Robot) -> str:
     """Name a constraint in words that can be counted."""
     kind, a, b = (int(v) for v in label)
     row, g = -1 - kind, len(robot.hand.grasp)

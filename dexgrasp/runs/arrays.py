@@ -1,18 +1,19 @@
 """Files of arrays that networks are kept in: safetensors, nothing that runs when it is read."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, write_atomically
 
 A = TypeVar("A")
-Layer = tuple[NDArray[np.float32], NDArray[np.float32]]
+Layer = tuple[Single, Single]
 """Weights (in, out) and biases (out,) of a linear layer."""
 
 
@@ -48,6 +49,19 @@ def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], note: Mapping[s
 def below(arrays: Mapping[str, A], prefix: str) -> dict[str, A]:
     """Return what has names that begin with a prefix, by the rest of these."""
     return {name.removeprefix(prefix): array for name, array in arrays.items() if name.startswith(prefix)}
+
+
+def through(layers: tuple[Layer, ...], x: Single, activation: Callable[[Single], Single]) -> Single:
+    """Return what linear layers with an activation between them make of `x` (..., in)."""
+    for k, (weight, bias) in enumerate(layers):
+        x = (activation(x) if k else x) @ weight
+        x += bias
+    return x
+
+
+def relu(x: Single) -> Single:
+    """Set what is below 0 to it, in place."""
+    return np.maximum(x, 0.0, out=x)
 
 
 def layers_of(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:

@@ -5,16 +5,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.runs.arrays import read_arrays, write_arrays
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, read_json_object, write_json
 
 SCHEMA = 1
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
 ENV_KEYS = ("obs_mode", "control_mode", "observe")
-Arrays = dict[str, NDArray[np.float32]]
+Arrays = dict[str, Single]
 
 
 def is_policy(name: str) -> bool:

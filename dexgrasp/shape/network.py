@@ -5,11 +5,10 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp.runs.arrays import Layer, layers_of, read_arrays
+from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
 from dexgrasp.shape.view import READ, UNIT, WRITTEN, View
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 
@@ -29,8 +28,8 @@ class CompletionNetwork:
         layers: weights (in, out) and biases.
     """
 
-    mean: NDArray[np.float32]
-    scale: NDArray[np.float32]
+    mean: Single
+    scale: Single
     layers: tuple[Layer, ...]
 
     def complete(self, view: View) -> tuple[Array, Array]:
@@ -39,9 +38,7 @@ class CompletionNetwork:
         The spread is the mean absolute error that the network expects of itself.
         """
         x = ((view.features() - self.mean) / self.scale).astype(np.float32)
-        for k, (weight, bias) in enumerate(self.layers):
-            x = (np.maximum(x, 0.0) if k else x) @ weight + bias
-        more, log_spread = x[: len(WRITTEN)].astype(float), x[len(WRITTEN) :].astype(float)
+        more, log_spread = np.split(through(self.layers, x, relu).astype(float), [len(WRITTEN)])
         spread = OUTPUT * np.exp(np.clip(log_spread, *LOG_SPREAD))
         return view.seen() + more * OUTPUT / UNIT, spread
 

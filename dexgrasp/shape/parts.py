@@ -3,13 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.shape.hull import REACH, cloud_corners
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.objects.cutting import best_cut, cut_up, held
 from dexgrasp_env.perception.plane import Plane
 
@@ -28,7 +26,7 @@ _APART = 0.03  # m between two of them
 
 
 def parts_within(
-    hull: Array, points: NDArray[Any], plane: Plane | None, most: int = MOST_PARTS
+    hull: Array, points: Array, plane: Plane | None, most: int = MOST_PARTS
 ) -> tuple[list[Array], bool]:
     """Return the corners of convex parts whose union is the object of a cloud, or of its hull alone.
 
@@ -86,7 +84,7 @@ class _Piece:
             return None
         return cls(inside, normals, offsets, float(hull.volume), hull.equations)
 
-    def holds(self, points: Array) -> NDArray[np.bool_]:
+    def holds(self, points: Array) -> Mask:
         """Return which of points (M, 3) belong to the piece (M,)."""
         return _within(points, self.normals, self.offsets)
 
@@ -117,7 +115,7 @@ class _Piece:
         return [side for side in sides if side] if all(sides) else []
 
 
-def _within(points: Array, normals: Array, offsets: Array) -> NDArray[np.bool_]:
+def _within(points: Array, normals: Array, offsets: Array) -> Mask:
     """Whether points (M, 3) lie within half-spaces, or next to them (M,)."""
     return np.asarray((points @ normals.T <= offsets + _OVERLAP).all(1))
 

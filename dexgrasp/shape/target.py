@@ -6,14 +6,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.field import Field, field_of
 from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.shape.hull import REACH
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.valid import POSITIVE, check
 
 if TYPE_CHECKING:
@@ -115,7 +115,7 @@ class GraspTarget:
         """Return the largest error, m, expected of surfaces with normals (N, 3); 0 where all sides were seen."""
         return 0.0 if self.spread is None else float(self.spread.along(normals).max())
 
-    def was_seen(self, points: Array) -> NDArray[np.bool_]:
+    def was_seen(self, points: Array) -> Mask:
         """Return which points (..., 3) m of the parts' surface lie where the object was seen to be (...).
 
         Near the table little is seen: below `REACH` height does not count.

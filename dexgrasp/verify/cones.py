@@ -102,8 +102,7 @@ def conic_residual(points: Array, normals: Array, mu: float) -> Residual:
 
 def _into_cones(forces: Array, normals: Array, mu: float) -> Array:
     """Press harder until every force (N, 3) lies in its exact cone and presses at least 1 N."""
-    press = -(forces * normals).sum(-1)
-    sliding = np.linalg.norm(forces + press[:, None] * normals, axis=-1)
+    press, sliding = slides(forces, normals)
     need = np.maximum(1.0, sliding / mu * (1 + 1e-15))
     return forces - np.maximum(0.0, need - press)[:, None] * normals
 
@@ -114,8 +113,8 @@ def _lower(G: Array, wrench: Array, normals: Array, mu: float) -> float:
     if size == 0.0:
         return 0.0
     h = (G.T @ (wrench / size)).reshape(-1, 3)
-    press = -(h * normals).sum(-1)
-    least = press - mu * np.linalg.norm(h + press[:, None] * normals, axis=-1)
+    press, sliding = slides(h, normals)
+    least = press - mu * sliding
     return max(0.0, float(np.where(least >= 0, least, least * FORCE_BOUND).sum())) ** 2
 
 

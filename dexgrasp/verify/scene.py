@@ -12,7 +12,7 @@ import numpy as np
 from dexgrasp.geometry.exact import Closest, closest_on_mesh
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import robot_spec
+from dexgrasp_env.robot.model import excluded_pairs, robot_spec
 
 FAR = 0.05  # m: distances beyond are not measured
 PLINTH_BODIES = 3  # links 0 to 2 stand on the arm's plinth, not over the table
@@ -145,7 +145,7 @@ class Scene:
             if model.geom_contype[g] and g not in self.object | self.around | {self.table}
         ]
         moving = [g for g in robot if model.body_weldid[model.geom_bodyid[g]] != 0]
-        excluded = {frozenset((int(s) >> 16, int(s) & 0xFFFF)) for s in model.exclude_signature}
+        excluded = excluded_pairs(model)
         beside = (
             {"hand_neighbour": [(g, part) for g in moving for part in self.around]} if self.around else {}
         )

@@ -178,6 +178,11 @@ def _add_adapter(arm: mujoco.MjSpec, link: mujoco.MjsBody, adapter: Adapter) -> 
     )
 
 
+def excluded_pairs(model: mujoco.MjModel) -> set[frozenset[int]]:
+    """Return the pairs of bodies that a description excludes from colliding."""
+    return {frozenset((int(pair) >> 16, int(pair) & 0xFFFF)) for pair in model.exclude_signature}
+
+
 def posed(model: mujoco.MjModel, q: Array) -> mujoco.MjData:
     """Return where the bodies of a model are with its joints at `q` (n,) rad."""
     data = mujoco.MjData(model)

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import LENGTH, Check, at_least, at_most
 from dexgrasp.verify.scene import Scene
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 
 COVER_FAR = 0.02  # m: the claim counts nothing beyond
 OPEN, BESIDE = 0.004, 0.001  # m between the open hand and the object, the table; and what stands around
