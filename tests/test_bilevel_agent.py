@@ -151,6 +151,20 @@ def test_does_not_grasp_again_where_the_cameras_looked_but_once(attempt):
     assert agent._state.motion is carrying
 
 
+@pytest.mark.parametrize(("lifting", "looks"), [(True, 2), (False, 0)])
+def test_waits_for_room_to_open_only_while_it_lifts(attempt, lifting, looks, monkeypatch):
+    agent = BilevelAgent()
+    agent.reset(attempt.observation, {"observe": "clear"})
+    carrying = GuardedCarry(agent._state.motion)
+    carrying._lost_steps = 99
+    carrying._step = carrying._hold_start + (0 if lifting else 1)
+    agent._state = agent._state._replace(motion=carrying)
+    monkeypatch.setattr(agent, "_way_home", lambda *_: None)
+    agent.act(attempt.observation)
+    assert agent._state.motion is carrying
+    assert agent._state.looks == looks
+
+
 def failures():
     nothing = {"cloud_mask": np.zeros(1024, np.int8)}
     nan = {"cloud": np.full((1024, 3), np.nan, np.float32), "cloud_mask": np.ones(1024, np.int8)}
