@@ -252,12 +252,9 @@ class Worker:
     @property
     def memory_mb(self) -> int:
         """Resident memory of the process: cases that leak show in a long run."""
-        if self._process is None:
-            return 0
-        return (
-            int(Path(f"/proc/{self._process.pid}/statm").read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
-            >> 20
-        )
+        pids = list(self.pool._processes) if self.pool else []
+        pages = sum(int(Path(f"/proc/{pid}/statm").read_text().split()[1]) for pid in pids)
+        return pages * os.sysconf("SC_PAGE_SIZE") >> 20
 
 
 def begin() -> None:
