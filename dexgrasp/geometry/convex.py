@@ -5,15 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property, reduce
-from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.spatial import ConvexHull, QhullError
 
-from dexgrasp.geometry.convex_kernel import Obstacle, convex_distances, outward_triangles
+from dexgrasp.geometry.convex_kernel import Obstacle, convex_distances
 from dexgrasp.geometry.outline import outline
-from dexgrasp_env.arrays import array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import check
 
@@ -33,8 +32,8 @@ class ConvexDistance:
         sizes: faces of each part of a union, in order; empty for one polyhedron.
     """
 
-    triangles: NDArray[Any]
-    planes: NDArray[Any]
+    triangles: Array
+    planes: Array
     error: float = 0.0
     sizes: tuple[int, ...] = ()
 
@@ -77,7 +76,7 @@ class ConvexDistance:
         )  # fmt: skip
 
     @cached_property
-    def parts(self) -> list[NDArray[Any]]:
+    def parts(self) -> list[Array]:
         """Triangles (F, 3, 3) of each part."""
         return np.split(self.triangles, np.cumsum(self.sizes)[:-1]) if self.sizes else [self.triangles]
 
@@ -86,23 +85,23 @@ class ConvexDistance:
         """The polyhedra as compiled code takes them."""
         return _obstacle(self.triangles, self.planes, self.sizes)
 
-    def distance(self, points: ArrayLike) -> NDArray[Any]:
+    def distance(self, points: ArrayLike) -> Array:
         """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
         return self.distance_gradient(points)[0]
 
-    def distance_gradient(self, points: ArrayLike) -> tuple[NDArray[Any], NDArray[Any]]:
+    def distance_gradient(self, points: ArrayLike) -> tuple[Array, Array]:
         """Return the signed distances (N,) [m] of points (N, 3) and their unit gradients (N, 3)."""
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         gradients = np.empty_like(queries)
         return convex_distances(queries, self.obstacle, gradients), gradients
 
 
-def _obstacle(triangles: NDArray[Any], planes: NDArray[Any], sizes: tuple[int, ...] = ()) -> Obstacle:
+def _obstacle(triangles: Array, planes: Array, sizes: tuple[int, ...] = ()) -> Obstacle:
     starts = np.cumsum([0, *(sizes or (len(planes),))], dtype=np.int64)
     return Obstacle(triangles, planes, starts)
 
 
-def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], ConvexHull]:
+def _hull(points: Array) -> tuple[Array, Array, ConvexHull]:
     """Return triangles and planes of a convex hull, and the hull as Qhull has it (its `vertices` take time).
 
     The planes are Qhull's, one for all triangles of a merged facet: those of thin triangles would be noise.
@@ -116,10 +115,18 @@ def _hull(points: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], ConvexHull]
         raise InputError(f"points lie in a plane to {FLAT} m: a convex hull needs points with a volume")
     planes = hull.equations.copy()
     planes[:, 3] -= planes[:, :3] @ centre
-    return outward_triangles(points, hull.simplices, planes), planes, hull
+    return _outward(points[hull.simplices], planes), planes, hull
 
 
-def _simplify(vertices: NDArray[Any], max_faces: int) -> tuple[NDArray[Any], NDArray[Any], float]:
+def _outward(triangles: Array, planes: Array) -> Array:
+    """Return triangles (F, 3, 3) counter-clockwise about the normals of planes (F, 4)."""
+    turns = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
+    inward = (turns * planes[:, :3]).sum(1) < 0.0
+    triangles[inward] = triangles[inward, ::-1]
+    return triangles
+
+
+def _simplify(vertices: Array, max_faces: int) -> tuple[Array, Array, float]:
     """Return triangles, planes and error [m] of a hull of some of the vertices.
 
     Those that stick out most are taken, until the faces are used up. The result lies inside the hull of all; the error

@@ -10,12 +10,12 @@ from __future__ import annotations
 
 import math
 from functools import partial
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.triangle import EDGE, FACE, VERTEX, closest_on_triangle
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 INCIDENT = 1e-9
@@ -25,9 +25,9 @@ INCIDENT = 1e-9
 class Obstacle(NamedTuple):
     """A union of convex polyhedra; one without faces (`NOTHING`) stands for no obstacle."""
 
-    triangles: NDArray[Any]  # (F, 3, 3) corners, counter-clockwise seen from outside, m
-    planes: NDArray[Any]  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
-    starts: NDArray[np.int64]  # (P + 1,) first face of each part, and the number of faces
+    triangles: Array  # (F, 3, 3) corners, counter-clockwise seen from outside, m
+    planes: Array  # (F, 4) outward unit normal and offset of each triangle: n . x + offset <= 0 inside
+    starts: Index  # (P + 1,) first face of each part, and the number of faces
 
 
 NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
@@ -35,7 +35,7 @@ NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
 
 @njit
 def _farthest_plane(
-    px: float, py: float, pz: float, planes: NDArray[Any], first: int, end: int
+    px: float, py: float, pz: float, planes: Array, first: int, end: int
 ) -> tuple[float, int]:
     """Return the largest plane value of a part, a lower bound of its distance, and its face."""
     best, face = -math.inf, first
@@ -77,7 +77,7 @@ def _walk(
 
 @partial(njit, inline="always")
 def closest_feature(
-    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
+    p: Array, obstacle: Obstacle, gradient_out: Array, limit: float = math.inf
 ) -> tuple[float, int, int]:
     """Return the signed distance, the closest feature's code and a face that holds it.
 
@@ -115,9 +115,7 @@ def closest_feature(
 
 
 @njit
-def convex_distance(
-    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], limit: float = math.inf
-) -> float:
+def convex_distance(p: Array, obstacle: Obstacle, gradient_out: Array, limit: float = math.inf) -> float:
     """Return the exact signed distance [m] of p (3,) and write its unit gradient (3,); see `closest_feature`.
 
     Outside one polyhedron the gradient is continuous: the normal of the polyhedron rounded by the distance. Inside it
@@ -127,9 +125,7 @@ def convex_distance(
 
 
 @njit
-def convex_distance_hessian(
-    p: NDArray[Any], obstacle: Obstacle, gradient_out: NDArray[Any], hessian_out: NDArray[Any]
-) -> float:
+def convex_distance_hessian(p: Array, obstacle: Obstacle, gradient_out: Array, hessian_out: Array) -> float:
     """Return the signed distance [m] and write its gradient (3,) and exact Hessian (3, 3) [1/m].
 
     With n the gradient, d the distance and t the direction of the closest edge, the Hessian is 0 over faces
@@ -139,39 +135,18 @@ def convex_distance_hessian(
     hessian_out[:] = 0.0
     if code == FACE:
         return distance
-    for i in range(3):
-        for k in range(3):
-            hessian_out[i, k] = ((1.0 if i == k else 0.0) - gradient_out[i] * gradient_out[k]) / distance
+    hessian_out[:] = (np.eye(3) - np.outer(gradient_out, gradient_out)) / distance
     if code < VERTEX:
         edge = obstacle.triangles[face, code % 3] - obstacle.triangles[face, code - EDGE]
         scale = 1.0 / ((edge[0] ** 2 + edge[1] ** 2 + edge[2] ** 2) * distance)
-        for i in range(3):
-            for k in range(3):
-                hessian_out[i, k] -= edge[i] * edge[k] * scale
+        hessian_out -= np.outer(edge, edge) * scale
     return distance
 
 
 @njit
-def convex_distances(points: NDArray[Any], obstacle: Obstacle, gradients_out: NDArray[Any]) -> NDArray[Any]:
+def convex_distances(points: Array, obstacle: Obstacle, gradients_out: Array) -> Array:
     """Return the signed distances (N,) [m] of points (N, 3) and write their gradients (N, 3)."""
     distances = np.empty(points.shape[0])
     for i in range(points.shape[0]):
         distances[i] = convex_distance(points[i], obstacle, gradients_out[i])
     return distances
-
-
-@njit
-def outward_triangles(points: NDArray[Any], corners: NDArray[np.int32], planes: NDArray[Any]) -> NDArray[Any]:
-    """Return triangles (F, 3, 3) of points (N, 3) by corners (F, 3), counter-clockwise about the planes' normals."""
-    out = np.empty((corners.shape[0], 3, 3))
-    for f in range(corners.shape[0]):
-        a, b, c = points[corners[f, 0]], points[corners[f, 1]], points[corners[f, 2]]
-        turn = 0.0
-        for k in range(3):
-            i, j = (k + 1) % 3, (k + 2) % 3
-            turn += planes[f, k] * ((b[i] - a[i]) * (c[j] - a[j]) - (b[j] - a[j]) * (c[i] - a[i]))
-        for k in range(3):
-            out[f, 0, k], out[f, 1, k], out[f, 2, k] = (
-                (c[k], b[k], a[k]) if turn < 0.0 else (a[k], b[k], c[k])
-            )
-    return out

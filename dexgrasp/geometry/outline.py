@@ -7,9 +7,9 @@ triangles are noise, and the hull of what it chose is better made by Qhull, whic
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp.geometry.triangle import cross
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 
 _JOGGLE = 1e-6  # m
@@ -20,13 +20,13 @@ _FLAT = 1e-12  # m2: twice the area of a triangle without a plane of its own
 class _Faces(NamedTuple):
     """Triangles of the hull of the points chosen so far; slots are used again."""
 
-    corners: NDArray[np.int64]  # (F, 3) which of the points chosen, counter-clockwise seen from outside
+    corners: Index  # (F, 3) which of the points chosen, counter-clockwise seen from outside
     planes: Array  # (F, 4) outward unit normal and offset
-    alive: NDArray[np.bool_]  # (F,)
-    seen: NDArray[np.int64]  # (n, n): the last point that saw a face with the edge from one corner to another
+    alive: Mask  # (F,)
+    seen: Index  # (n, n): the last point that saw a face with the edge from one corner to another
 
 
-def outline(points: Array, count: int) -> NDArray[np.int64]:
+def outline(points: Array, count: int) -> Index:
     """Return up to `count` of points: three that span much, then always the one farthest outside the faces so far.
 
     Fewer where their hull holds all. For the choice the points are joggled, so that no four lie in a plane and no
@@ -45,11 +45,10 @@ def outline(points: Array, count: int) -> NDArray[np.int64]:
 
 
 @njit
-def _outline(points: Array, start: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _outline(points: Array, start: Index, count: int) -> Index:
     """Continue from the two sides of a triangle."""
     chosen, corners, n, size = np.empty(count, np.int64), np.empty((count, 3)), 3, 2 * count + 4
-    for k in range(n):
-        chosen[k], corners[k] = start[k], points[start[k]]
+    chosen[:n], corners[:n] = start, points[start]
     faces = _Faces(
         np.empty((size, 3), np.int64), np.empty((size, 4)), np.zeros(size, np.bool_),
         np.full((count, count), -1),
@@ -77,10 +76,7 @@ def _height(plane: Array, p: Array) -> float:
 def _set_face(corners: Array, faces: _Faces, slot: int, a: int, b: int, c: int) -> None:
     faces.corners[slot, 0], faces.corners[slot, 1], faces.corners[slot, 2] = a, b, c
     plane = faces.planes[slot]
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        plane[k] = (corners[b, i] - corners[a, i]) * (corners[c, j] - corners[a, j])
-        plane[k] -= (corners[b, j] - corners[a, j]) * (corners[c, i] - corners[a, i])
+    cross(corners[b] - corners[a], corners[c] - corners[a], plane)
     size = np.sqrt(plane[0] ** 2 + plane[1] ** 2 + plane[2] ** 2)
     for k in range(3):
         plane[k] = plane[k] / size if size > _FLAT else 0.0  # without a plane: no point is outside
@@ -90,9 +86,7 @@ def _set_face(corners: Array, faces: _Faces, slot: int, a: int, b: int, c: int) 
 
 
 @njit
-def _farthest(
-    points: Array, faces: _Faces, new: NDArray[np.int64], height: Array, face: NDArray[np.int64]
-) -> int:
+def _farthest(points: Array, faces: _Faces, new: Index, height: Array, face: Index) -> int:
     """Update how far the points are outside (N,) m, and of which face, by new faces; return the farthest.
 
     What saw a face that is gone and sees none of the new ones is inside for good; its `face` is -1 before.
@@ -111,7 +105,7 @@ def _farthest(
 
 
 @njit
-def _add(corners: Array, faces: _Faces, n: int, face: NDArray[np.int64]) -> NDArray[np.int64]:
+def _add(corners: Array, faces: _Faces, n: int, face: Index) -> Index:
     """Put a cone to corner `n` in place of the faces that it sees; return the new faces.
 
     Points whose `face` (N,) is gone get -1. There are none where rounding makes the faces seen no disc.

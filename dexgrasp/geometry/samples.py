@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import heapq
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 
@@ -27,9 +27,9 @@ class SurfaceSamples(NamedTuple):
         faces: (n,) int64 face indices.
     """
 
-    points: NDArray[Any]
-    normals: NDArray[Any]
-    faces: NDArray[Any]
+    points: Array
+    normals: Array
+    faces: Index
 
 
 def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | int) -> SurfaceSamples:
@@ -38,7 +38,7 @@ def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | in
     return triangle_samples(corners[np.asarray(mesh.faces)], n, rng)
 
 
-def triangle_samples(triangles: NDArray[Any], n: int, rng: np.random.Generator | int) -> SurfaceSamples:
+def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -> SurfaceSamples:
     """Return exactly n blue-noise points of triangles, the same for the same seed.
 
     Of `OVERSAMPLING` n uniform points the most crowded is removed until n are left (Yuksel, Sample
@@ -64,7 +64,7 @@ def triangle_samples(triangles: NDArray[Any], n: int, rng: np.random.Generator |
     return SurfaceSamples(points[kept], normals[faces[kept]], faces[kept])
 
 
-def _face_data(triangles: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
+def _face_data(triangles: Array) -> tuple[Array, Array]:
     """Return unit normals (F, 3) and areas (F,) of triangles (F, 3, 3)."""
     sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     doubled = np.sqrt((sides * sides).sum(-1))
@@ -73,9 +73,7 @@ def _face_data(triangles: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any]]:
     return sides / np.where(doubled > 0, doubled, 1.0)[:, None], doubled / 2
 
 
-def _place(
-    triangles: NDArray[Any], areas: NDArray[Any], uniform: NDArray[Any]
-) -> tuple[NDArray[Any], NDArray[Any]]:
+def _place(triangles: Array, areas: Array, uniform: Array) -> tuple[Array, Index]:
     """Return the surface points (N, 3) and faces (N,) that uniform numbers (N, 3) in [0, 1) stand for."""
     cumulative = np.cumsum(areas)
     faces = np.searchsorted(cumulative, uniform[:, 0] * cumulative[-1], side="right")
@@ -86,7 +84,7 @@ def _place(
     return (1.0 - root) * corners[:, 0] + (root - share) * corners[:, 1] + share * corners[:, 2], faces
 
 
-def _thin(points: NDArray[Any], normals: NDArray[Any], n: int, reach: float) -> NDArray[Any]:
+def _thin(points: Array, normals: Array, n: int, reach: float) -> Index:
     """Return the sorted indices of n points left when the most crowded of the others have been removed."""
     from scipy.spatial import cKDTree
 
@@ -101,7 +99,7 @@ def _thin(points: NDArray[Any], normals: NDArray[Any], n: int, reach: float) -> 
 
 
 @njit
-def _eliminate(starts: NDArray[Any], others: NDArray[Any], crowding: NDArray[Any], n: int) -> NDArray[Any]:
+def _eliminate(starts: Index, others: Index, crowding: Array, n: int) -> Mask:
     """Return which points stay (N,) bool; `starts`, `others`, `crowding` list each point's neighbours."""
     count = starts.shape[0] - 1
     weights, kept = np.zeros(count), np.ones(count, np.bool_)

@@ -1,11 +1,8 @@
-"""The closest point of a triangle, and which of its features holds it."""
+"""The closest point of a triangle, and which of its features holds it; the way across two vectors."""
 
 from __future__ import annotations
 
-from typing import Any
-
-from numpy.typing import NDArray
-
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 
 FACE, EDGE, VERTEX = 0, 1, 4
@@ -13,9 +10,13 @@ FACE, EDGE, VERTEX = 0, 1, 4
 
 
 @njit
-def closest_on_triangle(
-    px: float, py: float, pz: float, triangle: NDArray[Any]
-) -> tuple[float, float, float, int]:
+def cross(a: Array, b: Array, out: Array) -> None:
+    """Write a x b, (3,)."""
+    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+
+
+@njit
+def closest_on_triangle(px: float, py: float, pz: float, triangle: Array) -> tuple[float, float, float, int]:
     """Return the point of a triangle closest to p and the code of the feature that holds it.
 
     Voronoi regions in the order of Ericson, Real-Time Collision Detection (2005), section 5.1.5.

@@ -7,12 +7,11 @@ than an activation distance only, at most one for a body and obstacle, or a pair
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
 from dexgrasp.kinematics.forward import Frames, add_row, body_frames, to_world
 from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 
 OBJECT, TABLE, SELF, NEIGHBOUR = 0, 1, 2, 3
@@ -28,7 +27,7 @@ class Rows(NamedTuple):
 
     values: Array  # (K,) m
     gradients: Array  # (K, n) m/rad
-    labels: NDArray[np.int64]  # (K, 3): kind, body, other body (-1 for all but the robot)
+    labels: Index  # (K, 3): kind, body, other body (-1 for all but the robot)
 
 
 class Cover(NamedTuple):
@@ -38,7 +37,7 @@ class Cover(NamedTuple):
     frames: Frames  # of its bodies
     bounds: Array  # (nb, 3) m, centres of the spheres around whole bodies
     centres: Array  # (ns, 3) m
-    known: NDArray[np.bool_]  # (nb,): whose centres are there
+    known: Mask  # (nb,): whose centres are there
 
 
 def empty_rows(count: int, tree: RobotTree) -> Rows:
@@ -95,7 +94,7 @@ def clearance_rows(
 
 def clearances(
     q: Array, tree: RobotTree, obstacles: tuple[Obstacle, Obstacle], activation: float, tips_touch: bool
-) -> tuple[Array, NDArray[np.int64]]:
+) -> tuple[Array, Index]:
     """Return the clearances (K,) m at `q` (n,) rad that `clearance_rows` finds, and their labels (K, 3)."""
     rows = empty_rows(_MOST_ROWS, tree)
     n = clearance_rows(tree, body_frames(q, tree), obstacles, activation, tips_touch, rows)
@@ -298,8 +297,7 @@ def _self_rows(cover: Cover, activation: float, rows: Rows, n: int) -> int:
         best, first, second = self_clearance(cover, a, b, activation)
         if first >= 0:
             norm = np.sqrt(_squared(centres[first], centres[second])) + 1e-12
-            for r in range(3):
-                direction[r] = (centres[first, r] - centres[second, r]) / norm
+            direction[:] = (centres[first] - centres[second]) / norm
             _write(rows, n, best, (SELF, a, b), cover, centres[first], direction)
             add_row(rows.gradients[n], b, centres[second], direction, -1.0, tree, cover.frames)
             n += 1

@@ -55,18 +55,14 @@ def solve_palm(
         forward_part(q, tree, frames, 0, palm + 1)  # the hand follows it
         to_world(R[palm], p[palm], tree.palm_offset, point)
         now = R[palm] @ tree.palm_rotation
-        turn = _rotation_error(R_goal, now)
-        for r in range(3):
-            e[r] = p_goal[r] - point[r]
-            e[3 + r] = TURN_SCALE * turn[r]
+        e[:3], e[3:] = p_goal - point, TURN_SCALE * _rotation_error(R_goal, now)
         error = np.sqrt((e * e).sum())
         if error < tolerance or k == iterations:
             return error
         palm_jacobian(tree, frames, J)
         pull = _POSTURE * (0.5 * (tree.lower[:n] + tree.upper[:n]) - q[:n])
         step = damped_step(J, e, _DAMPING * min(error, 0.1), pull, _LARGEST)
-        for j in range(n):
-            q[j] = min(max(q[j] + step[j], tree.lower[j] + 1e-3), tree.upper[j] - 1e-3)
+        q[:n] = np.minimum(np.maximum(q[:n] + step, tree.lower[:n] + 1e-3), tree.upper[:n] - 1e-3)
     return error
 
 
@@ -97,10 +93,16 @@ def palm_jacobian(tree: RobotTree, frames: Frames, J: Array) -> None:
 
 
 @njit
+def twice_turned(D: Array) -> Array:
+    """Return the axis (3,) of a rotation (3, 3), as long as twice the sine of its angle."""
+    return np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
+
+
+@njit
 def _rotation_error(goal: Array, now: Array) -> Array:
     """Rotation vector (3,) rad that takes `now` to `goal`, in the world frame."""
     D = goal @ now.T
-    v = np.array([D[2, 1] - D[1, 2], D[0, 2] - D[2, 0], D[1, 0] - D[0, 1]])
+    v = twice_turned(D)
     s = 0.5 * np.sqrt((v * v).sum())
     c = 0.5 * (D[0, 0] + D[1, 1] + D[2, 2] - 1.0)
     angle = np.arctan2(s, c)

@@ -45,18 +45,15 @@ def solve_tips(
     for k in range(iterations + 1):
         forward_part(q, tree, frames, tree.palm + 1 if fingers_only and k > 0 else 0, tree.parent.shape[0])
         tips = tip_positions(tree, frames)
-        e = (targets - tips).reshape(3 * g)
-        miss = 0.0
-        for i in range(0, 3 * g, 3):
-            miss = max(miss, np.sqrt(e[i] ** 2 + e[i + 1] ** 2 + e[i + 2] ** 2))
+        gaps = targets - tips
+        miss = np.sqrt((gaps * gaps).sum(1)).max()
         if miss < tolerance or k == iterations:
             return miss
         contact_jacobian(tree, frames, tips, tips, tree.palm if fingers_only else -1, blocks)
-        J = blocks.reshape(3 * g, n)
+        J, e = blocks.reshape(3 * g, n), gaps.ravel()
         _freeze_blocked(J, e, q, tree)
         step = damped_step(J, e, _DAMPING, _POSTURE * (start - q), _LARGEST)
-        for j in range(n):
-            q[j] = min(max(q[j] + step[j], tree.lower[j]), tree.upper[j])
+        q[:] = np.minimum(np.maximum(q + step, tree.lower), tree.upper)
         follow(q, tree)
     return miss
 

@@ -5,16 +5,14 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.kinematics.cover import Spheres, body_spheres, box_edges, rotation_matrix
 from dexgrasp.kinematics.pairs import meeting_pairs, told_apart
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.model import compiled_robot, posed
 from dexgrasp_env.robot.robot import SLIDE, Robot
 
-Index = NDArray[np.int64]
 _MOVING = 0.5  # share of a finger's torque that may speed up its rotor; the rest bears its links
 _SWING, _TWIST = 0.5, 1.3  # rad of the first and of the last joint from home, where inverse kinematics begins
 
@@ -32,7 +30,7 @@ class _Links(NamedTuple):
     rotation: Array  # (nb, 3, 3), in the parent's frame
     joint: Index  # (nb,) column of the body's joint, -1 if fixed
     axis: Array  # (nb, 3) joint axis in the body's frame
-    slides: NDArray[np.bool_]  # (nb,) whether the joint slides
+    slides: Mask  # (nb,) whether the joint slides
     gear: Array  # (nb, 3) place of the joint: the first times its column, and the second; how much it moves with it
     tip_body: Index  # (g,) last bodies of the grasping fingers, the opposing one first
     tip_offset: Array  # (g, 3) m, tip sphere centre in the distal link's frame
@@ -42,7 +40,7 @@ class _Links(NamedTuple):
     sphere_first: Index  # (nb + 1,): spheres of body b are sphere_first[b] .. sphere_first[b + 1]
     sphere_centre: Array  # (ns, 3) m, body frame
     sphere_radius: Array  # (ns,) m
-    sphere_is_tip: NDArray[np.bool_]  # (ns,): covers the tip of a grasping finger, which may touch the object
+    sphere_is_tip: Mask  # (ns,): covers the tip of a grasping finger, which may touch the object
     bound_centre: Array  # (nb, 3) m: one sphere around all of a body's
     bound_radius: Array  # (nb,) m, -1 where a body has none
     pairs: Index  # (np, 2) bodies whose distance is kept
@@ -62,7 +60,7 @@ class _Links(NamedTuple):
 class RobotTree(_Links):
     """A robot's links, and what plain code alone asks of its joints."""
 
-    stands: NDArray[np.bool_]  # (n,) whether the joint stands on its stop in a grasp
+    stands: Mask  # (n,) whether the joint stands on its stop in a grasp
     unit: Array  # (n,) what counts as much as a radian: 1, or `SLIDE` m
     velocity: Array  # (n,) rad/s
     acceleration: Array  # (n,) rad/s^2

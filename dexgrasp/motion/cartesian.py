@@ -4,7 +4,7 @@ import numpy as np
 
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import empty_frames, forward, to_world
-from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
+from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian, twice_turned
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
@@ -49,20 +49,15 @@ def _shift_palm(q: Array, tree: RobotTree, shifts: Array, turns: Array) -> tuple
         for step in range(_CORRECTIONS + 1):
             forward(now, tree, frames)
             to_world(R[palm], p[palm], tree.palm_offset, point)
-            D = turns[i] @ turn @ R[palm].T
-            for r in range(3):
-                e[r] = start[r] + shifts[i, r] - point[r]
-            e[3] = 0.5 * TURN_SCALE * (D[2, 1] - D[1, 2])
-            e[4] = 0.5 * TURN_SCALE * (D[0, 2] - D[2, 0])
-            e[5] = 0.5 * TURN_SCALE * (D[1, 0] - D[0, 1])
+            e[:3] = start + shifts[i] - point
+            e[3:] = 0.5 * TURN_SCALE * twice_turned(turns[i] @ turn @ R[palm].T)
             error = np.sqrt((e * e).sum())
             if error < 1e-6 or step == _CORRECTIONS:
                 break
             palm_jacobian(tree, frames, J)
             # No pull to a posture: the path must follow from where it starts, not drift.
             change = damped_step(J, e, _DAMPING, np.zeros(arm), np.inf)
-            for j in range(arm):
-                now[j] = min(max(now[j] + change[j], tree.lower[j]), tree.upper[j])
+            now[:arm] = np.minimum(np.maximum(now[:arm] + change, tree.lower[:arm]), tree.upper[:arm])
         worst = max(worst, error)
         path[i] = now
     return path, worst

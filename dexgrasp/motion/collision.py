@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.geometry.convex_kernel import NOTHING, Obstacle, convex_distance
@@ -30,7 +29,7 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.shapes import LEAST, near_shapes
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 
@@ -87,7 +86,7 @@ class CollisionChecker:
         for pair, apart in near_shapes(q[None], self._cell):
             self._needed[pair] = max(apart, 0.0) - _CLOSER
 
-    def clearances(self, q: Array) -> tuple[Array, NDArray[np.int64]]:
+    def clearances(self, q: Array) -> tuple[Array, Index]:
         """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
         return clearances(q, self.tree, (self._obstacle, NOTHING), self.margin, False)
 
@@ -167,7 +166,7 @@ class _Watch(NamedTuple):
     ways: Array  # (2, nb) m, how far each body has moved so far: in the world, and against the palm
     to_object: Array  # (2, nb) m: clearance from the object when it was measured, and the way up to then
     to_self: Array  # (2, np + 1) m: the same between two bodies, and of thumb and palm
-    label: NDArray[np.int64]  # (3,) of what was too near: kind, body, other body
+    label: Index  # (3,) of what was too near: kind, body, other body
 
 
 @njit

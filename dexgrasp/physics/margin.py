@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.geometry.triangle import cross
 from dexgrasp.physics.checks import Numbers, check_array, check_positive, check_unit
 from dexgrasp.physics.contacts import Shape, shape_of
 from dexgrasp.physics.equilibrium import contact_map, internal_forces, middle_and_inverse
@@ -118,27 +119,19 @@ def _gradients(points: Array, normals: Array, room: _Room) -> None:
     internal force has any gain, so the P_i are velocities of a rigid body: its turn tells what moved points gain.
     """
     p, pull, lp, n = room.programme, room.pull, room.programme.lp, len(points)
-    for i in range(n):
-        for k in range(len(p.parts)):
-            pull[i, k] = lp.z[-1] * normals[i, k] if k < 3 else 0.0
-            for row in range(len(lp.unknowns)):
-                if p.owner[lp.basis[row]] == i:
-                    pull[i, k] += lp.multipliers[row] * p.planes[lp.basis[row], k]
+    pull[:] = 0.0
+    pull[:, :3] = lp.z[-1] * normals
+    for row in range(len(lp.unknowns)):
+        pull[p.owner[lp.basis[row]]] += lp.multipliers[row] * p.planes[lp.basis[row]]
     turn = _turn(points, normals, room)
     for i in range(n):
-        along = across = about = twist = 0.0
-        for k in range(3):
-            along += normals[i, k] * pull[i, k]
-            across += normals[i, k] * p.forces[i, k]
-            about += normals[i, k] * turn[k]
+        normal, force, pulled = normals[i], p.forces[i, :3], pull[i, :3]
+        along, across, about = (normal * pulled).sum(), (normal * force).sum(), (normal * turn).sum()
+        cross(turn, force, room.by_points[i])
+        room.by_points[i] *= n
+        room.by_normals[i] = n * (along * force - across * pulled)
         if len(p.parts) == 4:
-            twist = room.torsion * p.forces[i, 3]
-        for k in range(3):
-            a, b = (k + 1) % 3, (k + 2) % 3
-            room.by_points[i, k] = n * (turn[a] * p.forces[i, b] - turn[b] * p.forces[i, a])
-            room.by_normals[i, k] = n * (along * p.forces[i, k] - across * pull[i, k])
-            if len(p.parts) == 4:
-                room.by_normals[i, k] -= n * twist * (turn[k] - about * normals[i, k])
+            room.by_normals[i] -= n * (room.torsion * p.forces[i, 3]) * (turn - about * normal)
 
 
 @njit
@@ -149,15 +142,13 @@ def _turn(points: Array, normals: Array, room: _Room) -> Array:
         G = contact_map(points, normals, room.torsion, points[0], 1.0)
         turn[:] = np.linalg.solve(G @ G.T, G @ pull.ravel())[3:]
         return turn
-    middle, inverse, moment = np.empty(3), np.empty((3, 3)), np.zeros(3)
+    middle, inverse, moment, part = np.empty(3), np.empty((3, 3)), np.zeros(3), np.empty(3)
     middle_and_inverse(points, middle, inverse)
     for i in range(len(points)):
-        for k in range(3):
-            a, b = (k + 1) % 3, (k + 2) % 3
-            moment[k] += (points[i, a] - middle[a]) * pull[i, b] - (points[i, b] - middle[b]) * pull[i, a]
+        cross(points[i] - middle, pull[i], part)
+        moment += part
     for k in range(3):
-        for a in range(3):
-            turn[k] += inverse[k, a] * moment[a]
+        turn[k] = (inverse[k] * moment).sum()
     return turn
 
 
@@ -185,9 +176,7 @@ def cone_margin(points: Array, normals: Array, mu: float, shape: Shape) -> tuple
     if value == UNDEFINED:
         p.forces[:] = 0.0
     else:
-        for i in range(len(points)):
-            for k in range(3):
-                p.forces[i, k] -= p.lp.z[-1] * normals[i, k]
+        p.forces[:, :3] -= p.lp.z[-1] * normals
         _gradients(points, normals, room)
     return value, room.by_points, room.by_normals, p.forces
 

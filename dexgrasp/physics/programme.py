@@ -14,12 +14,11 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.physics.cones import basis_of
 from dexgrasp.physics.contacts import Contacts, Shape, Unknowns
 from dexgrasp.physics.simplex import Simplex, empty_simplex, restart, solve
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 _HALF = 0.5**0.5
@@ -42,7 +41,7 @@ class Programme(NamedTuple):
     span: Array  # (N, c, n) N
     answers: Array  # (N, c, 3) N, to a push of 1 along each axis; zeros where t is no push in all directions
     forces: Array  # (N, c) N, of the solution
-    owner: NDArray[np.int64]  # (rows at most,) whose force each row bounds
+    owner: Index  # (rows at most,) whose force each row bounds
     planes: Array  # (rows at most, c) and in which direction
     lp: Simplex
     parts: tuple[int, ...]  # c zeros
@@ -65,8 +64,8 @@ def set_cones(p: Programme, normals: Array, friction: Array) -> None:
     """Take the cones of contacts: normals (N, 3) out of the object, friction (N,)."""
     for i in range(normals.shape[0]):
         basis = basis_of(normals[i, 0], normals[i, 1], normals[i, 2])
+        p.cones[i, 0] = -friction[i] * normals[i]
         for k in range(3):
-            p.cones[i, 0, k] = -friction[i] * normals[i, k]
             p.cones[i, 1, k], p.cones[i, 2, k] = basis[k], basis[3 + k]
 
 

@@ -8,10 +8,9 @@ from where it is, which is what cutting planes ask for.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.physics.contacts import Unknowns
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 FAR = 1e4
@@ -27,8 +26,8 @@ class Simplex(NamedTuple):
     z: Array  # (n,) the unknowns
     A: Array  # (rows at most, n)
     b: Array  # (rows at most,)
-    size: NDArray[np.int64]  # (1,) how many rows there are
-    basis: NDArray[np.int64]  # (n,) the rows that hold with equality, -1 for the box
+    size: Index  # (1,) how many rows there are
+    basis: Index  # (n,) the rows that hold with equality, -1 for the box
     multipliers: Array  # (n,) of those rows, >= 0
     inverse: Array  # (n, n) of the matrix that has them as rows
     right: Array  # (n,) their right-hand sides

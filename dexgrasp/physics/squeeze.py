@@ -84,9 +84,8 @@ def squeeze_kernel(contacts: Contacts, aim: Aim, p: Programme) -> tuple[float, f
     if _solve(p, contacts, aim, aim.most, tolerance) and p.lp.z[-1] >= 0.0:
         return p.lp.z[-1], 1.0
     p.answers[:] = 0.0
-    for i in range(len(p.fixed)):
-        for k in range(len(p.parts)):
-            p.span[i, k, -1], p.fixed[i, k] = p.fixed[i, k], 0.0
+    p.span[:, :, -1] = p.fixed
+    p.fixed[:] = 0.0
     return 0.0, max(p.lp.z[-1], 0.0) if _solve(p, contacts, aim, 1.0, tolerance) else 0.0
 
 

@@ -109,11 +109,8 @@ def _borne(contacts: Contacts, shape: Shape, forces: Array, answers: Array) -> f
     """The push that forces (N, c) bear if they answer one along each axis with `answers` (N, c, 3)."""
     p = empty_programme(shape, (0,), 0)
     set_cones(p, contacts.normals, contacts.friction)
-    for i in range(len(forces)):
-        for k in range(len(p.parts)):
-            p.forces[i, k] = forces[i, k]
-            for axis in range(3):
-                p.answers[i, k, axis] = answers[i, k, axis]
+    p.forces[:] = forces
+    p.answers[:] = answers
     return borne(p)
 
 
@@ -143,19 +140,15 @@ def _capacity(contacts: Contacts, shape: Shape, pushes: Array, stop: float) -> f
         return 0.0
     set_cones(p, contacts.normals, contacts.friction)
     answers_to_pushes(contacts, answers, hold)
-    for i in range(n):
-        for c in range(parts):
-            p.span[i, c, -1] = hold[i, c]
+    p.span[:, :, -1] = hold
     share = _most(p, contacts)
     if share < 1.0:
         return share
     least = np.inf
     for k in range(pushes.shape[0]):
-        for i in range(n):
-            for c in range(parts):
-                p.fixed[i, c], p.span[i, c, -1] = hold[i, c], 0.0
-                for axis in range(3):
-                    p.span[i, c, -1] -= answers[i, c, axis] * pushes[k, axis]
+        p.fixed[:], p.span[:, :, -1] = hold, 0.0
+        for axis in range(3):
+            p.span[:, :, -1] -= answers[:, :, axis] * pushes[k, axis]
         least = min(least, _most(p, contacts))
         if 1.0 + least < stop:
             for c in range(3):

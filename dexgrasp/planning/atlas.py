@@ -8,13 +8,12 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from dexgrasp.kinematics.clearance import cover_of, self_clearance
 from dexgrasp.kinematics.forward import empty_frames, forward, forward_part, tip_positions
-from dexgrasp.kinematics.tree import Index, RobotTree, robot_tree
-from dexgrasp_env.arrays import Array, unit
+from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import Arrays, cache_dir, cached_arrays, content_hash
@@ -137,7 +136,7 @@ def _moving_pairs(robot: Robot, tree: RobotTree) -> Index:
     return pairs
 
 
-def _opposed(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
+def _opposed(q: Array, tree: RobotTree) -> Mask:
     """Return in which postures the first finger faces the others and no tips meet."""
     tips, _, pads = _tip_frames(q, tree)
     sides = triangle_sides(tips)
@@ -148,21 +147,21 @@ def _opposed(q: Array, tree: RobotTree) -> NDArray[np.bool_]:
     for i in range(1, tips.shape[1]):
         opposed &= (pads[:, i] * between).sum(1) < 0.2
     in_front = (tips[:, :, 0] > 0.02).all(1)
-    kept: NDArray[np.bool_] = inside & opposed & in_front
+    kept: Mask = inside & opposed & in_front
     return kept
 
 
-def _pressing(q: Array, tree: RobotTree, pairs: Index) -> NDArray[np.bool_]:
+def _pressing(q: Array, tree: RobotTree, pairs: Index) -> Mask:
     """Return in which postures the hand is clear of itself, and no tip turns its back to what is between them."""
     tips, axes, _ = _tip_frames(q, tree)
     inward = unit(tips.mean(1, keepdims=True) - tips)
-    pressing: NDArray[np.bool_] = ((axes * inward).sum(2) > _INWARD).all(1)
+    pressing: Mask = ((axes * inward).sum(2) > _INWARD).all(1)
     pressing[pressing] = _clear_of_itself(q[pressing], tree, pairs)
     return pressing
 
 
 @njit
-def _clear_of_itself(q: Array, tree: RobotTree, pairs: Index) -> NDArray[np.bool_]:
+def _clear_of_itself(q: Array, tree: RobotTree, pairs: Index) -> Mask:
     """Whether pairs of bodies keep `_APART` m from each other (N,)."""
     frames, clear = empty_frames(tree), np.ones(len(q), np.bool_)
     for k in range(len(q)):

@@ -9,9 +9,9 @@ of its own.
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance_hessian
+from dexgrasp.geometry.triangle import cross
 from dexgrasp.kinematics.clearance import TABLE, Rows, clearance_rows
 from dexgrasp.kinematics.forward import (
     Frames,
@@ -24,7 +24,7 @@ from dexgrasp.kinematics.forward import (
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.physics.contacts import Shape
 from dexgrasp.physics.margin import cone_margin
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 MAX_ROWS = 96
@@ -59,7 +59,7 @@ class Evaluation(NamedTuple):
 
     values: Array  # (k,) >= 0 where satisfied
     rows: Array  # (k, n) gradients
-    labels: NDArray[np.int64]  # (k, 3): kind (see clearance.KINDS) and bodies; -1 - k for the fixed row k
+    labels: Index  # (k, 3): kind (see clearance.KINDS) and bodies; -1 - k for the fixed row k
     contacts: Array  # (g, 3) m
     normals: Array  # (g, 3) out of the object
     distances: Array  # (g,) m, of the tip sphere centres
@@ -168,15 +168,9 @@ def _direction_rows(
     """Rows that keep the inward normal on the front (axis z) and on the pad's side (x) of a fingertip."""
     body, inward, g = tree.tip_body[i], -touch.normals[i], len(touch.normals)
     for row, column, threshold in ((2 * g + 1 + i, 2, bounds.cosine), (3 * g + 1 + i, 0, bounds.pad_cosine)):
-        direction = np.empty(3)
-        for r in range(3):
-            direction[r] = frames.R[body, r, column]
+        direction, turn = frames.R[body, :, column].copy(), np.empty(3)
         rows.values[row] = ANGLE_SCALE * ((direction * inward).sum() - threshold)
         # d(a . m) = (w x a) . m + a . dm = w . (a x m) + a . dm
-        turn = np.array([
-            direction[1] * inward[2] - direction[2] * inward[1],
-            direction[2] * inward[0] - direction[0] * inward[2],
-            direction[0] * inward[1] - direction[1] * inward[0],
-        ])  # fmt: skip
+        cross(direction, inward, turn)
         add_turn_row(rows.gradients[row], body, turn, ANGLE_SCALE, tree, frames)
         rows.gradients[row] -= ANGLE_SCALE * ((touch.hessians[i] @ direction) @ touch.jacobians[i])

@@ -4,14 +4,14 @@ from itertools import permutations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex_kernel import Obstacle, convex_distance
+from dexgrasp.geometry.triangle import cross
 from dexgrasp.kinematics.forward import to_world
 from dexgrasp.physics.cones import basis_of
 from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.problem import Problem
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 NEIGHBOURS = 16
@@ -23,7 +23,7 @@ _PALM_ROOM = 0.028  # m from the palm's centre to the object: half its thickness
 _PALM_HEIGHT = 0.06  # m of the palm's centre above the table
 
 
-def assignments(count: int) -> NDArray[np.int64]:
+def assignments(count: int) -> Index:
     """Return the orders (A, count) in which fingers can take contacts; the first leaves them as they are."""
     return np.array(list(permutations(range(count))))
 
@@ -48,9 +48,9 @@ class Placements(NamedTuple):
     """M postures of the atlas put on assigned triples; those of one triple follow each other."""
 
     goals: Goals  # K of them
-    triple: NDArray[np.int64]  # (M,) which goal
+    triple: Index  # (M,) which goal
     scores: Array  # (M,) above 0
-    which: NDArray[np.int64]  # (M,) posture of the atlas
+    which: Index  # (M,) posture of the atlas
     rotations: Array  # (M, 3, 3) of the palm frame
     positions: Array  # (M, 3) m
 
@@ -71,9 +71,9 @@ def _frame(triangle: Array, out: Array) -> None:
     for r in range(3):
         out[r, 0], across[r] = triangle[1, r] - triangle[0, r], triangle[2, r] - triangle[0, r]
     _unit(out, 0)
-    _cross(out[:, 0], across, out[:, 2])
+    cross(out[:, 0], across, out[:, 2])
     _unit(out, 2)
-    _cross(out[:, 2], out[:, 0], out[:, 1])
+    cross(out[:, 2], out[:, 0], out[:, 1])
 
 
 @njit
@@ -99,11 +99,6 @@ def _unit(columns: Array, k: int) -> None:
     size = np.sqrt(columns[0, k] ** 2 + columns[1, k] ** 2 + columns[2, k] ** 2) + 1e-12
     for r in range(3):
         columns[r, k] /= size
-
-
-@njit
-def _cross(a: Array, b: Array, out: Array) -> None:
-    out[0], out[1], out[2] = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @njit
@@ -170,7 +165,7 @@ def _score(
 
 @njit
 def _useful(
-    goals: Goals, near: NDArray[np.int64], tips: Tips, obstacle: Obstacle, palm: Array, height: float
+    goals: Goals, near: Index, tips: Tips, obstacle: Obstacle, palm: Array, height: float
 ) -> Placements:
     """Put on each of K assigned triples those of its neighbours in the atlas, `near` (K, n), that will do."""
     K, most = near.shape
@@ -205,7 +200,7 @@ def place_on_atlas(
     contacts: Array,
     normals: Array,
     problem: Problem,
-    orders: NDArray[np.int64],
+    orders: Index,
     neighbours: int = NEIGHBOURS,
 ) -> Placements:
     """Put hand postures on contacts: a neighbour search by triangle, and one rigid alignment each.

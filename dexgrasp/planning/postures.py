@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.field import Field, field_at
 from dexgrasp.kinematics.forward import (
@@ -31,7 +30,7 @@ from dexgrasp.planning.holding import ENOUGH, narrowed_friction
 from dexgrasp.planning.placement import Placements, assignments, place_on_atlas
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z
 
@@ -85,7 +84,7 @@ def atlas_postures(proposals: Proposals, problem: Problem) -> Iterator[Posture]:
             yield Posture(q, problem, int(placed.triple[k]) // len(orders), float(merit[k]))
 
 
-def _by_room(placed: Placements, merit: Array, problem: Problem) -> NDArray[np.int64]:
+def _by_room(placed: Placements, merit: Array, problem: Problem) -> Index:
     """Return placements, the likeliest first: by merit (M,), those set back in which neighbours crowd the hand."""
     if problem.target.field is not None:
         robot, tree = problem.cell.robot, problem.tree
@@ -97,9 +96,7 @@ def _by_room(placed: Placements, merit: Array, problem: Problem) -> NDArray[np.i
 
 
 @njit
-def _rooms(
-    placed: Placements, joints: Array, tree: RobotTree, bodies: NDArray[np.int64], field: Field
-) -> Array:
+def _rooms(placed: Placements, joints: Array, tree: RobotTree, bodies: Index, field: Field) -> Array:
     """Clearances (M,) m of some bodies of the hand from what stands around, of placements."""
     out, frames, q, centre = (
         np.empty(len(placed.which)),

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from dexgrasp.physics.margin import margins_to
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
 _ENOUGH = 0.7  # closure margin from where more is no merit
@@ -42,9 +42,7 @@ def contact_sensitivity(contacts: Array, normals: Array, target: GraspTarget) ->
     return offset + uneven + np.maximum(normals[:, :, 2], 0.0).max(1)
 
 
-def most_robust(
-    contacts: Array, normals: Array, target: GraspTarget, settings: PlannerSettings
-) -> NDArray[np.int64]:
+def most_robust(contacts: Array, normals: Array, target: GraspTarget, settings: PlannerSettings) -> Index:
     """Return the `settings.triples` most robust of triples in closure, best first.
 
     Those nearly the same as a better one are left out. Margins, the dear part, are at most `_ROUGH` too low. They are
@@ -65,7 +63,7 @@ def most_robust(
     return chosen
 
 
-def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
+def best_apart(contacts: Array, score: Array, count: int) -> Index:
     """Return the best of triples (K, N, 3) with contacts anywhere, without those nearly the same as a better one.
 
     A score of minus infinity is that of a triple which may not be chosen.
@@ -74,7 +72,7 @@ def best_apart(contacts: Array, score: Array, count: int) -> NDArray[np.int64]:
 
 
 @njit
-def _best_apart(contacts: Array, order: NDArray[np.int64], count: int) -> NDArray[np.int64]:
+def _best_apart(contacts: Array, order: Index, count: int) -> Index:
     chosen, n = np.empty(count, np.int64), 0
     for k in order:
         near = False
@@ -96,7 +94,7 @@ def _best_apart(contacts: Array, order: NDArray[np.int64], count: int) -> NDArra
     return chosen[:n]
 
 
-def best_shared(triples: NDArray[np.integer[Any]], score: Array, count: int) -> NDArray[np.int64]:
+def best_shared(triples: NDArray[np.integer[Any]], score: Array, count: int) -> Index:
     """Return the best of triples or pairs (K, N) of sampled points, but no point more often than its share.
 
     Points lie farther apart than `best_apart` looks: without shares one good point would be in most triples.

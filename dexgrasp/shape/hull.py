@@ -1,13 +1,11 @@
 """The convex hull of a cloud, trimmed of noise and completed down to the table."""
 
 from functools import cache
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp_env.arrays import Array, fibonacci_directions
+from dexgrasp_env.arrays import Array, Mask, fibonacci_directions
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.perception.plane import Plane
 
@@ -21,7 +19,7 @@ _INWARDS = 0.3  # of the noise: how much farther in the hull begins than the las
 _FACES = 80  # of a hull that is kept clear of
 
 
-def cloud_corners(points: NDArray[Any], plane: Plane | None = None) -> Array | None:
+def cloud_corners(points: Array, plane: Plane | None = None) -> Array | None:
     """Return the corners of the convex hull of the points in the world frame, trimmed for the plane's noise.
 
     No camera sees the underside, and points near the table are removed with it. The object stands on the
@@ -85,7 +83,7 @@ def trim_extremes(points: Array, noise: float) -> Array:
 
 
 @njit
-def _limits(along: Array, count: int, inwards: float) -> tuple[Array, NDArray[np.bool_]]:
+def _limits(along: Array, count: int, inwards: float) -> tuple[Array, Mask]:
     """Return how far out (K,) points may be, and which (M,) are farther in any direction; `along` (K, M) says how far.
 
     It is `inwards` from the farthest but `count` of them, of which there are few.
