@@ -19,7 +19,7 @@ def row(protocol, success, trial=0, agent="a"):
 def test_robust_is_all_eight_and_their_parts():
     assert len(ROBUST) == 8
     clutter = {name for name in PROTOCOLS if name.startswith("clutter_")}
-    assert len(clutter) == 11
+    assert len(clutter) == 16
     assert {*parts("robust"), "presented", "place", "lift@warp", *clutter} == set(PROTOCOLS)
     assert parts("slippery") == GROUPS["slippery"]
     assert parts("lift") == ("lift",)

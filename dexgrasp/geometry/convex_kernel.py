@@ -35,14 +35,16 @@ NOTHING = Obstacle(np.empty((0, 3, 3)), np.empty((0, 4)), np.zeros(1, np.int64))
 
 @njit
 def _farthest_plane(
-    px: float, py: float, pz: float, planes: Array, first: int, end: int
+    px: float, py: float, pz: float, planes: Array, first: int, end: int, limit: float
 ) -> tuple[float, int]:
-    """Return the largest plane value of a part, a lower bound of its distance, and its face."""
+    """Return the largest plane value of a part, a lower bound of its distance, and its face; from `limit` on any."""
     best, face = -math.inf, first
     for j in range(first, end):
         value = planes[j, 0] * px + planes[j, 1] * py + planes[j, 2] * pz + planes[j, 3]
         if value > best:
             best, face = value, j
+            if best >= limit:
+                break
     return best, face
 
 
@@ -94,8 +96,9 @@ def closest_feature(
     distance, beyond, code, face = math.inf, math.inf, 0, 0
     for part in range(obstacle.starts.shape[0] - 1):
         first, end = obstacle.starts[part], obstacle.starts[part + 1]
-        bound, seen = _farthest_plane(px, py, pz, planes, first, end)
-        if bound >= min(distance, limit):
+        enough = min(distance, limit)
+        bound, seen = _farthest_plane(px, py, pz, planes, first, end, enough)
+        if bound >= enough:
             beyond = min(beyond, bound)
             continue
         if bound > 0.0:

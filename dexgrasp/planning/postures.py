@@ -39,7 +39,7 @@ _FOLDED, _SPREADS = (
     0.85,
     0.3,
 )  # share of the range that a folded joint has turned; rad below 0 of one that spreads
-_DEEPEST = 0.02  # m in a neighbour from which the optimiser seldom finds out
+_DEEPEST = 0.005  # m in a neighbour from which the optimiser seldom finds out
 _ROOM = 0.012  # m between hand and neighbours beyond which there is room to open
 _CROWDED = 60.0  # load that a metre less of it is worth
 _POSE = 0.2  # load that a unit of a placement's score is worth
