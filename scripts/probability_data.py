@@ -39,6 +39,7 @@ from dexgrasp.registry import make_agent
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.runs.shards import Arrays, bytes_of, is_shard, make_missing, write_shard
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.objects.sets import is_set, set_member
@@ -154,17 +155,23 @@ def _env(job: Job, settings: Mapping[str, Any]) -> gym.Env[Any, Any]:
     return gym.make("DexGrasp/Lift-v2", objects=[target], disable_env_checker=True, **own, **settings)
 
 
-def plan(job: Job) -> tuple[PlanResult, float]:
-    """Plan in a scene; return the plan, one grasp at most, and the object's mass, kg."""
+def look(job: Job) -> tuple[Any, Scene, Array, float]:
+    """Look at a scene; return who plans, what was seen, where the robot starts, and the object's mass, kg."""
     name = "bilevel" if job.planner == "later" else job.planner
     agent: Any = make_agent(name, settings=PlannerSettings.for_friction(job.told_friction))
     env = _env(job, {**agent.env_settings, **_SEEN[job.seen][1]})
     observation, info = env.reset(seed=job.seed)
     mass = float(env.unwrapped.simulation.object.mass)  # type: ignore[attr-defined]
     env.close()
-    scene = Scene.of_observation(observation, public_info(env, info))
     planner = agent._planner
-    start, count = start_of(observation, planner.cell.robot), _LATER if job.planner == "later" else None
+    scene = Scene.of_observation(observation, public_info(env, info))
+    return planner, scene, start_of(observation, planner.cell.robot), mass
+
+
+def plan(job: Job) -> tuple[PlanResult, float]:
+    """Plan in a scene; return the plan, one grasp at most, and the object's mass, kg."""
+    planner, scene, start, mass = look(job)
+    count = _LATER if job.planner == "later" else None
     result = plan_scene(planner, scene, job.seed, start, mass=mass if job.told_mass else None, count=count)
     if count and result.found:
         of_set = np.random.default_rng([SEED, job.number, 2])
