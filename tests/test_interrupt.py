@@ -151,7 +151,7 @@ def test_evaluate_in_the_middle_keeps_every_trial(tmp_path):
         ("dataset generate --objects pear", "dexgrasp.dataset.generate.generate"),
         ("demos generate --objects pear", "dexgrasp.demos.generate.generate"),
         ("train cvae --data data", "dexgrasp.cvae.cvae_training.CvaeTraining"),
-        ("train bc --data data --view state", "dexgrasp.imitation.cloning.Cloning"),
+        ("train bc --data data --view state", "dexgrasp.imitation.cloning.Cloning.__init__"),
         ("train ppo --objects pear", "dexgrasp.reinforcement.policy_training.PolicyTraining"),
     ],
 )

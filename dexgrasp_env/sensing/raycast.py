@@ -39,7 +39,6 @@ class RayCameras:
         self._rays = [(c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel() for c in self.cameras]
         self._distance = np.empty((len(self.cameras), i.height * i.width))
         self._geom = np.empty((len(self.cameras), i.height * i.width), np.int32)
-        self._looked_at = np.empty(0)
 
     def render(self, data: "mujoco.MjData") -> NDArray[np.float32]:
         """Return depth, (cameras, H, W) metres, inf where nothing; `data` needs current kinematics."""
@@ -54,13 +53,9 @@ class RayCameras:
         return self._geom.reshape(-1, *self._shape).copy()
 
     def _cast(self, data: "mujoco.MjData") -> None:
-        """Fill the images, unless they are of this very scene: a depth image and its mask come of the same rays."""
         import mujoco
 
-        n, scene = self._distance.shape[1], np.concatenate([data.geom_xpos, data.geom_xmat], axis=1)
-        if np.array_equal(scene, self._looked_at):
-            return
-        self._looked_at = scene
+        n = self._distance.shape[1]
         for k, camera in enumerate(self.cameras):
             mujoco.mj_multiRay(
                 self._model, data, camera.position, self._rays[k], SEEN, True, -1,

@@ -2,7 +2,7 @@
 
 import copy
 from collections.abc import Sequence
-from functools import cache, cached_property, lru_cache
+from functools import cache, lru_cache
 from typing import Any, NamedTuple, Protocol
 
 import mujoco
@@ -84,7 +84,8 @@ class Simulation:
             if neighbours
             else compiled_scene(model, cell)
         )
-        self.data = mujoco.MjData(self.base)
+        self.model = copy.copy(self.base)
+        self.data = mujoco.MjData(self.model)
         self.variation = Variation()
         self.physics: Any = None
         """What advances the scene in the place of MuJoCo: a `WarpPhysics` of one environment."""
@@ -100,11 +101,6 @@ class Simulation:
         self._warnings = data.warning.number
         self._rollout = Rollout(nthread=0)
         self._state = np.zeros((1, mujoco.mj_stateSize(self.base, _PHYSICS)))
-
-    @cached_property
-    def model(self) -> mujoco.MjModel:
-        """The model that is stepped; a copy where nobody gives another, made when it is asked for: 6 MB each."""
-        return copy.copy(self.base)
 
     def among(self, neighbours: Sequence[ObjectModel], walled: bool) -> "Simulation":
         """Return the scene of the object with neighbours around it, advanced by the same physics."""
