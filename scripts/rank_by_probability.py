@@ -17,10 +17,10 @@ from probability_data import Job, look, outcome_of
 from dexgrasp.cli.command import Argument, File, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import mcnemar
-from dexgrasp.grasp.content import planned_record
 from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.result import Planned, PlanResult
 from dexgrasp.planning.seen import plan_scene
+from dexgrasp.planning.sure import chances_of
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.valid import Count
 
@@ -57,10 +57,7 @@ def row_of(job: Job) -> dict[str, Any]:
 
 def chance(planned: Planned, result: PlanResult) -> float:
     """Return how likely a grasp is held through pushes."""
-    assert result.target is not None
-    known = planned_record("", planned.grasp, result.target, result.settings).holds_probability
-    assert known is not None
-    return known.pushed.value
+    return chances_of(planned, result).pushed.value
 
 
 class Rank(Script):

@@ -3,6 +3,7 @@
 import numpy as np
 
 from dexgrasp.grasp.content import planned_record
+from dexgrasp.grasp.record import HoldsProbability
 from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import Planned, PlanResult, Progress
@@ -53,7 +54,12 @@ def _likely(result: PlanResult, found: list[Planned]) -> list[Planned]:
 
 
 def chance_of(planned: Planned, result: PlanResult) -> float:
-    """Return how likely a grasp of a plan is to be lifted and held.
+    """Return how likely a grasp of a plan is to be lifted and held; raises as `chances_of`."""
+    return chances_of(planned, result).lifted.value
+
+
+def chances_of(planned: Planned, result: PlanResult) -> HoldsProbability:
+    """Return how likely a grasp of a plan is to hold.
 
     Raises:
         InputError: where no model knows.
@@ -65,4 +71,4 @@ def chance_of(planned: Planned, result: PlanResult) -> float:
             "at_least: how likely a grasp holds is known of the Panda with the Allegro hand alone, of objects without "
             "neighbours, on surfaces of friction 0.3 or more"
         )
-    return known.lifted.value
+    return known
