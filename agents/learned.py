@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.grasper import Grasper
-from dexgrasp.imitation.policy import Policy
+from dexgrasp.imitation.policy import Policy, PolicyRun
 from dexgrasp.reinforcement.actor import Actor
 from dexgrasp.reinforcement.grip import Grip
 from dexgrasp.runs.policy_folder import read_policy
@@ -37,7 +37,7 @@ class LearnedAgent(Agent):
         """
         self._policy = read_learned(expand(folder or asset_path("weights", self.shipped)))
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
-        self._run: Any = None
+        self._run: PolicyRun | None = None
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Look at the object."""
@@ -57,8 +57,7 @@ class LearnedAgent(Agent):
         """Return the next action."""
         if self._run is None:
             raise InputError("this agent has nothing to look at: reset() says why in report.failure")
-        action: NDArray[np.float32] = self._run.action(observation)
-        return action
+        return self._run.action(observation)
 
 
 def read_learned(folder: Path) -> Policy:

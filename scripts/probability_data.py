@@ -30,8 +30,7 @@ from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.trial import Outcome, run_trial
-from dexgrasp.motion.carrying import GuardedCarry
-from dexgrasp.motion.guarded import GuardedGrasp
+from dexgrasp.motion.carrying import PickUp
 from dexgrasp.planning.result import Planned, PlanResult
 from dexgrasp.planning.seen import plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
@@ -115,12 +114,10 @@ class Carrier(Agent):
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Begin."""
-        self._motion: GuardedGrasp | GuardedCarry = GuardedGrasp(self._script, self._grasp)
+        self._motion = PickUp(self._script, self._grasp)
 
     def act(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next set-points."""
-        if isinstance(self._motion, GuardedGrasp) and self._motion.done:
-            self._motion = GuardedCarry(self._motion)
         return self._motion.action(observation["joint_positions"])
 
 

@@ -65,7 +65,13 @@ def test_only_lifting_is_learned():
 
 
 @pytest.mark.parametrize(
-    ("algorithm", "more"), [("ppo", {}), ("sac", {}), ("ppo", {"control_mode": "grasp", "hold": 3})]
+    ("algorithm", "more"),
+    [
+        ("ppo", {}),
+        ("sac", {}),
+        ("ppo", {"control_mode": "grasp", "hold": 3}),
+        ("ppo", {"hold": 2, "chunk": 3}),
+    ],
 )
 def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
     settings = settings_of(algorithm, **more)
@@ -76,15 +82,17 @@ def test_the_agent_does_what_the_learner_means(algorithm, more, tmp_path):
     looks = work.envs.reset()
     agent, observation = begun(tmp_path / "out", 5)
     meant, _ = work.model.predict(looks[:1], deterministic=True)
-    acted = [agent.act(observation) for _ in range(settings.hold)]
-    np.testing.assert_allclose(acted, np.tile(acted[0], (settings.hold, 1)))
+    acted = [agent.act(observation) for _ in range(settings.span)]
+    np.testing.assert_allclose(acted, np.repeat(acted[:: settings.hold], settings.hold, axis=0))
     if not more:
         np.testing.assert_allclose(acted[0], meant[0], atol=1e-4)
     played = []
     work.envs.venv.step = lambda actions, step=work.envs.venv.step: played.append(actions) or step(actions)
     work.envs.step(np.repeat(meant, 2, axis=0))
-    assert len(played) == settings.hold
+    assert len(played) == settings.span
     np.testing.assert_allclose(played[0][0], acted[0], atol=1e-4)
+    if not work._acting.grasps:  # in which what is carried out follows from what is seen as well
+        np.testing.assert_allclose([actions[0] for actions in played], acted, atol=1e-4)
     work.envs.close()
 
 
@@ -92,6 +100,51 @@ def test_training_of_grasps_goes_on_to_the_same_bits(tmp_path):
     settings = settings_of("ppo", control_mode="grasp", hold=3, episode_steps=12, noise="rollout")
     whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
     assert [row["steps"] for row in whole.curve] == [24, 48, 72]
+
+
+@pytest.mark.parametrize("name", ["tomato_soup_can", "lego"])
+def test_every_height_of_the_grasp_space_is_above_the_table(name):
+    env = gym.make("DexGrasp/Lift-v2", objects=name, control_mode="ee_delta")
+    heights = []
+    for height in (-1.0, -0.8):
+        observation, _ = env.reset(seed=1)
+        observations = {key: value[None] for key, value in observation.items()}
+        space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
+        action = np.array([[0.2, -0.56, height, 0.0, 0.5, -1.0, -1.0]])
+        for _ in range(40):
+            observation, *_ = env.step(space.carried_out(action, observations)[0])
+            observations = {key: value[None] for key, value in observation.items()}
+        heights.append(observations["palm_pose"][0, 2])
+        np.testing.assert_allclose(space.look(observations), action, atol=0.2)
+    assert 0.11 < heights[0] < heights[1] - 0.01
+
+
+def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
+    settings = settings_of("ppo", control_mode="grasp", hold=28, chunk=3, episode_steps=84)
+    assert settings.length == 1
+    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    place, opened, closed = [0.2, -0.56, -0.86, 0.0, 0.5], [-1.0, -1.0], [1.0, 1.0]
+    lifted = [0.2, -0.56, 1.0, 0.0, 0.5]
+    answer = np.array([*place, *opened, *place, *closed, *lifted, *closed])
+    work = PolicyTraining(tmp_path / "whole", settings)
+    work.begin()
+    work.envs.seed(1)
+    work.envs.reset()
+    _, rewards, dones, _ = work.envs.step(np.tile(answer, (2, 1)))
+    assert dones.all()
+    assert rewards.min() > 30.0  # 25 is all there is for a grasp that does not lift
+    work.envs.close()
+
+    about, arrays = read_policy(tmp_path / "whole")
+    arrays = {name: 0.0 * array if name.startswith("actor.") else array for name, array in arrays.items()}
+    write_policy(tmp_path / "whole", about, arrays | {"actor.2.bias": answer.astype(np.float32)})
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
+    agent = make_agent(str(tmp_path / "whole"))
+    observation, info = env.reset(seed=1)
+    agent.reset(observation, info)
+    for _ in range(150):
+        observation, *_, info = env.step(agent.act(observation))
+    assert info["is_success"]
 
 
 def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
@@ -113,7 +166,7 @@ def test_a_grasp_is_a_few_points_of_the_grasp_space():
     observations = {key: value[None] for key, value in firsts.items()}
     space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
     opened, closed = [-1.0, -1.0], [1.0, 1.0]
-    above, at, lifted = ([0.2, -0.56, height, 0.0, 0.5] for height in (0.3, -0.5, 1.0))
+    above, at, lifted = ([0.2, -0.56, height, 0.0, 0.5] for height in (0.3, -0.86, 1.0))
     phases = [(above + opened, 32), (at + opened, 24), (at + closed, 28), (lifted + closed, 90)]
     for action, steps in phases:
         for _ in range(steps):

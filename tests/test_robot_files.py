@@ -2,6 +2,7 @@
 
 import json
 import re
+from dataclasses import replace
 
 import gymnasium as gym
 import numpy as np
@@ -149,6 +150,24 @@ def test_weak_fingers_are_moved_gently(made, tmp_path):
     assert (ours[:7] == weak[:7]).all()
     assert (weak[7:] < ours[7:]).all()
     assert weak[7:] == pytest.approx(0.5 * 0.02 / 0.001)
+
+
+def test_weak_fingers_press_less_and_are_judged_by_that(tmp_path):
+    hand = yaml.safe_load(asset_path("robot", "allegro.yaml").read_text()) | {"torque": 0.21}
+    (tmp_path / "hand.yaml").write_text(yaml.safe_dump(hand))
+    robot = yaml.safe_load(asset_path("robot", "panda_allegro.yaml").read_text()) | {"name": "weak"}
+    (tmp_path / "robot.yaml").write_text(yaml.safe_dump(robot | {"hand": "hand.yaml"}))
+    cell = make_cell(tmp_path / "robot.yaml")
+    plan = Planner(cell=cell).plan(replace(small_box(), mass=0.1), 0, cell.robot.home.copy())
+    assert plan.grasp.certificate.holds
+    content = plan.as_json("box")["grasp"]
+    assert content["thresholds"]["least_press"] == pytest.approx(0.3 * 2.5)
+    record = record_of(content, cell=cell)
+    assert [check.name for check in verify(record) if not check.holds] == []
+    content["thresholds"]["least_press"] = 0.5
+    assert "thresholds looser than ours" in [
+        check.name for check in verify(record_of(content, cell=cell)) if not check.holds
+    ]
 
 
 def test_an_arm_made_of_mjcf_stands_as_ours(tmp_path, made):

@@ -27,8 +27,8 @@ _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
 _BC = ("epochs", "threads", "hidden", "chunk", "execute")
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
 _SAC = (
-    "objects", "env_id", "control_mode", "hold", "episode_steps", "backend", "randomise", "resets", "share", "steps",
-    "num_envs", "hidden", "rate", "discount", "reward_scale", "threads",
+    "objects", "env_id", "control_mode", "hold", "chunk", "episode_steps", "backend", "randomise", "resets", "share",
+    "steps", "num_envs", "hidden", "rate", "discount", "reward_scale", "threads",
 )  # fmt: skip
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 

@@ -78,7 +78,7 @@ def planned_record(
         hull_offset=None if pose is None else pose.hull_offset(target),
         parts=target.corners,
         centre=target.centre,
-        thresholds=thresholds_for(settings, grasp.cell.robot.hand.tip_radius),
+        thresholds=thresholds_for(settings, grasp.cell.robot.hand),
         q=grasp.q,
         pregrasp=motion.pregrasp,
         grasp=motion.grasp,

@@ -4,6 +4,7 @@ from dataclasses import dataclass, replace
 from typing import Annotated
 
 from dexgrasp.grasp.values import Number, Positive
+from dexgrasp_env.robot.robot import Hand
 from dexgrasp_env.valid import number, pair
 
 Range = Annotated[tuple[float, float], pair(number())]
@@ -78,11 +79,11 @@ class Thresholds:
         """
         return 0.0 if self.is_low(top) else self.clearance
 
-    def looser(self, tip_radius: float) -> list[str]:
+    def looser(self, hand: Hand) -> list[str]:
         """Return the names of those that ask less than the frozen ones; the tip radius may be the hand's alone."""
-        ours = frozen_for(tip_radius)
+        ours = frozen_for(hand)
         low, high = self.distance[0] < ours.distance[0], self.distance[1] > ours.distance[1]
-        found = {"distance": low or high, "tip_radius": self.tip_radius != tip_radius}
+        found = {"distance": low or high, "tip_radius": self.tip_radius != hand.tip_radius}
         found |= {name: getattr(self, name) > getattr(ours, name) for name in _AT_MOST}
         found |= {name: getattr(self, name) < getattr(ours, name) for name in _AT_LEAST}
         return [name for name, worse in found.items() if worse]
@@ -94,12 +95,16 @@ _AT_LEAST = (
 )  # fmt: skip
 FROZEN = Thresholds()
 _NARROW = 0.01  # m: tips of a smaller radius go less deep, in proportion: their links are as narrow
+_WEAK = 0.7  # Nm, or N of slides: weaker joints press less, in proportion, as they have to squeeze as well
 
 
-def frozen_for(tip_radius: float) -> Thresholds:
-    """Return the frozen thresholds for tips of a radius, m."""
-    share, (low, high) = min(1.0, tip_radius / _NARROW), FROZEN.distance
-    return replace(FROZEN, tip_radius=tip_radius, distance=(share * low, share * high))
+def frozen_for(hand: Hand) -> Thresholds:
+    """Return the frozen thresholds for a hand's tips and torques."""
+    share, (low, high) = min(1.0, hand.tip_radius / _NARROW), FROZEN.distance
+    press = min(1.0, min(hand.joints.torque) / _WEAK) * FROZEN.least_press
+    return replace(
+        FROZEN, tip_radius=hand.tip_radius, distance=(share * low, share * high), least_press=press
+    )
 
 
 def planned_friction(mu: float) -> tuple[float, float]:
@@ -107,11 +112,11 @@ def planned_friction(mu: float) -> tuple[float, float]:
     return min(FROZEN.friction, FRICTION_SHARE * mu), min(FROZEN.friction_hold, HOLD_SHARE * mu)
 
 
-def thresholds_for(settings: Thresholds, tip_radius: float) -> Thresholds:
-    """Return what a grasp planned under `settings` for tips of a radius, m, is to be judged by.
+def thresholds_for(settings: Thresholds, hand: Hand) -> Thresholds:
+    """Return what a grasp planned under `settings` for a hand is to be judged by.
 
     That is the frozen thresholds; but the friction planned with, where it is less, and whatever the settings ask
     less of than the frozen ones, so that `verify` can refuse it by name.
     """
-    own = {"friction", "friction_hold", *settings.looser(tip_radius)} - {"tip_radius"}
-    return replace(frozen_for(settings.tip_radius), **{name: getattr(settings, name) for name in own})
+    own = {"friction", "friction_hold", *settings.looser(hand), "tip_radius"}
+    return replace(frozen_for(hand), **{name: getattr(settings, name) for name in own})

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.imitation.features import Observation, features, first_look
+from dexgrasp.agent import Observation
+from dexgrasp.imitation.features import features, first_look
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array

@@ -10,7 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.imitation.features import METRES, Observation, axes_along
+from dexgrasp.agent import Observation
+from dexgrasp.imitation.features import METRES, axes_along
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 

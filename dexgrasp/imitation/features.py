@@ -6,13 +6,14 @@ first lay. Everything is seen from the arm's base turned to the object: scenes t
 one scene to the network.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Observation
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
@@ -24,8 +25,6 @@ METRES = 10.0
 _NEWTONS = 5.0  # N, about what a tip presses with
 _STEPS = 100.0  # control steps that a unit of time lasts
 _LONGEST = 250  # control steps after which the clock stands still
-
-Observation = Mapping[str, NDArray[Any]]
 
 
 @dataclass(frozen=True)

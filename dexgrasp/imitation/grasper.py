@@ -10,18 +10,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Observation
 from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.imitation.cloud_look import NUMBERS, CloudLook, along, look_at
-from dexgrasp.imitation.features import Observation
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
 from dexgrasp.imitation.taken import Taken, of_row, out_of, sizes
 from dexgrasp.kinematics.palm_ik import palm_postures
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
-from dexgrasp.motion.carrying import GuardedCarry
-from dexgrasp.motion.guarded import TIP_DEPTH, GuardedGrasp, lag_of, pressing_torques
+from dexgrasp.motion.carrying import PickUp
+from dexgrasp.motion.guarded import TIP_DEPTH, lag_of, pressing_torques
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.runs.policy_folder import Arrays
@@ -92,12 +92,10 @@ class GrasperRun:
             raise InputError(f"the policy was not cloned with a hand like that of {cell.robot.name}")
         look, start = look_at(first), np.array(first["joint_targets"], dtype=float)
         script, grasp = _first(grasper.grasps(look, tree), look, start, cell)
-        self._motion: GuardedGrasp | GuardedCarry = GuardedGrasp(script, grasp)
+        self._motion = PickUp(script, grasp)
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action, of `joint_position`."""
-        if isinstance(self._motion, GuardedGrasp) and self._motion.done:
-            self._motion = GuardedCarry(self._motion)
         return self._motion.action(observation["joint_positions"])
 
 

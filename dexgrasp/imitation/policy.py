@@ -2,11 +2,12 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Observation
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -14,6 +15,13 @@ from dexgrasp_env.robot.cell import Cell, default_cell
 
 FARTHEST = 6.0
 """Standard deviations that features are clipped at."""
+
+
+class PolicyRun(Protocol):
+    """A policy in one episode."""
+
+    def action(self, observation: Observation) -> NDArray[np.float32]:
+        """Return the next action."""
 
 
 class Policy(ABC):
@@ -60,8 +68,8 @@ class Policy(ABC):
         """Take what there is; return whether it fits together."""
 
     @abstractmethod
-    def begin(self, first: Mapping[str, NDArray[Any]], cell: Cell) -> Any:
-        """Start an episode in a cell at its first observation; the `action` of what is returned gives the next action.
+    def begin(self, first: Observation, cell: Cell) -> PolicyRun:
+        """Start an episode in a cell at its first observation.
 
         Raises:
             InputError: where there is nothing to look at, or the robot is another.

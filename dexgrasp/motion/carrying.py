@@ -6,6 +6,8 @@ the object as it then is.
 
 import numpy as np
 
+from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import follow
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.guarded import GuardedGrasp, finger_of_joints, lag_of, pressing_torques, tip_spans
@@ -92,3 +94,17 @@ class GuardedCarry(Motion):
         free = of_finger @ (given * asked) < _FREE_SHARE * (of_finger @ (asked * asked))
         # Turned, an object that has shifted in the hand leans elsewhere: two fingertips may do.
         return bool(free.all() if self._turned else free.any())
+
+
+class PickUp(Motion):
+    """Takes hold of an object and carries it, one after the other."""
+
+    def __init__(self, script: ActionScript, grasp: Grasp) -> None:
+        """Take what `GuardedGrasp` takes."""
+        self._motion: GuardedGrasp | GuardedCarry = GuardedGrasp(script, grasp)
+        self.tree = self._motion.tree
+
+    def _next(self, q: Array) -> Array:
+        if isinstance(self._motion, GuardedGrasp) and self._motion.done:
+            self._motion = GuardedCarry(self._motion)
+        return self._motion._next(q)

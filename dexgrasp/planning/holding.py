@@ -17,6 +17,7 @@ ENOUGH = 6.0
 """Weights: to bear a larger push only strains the hand."""
 DOWN = np.array([0.0, 0.0, -1.0])
 UNBALANCED = "no forces within friction cones and joint torques balance gravity at these contacts"
+_LIGHTER = 0.5  # of the share of the weight that can be balanced: what forces are made for instead
 _LEVER = 0.03  # m over which a surface that was guessed turns by its error in place
 _LEAST_ANGLE = 0.02  # rad, of a cone that has been narrowed to nothing
 
@@ -79,6 +80,26 @@ def firmest_hold(q: Array, problem: Problem) -> Hold:
         forces[:, :3] = -settings.least_press * contacts.normals
         return Hold(contacts, distance, forces, 0.0, 0.0)
     return Hold(contacts, distance, most.forces, most.share, min(firm.load, most.load))
+
+
+def lightened(hold: Hold, problem: Problem) -> Hold:
+    """Return a hold of part of the weight made that of a lighter object: the mass is assumed, and mostly too high.
+
+    Forces that balance all they can are at the edge of a cone or of a torque limit, and bear no push. These bear the
+    largest push on an object that weighs half as much.
+
+    Args:
+        hold: whatever it bears; one that bears the whole weight, or nothing, stays as it is.
+        problem: that it was found for.
+    """
+    if hold.holds or hold.share == 0.0:
+        return hold
+    part, settings = _LIGHTER * hold.share, problem.settings
+    firm = squeeze = robust_squeeze(hold.contacts, hold.distances, problem, part * DOWN)
+    if firm.share < 1.0:
+        judged = np.full_like(hold.distances, settings.friction_hold)
+        squeeze = _squeeze(hold.contacts, judged, settings, part * DOWN)
+    return hold._replace(forces=squeeze.forces, merit=part * firm.load)
 
 
 def robust_squeeze(contacts: Contacts, distance: Array, problem: Problem, down: Array = DOWN) -> Squeeze:

@@ -13,7 +13,7 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import check_way, make_script
 from dexgrasp.planning.atlas import hand_atlas
 from dexgrasp.planning.certifier import OPEN_CLEARANCE, Candidate, Start, certified, completed
-from dexgrasp.planning.holding import Hold, firmest_hold
+from dexgrasp.planning.holding import Hold, firmest_hold, lightened
 from dexgrasp.planning.postures import Posture, atlas_postures
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals, ProposalSource, SurfaceProposals
@@ -113,6 +113,8 @@ class Planner:
                 break
             if self._firm(search, self.settings.broadened(breadth), pool, late or crowded):
                 break
+        if not result.found:
+            pool = [one._replace(hold=lightened(one.hold, one.start.problem)) for one in pool]
         if result.found or search.take(pool, lambda _: True):
             result.shortfall = None
         else:
@@ -199,8 +201,9 @@ class Search:
 
     def take(self, pool: list[Candidate[Posture]], enough: Callable[[Hold], bool]) -> bool:
         """Whether a candidate that is good enough can be carried out; it is found then, and failures leave the pool."""
-        # What holds the weight comes before what does not, though its merit with less friction may be lower.
-        pool.sort(key=lambda candidate: (not candidate.hold.holds, -candidate.hold.merit))
+        # What holds the weight comes before what does not, though its merit with less friction may be lower; of many
+        # that have none, those that hold more of it.
+        pool.sort(key=lambda one: (not one.hold.holds, -one.hold.merit, -one.hold.share))
         while pool and enough(pool[0].hold):
             if self.carried_out(pool.pop(0)):
                 return True

@@ -13,6 +13,7 @@ GRASPS = number(ge=1, le=MOST, whole=True)._replace(
     words=f"a whole number from 1 to {MOST} (`dexgrasp dataset generate` makes more)"
 )
 """How many grasps that differ may be asked for."""
+_OF_HAND = ("distance", "least_press")  # what is the hand's unless it is asked for
 
 
 @dataclass(frozen=True)
@@ -82,11 +83,10 @@ class PlannerSettings(Thresholds):
 
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""
-        radius = hand.tip_radius
-        distance = frozen_for(radius).distance if self.distance == FROZEN.distance else self.distance
-        return replace(
-            self, tip_radius=radius, distance=distance, fingers=len(hand.grasp), torsion=hand.torsion
-        )
+        ours = frozen_for(hand)
+        own = {name: getattr(ours, name) for name in _OF_HAND if getattr(self, name) == getattr(FROZEN, name)}
+        fingers = len(hand.grasp)
+        return replace(self, tip_radius=hand.tip_radius, fingers=fingers, torsion=hand.torsion, **own)
 
     @property
     def proposed(self) -> Shape:

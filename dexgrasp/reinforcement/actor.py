@@ -6,8 +6,9 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone, CloneRun
-from dexgrasp.imitation.features import Observation, Scene, features, first_look, side_by_side
+from dexgrasp.imitation.features import Scene, features, first_look, side_by_side
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
 from dexgrasp.reinforcement.grasp_space import SIZE, GraspSpace
 from dexgrasp.runs.arrays import below
@@ -23,8 +24,10 @@ class Acting(NamedTuple):
         scaling: of the features that it is given.
         clone: that acts along, or None.
         share: of the network's action that is carried out, on the clone's.
-        hold: control steps that an answer stands for.
-        grasps: whether answers are of a `GraspSpace`.
+        hold: control steps that an action stands for.
+        grasps: whether actions are of a `GraspSpace`.
+        chunk: actions, one after the other, that an answer holds.
+        once: whether one answer is an episode's; its last action stands until the end.
     """
 
     scaling: Scaling
@@ -32,6 +35,17 @@ class Acting(NamedTuple):
     share: float = 1.0
     hold: int = 1
     grasps: bool = False
+    chunk: int = 1
+    once: bool = False
+
+    @property
+    def span(self) -> int:
+        """Control steps that an answer stands for."""
+        return self.hold * self.chunk
+
+    def action(self, answers: Array, step: int) -> Array:
+        """Return the actions (N, m) of answers (N, chunk * m) at a control step from the look on."""
+        return answers.reshape(len(answers), self.chunk, -1)[:, step // self.hold]
 
 
 class Actor(Policy):
@@ -42,13 +56,16 @@ class Actor(Policy):
     def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
         scaling, self._squashed = Scaling(arrays["mean"], arrays["scale"]), bool(about["squashed"])
         clone = Clone(about["base"], below(arrays, "base.")) if about.get("base") else None
-        hold, grasps = int(about.get("hold", 1)), bool(about.get("grasps"))
-        self.acting = Acting(scaling, clone, float(about["share"]), hold, grasps)
+        hold, grasps, chunk = int(about.get("hold", 1)), bool(about.get("grasps")), int(about.get("chunk", 1))
+        once = bool(about.get("once"))
+        self.acting = Acting(scaling, clone, float(about["share"]), hold, grasps, chunk, once)
         self._actor = Mlp(arrays, "actor", np.tanh if about["activation"] == "tanh" else relu)
         inputs, outputs = len(scaling.mean), self._actor.outputs
+        if min(hold, chunk) < 1 or outputs % chunk:
+            return False
         if clone is None:
-            return self._actor.inputs == inputs and hold > 0 and (not grasps or self._actor.outputs == SIZE)
-        return self._actor.inputs == inputs + outputs and clone.joints == outputs
+            return self._actor.inputs == inputs and (not grasps or outputs == SIZE * chunk)
+        return self._actor.inputs == inputs + clone.joints and clone.joints * chunk == outputs
 
     def begin(self, first: Observation, cell: Cell) -> "ActorRun":
         """Start an episode in a cell."""
@@ -94,7 +111,7 @@ class Eyes:
     def look(self, observations: Observation) -> NDArray[np.float32]:
         """Return what the network is given now, (N, F): scaled features, and the clones' actions."""
         looks = self._see(self._scenes, observations, slice(None))
-        self._steps += self._acting.hold
+        self._steps += self._acting.span
         if self._acting.clone is None:
             return looks
         acted = [clone.action(one(observations, i)) for i, clone in enumerate(self._clones) if clone]
@@ -126,15 +143,17 @@ class ActorRun(Eyes):
 
     def __init__(self, actor: Actor, first: Observation, cell: Cell) -> None:
         super().__init__(actor.acting, _alone(first), cell)
-        self._actor, self._held = actor, 0
+        self._actor, self._step = actor, 0
         self._answer = np.zeros(0)
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action."""
-        if self._held % self._acting.hold == 0:
+        span = self._acting.span
+        step = min(self._step, span - 1) if self._acting.once else self._step % span
+        if step == 0 and not (self._acting.once and self._step):
             self._answer = self._actor.correction(self.look(_alone(observation)))
-        self._held += 1
-        return self.carried_out(self._answer, _alone(observation))[0]
+        self._step += 1
+        return self.carried_out(self._acting.action(self._answer, step), _alone(observation))[0]
 
 
 def one(observations: Observation, i: int) -> Observation:

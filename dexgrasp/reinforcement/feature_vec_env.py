@@ -15,20 +15,30 @@ from dexgrasp.reinforcement.grasp_space import SIZE
 class FeatureVecEnv(VecEnvWrapper):
     """Gives what an `Actor`'s network is given, and carries out what an `Actor` would."""
 
-    def __init__(self, envs: VecEnv, acting: Acting, reward_scale: float = 1.0, ends: bool = False) -> None:
+    def __init__(
+        self,
+        envs: VecEnv,
+        acting: Acting,
+        reward_scale: float = 1.0,
+        discount: float = 1.0,
+        ends: bool = False,
+    ) -> None:
         """Wrap environments.
 
         Args:
             envs: of `obs_mode="state"`.
             acting: how answers become actions.
             reward_scale: factor on rewards.
+            discount: of a reward an answer later; of those within it, by as much as they are later.
             ends: the time limit is an end, as of the task, behind which there is nothing to be had.
         """
         width = np.size(acting.scaling.mean) + (acting.clone.joints if acting.clone else 0)
-        actions = spaces.Box(-1.0, 1.0, (SIZE,), np.float32) if acting.grasps else None
+        size = SIZE if acting.grasps else int(np.prod(envs.action_space.shape or ()))
+        actions = spaces.Box(-1.0, 1.0, (acting.chunk * size,), np.float32)
         super().__init__(envs, spaces.Box(-np.inf, np.inf, (width,), np.float32), actions)
         self._acting, self._cell = acting, envs.get_attr("settings")[0].cell
-        self._scale, self._ends = reward_scale, ends
+        self._ends = ends
+        self._scales = reward_scale * discount ** (np.arange(acting.span) / acting.span)
         self._eyes: Eyes | None = None
         self._now: Any = {}
         self._answers = np.zeros(0)
@@ -56,15 +66,15 @@ class FeatureVecEnv(VecEnvWrapper):
         assert eyes is not None
         rewards, ended = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
         told: list[dict[str, Any]] = []
-        for _ in range(self._acting.hold):
-            actions = eyes.carried_out(self._answers, self._now)
+        for step in range(self._acting.span):
+            actions = eyes.carried_out(self._acting.action(self._answers, step), self._now)
             self._now, gained, dones, infos = self.venv.step(actions)
             told = [
                 before if over else info
                 for before, over, info in zip(told or infos, ended, infos, strict=True)
             ]
             self._returns += gained
-            rewards += np.where(ended, 0.0, gained)
+            rewards += np.where(ended, 0.0, self._scales[step] * gained)
             for i in np.flatnonzero(dones).tolist():
                 self.finished.append((float(self._returns[i]), bool(infos[i]["is_success"])))
                 infos[i]["terminal_observation"] = eyes.last(i, infos[i]["terminal_observation"])
@@ -72,7 +82,7 @@ class FeatureVecEnv(VecEnvWrapper):
                 eyes.begin(i, one(self._now, i))
                 self._returns[i] = 0.0
             ended |= dones
-        return eyes.look(self._now), self._scale * rewards, ended, told
+        return eyes.look(self._now), rewards, ended, told
 
 
 def measure(envs: VecEnv, acting: Acting, steps: int, rng: np.random.Generator) -> Scaling:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.imitation.features import Observation
+from dexgrasp.agent import Observation
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.robot import Robot
@@ -26,7 +26,7 @@ _PALM = {
     "tilted": (0.1, 0.2),
 }
 """Middle and span of the palm's place, m, along the object's narrowest level direction, level across it, and above its
-top; rad from closing along that direction, and of the thumb upwards."""
+top (from where tips clear the table on); rad from closing along that direction, and of the thumb upwards."""
 _OPEN = {
     "index": (-0.15, 0.86, 0.0, 0.04),
     "middle": (0.06, 0.86, 0.0, 0.07),
@@ -45,7 +45,7 @@ _GAIN, _FASTEST = 0.5, 0.8  # share of what is left that a control step goes, an
 _CLOSING = 0.1  # rad that a joint of the hand moves in a control step at most
 _TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
 _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narrowest
-_MIDDLES, _SPANS = np.array(list(_PALM.values())).T
+_ABOVE = list(_PALM).index("above")
 
 
 class GraspSpace:
@@ -62,6 +62,7 @@ class GraspSpace:
                 row[self._column(*place)] = size
         count = len(firsts["object_pose"])
         self._origins, self._axes = np.zeros((count, 3)), np.zeros(count)
+        self._middles, self._spans = np.tile(np.array(list(_PALM.values())).T[:, None], (1, count, 1))
         self.begin(slice(None), firsts)
 
     def _column(self, finger: str, k: int) -> int:
@@ -75,6 +76,11 @@ class GraspSpace:
         origins = pose[:, :3].copy()
         origins[:, 2] += 0.5 * (np.abs(R[:, 2]) * size).sum(axis=-1)
         self._origins[rows] = origins
+        # No part of an action's range is under the table, where it would make no difference.
+        middle, span = _PALM["above"]
+        lowest = np.maximum(middle - span, _LEAST_Z - origins[:, 2])
+        self._middles[rows, _ABOVE] = 0.5 * (middle + span + lowest)
+        self._spans[rows, _ABOVE] = 0.5 * (middle + span - lowest)
         # The narrowest grip that turns the wrist least: of round things all are as narrow.
         level = np.stack([np.cos(_TURNS), np.sin(_TURNS)])
         widths = (np.abs(np.einsum("nij,ik->njk", R[:, :2], level)) * size[:, :, None]).sum(axis=1)
@@ -102,14 +108,15 @@ class GraspSpace:
         )
         bent = np.asarray(observations["joint_positions"], dtype=float)[:, self._robot.arm_dof :] - self._open
         closed = bent @ self._closing.T / (self._closing**2).sum(axis=1)
-        return np.concatenate([(places - _MIDDLES) / _SPANS, 2.0 * closed - 1.0], axis=1)
+        return np.concatenate(
+            [(places - self._middles[rows]) / self._spans[rows], 2.0 * closed - 1.0], axis=1
+        )
 
     def carried_out(self, actions: Array, observations: Observation) -> NDArray[np.float32]:
         """Return the environments' actions (N, m), which go a control step towards the set-points (N, SIZE)."""
-        along, across, above, turned, tilted = (_MIDDLES + _SPANS * actions[:, : len(_PALM)]).T
+        along, across, above, turned, tilted = (self._middles + self._spans * actions[:, : len(_PALM)]).T
         c, s = np.cos(self._axes), np.sin(self._axes)
         goals = self._origins + np.stack([c * along - s * across, s * along + c * across, above], axis=1)
-        goals[:, 2] = np.maximum(goals[:, 2], _LEAST_Z)
         palm = np.asarray(observations["palm_pose"], dtype=float)
         now = np.asarray(observations["joint_targets"], dtype=float)[:, self._robot.arm_dof :]
         bent = self._open + 0.5 * (actions[:, len(_PALM) :] + 1.0) @ self._closing

@@ -11,8 +11,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone, CloneRun
-from dexgrasp.imitation.features import Observation, features, first_look
+from dexgrasp.imitation.features import features, first_look
 from dexgrasp.imitation.policy import Mlp, Policy
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import empty_frames, forward

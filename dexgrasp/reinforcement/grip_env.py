@@ -6,8 +6,8 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone
-from dexgrasp.imitation.features import Observation
 from dexgrasp.reinforcement.actor import one
 from dexgrasp.reinforcement.grip import SIZE, GripRun, look
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv

@@ -13,6 +13,7 @@ from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.training import Course, Row
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 
 with from_extra():
     from stable_baselines3 import PPO, SAC
@@ -51,14 +52,16 @@ class PolicyTraining(Rounds):
         if self._resets:
             self._resets.attach(envs.envs)
         share = s.share or (0.2 if self.clone else 1.0)
-        acting = Acting(Scaling(0.0, 1.0), self.clone, share, s.hold, s.control_mode == GRASPS)
+        grasps, once = s.control_mode == GRASPS, (s.episode_steps or MAX_EPISODE_STEPS) <= s.span
+        acting = Acting(Scaling(0.0, 1.0), self.clone, share, s.hold, grasps, s.chunk, once)
         if self.clone:
             scaling = self.clone.scaling
         else:
             envs.seed(s.seed)
-            scaling = measure(envs, acting, max(_MEASURED // s.hold, 10), np.random.default_rng([s.seed, 0]))
+            looks = max(_MEASURED // acting.span, 10 // s.chunk, 1)
+            scaling = measure(envs, acting, looks, np.random.default_rng([s.seed, 0]))
         self._acting = acting._replace(scaling=scaling)
-        return FeatureVecEnv(envs, self._acting, s.reward_scale, ends=s.episode_steps is not None)
+        return FeatureVecEnv(envs, self._acting, s.reward_scale, s.discount, s.episode_steps is not None)
 
     def learner(self) -> BaseAlgorithm:
         """Make the learner."""
@@ -78,13 +81,15 @@ class PolicyTraining(Rounds):
                 policy_kwargs=width,
                 **common,
             )
-        rollout, correlated = min(s.rollout, s.length), s.noise == "rollout"
+        # Two answers are the least that an update can tell good from bad by.
+        rollout, correlated = max(min(s.rollout, s.length), -(-2 // s.num_envs)), s.noise == "rollout"
         # Correlated noise is a sum over the outputs of the last hidden layer.
         spread = s.spread - (0.5 * math.log(s.hidden[-1]) if correlated else 0.0)
         if s.adaptive:
             common["learning_rate"] = self._rate
         self._rate.model = PPO(
-            "MlpPolicy", self.envs, n_steps=rollout, batch_size=rollout * s.num_envs // _BATCHES, n_epochs=s.passes,
+            "MlpPolicy", self.envs, n_steps=rollout, n_epochs=s.passes,
+            batch_size=max(rollout * s.num_envs // _BATCHES, 2),
             target_kl=None if s.adaptive else s.divergence, use_sde=correlated,
             policy_kwargs=width | {"log_std_init": spread}, **common,
         )  # fmt: skip
@@ -117,9 +122,7 @@ class PolicyTraining(Rounds):
         """Return what an `Actor` reads."""
         is_sac = self.settings.algorithm == "sac"
         about = {
-            "share": self._acting.share,
-            "hold": self._acting.hold,
-            "grasps": self._acting.grasps,
+            **{name: getattr(self._acting, name) for name in ("share", "hold", "chunk", "once", "grasps")},
             "activation": "relu" if is_sac else "tanh",
             "squashed": is_sac,
         }

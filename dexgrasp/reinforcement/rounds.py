@@ -112,7 +112,7 @@ class Rounds(Training):
         self.model.set_random_seed(int(words[0]) >> 1)
         self.model._last_obs = None  # begin anew
         self.model.learn(self.settings.round_steps, reset_num_timesteps=False, log_interval=None)
-        row = {self.counted: self.model.num_timesteps * getattr(self.settings, "hold", 1)}
+        row = {self.counted: self.model.num_timesteps * getattr(self.settings, "span", 1)}
         if not self.envs.finished:
             return row
         returns, won = zip(*self.envs.finished, strict=True)

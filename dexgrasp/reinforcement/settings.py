@@ -36,6 +36,7 @@ class RlSettings:
         env_id: what is learned.
         control_mode: of the environments; grasp: set-points of the palm about the object and of the hand's closing.
         hold: control steps that an action of the network stands for.
+        chunk: actions, one after the other, that it gives at a look.
         episode_steps: control steps after which an episode is over, what would come then unvalued (default: those of
             the environment, which cut it short).
         backend: their physics: mujoco; warp: mujoco_warp on the device (extra gpu). Trials are MuJoCo's.
@@ -47,7 +48,7 @@ class RlSettings:
         share: of the network's action that is carried out (default: 0.2 on a clone's action, 1 alone).
         hidden: widths of the layers of every network.
         rate: of Adam; of its first updates with `adaptive`.
-        discount: of a reward a step later.
+        discount: of a reward a look later, of those between two looks in proportion.
         reward_scale: factor on rewards, which the learner's values grow with.
         spread: logarithm of the standard deviation that exploration begins with (`ppo`).
         noise: of exploration (`ppo`): of every step, or, a function of what is seen, of a whole rollout.
@@ -67,6 +68,7 @@ class RlSettings:
     env_id: Annotated[str, _LIFTS] = "DexGrasp/Lift-v2"
     control_mode: Annotated[str, one_of((*CONTROL_MODES, GRASPS))] = "joint_delta"
     hold: Count = 1
+    chunk: Count = 1
     episode_steps: Count | None = None
     backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
     randomise: tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...] = ()
@@ -91,19 +93,24 @@ class RlSettings:
     threads: Count = 1
 
     @property
+    def span(self) -> int:
+        """Control steps between two looks of the network."""
+        return self.hold * self.chunk
+
+    @property
     def length(self) -> int:
-        """The network's actions in an episode."""
-        return max((self.episode_steps or MAX_EPISODE_STEPS) // self.hold, 1)
+        """The network's looks in an episode."""
+        return max((self.episode_steps or MAX_EPISODE_STEPS) // self.span, 1)
 
     @property
     def round_steps(self) -> int:
-        """The network's actions in a round: an episode of every environment."""
+        """The network's looks in a round: an episode of every environment."""
         return self.num_envs * self.length
 
     @property
     def rounds(self) -> int:
         """Rounds that the steps come to, rounded up."""
-        return -(-self.steps // (self.round_steps * self.hold))
+        return -(-self.steps // (self.round_steps * self.span))
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,14 @@
 
 from collections.abc import Sequence
 
+import mujoco
 import numpy as np
 from numpy.random import Generator
+from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import rotate
-from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.scene.constants import CONTROL_STEPS, TIMESTEP
 from dexgrasp_env.tasks.constants import (
     CLUTTER_X,
     CLUTTER_Y,
@@ -16,10 +18,16 @@ from dexgrasp_env.tasks.constants import (
     DEEPEST_SINK,
     HEAP_CALM,
     HEAP_CALM_STEPS,
+    HEAP_EDGE,
     HEAP_FALL,
+    HEAP_LAYER,
     HEAP_PULL,
     HEAP_REST_STEPS,
+    HEAP_SPANS,
+    HEAP_SPREAD,
     HEAP_STEPS,
+    HEAP_TIMESTEP,
+    HEAP_TURNS,
     HEAP_WIDTH,
     MAX_EPISODE_STEPS,
     NEIGHBOUR_MOVED,
@@ -56,14 +64,13 @@ def set_out(
         where it is no scene.
     """
     if gaps is None:
-        _drop(simulation, pose, rng)
-        return _undisturbed(simulation) if _rests(simulation, CREEP) else None
+        return _drop(simulation, pose, rng)
     around = _surround(simulation, pose, gaps, rng)
     if around is None:
         return None
     drawn = np.vstack([pose, *around])
     simulation.place(drawn)
-    rests, poses = _rests(simulation, STILL), simulation.poses()
+    rests, poses = _rests(simulation), simulation.poses()
     return poses if rests and (np.abs(poses - drawn)[:, :3] <= DEEPEST_SINK).all() else None
 
 
@@ -111,7 +118,7 @@ def _slide_out(shape: Array, standing: Sequence[Array], gap: float, rng: Generat
 def _slide(shape: Array, standing: Sequence[Array], gap: float, way: tuple[Array, Array]) -> Array | None:
     """Slide an outline along a direction from a begin, (2,) m both; None where it leaves the table."""
     direction, slid = way
-    while _on_table(shape + slid):
+    while _on_table(shape + slid).all():
         short = gap - nearest_gap(shape + slid, standing)
         if short <= _NEAR:
             return slid
@@ -119,8 +126,8 @@ def _slide(shape: Array, standing: Sequence[Array], gap: float, way: tuple[Array
     return None
 
 
-def _on_table(points: Array) -> bool:
-    return bool(((points >= _LOW) & (points <= _HIGH)).all())
+def _on_table(points: Array) -> NDArray[np.bool_]:
+    return ((points >= _LOW) & (points <= _HIGH)).all(axis=-1)
 
 
 def outline(corners: Array, pose: Array) -> Array:
@@ -174,38 +181,81 @@ def _to_edges(a: Array, b: Array) -> float:
 # -- in a heap ---------------------------------------------------------------------------------------------------
 
 
-def _drop(simulation: Simulation, pose: Array, rng: Generator) -> None:
-    """Drop the object and its neighbours about its place, in a drawn order, each onto what lies there."""
-    hulls = [simulation.hull * simulation.variation.size, *(n.solid.corners for n in simulation.neighbours)]
-    start, dof = np.zeros((len(hulls), 7)), simulation.cell.robot.dof
-    start[:, 2], start[:, 3] = _SKY * (1.0 + np.arange(len(hulls))), 1.0
-    simulation.place(start)
-    data, lying = simulation.data, list[int]()
-    for k in rng.permutation(len(hulls)).tolist():
-        spot, spin = rng.uniform(-1.0, 1.0, 2), rng.standard_normal(4)
-        quat, poses = spin / np.sqrt((spin * spin).sum()), simulation.poses()
-        top = max([0.0, *(highest(hulls[j], poses[j]) for j in lying)])
-        own = np.array([*pose[:2], top + HEAP_FALL, *quat])
-        own[:2] += 0.02 * np.sqrt(1 + len(lying)) * spot
-        own[2] -= rotate(quat, hulls[k])[:, 2].min()
-        data.qpos[dof + 7 * k :][:7], data.qvel[dof + 6 * k :][:6] = own, 0.0
-        lying.append(k)
-        _calm(simulation, HEAP_STEPS, pose[:2])
-    _calm(simulation, HEAP_REST_STEPS, None)
+def _drop(simulation: Simulation, pose: Array, rng: Generator) -> Array | None:
+    """Drop the object and its neighbours about its place, each onto what lies there; what does not stay there again.
+
+    Returns:
+        The poses (k, 7) at the end of an episode without the robot; None where they never come to rest.
+    """
+    count = 1 + len(simulation.neighbours)
+    simulation.place(np.tile([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0], (count, 1)))
+    astray, edge = np.ones(count, bool), HEAP_SPREAD * np.sqrt(count) + HEAP_EDGE
+    centre = np.clip(pose[:2], _LOW + edge, _HIGH - edge)
+    for _ in range(HEAP_TURNS):
+        _lay(simulation, astray, centre, rng)
+        astray, poses = _strays(simulation)
+        if not astray.any():
+            return poses
+    return None
 
 
-def _calm(simulation: Simulation, steps: int, centre: Array | None) -> None:
-    """Let things come to lie as if in honey, drawn together about `centre` (2,) m where it is given."""
+def _lay(simulation: Simulation, which: NDArray[np.bool_], centre: Array, rng: Generator) -> None:
+    """Lay those of the objects (k,) down about `centre` (2,) m, turned at random, in a drawn order, some at a time."""
+    data, dof, hulls = simulation.data, simulation.cell.robot.dof, _hulls(simulation)
+    for k in np.flatnonzero(which).tolist():
+        data.qpos[dof + 7 * k + 2], data.qvel[dof + 6 * k :][:6] = _SKY * (1.0 + k), 0.0
+    lying, order = np.flatnonzero(~which).tolist(), rng.permutation(np.flatnonzero(which)).tolist()
+    for first in range(0, len(order), HEAP_LAYER):
+        for k in order[first : first + HEAP_LAYER]:
+            spot, spin = rng.uniform(-1.0, 1.0, 2), rng.standard_normal(4)
+            quat, poses = spin / np.sqrt((spin * spin).sum()), simulation.poses()
+            top = max([0.0, *(highest(hulls[j], poses[j]) for j in lying)])
+            own = np.array([*centre, top + HEAP_FALL, *quat])
+            own[:2] += HEAP_SPREAD * np.sqrt(1 + len(lying)) * spot
+            own[2] -= rotate(quat, hulls[k])[:, 2].min()
+            data.qpos[dof + 7 * k :][:7], data.qvel[dof + 6 * k :][:6] = own, 0.0
+            lying.append(k)
+        _calm(simulation, HEAP_STEPS, which, centre)
+    _calm(simulation, HEAP_REST_STEPS, np.zeros_like(which), centre)
+
+
+def _calm(simulation: Simulation, steps: int, drawn: NDArray[np.bool_], centre: Array) -> None:
+    """Let things come to lie as if in honey, those of a mask (k,) drawn together about `centre` (2,) m."""
     model, data, dof = simulation.model, simulation.data, simulation.cell.robot.dof
-    bodies = simulation.body + np.arange(1 + len(simulation.neighbours))
+    bodies = simulation.body + np.flatnonzero(drawn)
+    weight = HEAP_PULL * 9.81 * model.body_mass[bodies, None]
+    model.opt.timestep = HEAP_TIMESTEP
     for _ in range(steps):
-        if centre is not None:
-            off = centre - data.xpos[bodies, :2]
-            weight = HEAP_PULL * 9.81 * model.body_mass[bodies]
-            data.xfrc_applied[bodies, :2] = weight[:, None] * np.clip(off / HEAP_WIDTH, -1.0, 1.0)
-        simulation.settle(HEAP_CALM_STEPS)
+        data.xfrc_applied[bodies, :2] = weight * np.clip(
+            (centre - data.xpos[bodies, :2]) / HEAP_WIDTH, -1.0, 1.0
+        )
+        mujoco.mj_step(model, data, HEAP_CALM_STEPS)
         data.qvel[dof:] *= HEAP_CALM
-        data.xfrc_applied[bodies] = 0.0
+    model.opt.timestep = TIMESTEP
+    data.xfrc_applied[bodies] = 0.0
+
+
+def _strays(simulation: Simulation) -> tuple[NDArray[np.bool_], Array]:
+    """Return which objects (k,) of a heap do not come to rest where they may, and all poses (k, 7) much later.
+
+    That is as an episode ends in which the robot stays home, where all rest; the heap is then left as it begins.
+    """
+    for _ in range(HEAP_SPANS):
+        before = simulation.poses()
+        simulation.settle(REST_SPAN)
+        moving = np.abs(simulation.poses() - before).max(axis=1) > CREEP
+        if not moving.any():
+            break
+    astray, begin = moving | _misplaced(simulation), simulation.poses()
+    state, poses = simulation.get_state(), begin
+    for _ in range(0 if astray.any() else MAX_EPISODE_STEPS * CONTROL_STEPS // REST_SPAN):
+        simulation.settle(REST_SPAN)
+        poses = simulation.poses()
+        astray = np.linalg.norm(poses - begin, axis=1) > NEIGHBOUR_MOVED
+        if astray.any():
+            return astray, poses
+    simulation.set_state(state)
+    return astray, poses
 
 
 def highest(corners: Array, pose: Array) -> float:
@@ -216,27 +266,26 @@ def highest(corners: Array, pose: Array) -> float:
 # -- at rest -----------------------------------------------------------------------------------------------------
 
 
-def _rests(simulation: Simulation, still: float) -> bool:
-    """Let everything come to rest; whether it does, on the table, free of the robot, nothing sunk or pierced."""
+def _rests(simulation: Simulation) -> bool:
+    """Let everything come to rest; whether it does, and nothing is where it may not be."""
     for _ in range(REST_SPANS):
         before = simulation.poses()
         simulation.settle(REST_SPAN)
-        if np.abs(simulation.poses() - before).max() <= still:
-            break
-    else:
-        return False
+        if np.abs(simulation.poses() - before).max() <= STILL:
+            return not _misplaced(simulation).any()
+    return False
+
+
+def _misplaced(simulation: Simulation) -> NDArray[np.bool_]:
+    """Return which objects (k,) are off the table, at the robot, sunk, or pierce another."""
     data, poses = simulation.data, simulation.poses()
-    corners = [simulation.hull * simulation.variation.size, *(n.solid.corners for n in simulation.neighbours)]
-    low = min(float(rotate(p[3:], c)[:, 2].min() + p[2]) for c, p in zip(corners, poses, strict=True))
-    touched = data.sensordata[simulation.columns[TOUCHING_HAND]] or data.sensordata[simulation.touches].any()
-    pierced = data.contact.dist.min(initial=0.0) < -DEEPEST_CONTACT
-    return bool(low >= -DEEPEST_SINK) and not touched and not pierced and _on_table(poses[:, :2])
+    low = [rotate(p[3:], c)[:, 2].min() + p[2] for c, p in zip(_hulls(simulation), poses, strict=True)]
+    touched = [data.sensordata[simulation.columns[TOUCHING_HAND]], *data.sensordata[simulation.touches]]
+    deep = data.contact.geom[data.contact.dist < -DEEPEST_CONTACT]
+    pierced = np.isin(simulation.body + np.arange(len(poses)), simulation.model.geom_bodyid[deep])
+    return (np.array(low) < -DEEPEST_SINK) | np.array(touched, bool) | pierced | ~_on_table(poses[:, :2])
 
 
-def _undisturbed(simulation: Simulation) -> Array | None:
-    """Return the poses at the end of an episode in which the robot stays home; None where something moves far."""
-    state, before = simulation.get_state(), simulation.poses()
-    simulation.settle(MAX_EPISODE_STEPS * CONTROL_STEPS)
-    after = simulation.poses()
-    simulation.set_state(state)
-    return after if (np.linalg.norm(after - before, axis=1) <= NEIGHBOUR_MOVED).all() else None
+def _hulls(simulation: Simulation) -> list[Array]:
+    """Return the corners (V, 3) m of each object, in its own frame."""
+    return [simulation.hull * simulation.variation.size, *(n.solid.corners for n in simulation.neighbours)]

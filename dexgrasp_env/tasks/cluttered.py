@@ -228,9 +228,10 @@ class ClutterEnv(LiftEnv):
 
     The object is drawn and placed as in `LiftEnv`. With gaps each neighbour is drawn, in a rest pose, and slid from the
     object outwards to the first place where the nearest outline, from above, is as far as the gap drawn. In a heap all
-    are laid down in a drawn order, turned at random, each on what lies there. A scene is drawn again unless all of it
-    comes to rest on the table (x in 0.30-0.76, y in +-0.38) and free of the robot, and nothing pierces another by
-    2 mm, sinks by 3 mm or, with gaps, floats, topples or slides by 3 mm. With gaps a scene without the robot then stays
+    are laid down in a drawn order, turned at random, three at a time on what lies there, about the drawn place or the
+    nearest with room for all; what does not stay is laid down again. A scene is drawn again unless all of it comes to
+    rest on the table (x in 0.30-0.76, y in +-0.38) and free of the robot, and nothing pierces another by 2 mm, sinks
+    by 3 mm or, with gaps, floats, topples or slides by 3 mm. With gaps a scene without the robot then stays
     as it is (0.1 mm in 0.5 s); a heap creeps, by less than 2 cm in 15 s, and that way is no motion of a neighbour.
     `reset(options=...)` takes those of `LiftEnv`; a heap has no `object_pose`.
 

@@ -20,7 +20,7 @@ def convention_checks(case: Case) -> list[Check]:
     return [
         *(_flag(name, getattr(record, name) == stated) for name, stated in here.items()),
         *threshold_checks(case),
-        *_exact_thresholds(case.limits, frozen_for(case.robot.hand.tip_radius)),
+        *_exact_thresholds(case.limits, frozen_for(case.robot.hand)),
         _flag("agent", _AGENT.fullmatch(record.agent) is not None),
         _probability(case),
     ]
@@ -35,7 +35,7 @@ def _probability(case: Case) -> Check:
 
 def threshold_checks(case: Case) -> list[Check]:
     """The file's own thresholds must be no looser than the frozen ones: a grasp cannot move the bar it is held to."""
-    looser = case.limits.looser(case.robot.hand.tip_radius)
+    looser = case.limits.looser(case.robot.hand)
     return [Check("thresholds looser than ours", float(len(looser)), ", ".join(looser) or "none", not looser)]
 
 
