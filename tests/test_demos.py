@@ -119,6 +119,26 @@ def test_episodes_begin_along_demonstrations_backwards_from_success(folder, cont
         DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", objects="soda", disable_env_checker=True))
 
 
+def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(folder):
+    env = gym.make("DexGrasp/Place-v2", objects=["sugar_box", "soda"], disable_env_checker=True)
+    resets = DemoResets(folder, whole=0.0).attach(env)
+    observation, _ = env.reset(seed=0)
+    end = next(read_episodes(folder)).observations["object_pose"][-1, :3]
+    ends = [record["goal"][:3] for record in (states[0].record for states in resets.states)]
+    assert_allclose(ends[0], end, atol=1e-6)
+    assert observation["desired_goal"][3] == 1.0
+    assert observation["achieved_goal"][3] == 1.0  # in the hand, on its way there
+    record = env.unwrapped._episodes.records[0].copy()
+    record["solved"], record["at_goal"] = True, 0  # lifted, and not where it is to be
+    for _ in range(300):
+        resets(0, np.random.default_rng(len(resets._recent)), record)
+    assert resets.front == 0.9
+    record["at_goal"] = 1
+    for _ in range(300):
+        resets(0, np.random.default_rng(len(resets._recent)), record)
+    assert resets.front < 0.9
+
+
 def test_a_relative_folder_does(settings, folder, tmp_path, monkeypatch):
     episodes = list(read_episodes(folder))
     monkeypatch.chdir(tmp_path)

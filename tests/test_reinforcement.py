@@ -1,6 +1,7 @@
 """Reinforcement: resuming to the same bits, corrections that begin at the clone, agents by their path."""
 
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -119,6 +120,19 @@ def test_every_height_of_the_grasp_space_is_above_the_table(name):
     assert 0.11 < heights[0] < heights[1] - 0.01
 
 
+def test_what_lies_beyond_an_action_is_folded_back():
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
+    observations = {key: value[None] for key, value in env.reset(seed=1)[0].items()}
+    space = GraspSpace(env.unwrapped.settings.cell.robot, observations)
+    for beyond, within in ((1.5, 0.5), (-1.25, -0.75), (3.0, -1.0), (2.0, 0.0), (-4.5, -0.5), (0.9, 0.9)):
+        told = [space.carried_out(np.full((1, 7), value), observations) for value in (beyond, within)]
+        np.testing.assert_allclose(*told, atol=1e-6)
+    settings = settings_of("ppo", control_mode="grasp", hold=3)
+    envs = PolicyTraining(Path("unused"), settings).environments()
+    assert envs.action_space.high[0] == 3.0  # what PPO draws is not cut off before it is folded
+    envs.close()
+
+
 def test_one_answer_is_an_episode_and_its_last_action_stands(tmp_path):
     settings = settings_of("ppo", control_mode="grasp", hold=28, chunk=3, episode_steps=84)
     assert settings.length == 1
@@ -158,6 +172,14 @@ def test_a_rate_that_follows_the_divergence_goes_on_to_the_same_bits(tmp_path):
     # Two updates a round: the second one knows of the first.
     np.testing.assert_allclose(rates(10.0), 3e-4 * 1.5 ** np.arange(1, 4))
     np.testing.assert_allclose(rates(1e-9), 3e-4 / 1.5 ** np.arange(1, 4))
+
+
+def test_exploring_gets_less_as_told_and_goes_on_to_the_same_bits(tmp_path):
+    settings = settings_of("ppo", settle=-3.0)
+    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    work = PolicyTraining(tmp_path / "more", settings)
+    work.run()
+    assert work.model.policy.log_std.mean().item() == pytest.approx(-2.6, abs=0.05)  # of the last round's begin
 
 
 def test_a_grasp_is_a_few_points_of_the_grasp_space():

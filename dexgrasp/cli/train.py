@@ -184,7 +184,9 @@ class Ppo(_Rl):
     that on a CPU it goes on to the same bits.
     """
 
-    settings: Annotated[RlSettings, (*_SAC, "spread", "noise", "rollout", "passes", "divergence", "adaptive")]
+    settings: Annotated[
+        RlSettings, (*_SAC, "spread", "settle", "noise", "rollout", "passes", "divergence", "adaptive")
+    ]
 
 
 class Sac(_Rl):

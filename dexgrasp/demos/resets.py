@@ -19,6 +19,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
+from dexgrasp_env.tasks.place import PlaceEnv
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 
 _MOST = 100  # demonstrations
@@ -33,7 +34,7 @@ class DemoResets:
 
         resets = DemoResets("runs/demos").attach(envs)
 
-    Resets that are given options of their own are not touched.
+    Resets that are given options of their own are not touched. In `Place` the goal is where a demonstration ends.
 
     Attributes:
         front: share of a demonstration, from which on episodes begin; moves from near success to 0, the first state,
@@ -56,6 +57,7 @@ class DemoResets:
         self._whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
         self._recent: deque[bool] = deque(maxlen=_OF)
+        self._won = "solved"  # what a record says of an episode that succeeded
         self._near: dict[int, bool] = {}
 
     def attach(self, env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
@@ -70,6 +72,7 @@ class DemoResets:
         if not isinstance(inner, LiftEnv | LiftVectorEnv):
             raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
         own = inner.twin()
+        self._won = "at_goal" if isinstance(own, PlaceEnv) else "solved"
         self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
         own.close()
         if not self.states:
@@ -89,7 +92,7 @@ class DemoResets:
     def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> dict[str, Any]:
         """Note how the last episode of a slot went, and return the options of its next reset."""
         if self._near.pop(slot, False):
-            self._recent.append(bool(record["solved"]))
+            self._recent.append(bool(record[self._won]))
         if len(self._recent) == _OF and sum(self._recent) >= _WON * _OF:
             self.front = max(self.front - _BACK, 0.0)
             self._recent.clear()
@@ -107,7 +110,9 @@ class DemoResets:
         target = demo.about["target"]
         if target not in env.settings.objects:
             return []
-        where = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
+        where: dict[str, Any] = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
+        if isinstance(env, PlaceEnv):
+            where["goal"] = [*demo.observations["object_pose"][-1, :3], 1.0]
         env.reset(seed=demo.about["scene_seed"], options=where)
         states, path = [env.get_state()], demo.observations["joint_targets"].astype(float)
         for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):

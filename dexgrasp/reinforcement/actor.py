@@ -72,9 +72,10 @@ class Actor(Policy):
         return ActorRun(self, first, cell)
 
     def correction(self, looks: NDArray[np.float32]) -> Array:
-        """Return the network's output (..., m) in [-1, 1] for what `Eyes.look` returns."""
+        """Return the network's output (..., m) for what `Eyes.look` returns: in [-1, 1], or for a `GraspSpace`."""
         x = self._actor(looks)
-        return np.asarray(np.tanh(x) if self._squashed else np.clip(x, -1.0, 1.0), dtype=float)
+        within = x if self.acting.grasps else np.clip(x, -1.0, 1.0)
+        return np.asarray(np.tanh(x) if self._squashed else within, dtype=float)
 
 
 class Eyes:

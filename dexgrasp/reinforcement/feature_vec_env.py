@@ -22,6 +22,7 @@ class FeatureVecEnv(VecEnvWrapper):
         reward_scale: float = 1.0,
         discount: float = 1.0,
         ends: bool = False,
+        farthest: float = 1.0,
     ) -> None:
         """Wrap environments.
 
@@ -31,13 +32,14 @@ class FeatureVecEnv(VecEnvWrapper):
             reward_scale: factor on rewards.
             discount: of a reward an answer later; of those within it, by as much as they are later.
             ends: the time limit is an end, as of the task, behind which there is nothing to be had.
+            farthest: that a number of an answer may be from 0.
         """
         width = np.size(acting.scaling.mean) + (acting.clone.joints if acting.clone else 0)
         size = SIZE if acting.grasps else int(np.prod(envs.action_space.shape or ()))
-        actions = spaces.Box(-1.0, 1.0, (acting.chunk * size,), np.float32)
+        actions = spaces.Box(-farthest, farthest, (acting.chunk * size,), np.float32)
         super().__init__(envs, spaces.Box(-np.inf, np.inf, (width,), np.float32), actions)
         self._acting, self._cell = acting, envs.get_attr("settings")[0].cell
-        self._ends = ends
+        self._ends, self._farthest = ends, farthest
         self._scales = reward_scale * discount ** (np.arange(acting.span) / acting.span)
         self._eyes: Eyes | None = None
         self._now: Any = {}
@@ -55,7 +57,7 @@ class FeatureVecEnv(VecEnvWrapper):
 
     def step_async(self, actions: NDArray[Any]) -> None:
         """Note the network's answers."""
-        self._answers = np.clip(actions, -1.0, 1.0)
+        self._answers = np.clip(actions, -self._farthest, self._farthest)
 
     def step_wait(self) -> Any:
         """Carry the answers out for as long as they stand; what ended is counted in `finished` as return and success.

@@ -39,7 +39,7 @@ _CLOSED = {
 }
 """Rad that joints of a finger are bent by from the open hand at 1; at -1 the hand is open."""
 SIZE = len(_PALM) + len(_CLOSED)
-"""Numbers of an action, each from -1 to 1."""
+"""Numbers of an action, each from -1 to 1; what lies beyond is folded back."""
 _LEAST_Z = 0.12  # m above the table, where the tips still clear it
 _GAIN, _FASTEST = 0.5, 0.8  # share of what is left that a control step goes, and of what it can go at most
 _CLOSING = 0.1  # rad that a joint of the hand moves in a control step at most
@@ -48,25 +48,29 @@ _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narro
 _ABOVE = list(_PALM).index("above")
 
 
+def hand_range(robot: Robot) -> tuple[Array, Array]:
+    """Return the open hand (m,) and what it is bent by as fingers and thumb close, (2, m), rad."""
+    opened, closing = np.zeros(robot.dof - robot.arm_dof), np.zeros((len(_CLOSED), robot.dof - robot.arm_dof))
+    first = {finger: int(columns.start) - robot.arm_dof for finger, columns in robot.columns.items()}
+    for finger, angles in _OPEN.items():
+        opened[first[finger] :][: len(angles)] = angles
+    for row, joints in zip(closing, _CLOSED.values(), strict=True):
+        for (finger, k), size in joints.items():
+            row[first[finger] + k] = size
+    return opened, closing
+
+
 class GraspSpace:
     """What actions mean in N episodes side by side; environments are in `ee_delta`."""
 
     def __init__(self, robot: Robot, firsts: Observation) -> None:
         """Look at the first observations, (N, n) by key, of `obs_mode="state"`."""
-        self._robot, hand = robot, robot.dof - robot.arm_dof
-        self._open, self._closing = np.zeros(hand), np.zeros((len(_CLOSED), hand))
-        for finger, angles in _OPEN.items():
-            self._open[self._column(finger, 0) : self._column(finger, len(angles))] = angles
-        for row, joints in zip(self._closing, _CLOSED.values(), strict=True):
-            for place, size in joints.items():
-                row[self._column(*place)] = size
+        self._robot = robot
+        self._open, self._closing = hand_range(robot)
         count = len(firsts["object_pose"])
         self._origins, self._axes = np.zeros((count, 3)), np.zeros(count)
         self._middles, self._spans = np.tile(np.array(list(_PALM.values())).T[:, None], (1, count, 1))
         self.begin(slice(None), firsts)
-
-    def _column(self, finger: str, k: int) -> int:
-        return int(self._robot.columns[finger].start) - self._robot.arm_dof + k
 
     def begin(self, rows: Any, firsts: Observation) -> None:
         """Begin episodes anew at their first observations, (K, n) by key."""
@@ -114,6 +118,7 @@ class GraspSpace:
 
     def carried_out(self, actions: Array, observations: Observation) -> NDArray[np.float32]:
         """Return the environments' actions (N, m), which go a control step towards the set-points (N, SIZE)."""
+        actions = _folded(actions)
         along, across, above, turned, tilted = (self._middles + self._spans * actions[:, : len(_PALM)]).T
         c, s = np.cos(self._axes), np.sin(self._axes)
         goals = self._origins + np.stack([c * along - s * across, s * along + c * across, above], axis=1)
@@ -127,6 +132,14 @@ class GraspSpace:
         hand = normalise(targets, self._robot)[:, self._robot.arm_dof :]
         moves = [_step((goals - palm[:, :3]) / PALM_STEP), _step(turn / PALM_TURN), hand]
         return np.concatenate(moves, axis=1).astype(np.float32)
+
+
+def _folded(actions: Array) -> Array:
+    """Return numbers within -1 and 1, mirrored there as often as it takes.
+
+    Were they clipped, a mean that has wandered off beyond an end would never hear of anything else again.
+    """
+    return np.asarray(1.0 - np.abs((actions + 1.0) % 4.0 - 2.0))
 
 
 def _yaw(observations: Observation) -> Array:

@@ -16,6 +16,7 @@ from dexgrasp_env.extras import from_extra
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 
 with from_extra():
+    import torch
     from stable_baselines3 import PPO, SAC
     from stable_baselines3.common.base_class import BaseAlgorithm
 
@@ -24,6 +25,7 @@ with from_extra():
     from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 
 _BATCHES = 4  # that a rollout is cut into
+_FARTHEST = 3.0  # that answers of a normal distribution may be from 0, where what is beyond 1 is folded back
 _MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
 
 
@@ -61,7 +63,9 @@ class PolicyTraining(Rounds):
             looks = max(_MEASURED // acting.span, 10 // s.chunk, 1)
             scaling = measure(envs, acting, looks, np.random.default_rng([s.seed, 0]))
         self._acting = acting._replace(scaling=scaling)
-        return FeatureVecEnv(envs, self._acting, s.reward_scale, s.discount, s.episode_steps is not None)
+        farthest = _FARTHEST if grasps and s.algorithm == "ppo" else 1.0
+        ends = s.episode_steps is not None
+        return FeatureVecEnv(envs, self._acting, s.reward_scale, s.discount, ends, farthest)
 
     def learner(self) -> BaseAlgorithm:
         """Make the learner."""
@@ -99,9 +103,19 @@ class PolicyTraining(Rounds):
         """As every round, with the rate where it changes, and from where along demonstrations episodes begin."""
         if self._resets:
             self._resets.go_on(**self._resets.progress)
+        if self.settings.settle is not None:
+            self._settle(self.settings.settle)
         row = super().learn()
         rate = {"rate": self._rate.now} if self.settings.adaptive else {}
         return row | rate | ({"front": self._resets.front} if self._resets else {})
+
+    def _settle(self, last: float) -> None:
+        """Explore as far as is due by now: evenly less in the logarithm, whatever the learner has made of it."""
+        s = self.settings
+        share = min(self.model.num_timesteps * s.span / s.steps, 1.0)
+        width = 0.5 * math.log(s.hidden[-1]) if s.noise == "rollout" else 0.0
+        with torch.no_grad():
+            self.model.policy.log_std.fill_((1.0 - share) * s.spread + share * last - width)
 
     def note(self) -> Row:
         """As every round's, with where resets are."""

@@ -51,6 +51,7 @@ class RlSettings:
         discount: of a reward a look later, of those between two looks in proportion.
         reward_scale: factor on rewards, which the learner's values grow with.
         spread: logarithm of the standard deviation that exploration begins with (`ppo`).
+        settle: what that logarithm is brought to by the last step (`ppo`; default: it is learned).
         noise: of exploration (`ppo`): of every step, or, a function of what is seen, of a whole rollout.
         rollout: control steps of every environment between two updates (`ppo`).
         passes: over a rollout in an update (`ppo`).
@@ -82,6 +83,7 @@ class RlSettings:
     discount: float = 0.99
     reward_scale: Positive = 1.0
     spread: Annotated[float, number(ge=-5, le=2)] = -1.0
+    settle: Annotated[float | None, number(ge=-5, le=2)] = None
     noise: Annotated[str, one_of(("step", "rollout"))] = "step"
     rollout: Count = 100
     passes: Count = 5
