@@ -179,7 +179,9 @@ def test_exploring_gets_less_as_told_and_goes_on_to_the_same_bits(tmp_path):
     goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
     work = PolicyTraining(tmp_path / "more", settings)
     work.run()
-    assert work.model.policy.log_std.mean().item() == pytest.approx(-2.6, abs=0.05)  # of the last round's begin
+    assert work.model.policy.log_std.mean().item() == pytest.approx(
+        -2.6, abs=0.05
+    )  # of the last round's begin
 
 
 def test_a_grasp_is_a_few_points_of_the_grasp_space():
