@@ -66,7 +66,7 @@ class Possible(Script):
     rounds: Count = 12
 
     def run(self) -> int:
-        rows, kept = read_rows(self.folder), Lines(self.folder / "possible.jsonl", "scene", lambda _: None)
+        rows, kept = read_rows(self.folder), Lines(self.folder / "possible.jsonl", "scene", _fault)
         known = {tuple(line["scene"]): line["load"] for line in kept.rows}
         with progress_bar("scene", "scenes") as show:
             for number, row in enumerate(rows, start=1):
@@ -74,6 +74,7 @@ class Possible(Script):
                     load = known[scene_of(row)] = most_borne(row, self.rounds)
                     kept.append({"scene": scene_of(row), "load": load})
                 show(number, len(rows))
+        kept.close()
         for agent, own in grouped(rows, "agent").items():
             for said, possible in (("possible", True), ("others", False)):
                 some = [row for row in own if (known[scene_of(row)] >= 1.0) is possible]
@@ -82,6 +83,10 @@ class Possible(Script):
                     held = f"{found['successes']} of {found['trials']} held, {rate_words(found)}"
                     print(f"{agent}, {said}: {held}; {found['failures']}")
         return 0
+
+
+def _fault(line: Any) -> str | None:
+    return None if isinstance(line, dict) and {"scene", "load"} <= line.keys() else "it has scene and load"
 
 
 def scene_of(row: Row) -> tuple[Any, ...]:

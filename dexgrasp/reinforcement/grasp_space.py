@@ -48,7 +48,7 @@ _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narro
 _ABOVE = list(_PALM).index("above")
 
 
-def hand_range(robot: Robot) -> tuple[Array, Array]:
+def _hand_range(robot: Robot) -> tuple[Array, Array]:
     """Return the open hand (m,) and what it is bent by as fingers and thumb close, (2, m), rad."""
     opened, closing = np.zeros(robot.dof - robot.arm_dof), np.zeros((len(_CLOSED), robot.dof - robot.arm_dof))
     first = {finger: int(columns.start) - robot.arm_dof for finger, columns in robot.columns.items()}
@@ -66,7 +66,7 @@ class GraspSpace:
     def __init__(self, robot: Robot, firsts: Observation) -> None:
         """Look at the first observations, (N, n) by key, of `obs_mode="state"`."""
         self._robot = robot
-        self._open, self._closing = hand_range(robot)
+        self._open, self._closing = _hand_range(robot)
         count = len(firsts["object_pose"])
         self._origins, self._axes = np.zeros((count, 3)), np.zeros(count)
         self._middles, self._spans = np.tile(np.array(list(_PALM.values())).T[:, None], (1, count, 1))

@@ -87,15 +87,13 @@ class PolicyTraining(Rounds):
             )
         # Two answers are the least that an update can tell good from bad by.
         rollout, correlated = max(min(s.rollout, s.length), -(-2 // s.num_envs)), s.noise == "rollout"
-        # Correlated noise is a sum over the outputs of the last hidden layer.
-        spread = s.spread - (0.5 * math.log(s.hidden[-1]) if correlated else 0.0)
         if s.adaptive:
             common["learning_rate"] = self._rate
         self._rate.model = PPO(
             "MlpPolicy", self.envs, n_steps=rollout, n_epochs=s.passes,
             batch_size=max(rollout * s.num_envs // _BATCHES, 2),
             target_kl=None if s.adaptive else s.divergence, use_sde=correlated,
-            policy_kwargs=width | {"log_std_init": spread}, **common,
+            policy_kwargs=width | {"log_std_init": self._log_std(s.spread)}, **common,
         )  # fmt: skip
         return self._rate.model
 
@@ -113,9 +111,14 @@ class PolicyTraining(Rounds):
         """Explore as far as is due by now: evenly less in the logarithm, whatever the learner has made of it."""
         s = self.settings
         share = min(self.model.num_timesteps * s.span / s.steps, 1.0)
-        width = 0.5 * math.log(s.hidden[-1]) if s.noise == "rollout" else 0.0
         with torch.no_grad():
-            self.model.policy.log_std.fill_((1.0 - share) * s.spread + share * last - width)
+            self.model.policy.log_std.fill_(self._log_std((1.0 - share) * s.spread + share * last))
+
+    def _log_std(self, spread: float) -> float:
+        """Return what the learner has for an exploration of logarithm `spread`."""
+        # Correlated noise is a sum over the outputs of the last hidden layer.
+        s = self.settings
+        return spread - (0.5 * math.log(s.hidden[-1]) if s.noise == "rollout" else 0.0)
 
     def note(self) -> Row:
         """As every round's, with where resets are."""
