@@ -26,6 +26,7 @@ from dexgrasp.demos.settings import DemoSettings
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
+from dexgrasp_env.tasks.constants import GOAL_STEPS
 
 pytest.importorskip("minari")
 TEACHER = "dexgrasp.agents.teacher:Teacher"
@@ -133,10 +134,14 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
     for _ in range(300):
         resets(0, np.random.default_rng(len(resets._recent)), record)
     assert resets.front == 0.9
-    record["at_goal"] = 1
-    for _ in range(300):
-        resets(0, np.random.default_rng(len(resets._recent)), record)
-    assert resets.front < 0.9
+    for steps, moves in ((GOAL_STEPS - 1, False), (GOAL_STEPS, True)):
+        record["at_goal"] = steps
+        for _ in range(300):
+            resets(0, np.random.default_rng(len(resets._recent)), record)
+        assert (resets.front < 0.9) is moves
+    resets._demos[0].observations.pop("object_pose")
+    with refused("say where they end"):
+        resets.attach(env)
 
 
 def test_a_relative_folder_does(settings, folder, tmp_path, monkeypatch):

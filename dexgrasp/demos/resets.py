@@ -17,6 +17,7 @@ from dexgrasp.demos.settings import ENV_ID, DemoSettings
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.tasks.constants import GOAL_STEPS, at_pace
 from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
@@ -57,7 +58,7 @@ class DemoResets:
         self._whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
         self._recent: deque[bool] = deque(maxlen=_OF)
-        self._won = "solved"  # what a record says of an episode that succeeded
+        self._won = "solved", 1  # what a record says of an episode that succeeded, at least
         self._near: dict[int, bool] = {}
 
     def attach(self, env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
@@ -66,13 +67,14 @@ class DemoResets:
         What its settings make fail (another friction, pushes) is left out.
 
         Raises:
-            InputError: if it is none of ours, or every demonstration fails there.
+            InputError: if it is none of ours, every demonstration fails there, or one for `Place` says no end.
         """
         inner: Any = env.unwrapped
         if not isinstance(inner, LiftEnv | LiftVectorEnv):
             raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
         own = inner.twin()
-        self._won = "at_goal" if isinstance(own, PlaceEnv) else "solved"
+        if isinstance(own, PlaceEnv):
+            self._won = "at_goal", at_pace(GOAL_STEPS, own.settings.frame_skip)
         self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
         own.close()
         if not self.states:
@@ -92,7 +94,8 @@ class DemoResets:
     def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> dict[str, Any]:
         """Note how the last episode of a slot went, and return the options of its next reset."""
         if self._near.pop(slot, False):
-            self._recent.append(bool(record[self._won]))
+            name, least = self._won
+            self._recent.append(bool(record[name] >= least))
         if len(self._recent) == _OF and sum(self._recent) >= _WON * _OF:
             self.front = max(self.front - _BACK, 0.0)
             self._recent.clear()
@@ -112,7 +115,7 @@ class DemoResets:
             return []
         where: dict[str, Any] = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
         if isinstance(env, PlaceEnv):
-            where["goal"] = [*demo.observations["object_pose"][-1, :3], 1.0]
+            where["goal"] = self._end(demo)
         env.reset(seed=demo.about["scene_seed"], options=where)
         states, path = [env.get_state()], demo.observations["joint_targets"].astype(float)
         for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
@@ -121,6 +124,14 @@ class DemoResets:
             if step % _EVERY == 0:
                 states.append(env.get_state())
         return []
+
+    def _end(self, demo: Episode) -> list[float]:
+        """Return where the object of a demonstration is at last, as a goal: held there."""
+        if "object_pose" not in demo.observations:
+            raise InputError(
+                "demonstrations of Place say where they end in obs_mode 'state': these are of cameras"
+            )
+        return [*demo.observations["object_pose"][-1, :3], 1.0]
 
     def _pose(self, demo: Episode) -> Array:
         """Return where the object of a demonstration lay at first."""
