@@ -102,7 +102,7 @@ class LiftEnv(SingleEnv):
     (`simulation_diverged`). Truncates after 300 steps, 15 s. Success ends nothing: the object is to stay up. A
     `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end with the
     object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by which the
-    time limit should grow: `LiftPushed-v1` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
+    time limit should grow: `LiftPushed-v2` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
     says what.
 
     ## States
