@@ -104,7 +104,7 @@ class Ablate(Script):
             evaluate(settings, self.out / folder, backend=self.backend)
         found = compare_agents([self.out / folder for folder in agents.values()], *agents)
         low, high = found["ci95"]
-        kept = ("scenes", "rate_a", "rate_b", "difference", "ci95", "only_a", "only_b", "p_value")
+        kept = ("trials", "scenes", "rate_a", "rate_b", "difference", "ci95", "only_a", "only_b", "p_value")
         verdict = (
             "keep"
             if low > 0

@@ -2,6 +2,7 @@
 
 import pytest
 from processes import typed
+from refusals import refused
 from trial_rows import row, write_run
 
 from dexgrasp.cli.main import main
@@ -54,9 +55,46 @@ def test_a_protocol_that_changes_nothing_counts_once():
     ]
     rows[2]["height"] = 0.11  # x feels the mass
     found = compare_rows(rows, "x", "y")
-    assert (found["scenes"], found["only_a"], found["repeated"]) == (2, 2, 1)
+    assert [found[k] for k in ("trials", "scenes", "only_a", "for_a", "repeated")] == [2, 1, 2, 1, 1]
     assert [cell["scenes"] for cell in found["by_protocol"].values()] == [1, 1, 1]
     assert [d["protocol"] for d in found["discordant"]] == ["lift", "heavy"]
+
+
+def test_who_did_not_move_repeats_nothing():
+    still = dict(steps=0, total_reward=0.0, height=0.0, slip=0.0, tilt=0.0)
+    rows = [
+        row(n, "pear", k, protocol=p, **still) for n in "xy" for k in range(3) for p in ("lift", "one_view")
+    ]
+    found = compare_rows(rows, "x", "y")
+    assert (found["trials"], found["repeated"]) == (6, 0)
+
+
+def test_a_scene_under_many_conditions_is_one_scene():
+    """One scene that one agent fails under six conditions is no evidence of six."""
+    parts = ("lift", "upright", "heavy", "shaken", "pushed@0.5", "slippery@0.5")
+    rows = [row(n, "pear", k, n == "x" or k > 0, protocol=p) for n in "xy" for k in range(20) for p in parts]
+    found = compare_rows(rows, "x", "y")
+    assert (found["trials"], found["scenes"], found["only_a"], found["for_a"]) == (120, 20, 6, 1)
+    assert found["p_value"] == 1.0
+    assert found["ci95"][0] < 0.0 < found["difference"] == pytest.approx(0.05)
+    alone = compare_rows([own for own in rows if own["protocol"] == "lift"], "x", "y")
+    assert found["ci95"] == pytest.approx(alone["ci95"])
+
+
+def test_scenes_of_other_settings_are_not_compared():
+    rows = [row(n, "pear", 0, env={"friction": mu, "obs_mode": n}) for n, mu in (("x", 0.7), ("y", 0.7))]
+    assert compare_rows(rows, "x", "y")["scenes"] == 1
+    rows[1]["env"]["friction"] = 0.3
+    assert compare_rows(rows, "x", "y")["scenes"] == 0
+    assert compare_rows(rows, "x", "y", alike=False)["scenes"] == 1
+
+
+def test_an_agent_in_two_folders_is_refused_where_they_differ():
+    rows = [row("x", "pear", 0, True), row("y", "pear", 0, True), row("y", "pear", 0, True)]
+    assert compare_rows(rows, "x", "y")["trials"] == 1
+    rows[2]["success"] = False
+    with refused("y met pear, trial 0, twice"):
+        compare_rows(rows, "x", "y")
 
 
 def test_an_agent_is_compared_with_itself_under_another_protocol(tmp_path, printed):

@@ -49,6 +49,11 @@ def test_the_same_seed_again_counts_for_itself(tmp_path):
     assert list(rows_by_agent(folders)) == ["x", "y", "x (b)", "y (b)"]
 
 
+def test_folders_of_one_name_stay_apart(tmp_path):
+    folders = [run_folder(tmp_path / name / "run", 1, [True], agents=("x",), code=name) for name in "abc"]
+    assert list(rows_by_agent(folders)) == ["x", "x (run)", f"x ({folders[2]})"]
+
+
 def test_trials_without_their_settings_stand_alone(tmp_path):
     folders = [run_folder(tmp_path / "a", 1, [True]), run_folder(tmp_path / "b", 2, [True])]
     (folders[1] / "run.json").unlink()

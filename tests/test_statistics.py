@@ -4,18 +4,22 @@ import numpy as np
 import pytest
 from refusals import refused
 from scipy.stats import binomtest
+from trial_rows import row
 
 from dexgrasp.evaluation import evaluate as evaluate_module
 from dexgrasp.evaluation.power import paired_power, paired_trials, power_figures, unpaired_trials
+from dexgrasp.evaluation.protocol_counts import protocol_counts
 from dexgrasp.evaluation.sequential import capital, decided_after, is_decided
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.statistics import (
+    compared,
     object_difference_interval,
     object_interval,
     paired_difference_interval,
     success_within,
     wilson_interval,
 )
+from dexgrasp.evaluation.summary import count
 
 
 def test_wilson_at_the_ends():
@@ -69,7 +73,38 @@ def test_object_difference_sees_what_one_object_cannot_show():
     low, high = object_difference_interval(a, one_bad)
     assert low == 0.0  # one object alone: new objects may show no difference
     assert high > 0.2
-    assert object_difference_interval(a, {k: (2, 5) for k in a}) == pytest.approx((0.6, 0.6))
+    low, high = object_difference_interval(a, {k: (2, 5) for k in a})  # ten objects, each as far apart
+    assert 0.2 < low < 0.6 < high < 0.9
+    assert object_difference_interval(a, a) == pytest.approx(paired_difference_interval(10, 0, 0, 0))
+
+
+def test_intervals_over_objects_do_not_depend_on_their_order():
+    rng = np.random.default_rng(3)
+    counts = {str(i): (int(rng.integers(6)), 5) for i in range(20)}
+    turned = dict(reversed(counts.items()))
+    assert object_interval(counts) == object_interval(turned)
+
+
+def test_trials_of_a_scene_count_as_the_scene():
+    """The same scenes under two conditions with the same outcomes say no more than under one."""
+    rows = [row(trial=k, success=k < 126) for k in range(180)]
+    alone = count(rows)["ci95"]
+    assert alone == pytest.approx(wilson_interval(126, 180))
+    assert count([*rows, *rows])["ci95"] == pytest.approx(alone)
+    parts = protocol_counts({"pushed@0.5": rows, "pushed@1": rows})
+    assert parts["pushed"]["ci95"] == pytest.approx(alone)
+    solved = [row(trial=k, success=True) for k in range(180)]
+    assert count([*solved, *solved])["ci95"] == pytest.approx(wilson_interval(180, 180))
+
+
+def test_the_interval_of_a_difference_covers_where_scenes_are_met_often():
+    rng, inside = np.random.default_rng(4), []
+    for _ in range(200):
+        scene = rng.random(60)[:, None]  # how hard it is, for both and under all of five conditions
+        a, b = scene + 0.1 * rng.random((60, 5)) < 0.85, scene + 0.1 * rng.random((60, 5)) < 0.75
+        found = compared({k: list(zip(a[k].tolist(), b[k].tolist(), strict=True)) for k in range(60)})
+        inside.append(found["ci95"][0] <= 0.1 <= found["ci95"][1])
+    assert 0.9 < np.mean(inside) <= 1.0
 
 
 def test_power_of_mcnemar_is_what_simulation_says():

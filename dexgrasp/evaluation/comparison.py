@@ -1,13 +1,14 @@
 """Two agents on the same scenes: which of them solves what the other does not."""
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.evaluation.protocol import DEFAULT_PROTOCOL
-from dexgrasp.evaluation.protocol_counts import judged
+from dexgrasp.evaluation.protocol import AGENT_KEYS, DEFAULT_PROTOCOL
+from dexgrasp.evaluation.protocol_counts import judged, scene_of
 from dexgrasp.evaluation.sequential import capital
-from dexgrasp.evaluation.statistics import mcnemar, object_difference_interval, paired_difference_interval
+from dexgrasp.evaluation.statistics import compared, object_difference_interval
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped, object_counts, present_sets
 from dexgrasp.runs.text import text_table
@@ -33,10 +34,10 @@ def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[
         protocols: under which the two are, each; none: both under the same, whatever there is.
 
     Returns:
-        Counts and statistics over all scenes, `by_set`, `by_object` and (where there are several) `by_protocol`, and
-        `discordant`, the scenes that one alone solved with the other's reason. A protocol that changed nothing for
-        either agent (other cameras, for two that are told the state) repeats trials of another: `repeated` of them
-        count in `by_protocol` only.
+        Counts and statistics over all trials, of which a scene is the unit, `by_set`, `by_object` and (where there are
+        several) `by_protocol`, and `discordant`, the trials that one alone solved with the other's reason. A protocol
+        that changed nothing for either agent (other cameras, for two that are told the state) repeats trials of
+        another: `repeated` of them count in `by_protocol` only.
 
     Raises:
         InputError: if a folder holds no evaluation, or none a trial of one of the agents, or not two protocols are
@@ -51,7 +52,7 @@ def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[
         rows, (a, b) = _under(rows, (a, b), protocols)
     if a == b:
         raise InputError(f"{a} against itself: name two of {', '.join(names)}")
-    return {"schema": 1, "run": run, "a": a, "b": b, **compare_rows(rows, a, b)}
+    return {"schema": 1, "run": run, "a": a, "b": b, **compare_rows(rows, a, b, alike=not protocols)}
 
 
 def _under(
@@ -72,9 +73,19 @@ def _under(
     return kept, names
 
 
-def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
-    """Return the comparison of two agents from the trials of both."""
-    first, second = ({_scene(row): row for row in rows if row["agent"] == name} for name in (a, b))
+def compare_rows(rows: Sequence[Row], a: str, b: str, alike: bool = True) -> dict[str, Any]:
+    """Return the comparison of two agents from the trials of both.
+
+    Args:
+        rows: trials.
+        a: an agent.
+        b: another one.
+        alike: whether settings of the environment must be the same too, but for those that an agent chooses.
+
+    Raises:
+        InputError: if an agent's trials hold one scene twice, with different outcomes.
+    """
+    first, second = (_by_scene([row for row in rows if row["agent"] == name], alike) for name in (a, b))
     every = [{**first[scene], "other": second[scene]} for scene in first if scene in second]
     pairs = list({(_trial(x), _trial(x["other"])): x for x in reversed(every)}.values())[::-1]
     by_object, by_protocol = grouped(pairs, "object"), grouped(every, "protocol")
@@ -90,6 +101,24 @@ def compare_rows(rows: Sequence[Row], a: str, b: str) -> dict[str, Any]:
     }
 
 
+def _by_scene(rows: Sequence[Row], alike: bool) -> dict[tuple[object, ...], Row]:
+    found: dict[tuple[object, ...], Row] = {}
+    for row in rows:
+        key = (*_scene(row), _world(row) if alike else "")
+        if found.setdefault(key, row)["success"] != row["success"]:
+            raise InputError(
+                f"{row['agent']} met {row['object']}, trial {row['trial']}, twice and not to the same end: "
+                "give folders of which each agent is in one, or whose seeds differ"
+            )
+    return found
+
+
+def _world(row: Row) -> str:
+    """Return the settings of a scene: friction, robot, disturbance, but not the files that meshes lie in."""
+    own = {key: value for key, value in (row.get("env") or {}).items() if key not in (*AGENT_KEYS, "objects")}
+    return json.dumps(own, sort_keys=True)
+
+
 def _each(groups: Mapping[Any, Pairs]) -> dict[Any, dict[str, Any]]:
     return {name: _statistics(pairs) for name, pairs in groups.items()}
 
@@ -101,24 +130,22 @@ def _scene(row: Row) -> tuple[object, ...]:
 def _trial(row: Row) -> tuple[object, ...]:
     """What makes two trials of an agent the same: the scene and, under any protocol, every number that came of it."""
     played = tuple(map(row.get, _PLAYED))
-    return _scene(row) if None in played else (*_scene(row)[1:], *played)
+    # Who did not move played alike, whatever the protocol changed.
+    return _scene(row) if None in played or row["steps"] == 0 else (*_scene(row)[1:], *played)
 
 
 def _statistics(pairs: Pairs) -> dict[str, Any]:
     """Return counts, rates, difference with intervals, the exact test and the sequential test's capital."""
-    others = [row["other"] for row in pairs]
-    counts = mcnemar((row["success"], row["other"]["success"]) for row in pairs)
-    both, only_a, only_b, neither = (int(counts[key]) for key in ("both", "only_a", "only_b", "neither"))
-    n = max(len(pairs), 1)
+    others, scenes = [row["other"] for row in pairs], dict[Any, list[tuple[bool, bool]]]()
+    for row in pairs:
+        scenes.setdefault(scene_of(row), []).append((row["success"], row["other"]["success"]))
+    counts, n = compared(scenes), max(len(pairs), 1)
     return {
-        "scenes": len(pairs),
-        "rate_a": (both + only_a) / n,
-        "rate_b": (both + only_b) / n,
-        "difference": (only_a - only_b) / n,
-        "ci95": list(paired_difference_interval(both, only_a, only_b, neither)),
+        "rate_a": (counts["both"] + counts["only_a"]) / n,
+        "rate_b": (counts["both"] + counts["only_b"]) / n,
         "ci95_objects": list(object_difference_interval(object_counts(pairs), object_counts(others))),
         **counts,
-        "e_value": capital(only_a, only_b),
+        "e_value": capital(counts["for_a"], counts["for_b"]),
     }
 
 
@@ -140,12 +167,12 @@ def render_comparison(content: Mapping[str, Any]) -> str:
         ]
     rows = [
         [
-            name, str(cell["scenes"]), f"{cell['rate_a']:.1%}", f"{cell['rate_b']:.1%}", *difference_words(cell),
-            str(cell["only_a"]), str(cell["only_b"]), f"{cell['p_value']:.3g}",
+            name, str(cell["trials"]), str(cell["scenes"]), f"{cell['rate_a']:.1%}", f"{cell['rate_b']:.1%}",
+            *difference_words(cell), str(cell["only_a"]), str(cell["only_b"]), f"{cell['p_value']:.3g}",
         ]
         for name, cell in groups
     ]  # fmt: skip
-    header = ("", "scenes", a, b, "difference", "95 %", f"{a} alone", f"{b} alone", "p")
+    header = ("", "trials", "scenes", a, b, "difference", "95 %", f"{a} alone", f"{b} alone", "p")
     parts = [text_table(header, rows), _sentence(content)]
     if content["discordant"]:
         keys = ("object", "trial", "scene_seed", "solved_by", "reason_of_the_other")
@@ -163,6 +190,14 @@ def difference_words(cell: Mapping[str, Any]) -> tuple[str, str]:
     return f"{100 * cell['difference']:+.1f}", f"[{100 * low:+.0f}, {100 * high:+.0f}]"
 
 
+def test_words(cell: Mapping[str, Any]) -> str:
+    """Return the test of a comparison, as people read it."""
+    if cell["trials"] == cell["scenes"]:
+        return f"Exact McNemar test, two-sided: p = {cell['p_value']:.3g}"
+    split = f"{cell['for_a']} and {cell['for_b']} of {cell['scenes']} scenes for either"
+    return f"Exact sign test by scene, two-sided ({split}): p = {cell['p_value']:.3g}"
+
+
 def _sentence(content: Mapping[str, Any]) -> str:
     a, b, (low, high) = content["a"], content["b"], content["ci95_objects"]
     if not content["scenes"]:
@@ -172,7 +207,7 @@ def _sentence(content: Mapping[str, Any]) -> str:
     if content["p_value"] > 0.05:
         verdict = "these scenes show no difference"
     text = (
-        f"Exact McNemar test, two-sided: p = {content['p_value']:.3g}: {verdict}. For new objects like these the "
+        f"{test_words(content)}: {verdict}. For new objects like these the "
         f"difference is {100 * low:+.1f} to {100 * high:+.1f} points (objects drawn anew). Evidence that may be looked "
         f"at any time: e-value {content['e_value']:.3g} (20 decides at 5 %)."
     )

@@ -36,6 +36,8 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
         for name in dict.fromkeys(row["agent"] for row in rows):
             another = samples.get(name, sample) != sample or (name, seed) in seeds
             label = f"{name} ({folder.name})" if another else name
+            if another and label in samples:
+                label = f"{name} ({folder})"
             samples[label] = sample
             seeds.add((label, seed))
             found.setdefault(label, []).extend(judged([row for row in rows if row["agent"] == name]))

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dexgrasp.evaluation.protocol import GROUPS, ROBUST
-from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.statistics import scattered_interval
 
 Row = Mapping[str, Any]
 _WEAKER, _STRONGER = "pushed@0.5", "pushed@1"
@@ -26,6 +26,11 @@ def _scene(row: Row) -> tuple[Any, ...]:
     return row["agent"], row["object"], row["trial"]
 
 
+def scene_of(row: Row) -> tuple[Any, ...]:
+    """Return what a trial shares with those of the same scene under other conditions."""
+    return row["object"], row["trial"], row.get("scene_seed")
+
+
 def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, Any]]:
     """Return trials, successes, rate and 95 % interval of each protocol, and of those made of them that are whole."""
     weights = {name: {name: 1.0} for name in rows}
@@ -37,19 +42,16 @@ def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, An
 
 
 def _pooled(rows: Mapping[str, Sequence[Row]], weights: Mapping[str, float]) -> dict[str, Any]:
-    """Return the count of parts with the weighted mean of their rates.
-
-    The interval is Wilson's at the number of trials that would give the mean the same variance, were they of one part:
-    exact for one part.
-    """
-    total, wins, rate, variance = 0, 0, 0.0, 0.0
+    """Return the count of parts with the weighted mean of their rates; parts meet the same scenes."""
+    total, wins, rate = 0, 0, 0.0
+    scatter: dict[Any, float] = {}
     for name, weight in weights.items():
         n, k = len(rows[name]), sum(bool(row["success"]) for row in rows[name])
         own = k / n if n else 0.0
         total, wins = total + n, wins + k
         rate += weight * own
-        variance += weight**2 * own * (1.0 - own) / n if n else 0.0
-    alike = rate * (1.0 - rate) / variance if variance > 0.0 else float(total)
-    trials = max(1, min(total, round(alike))) if total else 0
-    interval = wilson_interval(round(rate * trials), trials)
+        for row in rows[name]:
+            scene = scene_of(row)
+            scatter[scene] = scatter.get(scene, 0.0) + weight / n * (bool(row["success"]) - own)
+    interval = scattered_interval(rate, scatter.values(), total)
     return {"trials": total, "successes": wins, "rate": rate, "ci95": list(interval)}

@@ -1,27 +1,34 @@
 """Statistics of successes: intervals of a rate, of a set of objects and of a paired difference; success within k tries.
 
 Trials on the same object are not independent: what is claimed for new objects rests on the number of objects, and its
-interval comes from drawing objects, not trials.
+interval comes from drawing objects, not trials. Nor are those of one scene under several conditions: the scene is the
+unit of intervals and tests, however many conditions it is met under.
 """
 
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 from scipy.special import comb
-from scipy.stats import binomtest, bootstrap
+from scipy.stats import binomtest, bootstrap, norm
 
 from dexgrasp_env.arrays import Array
 
 Counts = Mapping[str, tuple[int, int]]
 """Object -> (successes, trials)."""
+Outcomes = Mapping[Hashable, Sequence[tuple[bool, bool]]]
+"""Scene -> successes of two agents under each of its conditions."""
 
 _RESAMPLES = 9999
 _LEVEL = 0.95
+_QUANTILE = float(norm.ppf(0.5 + 0.5 * _LEVEL))
 
 
-def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
+def wilson_interval(successes: float, trials: float) -> tuple[float, float]:
     """Return Wilson's 95 % score interval of a rate (Wilson 1927); [0, 1] without trials.
+
+    Numbers need not be whole: trials that depend on each other count as fewer.
 
     Raises:
         ValueError: unless 0 <= successes <= trials.
@@ -30,9 +37,28 @@ def wilson_interval(successes: int, trials: int) -> tuple[float, float]:
         raise ValueError(f"{successes} successes of {trials} trials")
     if trials == 0:
         return 0.0, 1.0
-    found = binomtest(successes, trials).proportion_ci(_LEVEL, method="wilson")
+    squared, failures = _QUANTILE**2, trials - successes
+    middle = (successes + 0.5 * squared) / (trials + squared)
+    half = _QUANTILE * np.sqrt(successes * failures / trials + 0.25 * squared) / (trials + squared)
     # At 0 and n the ends are 0 and 1 exactly; rounding must not leave them a hair inside.
-    return (0.0 if successes == 0 else float(found.low)), (1.0 if successes == trials else float(found.high))
+    return (0.0 if successes == 0 else float(middle - half)), (1.0 if failures == 0 else float(middle + half))
+
+
+def scattered_interval(rate: float, scatter: Collection[float], trials: int) -> tuple[float, float]:
+    """Return a 95 % interval of a rate of trials that are not independent within a scene.
+
+    Wilson's at the number of independent trials that would give the rate the same variance, from the scenes' number to
+    the trials'; exact where every scene is met once.
+
+    Args:
+        rate: weighted mean of outcomes.
+        scatter: of every scene, by how much its outcomes move the rate: the sum of weight times (outcome - mean).
+        trials: outcomes.
+    """
+    variance = sum(moved**2 for moved in scatter)
+    alike = rate * (1.0 - rate) / variance if variance > 0.0 else 0.0
+    number = min(max(round(alike, 6), len(scatter)), trials)
+    return wilson_interval(min(rate * number, number), number)
 
 
 def quantiles(values: Sequence[float], **named: float) -> dict[str, float]:
@@ -51,14 +77,44 @@ def mcnemar(outcomes: Iterable[tuple[bool, bool]]) -> dict[str, float | int]:
     """
     found = Counter((bool(a), bool(b)) for a, b in outcomes)
     only_a, only_b = found[True, False], found[False, True]
-    p_value = float(binomtest(only_a, only_a + only_b, 0.5).pvalue) if only_a + only_b else 1.0
     return {
         "both": found[True, True], "only_a": only_a, "only_b": only_b, "neither": found[False, False],
-        "p_value": p_value,
+        "p_value": _sign_test(only_a, only_b),
     }  # fmt: skip
 
 
-def paired_difference_interval(both: int, only_a: int, only_b: int, neither: int) -> tuple[float, float]:
+def _sign_test(a: int, b: int) -> float:
+    return float(binomtest(a, a + b, 0.5).pvalue) if a + b else 1.0
+
+
+def compared(outcomes: Outcomes) -> dict[str, Any]:
+    """Compare two agents on the same scenes, each met under one condition or several.
+
+    Returns:
+        trials and scenes; both, only_a, only_b and neither of the trials; for_a and for_b, scenes of which one solved
+        more trials than the other; p_value of the exact two-sided sign test on these, which is McNemar's where every
+        scene is met once; difference of the rates and its 95 % interval ci95, Newcombe's for as many trials as would,
+        were they independent, scatter as the scenes do.
+    """
+    found = mcnemar(pair for own in outcomes.values() for pair in own)
+    cells = [found[key] for key in ("both", "only_a", "only_b", "neither")]
+    by_scene = [sum(int(a) - int(b) for a, b in own) for own in outcomes.values()]
+    for_a, for_b = sum(d > 0 for d in by_scene), sum(d < 0 for d in by_scene)
+    trials, scenes = sum(cells), len(outcomes)
+    difference = sum(by_scene) / max(trials, 1)
+    # What trials of a scene share makes them scatter more than independent ones.
+    alone = found["only_a"] + found["only_b"] - trials * difference**2
+    off = sum((d - len(own) * difference) ** 2 for d, own in zip(by_scene, outcomes.values(), strict=True))
+    fewer = min(max(off / alone if alone > 1e-9 else trials / max(scenes, 1), 1.0), trials / max(scenes, 1))
+    return found | {
+        "trials": trials, "scenes": scenes, "for_a": for_a, "for_b": for_b, "p_value": _sign_test(for_a, for_b),
+        "difference": difference, "ci95": list(paired_difference_interval(*(n / max(fewer, 1.0) for n in cells))),
+    }  # fmt: skip
+
+
+def paired_difference_interval(
+    both: float, only_a: float, only_b: float, neither: float
+) -> tuple[float, float]:
     """Return a 95 % interval of rate(a) - rate(b) on the same scenes; [-1, 1] without scenes.
 
     Newcombe (1998), "Improved confidence intervals for the difference between binomial proportions based on paired
@@ -80,7 +136,7 @@ def paired_difference_interval(both: int, only_a: int, only_b: int, neither: int
     return low, difference + reach(high_a - rate_a, rate_b - low_b)
 
 
-def _phi(both: int, only_a: int, only_b: int, neither: int) -> float:
+def _phi(both: float, only_a: float, only_b: float, neither: float) -> float:
     """Correlation of the two outcomes, with Newcombe's continuity correction where it is positive."""
     n = both + only_a + only_b + neither
     margins = float(both + only_a) * (only_b + neither) * (both + only_b) * (only_a + neither)
@@ -106,11 +162,22 @@ def object_interval(counts: Counts) -> tuple[float, float]:
 
 
 def object_difference_interval(a: Counts, b: Counts) -> tuple[float, float]:
-    """Return a 95 % interval of rate(a) - rate(b) on objects like these, both tried on the same; [-1, 1] under two."""
+    """Return a 95 % interval of rate(a) - rate(b) on objects like these, both tried on the same; [-1, 1] under two.
+
+    Where the difference is the same for every object there is nothing to draw from: then Newcombe's interval with each
+    object as one trial.
+    """
     names = [name for name in a if name in b]
     if len(names) < 2:
         return -1.0, 1.0
     first, second = (_columns({name: counts[name] for name in names}) for counts in (a, b))
+    differences = first[0] / first[1] - second[0] / second[1]
+    if np.ptp(differences) < 1e-12:
+        alone = len(names) * float(differences[0])
+        both = float((second[0] / second[1]).sum()) - max(-alone, 0.0)
+        return paired_difference_interval(
+            both, max(alone, 0.0), max(-alone, 0.0), max(len(names) - both - abs(alone), 0.0)
+        )
     return _bootstrap(
         (*first, *second),
         lambda ka, na, kb, nb, axis: ka.sum(axis) / na.sum(axis) - kb.sum(axis) / nb.sum(axis),
@@ -118,7 +185,8 @@ def object_difference_interval(a: Counts, b: Counts) -> tuple[float, float]:
 
 
 def _columns(counts: Counts) -> tuple[Array, Array]:
-    pairs = np.array(list(counts.values()), dtype=float).reshape(-1, 2)
+    """Return successes and trials of the objects, in the order of their names, which is any run's."""
+    pairs = np.array([counts[name] for name in sorted(counts)], dtype=float).reshape(-1, 2)
     return pairs[:, 0], pairs[:, 1]
 
 

@@ -6,15 +6,15 @@ from itertools import combinations
 from typing import Any
 
 from dexgrasp.evaluation.protocol import OTHER_PHYSICS
-from dexgrasp.evaluation.protocol_counts import judged, protocol_counts
+from dexgrasp.evaluation.protocol_counts import judged, protocol_counts, scene_of
 from dexgrasp.evaluation.settings import EvaluationSettings, versions
 from dexgrasp.evaluation.statistics import (
     Counts,
-    mcnemar,
+    compared,
     object_interval,
     quantiles,
+    scattered_interval,
     success_within,
-    wilson_interval,
 )
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
@@ -44,12 +44,11 @@ def summarise(
         stop_level: of the sequential test; None where there was none.
     """
     rows = judged([row for row in rows if stopped_after is None or row["trial"] < stopped_after])
-    ordered = sorted(rows, key=lambda row: (row["object"], row["trial"]))
+    place = {name: k for k, name in enumerate(settings.parts)}
+    ordered = sorted(
+        rows, key=lambda row: (place.get(str(row.get("protocol")), 0), row["object"], row["trial"])
+    )
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
-    won = {
-        agent: {(row.get("protocol"), row["object"], row["trial"]): row["success"] for row in own}
-        for agent, own in by_agent.items()
-    }
     asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
     sequential = {"sequential": {"level": stop_level, "stopped_after": stopped_after}}
     return {
@@ -61,10 +60,21 @@ def summarise(
         **(sequential if stop_level is not None else {}),
         "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
         "paired": [
-            {"a": a, "b": b, **mcnemar((won[a][scene], won[b][scene]) for scene in won[a] if scene in won[b])}
+            {"a": a, "b": b, **compared(paired(by_agent[a], by_agent[b]))}
             for a, b in combinations(settings.agents, 2)
         ],
     }
+
+
+def paired(a: Sequence[Row], b: Sequence[Row]) -> dict[Any, list[tuple[bool, bool]]]:
+    """Return the successes of two agents by scene, of the conditions that both met, in MuJoCo's physics."""
+    others = {(row.get("protocol"), *scene_of(row)): row["success"] for row in b}
+    found: dict[Any, list[tuple[bool, bool]]] = {}
+    for row in a:
+        condition = row.get("protocol"), *scene_of(row)
+        if condition in others and row.get("protocol") != OTHER_PHYSICS:
+            found.setdefault(scene_of(row), []).append((row["success"], others[condition]))
+    return found
 
 
 def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
@@ -74,8 +84,8 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
     by_object = grouped(rows, "object")
     members = present_sets(list(by_object))
     sets = {name: [row for row in rows if row["object"] in own] for name, own in members.items()}
-    counts = object_counts(rows)
-    within = {str(tries): success_within(counts, tries) for tries in _TRIES}
+    conditions = [object_counts(own) for own in grouped(rows, "protocol").values()]
+    within = {str(tries): _mean_chance(conditions, tries) for tries in _TRIES}
     constraints = {name: own for name, of in sets.items() if (own := _constraints(of))}
     return {
         **count(rows),
@@ -92,6 +102,13 @@ def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
         "clutter": {name: found for name, own in by_protocol.items() if (found := _neighbours(own))},
         "stages": {name: found for name, own in {"overall": rows, **sets}.items() if (found := _stages(own))},
     }
+
+
+def _mean_chance(conditions: Sequence[Counts], tries: int) -> float | None:
+    """Return the success within so many tries, the mean over conditions: under each of them scenes are fresh."""
+    chances = [success_within(counts, tries) for counts in conditions]
+    known = [chance for chance in chances if chance is not None]
+    return sum(known) / len(known) if known and len(known) == len(chances) else None
 
 
 def grouped(rows: Sequence[Row], key: str) -> dict[Any, list[Row]]:
@@ -138,11 +155,14 @@ def object_counts(rows: Sequence[Row]) -> Counts:
 def count(rows: Sequence[Row]) -> dict[str, Any]:
     """Return trials, successes, rate and its 95 % intervals: of these objects, and of objects like these."""
     bare = bare_count(rows)
-    n, k = bare["trials"], bare["successes"]
+    rate = bare["successes"] / len(rows) if rows else 0.0
+    scatter: dict[Any, float] = {}
+    for row in rows:
+        scatter[scene_of(row)] = scatter.get(scene_of(row), 0.0) + (row["success"] - rate) / len(rows)
     return {
         **bare,
-        "rate": k / n if n else 0.0,
-        "ci95": list(wilson_interval(k, n)),
+        "rate": rate,
+        "ci95": list(scattered_interval(rate, scatter.values(), len(rows))),
         "ci95_objects": list(object_interval(object_counts(rows))),
     }
 

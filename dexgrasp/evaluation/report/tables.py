@@ -4,7 +4,7 @@ from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
 from typing import Any, NamedTuple
 
-from dexgrasp.evaluation.comparison import compare_rows, difference_words
+from dexgrasp.evaluation.comparison import compare_rows, difference_words, test_words
 from dexgrasp.evaluation.pooling import Rows
 from dexgrasp.evaluation.prediction import PREDICTORS, Prediction
 from dexgrasp.evaluation.reasons import sentence
@@ -38,7 +38,7 @@ def render_summary(summary: Mapping[str, Any]) -> str:
         parts.append(text_table(*failures, words=True))
     parts += [
         f"{pair['a']} against {pair['b']} on the same scenes: {pair['only_a']} solved by {pair['a']} alone, "
-        f"{pair['only_b']} by {pair['b']} alone (exact McNemar p = {pair['p_value']:.3g})"
+        f"{pair['only_b']} by {pair['b']} alone. {test_words(pair)}"
         for pair in summary["paired"]
         if pair["only_a"] + pair["only_b"] > 0
     ]
