@@ -17,7 +17,8 @@ from dexgrasp.demos.settings import ENV_ID, DemoSettings
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.constants import GOAL_STEPS, at_pace
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.constants import GOAL_STEPS
 from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
@@ -67,14 +68,20 @@ class DemoResets:
         What its settings make fail (another friction, pushes) is left out.
 
         Raises:
-            InputError: if it is none of ours, every demonstration fails there, or one for `Place` says no end.
+            InputError: if it is none of ours or of another pace, every demonstration fails there, or one for `Place`
+                says no end.
         """
         inner: Any = env.unwrapped
         if not isinstance(inner, LiftEnv | LiftVectorEnv):
             raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
+        if inner.settings.frame_skip != CONTROL_STEPS:
+            raise InputError(
+                f"frame_skip is {inner.settings.frame_skip}: demonstrations are set-points {CONTROL_STEPS} physics "
+                "steps apart, and can be followed at that pace alone"
+            )
         own = inner.twin()
         if isinstance(own, PlaceEnv):
-            self._won = "at_goal", at_pace(GOAL_STEPS, own.settings.frame_skip)
+            self._won = "at_goal", GOAL_STEPS
         self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
         own.close()
         if not self.states:
