@@ -102,6 +102,21 @@ def test_demonstrations_are_followed_where_actions_are_scaled_and_at_their_pace_
         DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", frame_skip=50, **settings))
 
 
+@pytest.mark.parametrize(("observe", "most"), [("reset", 1), ("step", 0), ("clear", 4)])
+def test_what_cameras_saw_along_demonstrations_is_kept_once_a_look(folder, observe, most):
+    settings = {"objects": "sugar_box", "obs_mode": "state+depth", "views": 1, "observe": observe}
+    env = gym.make_vec("DexGrasp/Lift-v2", num_envs=1, **settings)
+    resets = DemoResets(folder, whole=0.0).attach(env)
+    views = [state.view for state in resets.states[0]]
+    assert len(views) > 20
+    assert len({id(view) for view in views if view.seen}) <= most
+    held, info = env.reset(seed=0)
+    assert info["stage"] == ["lifted"]
+    assert held["depth"].any()
+    if observe == "reset":
+        assert_array_equal(held["depth"][0], views[0].seen["depth"])
+
+
 @pytest.mark.parametrize("control_mode", ["joint_delta", "ee_delta"])
 def test_episodes_begin_along_demonstrations_backwards_from_success(folder, control_mode):
     settings = {"objects": ["sugar_box", "soda"], "control_mode": control_mode, "max_episode_steps": 4}

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,8 +24,10 @@ from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
 from dexgrasp_env.tasks.vector import LiftVectorEnv
+from dexgrasp_env.tasks.views import View
 
 _MOST = 100  # demonstrations
+_NEEDED = ("joint_targets", "object_pose")  # of their observations
 _EVERY = 4  # control steps from one kept state to the next
 _LATEST, _BACK = 0.9, 0.1  # shares of a demonstration: where episodes begin at first, what is won at a time
 _ABOVE = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0])  # m: what lies has sunk in too deep to ask for
@@ -37,6 +40,7 @@ class DemoResets:
         resets = DemoResets("runs/demos").attach(envs)
 
     Resets that are given options of their own are not touched. In `Place` the goal is where a demonstration ends.
+    What cameras saw is kept once a look; where they look at every step (`observe="step"`) they do so at these resets.
 
     Attributes:
         front: share of a demonstration, from which on episodes begin; moves from near success to 0, the first state,
@@ -55,7 +59,8 @@ class DemoResets:
             InputError: if there are none, or they are damaged.
         """
         self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
-        self._demos = [demo for demo, _ in zip(read_episodes(Path(folder)), range(_MOST), strict=False)]
+        read = zip(read_episodes(Path(folder)), range(_MOST), strict=False)
+        self._demos = [_followed(demo) for demo, _ in read]
         self._whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
         self._recent: deque[bool] = deque(maxlen=_OF)
@@ -124,12 +129,12 @@ class DemoResets:
         if isinstance(env, PlaceEnv):
             where["goal"] = self._end(demo)
         env.reset(seed=demo.about["scene_seed"], options=where)
-        states, path = [env.get_state()], demo.observations["joint_targets"].astype(float)
+        states, path = [_lean(env)], demo.observations["joint_targets"].astype(float)
         for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
             if result[4]["is_success"]:
                 return states
             if step % _EVERY == 0:
-                states.append(env.get_state())
+                states.append(_lean(env, states[-1].view))
         return []
 
     def _end(self, demo: Episode) -> list[float]:
@@ -147,3 +152,20 @@ class DemoResets:
         scene = self._settings.env_arguments | {"obs_mode": "state", "objects": [demo.about["target"]]}
         seen, _ = gym.make(ENV_ID, **scene, disable_env_checker=True).reset(seed=demo.about["scene_seed"])
         return np.array(seen["object_pose"], dtype=float)
+
+
+def _followed(demo: Episode) -> Episode:
+    """Return a demonstration with no more of what was seen than it takes to follow it."""
+    seen = {key: demo.observations[key] for key in _NEEDED if key in demo.observations}
+    return replace(demo, observations=seen, once={})
+
+
+def _lean(env: LiftEnv, before: View | None = None) -> EpisodeState:
+    """Return the state of an environment, with the view `before` it where that still is the last look."""
+    state = env.get_state()
+    if env.settings.observe == "step":
+        return replace(state, view=View())
+    seen = state.view.seen
+    if before and all(np.array_equal(seen[key], values) for key, values in before.seen.items()):
+        return replace(state, view=before)
+    return state
