@@ -44,15 +44,16 @@ def test_varied_objects_are_the_same_by_number_and_differ_between_numbers():
             resolve_targets([wrong])
 
 
+@pytest.mark.parametrize("scale", [1.0, 0.7])
 @pytest.mark.parametrize("mode", ["joint_position", "joint_delta", "ee_delta"])
-def test_actions_of_every_mode_follow_the_same_set_points(mode):
-    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode=mode)
+def test_actions_of_every_mode_follow_the_same_set_points(mode, scale):
+    env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode=mode, action_scale=scale)
     env.reset(seed=0)
     tree = robot_tree(CELL)
     ways = np.array([0.3, 0.2, -0.1, 0.15, 0.1, 0.2, 0.3, *(0.1,) * 12, 0.02, *(0.1,) * 3])
     path = [HOME + ways * k / 20 for k in range(21)]
     for wanted in path[1:]:
-        env.step(to_action(mode, env.unwrapped.targets, wanted, tree))
+        env.step(to_action(mode, env.unwrapped.targets, wanted, tree, scale))
     targets = env.unwrapped.targets
     assert_allclose(targets[7:], path[-1][7:], atol=1e-5)
     for reached, meant in zip(palm_frame(targets, tree), palm_frame(path[-1], tree), strict=True):
@@ -90,6 +91,30 @@ def test_the_data_set_is_minaris_and_replays(folder):
     assert replayed["successes"] == figures["episodes"]
     env = data.recover_environment()
     assert env.unwrapped.settings.control_mode == "joint_delta"
+
+
+def test_demonstrations_are_followed_where_actions_are_scaled_and_at_their_pace_alone(folder):
+    settings = {"objects": "sugar_box", "control_mode": "joint_delta", "disable_env_checker": True}
+    states = DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", action_scale=0.7, **settings)).states[0]
+    targets = next(read_episodes(folder)).observations["joint_targets"][::4]
+    assert_allclose([state.commands[0] for state in states], targets[: len(states)], atol=1e-5)
+    with refused("followed at that pace alone"):
+        DemoResets(folder).attach(gym.make("DexGrasp/Lift-v2", frame_skip=50, **settings))
+
+
+@pytest.mark.parametrize(("observe", "most"), [("reset", 1), ("step", 0), ("clear", 4)])
+def test_what_cameras_saw_along_demonstrations_is_kept_once_a_look(folder, observe, most):
+    settings = {"objects": "sugar_box", "obs_mode": "state+depth", "views": 1, "observe": observe}
+    env = gym.make_vec("DexGrasp/Lift-v2", num_envs=1, **settings)
+    resets = DemoResets(folder, whole=0.0).attach(env)
+    views = [state.view for state in resets.states[0]]
+    assert len(views) > 20
+    assert len({id(view) for view in views if view.seen}) <= most
+    held, info = env.reset(seed=0)
+    assert info["stage"] == ["lifted"]
+    assert held["depth"].any()
+    if observe == "reset":
+        assert_array_equal(held["depth"][0], views[0].seen["depth"])
 
 
 @pytest.mark.parametrize("control_mode", ["joint_delta", "ee_delta"])

@@ -20,7 +20,6 @@ import gymnasium as gym  # noqa: E402
 
 import dexgrasp_env  # noqa: E402, F401
 from dexgrasp.reinforcement import policy_training  # noqa: E402
-from dexgrasp.reinforcement import settings as settings_module  # noqa: E402
 from dexgrasp.reinforcement.grasp_space import GraspSpace  # noqa: E402
 from dexgrasp.reinforcement.policy_training import PolicyTraining  # noqa: E402
 from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
@@ -28,7 +27,7 @@ from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
 
 @pytest.fixture(autouse=True)
 def short_rounds(monkeypatch):
-    monkeypatch.setattr(settings_module, "MAX_EPISODE_STEPS", 12)
+    monkeypatch.setattr(RlSettings, "limit", property(lambda settings: settings.episode_steps or 12))
     monkeypatch.setattr(policy_training, "_MEASURED", 4)
 
 
@@ -57,6 +56,40 @@ def test_episodes_along_demonstrations_go_on_to_the_same_bits(tmp_path):
     whole = goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
     assert [row["front"] for row in whole.curve] == [0.9] * 3
     assert make_agent(str(tmp_path / "whole")).env_settings["control_mode"] == "ee_delta"
+
+
+@pytest.mark.parametrize("algorithm", ["ppo", "sac"])
+def test_a_round_is_as_long_as_an_episode(algorithm, monkeypatch):
+    monkeypatch.undo()
+    for more in ({"hold": 7}, {"env_id": "DexGrasp/LiftPushed-v2"}, {"episode_steps": 84, "hold": 5}):
+        settings = RlSettings(("sugar_box",), algorithm, **more)
+        limit = more.get("episode_steps") or gym.spec(settings.env_id).max_episode_steps
+        assert 0 <= settings.length * settings.span - limit < settings.span
+
+
+@pytest.mark.parametrize(
+    ("more", "rollouts"),
+    [
+        ({}, (3, 100)),
+        ({"hold": 2}, (2, 75)),
+        ({"rollout": 32}, (10, 30)),
+        ({"rollout": 1000}, (1, 300)),
+        ({"episode_steps": 13, "rollout": 6}, (3, 5)),
+        ({"episode_steps": 1, "num_envs": 1}, (1, 2)),
+        ({"episode_steps": 4, "num_envs": 1, "rollout": 1}, (2, 2)),
+    ],
+)
+def test_rollouts_are_a_round(more, rollouts, monkeypatch):
+    monkeypatch.undo()
+    settings = RlSettings(("sugar_box",), **more)
+    assert settings.rollouts == rollouts
+    assert settings.round_steps == settings.num_envs * rollouts[0] * rollouts[1]
+
+
+def test_as_many_steps_are_done_as_rounds_come_to(tmp_path):
+    settings = settings_of("ppo", hold=2, episode_steps=20)  # ten looks, in rollouts of six at most
+    state = PolicyTraining(tmp_path, settings).run()
+    assert [row["steps"] for row in state.curve] == [40, 80]
 
 
 def test_only_lifting_is_learned():

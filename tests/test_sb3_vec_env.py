@@ -6,6 +6,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import gymnasium as gym
+from refusals import refused
 from stable_baselines3 import PPO, SAC, HerReplayBuffer
 
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
@@ -27,6 +28,22 @@ def test_terminal_observations_and_time_limits():
     expected, _ = single.reset()
     assert all(np.array_equal(observation[key][1], expected[key]) for key in expected)
     assert env.env_is_wrapped(gym.Wrapper) == [False, False]
+    env.close()
+
+
+def test_options_are_of_the_next_reset():
+    env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=2, objects=["sugar_box", "soda"])
+    names = []
+    for options in ({"object": "soda"}, [{"object": "soda"}, {"object": "sugar_box"}], None):
+        env.seed(6)
+        env.set_options(options)
+        observation = env.reset()
+        names.append([info["object"] for info in env.reset_infos])
+        assert observation["object_pose"][:, 2].min() > 0.0  # of episodes that have begun
+    assert names == [["soda", "soda"], ["soda", "sugar_box"], ["sugar_box", "soda"]]
+    env.set_options({"colour": "red"})
+    with refused("unknown reset option 'colour'"):
+        env.reset()
     env.close()
 
 

@@ -14,22 +14,25 @@ from dexgrasp_env.tasks.control import max_step, normalise
 _PALM = 6  # entries of an `ee_delta` action that are the palm's
 
 
-def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree) -> NDArray[np.float32]:
-    """Return the action that takes the set-points to `wanted`, or as near as one control step can.
+def to_action(
+    control_mode: str, now: Array, wanted: Array, tree: RobotTree, scale: float = 1.0
+) -> NDArray[np.float32]:
+    """Return the action that takes the set-points to `wanted`, or as near as one control step of 50 ms can.
 
     Args:
         control_mode: one of `CONTROL_MODES`.
         now: (n,) rad, set-points before the step.
         wanted: (n,) rad, set-points after it. `ee_delta` follows the palm and the hand: the arm's posture is its own.
         tree: the robot.
+        scale: `action_scale` of the environment.
     """
     if control_mode == "joint_position":
         return normalise(wanted, tree).astype(np.float32)
     if control_mode == "joint_delta":
-        return np.clip((wanted - now) / max_step(tree), -1.0, 1.0).astype(np.float32)
+        return np.clip((wanted - now) / (scale * max_step(tree)), -1.0, 1.0).astype(np.float32)
     (R, p), (R_wanted, p_wanted) = palm_frame(now, tree), palm_frame(wanted, tree)
     turn = Rotation.from_matrix(R_wanted @ R.T).as_rotvec()
-    palm = np.concatenate([(p_wanted - p) / PALM_STEP, turn / PALM_TURN])
+    palm = np.concatenate([(p_wanted - p) / PALM_STEP, turn / PALM_TURN]) / scale
     return np.clip(np.concatenate([palm, normalise(wanted, tree)[tree.arm :]]), -1.0, 1.0).astype(np.float32)
 
 

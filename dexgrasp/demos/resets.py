@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,13 +18,16 @@ from dexgrasp.demos.settings import ENV_ID, DemoSettings
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.tasks.constants import GOAL_STEPS, at_pace
+from dexgrasp_env.scene.constants import CONTROL_STEPS
+from dexgrasp_env.tasks.constants import GOAL_STEPS
 from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
 from dexgrasp_env.tasks.vector import LiftVectorEnv
+from dexgrasp_env.tasks.views import View
 
 _MOST = 100  # demonstrations
+_NEEDED = ("joint_targets", "object_pose")  # of their observations
 _EVERY = 4  # control steps from one kept state to the next
 _LATEST, _BACK = 0.9, 0.1  # shares of a demonstration: where episodes begin at first, what is won at a time
 _ABOVE = np.array([0.0, 0.0, 0.002, 0.0, 0.0, 0.0, 0.0])  # m: what lies has sunk in too deep to ask for
@@ -36,6 +40,7 @@ class DemoResets:
         resets = DemoResets("runs/demos").attach(envs)
 
     Resets that are given options of their own are not touched. In `Place` the goal is where a demonstration ends.
+    What cameras saw is kept once a look; where they look at every step (`observe="step"`) they do so at these resets.
 
     Attributes:
         front: share of a demonstration, from which on episodes begin; moves from near success to 0, the first state,
@@ -54,7 +59,8 @@ class DemoResets:
             InputError: if there are none, or they are damaged.
         """
         self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
-        self._demos = [demo for demo, _ in zip(read_episodes(Path(folder)), range(_MOST), strict=False)]
+        read = zip(read_episodes(Path(folder)), range(_MOST), strict=False)
+        self._demos = [_followed(demo) for demo, _ in read]
         self._whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
         self._recent: deque[bool] = deque(maxlen=_OF)
@@ -67,14 +73,20 @@ class DemoResets:
         What its settings make fail (another friction, pushes) is left out.
 
         Raises:
-            InputError: if it is none of ours, every demonstration fails there, or one for `Place` says no end.
+            InputError: if it is none of ours or of another pace, every demonstration fails there, or one for `Place`
+                says no end.
         """
         inner: Any = env.unwrapped
         if not isinstance(inner, LiftEnv | LiftVectorEnv):
             raise InputError(f"demonstrations are of DexGrasp environments, not of {type(inner).__name__}")
+        if inner.settings.frame_skip != CONTROL_STEPS:
+            raise InputError(
+                f"frame_skip is {inner.settings.frame_skip}: demonstrations are set-points {CONTROL_STEPS} physics "
+                "steps apart, and can be followed at that pace alone"
+            )
         own = inner.twin()
         if isinstance(own, PlaceEnv):
-            self._won = "at_goal", at_pace(GOAL_STEPS, own.settings.frame_skip)
+            self._won = "at_goal", GOAL_STEPS
         self.states = [found for demo in self._demos if (found := self._follow(own, demo))]
         own.close()
         if not self.states:
@@ -117,12 +129,12 @@ class DemoResets:
         if isinstance(env, PlaceEnv):
             where["goal"] = self._end(demo)
         env.reset(seed=demo.about["scene_seed"], options=where)
-        states, path = [env.get_state()], demo.observations["joint_targets"].astype(float)
+        states, path = [_lean(env)], demo.observations["joint_targets"].astype(float)
         for step, (_, result) in enumerate(follow(env, path, robot_tree(env.settings.cell)), 1):
             if result[4]["is_success"]:
                 return states
             if step % _EVERY == 0:
-                states.append(env.get_state())
+                states.append(_lean(env, states[-1].view))
         return []
 
     def _end(self, demo: Episode) -> list[float]:
@@ -140,3 +152,20 @@ class DemoResets:
         scene = self._settings.env_arguments | {"obs_mode": "state", "objects": [demo.about["target"]]}
         seen, _ = gym.make(ENV_ID, **scene, disable_env_checker=True).reset(seed=demo.about["scene_seed"])
         return np.array(seen["object_pose"], dtype=float)
+
+
+def _followed(demo: Episode) -> Episode:
+    """Return a demonstration with no more of what was seen than it takes to follow it."""
+    seen = {key: demo.observations[key] for key in _NEEDED if key in demo.observations}
+    return replace(demo, observations=seen, once={})
+
+
+def _lean(env: LiftEnv, before: View | None = None) -> EpisodeState:
+    """Return the state of an environment, with the view `before` it where that still is the last look."""
+    state = env.get_state()
+    if env.settings.observe == "step":
+        return replace(state, view=View())
+    seen = state.view.seen
+    if before and all(np.array_equal(seen[key], values) for key, values in before.seen.items()):
+        return replace(state, view=before)
+    return state

@@ -187,14 +187,15 @@ def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> E
 
 
 def follow(env: gym.Env[Any, Any], path: Array, tree: RobotTree) -> Iterator[tuple[NDArray[np.float32], Any]]:
-    """Follow set-points (T + 1, 23) in the mode of a running episode, and hold the last for a while.
+    """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while.
 
     Yields:
         An action, and what `env.step` returned.
     """
-    mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
+    settings = env.unwrapped.settings  # type: ignore[attr-defined]
+    mode, scale = settings.control_mode, settings.action_scale
     for step in range(len(path) - 1 + _LINGER):
-        action = to_action(mode, _targets(env), path[min(step + 1, len(path) - 1)], tree)
+        action = to_action(mode, _targets(env), path[min(step + 1, len(path) - 1)], tree, scale)
         result = env.step(action)
         yield action, result
         if result[2] or result[3]:

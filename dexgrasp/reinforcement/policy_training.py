@@ -13,7 +13,6 @@ from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.training import Course, Row
 from dexgrasp_env.extras import from_extra
-from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 
 with from_extra():
     import torch
@@ -54,7 +53,7 @@ class PolicyTraining(Rounds):
         if self._resets:
             self._resets.attach(envs.envs)
         share = s.share or (0.2 if self.clone else 1.0)
-        grasps, once = s.control_mode == GRASPS, (s.episode_steps or MAX_EPISODE_STEPS) <= s.span
+        grasps, once = s.control_mode == GRASPS, s.limit <= s.span
         acting = Acting(Scaling(0.0, 1.0), self.clone, share, s.hold, grasps, s.chunk, once)
         if self.clone:
             scaling = self.clone.scaling
@@ -85,8 +84,7 @@ class PolicyTraining(Rounds):
                 policy_kwargs=width,
                 **common,
             )
-        # Two answers are the least that an update can tell good from bad by.
-        rollout, correlated = max(min(s.rollout, s.length), -(-2 // s.num_envs)), s.noise == "rollout"
+        (_, rollout), correlated = s.rollouts, s.noise == "rollout"
         if s.adaptive:
             common["learning_rate"] = self._rate
         self._rate.model = PPO(

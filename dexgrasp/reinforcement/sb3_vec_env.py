@@ -34,11 +34,24 @@ class SB3VecEnv(VecEnv):
         super().__init__(num_envs, self.envs.single_observation_space, self.envs.single_action_space)
 
     def reset(self) -> Any:
-        """Start all episodes; infos are in `reset_infos`."""
-        observation, infos = self.envs.reset(seed=self._seeds)
-        self.reset_infos = [self._one(infos, i) for i in range(self.num_envs)]
+        """Start all episodes, with what `seed` and `set_options` left for them; infos are in `reset_infos`."""
+        # Of options that are given for all, `set_options` makes one copy.
+        if not any(self._options) or len({id(options) for options in self._options}) == 1:
+            observation, infos = self.envs.reset(seed=self._seeds, options=self._options[0])
+            self.reset_infos = [self._one(infos, i) for i in range(self.num_envs)]
+        else:
+            observation = self._reset_singly()
         self._reset_seeds()
         self._reset_options()
+        return observation
+
+    def _reset_singly(self) -> Any:
+        """Start episodes one after the other, each with its options."""
+        observation = None
+        for i, options in enumerate(self._options):
+            only = {"reset_mask": np.arange(self.num_envs) == i}
+            observation, infos = self.envs.reset(seed=self._seeds, options=options | only)
+            self.reset_infos[i] = self._one(infos, i)
         return observation
 
     def step_async(self, actions: NDArray[Any]) -> None:

@@ -1,9 +1,10 @@
 """How a policy is trained by reinforcement, and how a clone is taught a firmer grip."""
 
+import math
 from dataclasses import dataclass
 from typing import Annotated
 
-from gymnasium import registry
+from gymnasium import registry, spec
 
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
@@ -53,7 +54,7 @@ class RlSettings:
         spread: logarithm of the standard deviation that exploration begins with (`ppo`).
         settle: what that logarithm is brought to by the last step (`ppo`; default: it is learned).
         noise: of exploration (`ppo`): of every step, or, a function of what is seen, of a whole rollout.
-        rollout: control steps of every environment between two updates (`ppo`).
+        rollout: looks of every environment between two updates, at most: a round is cut into equal parts (`ppo`).
         passes: over a rollout in an update (`ppo`).
         divergence: KL at which an update stops (`ppo`; default: never).
         adaptive: the rate follows the divergence (default: 0.01), in place of a stop: up after an update below half of
@@ -100,14 +101,26 @@ class RlSettings:
         return self.hold * self.chunk
 
     @property
+    def limit(self) -> int:
+        """Control steps of an episode."""
+        return self.episode_steps or spec(self.env_id).max_episode_steps or MAX_EPISODE_STEPS
+
+    @property
     def length(self) -> int:
-        """The network's looks in an episode."""
-        return max((self.episode_steps or MAX_EPISODE_STEPS) // self.span, 1)
+        """The network's looks in an episode, the last of which it may end early."""
+        return -(-self.limit // self.span)
+
+    @property
+    def rollouts(self) -> tuple[int, int]:
+        """How many rollouts are a round of `ppo`, and how many looks of every environment each is."""
+        least = -(-2 // self.num_envs)  # two answers are the least that an update can tell good from bad by
+        number = -(-self.length // max(self.rollout, least))
+        return number, max(-(-self.length // number), least)
 
     @property
     def round_steps(self) -> int:
-        """The network's looks in a round: an episode of every environment."""
-        return self.num_envs * self.length
+        """The network's looks in a round: an episode of every environment, with `ppo` whole rollouts."""
+        return self.num_envs * (math.prod(self.rollouts) if self.algorithm == "ppo" else self.length)
 
     @property
     def rounds(self) -> int:

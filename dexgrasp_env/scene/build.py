@@ -6,6 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import matrix_to_quat
@@ -110,3 +111,12 @@ def _add_pairs(spec: mujoco.MjSpec, parts: list[str], robot: Robot, friction: fl
             name=f"table:{part}", geomname1="table", geomname2=part, condim=6,
             friction=[*sliding, TORSIONAL_FRICTION, ROLLING_FRICTION, ROLLING_FRICTION],
         )  # fmt: skip
+
+
+def pair_friction(base: mujoco.MjModel, friction: float) -> Array:
+    """Return what `pair_friction` (P, 5) of a compiled scene is with another sliding coefficient."""
+    values: Array = base.pair_friction.copy()
+    soft = base.pair_dim == 4  # what turns is friction as well
+    values[soft, 2] = values[soft, 2] / values[soft, 0] * friction
+    values[:, :2] = friction
+    return values

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import ContactPart
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.scene.build import scene_spec
+from dexgrasp_env.scene.build import pair_friction, scene_spec
 
 _ABSENT = -1  # for a mesh
 _SPECK, _AWAY = 1e-5, 1000.0  # m: a geom that is not used is so small, and so far from its body
@@ -59,7 +59,7 @@ class MergedScene:
             neighbours: room for so many.
             walled: whether it all stands in a bin.
         """
-        every = list(dict.fromkeys([*objects, *around]))
+        every = list({model.contact_hash: model for model in (*objects, *around)}.values())
         kinds = sorted({part.kind for model in every for part in model.parts})
         slots = tuple(part for kind in kinds for part in _examples(kind, every))
         self._firsts = {kind: [part.kind for part in slots].index(kind) for kind in kinds}
@@ -69,7 +69,8 @@ class MergedScene:
         self.first_slot = int(self.model.geom("object_0").id)
         self._each = len(slots)
         self._contact = (self.model.geom_contype | self.model.geom_conaffinity) > 0
-        self._places = {model: self._find(number, model) for number, model in enumerate(every)}
+        # Objects that are loaded again are others, but of the same parts.
+        self._places = {model.contact_hash: self._find(number, model) for number, model in enumerate(every)}
 
     def fields(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> dict[str, NDArray[Any]]:
         """Return what a world has of its own, by the names of the model's fields.
@@ -82,14 +83,13 @@ class MergedScene:
         """
         merged = self.model
         friction = float(scene.pair_friction[0, 0])
-        geom_friction, pair_friction = merged.geom_friction.copy(), merged.pair_friction.copy()
+        geom_friction = merged.geom_friction.copy()
         geom_friction[self._contact, 0] = friction
-        pair_friction[:, :2] = friction
         shared = {name: filled(getattr(merged, name), getattr(scene, name)) for name in _SHARED_FIELDS}
         return {
             **self._fill(objects, scene),
             "geom_friction": geom_friction,
-            "pair_friction": pair_friction,
+            "pair_friction": pair_friction(merged, friction),
             **shared,
         }
 
@@ -104,7 +104,7 @@ class MergedScene:
         written = {name: self._unused(name) for name in _GEOM_FIELDS}
         for k, model in enumerate(objects):
             body = f"neighbour_{k - 1}" if k else "object"
-            parts, slots, meshes = self._places[model]
+            parts, slots, meshes = self._places[model.contact_hash]
             geoms = [scene.geom(body + part).id for part in parts]
             for name, values in written.items():
                 values[slots + k * self._each] = getattr(scene, name)[geoms]

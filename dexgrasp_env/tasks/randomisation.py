@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.random import Generator
 
+from dexgrasp_env.scene.build import pair_friction
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
 from dexgrasp_env.valid import number, pair
 
@@ -115,9 +116,7 @@ def apply_variation(
 def _set_friction(model: mujoco.MjModel, base: mujoco.MjModel, friction: float) -> None:
     contact = (model.geom_contype > 0) | (model.geom_conaffinity > 0)
     model.geom_friction[contact, 0] = friction
-    model.pair_friction[:, :2] = friction
-    soft = base.pair_dim == 4  # what turns is friction as well
-    model.pair_friction[soft, 2] = base.pair_friction[soft, 2] / base.pair_friction[soft, 0] * friction
+    model.pair_friction[:] = pair_friction(base, friction)
 
 
 def _set_size(model: mujoco.MjModel, base: mujoco.MjModel, size: float) -> None:
