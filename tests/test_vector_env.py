@@ -68,13 +68,14 @@ def compare(number, steps, mode="NextStep", **kwargs):
     assert_same(theirs.reset(seed=seeds), ours.reset(seed=seeds), "reset")
     rng = np.random.default_rng(0)
     centre = rng.uniform(-1, 1, ours.action_space.shape)
-    lost = truncated = 0
+    lost, truncated, ages = 0, 0, np.zeros(number, int)
     for step in range(steps):
         act = actions(rng, ours, centre)
         a, b = theirs.step(act), ours.step(act)
         assert_same(a, b, f"step {step}")
-        lost, truncated = lost + int(a[2].sum()), truncated + int(a[3].sum())
-        over = a[2] | a[3]
+        over, ages = a[2] | a[3], ages + 1
+        lost, truncated = lost + int((over & (ages < limit)).sum()), truncated + int((ages >= limit).sum())
+        ages[over] = -1 if mode == "NextStep" else 0  # the next step resets, or is their first
         if mode == "Disabled" and over.any():
             options = {"reset_mask": over}
             assert_same(
@@ -138,6 +139,24 @@ def test_place_equals_single_environments_bit_for_bit(mode):
     )  # fmt: skip
     assert lost >= 1
     assert truncated >= 3
+
+
+@pytest.mark.parametrize(("version", "truncates"), [(2, True), (1, False)])
+def test_place_truncates_what_is_lost(version, truncates):
+    """Rewards are 0 at most: were it an end, it would pay to throw the object away."""
+    env_id = f"DexGrasp/Place-v{version}"
+    ours, theirs = (make(2, env_id=env_id, autoreset_mode="SameStep") for make in (native, singles))
+    ours.reset(seed=3)
+    theirs.reset(seed=3)
+    throw(ours, theirs, 1)
+    for _ in range(5):
+        a, b = theirs.step(np.zeros((2, 23))), ours.step(np.zeros((2, 23)))
+        assert_same(a, b)
+        if (b[2] | b[3]).any():
+            break
+    assert b[4]["final_info"]["failure"][1] == "object_lost"
+    assert b[2].tolist() == [False, not truncates]
+    assert b[3].tolist() == [False, truncates]
 
 
 def test_place_counts_the_time_at_the_goal_alike():

@@ -23,7 +23,7 @@ from dexgrasp_env.tasks.control import check_finite
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, PHASES, TOLD, TOLD_AS
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, TOLD, TOLD_AS
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
@@ -119,6 +119,8 @@ class Episodes:
         self.layout = layout(settings.obs_mode, robot)
         self.width = max(part.stop for part in self.layout.values())
         self._no_noise = np.zeros((1, robot.dof))
+        self.truncating = np.zeros(len(FAILURES), bool)
+        """Which of `FAILURES` truncate an episode; the others terminate it."""
         self.starts: Starts | None = None
         self.device: Any = None
         """Where progress is kept between resets, if not here: a `WarpEpisodes`."""
@@ -317,6 +319,12 @@ class Episodes:
             return self._no_noise[: len(records)]
         size, n = records["variation"][:, 5:], self._no_noise.shape[1]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
+
+    def endings(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which episodes a failure has terminated, and which it has truncated, (N,) each."""
+        failures = self.records["failure"]
+        truncated = self.truncating[failures]
+        return (failures > 0) & ~truncated, truncated
 
     # -- telling -------------------------------------------------------------------------------------------------
 

@@ -26,7 +26,7 @@ from dexgrasp_env.tasks.constants import (
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import key_sizes
-from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.records import FAILURES, TOLD
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
 from dexgrasp_env.tasks.simulation import Moment, Simulation
@@ -71,6 +71,7 @@ class PlaceEpisodes(Episodes):
         super().__init__(settings, views, number)
         self._order = list(key_sizes("state", settings.cell.robot))
         self._size = 3 if settings.version == 1 else 4  # numbers of a goal
+        self.truncating[FAILURES.index("object_lost")] = settings.version > 1
         self._distances = np.zeros(number)  # m, of the objects' centres to their goals
 
     def observation_space(self) -> spaces.Dict:
@@ -198,7 +199,8 @@ class PlaceEnv(LiftEnv):
 
     ## Episode End
 
-    Terminates when the object is lost or numbers go wrong, truncates after 300 steps. Success ends nothing.
+    Terminates when numbers go wrong, truncates after 300 steps and when the object is lost: no reward is above 0, so
+    an end that counts as one would pay for throwing the object away. Success ends nothing.
 
     ## Arguments
 
@@ -206,8 +208,9 @@ class PlaceEnv(LiftEnv):
 
     ## Version History
 
-    * v2: goals on the table, and what the hand is to do; cameras; the space of goals holds all that are achieved.
-    * v1: goals (3,) in the air, 15 to 35 cm above the table; `obs_mode="state"` alone.
+    * v2: goals on the table, and what the hand is to do; cameras; the space of goals holds all that are achieved;
+      a lost object truncates.
+    * v1: goals (3,) in the air, 15 to 35 cm above the table; `obs_mode="state"` alone; a lost object terminates.
     """
 
     episodes_type = PlaceEpisodes

@@ -177,9 +177,10 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
             What `step` returns.
         """
         observation, episodes = self._conclude(bits), self._episodes
-        self._over = bool(episodes.records["failure"][0])
+        terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
+        self._over = terminated or truncated
         observation, info = self._look(observation, at_reset=False)
-        return observation, float(episodes.rewards[0]), self._over, False, info
+        return observation, float(episodes.rewards[0]), terminated, truncated, info
 
     def _conclude(
         self, bits: int, rng: Generator | None = None, judge: bool = True

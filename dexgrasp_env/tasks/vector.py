@@ -174,13 +174,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._advance(clipped, running)
         for i in waiting:
             self._reset_one(int(i))
-        records = self._episodes.records
         rewards = self._episodes.rewards.copy()
         rewards[waiting] = 0.0
-        terminated = records["failure"] > 0
-        truncated = (
-            np.zeros(self.num_envs, bool) if self._limit is None else records["elapsed"] >= self._limit
-        )
+        terminated, truncated = self._episodes.endings()
+        if self._limit is not None:
+            truncated |= self._episodes.records["elapsed"] >= self._limit
         self._ended = terminated | truncated
         final = self._finish() if self._mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
         if self._tensors:
