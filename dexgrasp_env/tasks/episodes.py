@@ -142,11 +142,14 @@ class Episodes:
         Raises:
             InputError: for an unknown option, object or a pose that cannot be.
         """
-        settings, names = self.settings, list(self.simulations)
         if not options and self.starts is not None:
             self.fetch()
             options = self.starts(i, rng, self.records[i])
-        options = self._check_options(options, names)
+        return self._begin(i, rng, self._check_options(options, list(self.simulations)))
+
+    def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
+        """Start episode `i` by options that are known."""
+        settings, names = self.settings, list(self.simulations)
         self.slots[i].resumed = "state" in options
         if self.slots[i].resumed:
             return self._resume(i, rng, options["state"])
