@@ -328,6 +328,7 @@ def test_resets_without_options_begin_where_they_are_told():
         ({"disturbance": "pushed"}, "disturbance"),
         ({"version": 1}, "version"),
         ({"frame_skip": 50}, "frame_skip"),
+        ({"reward_weights": {"reach": 1.0}}, "reward_weights"),
         ({"objects": "soda"}, "sugar_box"),
         ({"env_id": "DexGrasp/Place-v2"}, "task"),
     ],
@@ -343,6 +344,41 @@ def test_states_of_other_settings_are_refused_in_one_line(settings, word):
     for use in (other.unwrapped.set_state, lambda s: other.unwrapped.reset(options={"state": s})):
         with refused(word):
             use(state)
+
+
+def test_states_of_other_views_are_refused_where_views_are_seen():
+    for obs_mode in ("state", "depth"):
+        one, two = (
+            gym.make(
+                ID, objects="sugar_box", obs_mode=obs_mode, views=names, disable_env_checker=True
+            ).unwrapped
+            for names in (["front_left"], 2)
+        )
+        one.reset(seed=0)
+        if obs_mode == "state":
+            two.set_state(one.get_state())
+        else:
+            with refused("views"):
+                two.set_state(one.get_state())
+
+
+def test_what_has_no_episode_is_not_left_out_of_a_reset():
+    for obs_mode in ("state", "depth"):
+        envs = native(2, objects="sugar_box", obs_mode=obs_mode, views=1)
+        with refused(r"\[1\]"):
+            envs.reset(seed=0, options={"reset_mask": np.array([True, False])})
+        envs.reset(seed=0)
+        _, infos = envs.reset(options={"reset_mask": np.array([True, False])})
+        assert infos["_object"].tolist() == [True, False]
+        envs.close()
+
+
+@pytest.mark.parametrize("frame_skip", [10, 25])
+def test_pictures_follow_each_other_as_in_a_single_environment(frame_skip):
+    envs = native(1, objects="sugar_box", frame_skip=frame_skip)
+    single = gym.make(ID, objects="sugar_box", frame_skip=frame_skip, disable_env_checker=True)
+    assert envs.metadata["render_fps"] == single.unwrapped.metadata["render_fps"]
+    envs.close()
 
 
 def test_wrong_use_is_named_in_one_line():

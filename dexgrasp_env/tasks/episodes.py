@@ -191,6 +191,10 @@ class Episodes:
                 raise unknown_name("reset option", key, self.options)
         if "object" in options and options["object"] not in objects:
             raise unknown_name("object", options["object"], objects)
+        if "state" in options and (beside := sorted({"object", "object_pose"} & options.keys())):
+            raise InputError(
+                f"reset options {', '.join(beside)} beside state: valid is either, as it has its own"
+            )
         return options
 
     def _resume(self, i: int, rng: Generator, state: EpisodeState) -> Simulation:
@@ -376,9 +380,13 @@ class Episodes:
     def _of(self) -> dict[str, Any]:
         """Return what a state has to agree with."""
         settings = self.settings
-        keys = ("version", "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale")
+        keys = (
+            "version", "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
+            "reward_weights",
+        )  # fmt: skip
         own = {key: getattr(settings, key) for key in keys}
-        return {"task": self.task, "robot": settings.cell.robot.name, **own}
+        seen = {} if settings.obs_mode == "state" else {"views": settings.views}
+        return {"task": self.task, "robot": settings.cell.robot.name, **own, **seen}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
         """Make episode `i` that of a state, with its scene in it.

@@ -221,7 +221,7 @@ class PlaceEnv(LiftEnv):
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
     ) -> NDArray[np.float64]:
-        """Return the rewards (...,) of goals (..., 4); `info` is not used."""
+        """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 

@@ -27,7 +27,9 @@ _CLEARANCE = 0.0005  # m above the table; the settle closes it
 _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
 
 
-Range = Annotated[tuple[float, float], pair(number())]
+_Range = Annotated[tuple[float, float], pair(number())]
+_Across = Annotated[tuple[float, float], pair(number(ge=_FRONT, le=_BACK))]
+_Along = Annotated[tuple[float, float], pair(number(ge=-_SIDE, le=_SIDE))]
 
 
 def _rest_pose(value: Any) -> str | int:
@@ -39,16 +41,16 @@ class Placement:
     """Ranges that the object's pose is drawn from, in the world frame.
 
     Attributes:
-        x: range of the centre, m.
-        y: range of the centre, m.
+        x: range of the centre, m, over the table.
+        y: range of the centre, m, over the table or just beside it.
         yaw: range of the turn about z, rad.
         rest_pose: `"any"` draws a rest pose by its probability, `"likely"` takes the most probable, a number takes that
             one; objects of the catalogue with a fixed presentation ignore it.
     """
 
-    x: Range = PLACE_X
-    y: Range = PLACE_Y
-    yaw: Range = PLACE_YAW
+    x: _Across = PLACE_X
+    y: _Along = PLACE_Y
+    yaw: _Range = PLACE_YAW
     rest_pose: Annotated[str | int, Rule("any, likely, or a whole number >= 0", _rest_pose)] = "any"
 
     def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> NDArray[np.float64]:

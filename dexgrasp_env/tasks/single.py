@@ -98,7 +98,8 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         Args:
             seed: of every draw of this and the following episodes.
             options: `object` names one of the environment's objects; `object_pose` is (7,) position m and quaternion
-                wxyz of the object in the world frame. Or `state`, of `get_state`, where the episode is to begin.
+                wxyz of the object in the world frame. Or `state`, of `get_state`, where the episode is to begin; it has
+                an object and a pose of its own.
 
         Raises:
             InputError: for an unknown option or object, or a pose that cannot be.

@@ -98,7 +98,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         limit = max_episode_steps
         self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
-        self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
+        fps = round(1 / self.settings.period)
+        self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self._mode}
         self._views = Views(self.settings)
         self.settings.disturbance.warn_of_limit(max_episode_steps, self.settings.frame_skip)
         self.render_mode = self.settings.render_mode
@@ -136,7 +137,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         Args:
             seed: of the first environment, the next ones have the numbers after it; or one for each.
             options: as for `LiftEnv.reset`, `state` also as a list, one for each; `reset_mask` (N,) bool says which are
-                reset, all by default.
+                reset, all by default; those that have not begun have to be among them.
 
         Raises:
             InputError: for a wrong number of seeds, a wrong mask, or what `LiftEnv.reset` refuses.
@@ -148,6 +149,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         states = state if isinstance(state, list) else [state] * self.num_envs
         if len(states) != self.num_envs:
             raise InputError(f"{len(states)} states given: valid is one, or one for each of {self.num_envs}")
+        left_out = np.flatnonzero(~mask & ~self._started).tolist()
+        if left_out:
+            raise InputError(f"reset_mask leaves out environments {left_out}, which have no episode yet")
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._rngs[i], _ = seeding.np_random(seeds[i])
@@ -370,7 +374,7 @@ class PlaceVectorEnv(LiftVectorEnv):
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
     ) -> NDArray[np.float64]:
-        """Return the rewards (...,) of goals (..., 3) m; `info` is not used."""
+        """Return the rewards (...,) of goals as of `PlaceEnv`; `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
