@@ -103,7 +103,7 @@ class LiftEnv(SingleEnv):
     `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end with the
     object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by which the
     time limit should grow: `LiftPushed-v2` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
-    says what.
+    says what. It does so too where a `frame_skip` below 25 makes fewer seconds of 300 steps.
 
     ## States
 
@@ -140,7 +140,7 @@ class LiftEnv(SingleEnv):
     | `render_camera` | `'front'` | `front`; `grasp`: follows the hand, close by; or one of the depth cameras |
     | `version` | `2` | `2`, or `1`: the dense reward of version 1 |
     | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
-    | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does |
+    | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does; limits are steps |
     | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
     | `backend` | `'mujoco'` | `mujoco`; `warp`: mujoco_warp, the extra `gpu`; see the vector environment |
     | `device` | `None` | of `warp`: `cuda:0`, `cuda:1`, ..., `cpu`; None: a GPU where there is one |

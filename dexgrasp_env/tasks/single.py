@@ -106,9 +106,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         """
         super().reset(seed=seed)
         # The limit is a wrapper's: where the last episode ended shows it.
-        self.settings.disturbance.warn_of_limit(
-            int(self._episodes.records["elapsed"][0]), self.settings.frame_skip
-        )
+        self.settings.warn_of_limit(int(self._episodes.records["elapsed"][0]))
         self._over = True  # options may be refused
         self._simulation = self._episodes.begin(0, self.np_random, options)
         slot = self._episodes.slots[0]

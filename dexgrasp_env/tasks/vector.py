@@ -101,7 +101,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         fps = round(1 / self.settings.period)
         self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self._mode}
         self._views = Views(self.settings)
-        self.settings.disturbance.warn_of_limit(max_episode_steps, self.settings.frame_skip)
+        self.settings.warn_of_limit(max_episode_steps)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else check("threads", threads, COUNT)
