@@ -49,7 +49,7 @@ class LiftEnv(SingleEnv):
     | --- | --- | --- | --- | --- |
     | `object_pose` | (7,) | float32 | `state` | position of the centre of mass m and quaternion wxyz |
     | `object_velocity` | (6,) | float32 | `state` | m/s, and rad/s in the object frame |
-    | `object_size` | (3,) | float32 | `state` | m, box of the object in its own frame |
+    | `object_size` | (3,) | float32 | `state` | m, sides of the box around the object, along its own axes |
     | `object_mass` | (1,) | float32 | `state` | kg |
     | `fingertip_forces` | (12,) | float32 | `state` | N, contact force between each tip and the object |
     | `progress` | (2,) | float32 | `state` | m, lowest point above the table; share of the 3 s held, 0 to 1 |
@@ -83,6 +83,9 @@ class LiftEnv(SingleEnv):
     | `lift` | 15.0 | height of the lowest point over 10 cm, times `contact` |
     | `hold` | 10.0 | time held in a grasp, of the last 3 s; a disturbance must be over |
     | `success` | 50.0 | 1 from the first success on |
+
+    The object's box has the sides `object_size`, about the centre of mass: of `all20` the middle of the object itself
+    is up to 28 mm off that.
 
     The return of an episode is therefore the sum at its end less that at its start: at most 50 without success,
     whatever is done and for however long; at least 50 with it, about 100 where the object is still held at the end. An
