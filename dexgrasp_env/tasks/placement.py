@@ -1,8 +1,8 @@
 """Where the object is put at reset."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Annotated, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.random import Generator
@@ -19,6 +19,8 @@ from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_
 from dexgrasp_env.valid import NATURAL, Rule, number, pair
 
 PRESENTATIONS = ("rest", "upright")
+_STANDING: WeakKeyDictionary[ObjectModel, tuple[Array, float] | None] = WeakKeyDictionary()
+"""How objects stand, found by compiling and dropping them: once for each, and for as long as it is in use."""
 _FRONT, _BACK = (
     TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1)
 )  # m, where an object may be put
@@ -90,12 +92,17 @@ def fixed_rest(model: ObjectModel) -> tuple[NDArray[np.float64], float]:
     return quat, float(-rotate(quat, model.solid.vertices)[:, 2].min())
 
 
-@lru_cache(maxsize=64)
 def upright_rest(model: ObjectModel) -> tuple[Array, float] | None:
     """Return quaternion and centre height of the object standing, or None where it does not stay so.
 
     It stands as it is built, z up, or as its set file says; what the catalogue presents in one pose keeps that.
     """
+    if model not in _STANDING:
+        _STANDING[model] = _stand(model)
+    return _STANDING[model]
+
+
+def _stand(model: ObjectModel) -> tuple[Array, float] | None:
     if model.fixed_pose is not None:
         return fixed_rest(model)
     from dexgrasp_env.objects.parts import support_height
