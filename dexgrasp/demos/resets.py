@@ -18,9 +18,9 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import GOAL_STEPS, at_pace
-from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
+from dexgrasp_env.tasks.slots import EpisodeState
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 
 _MOST = 100  # demonstrations

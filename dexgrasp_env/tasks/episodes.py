@@ -5,10 +5,8 @@ The single environment has one, the vector environment many; only who advances t
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
-import mujoco
 import numpy as np
 from gymnasium import spaces
 from numpy.random import Generator
@@ -28,54 +26,8 @@ from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Moment, Simulation, arm_chain, warning_names
-from dexgrasp_env.tasks.views import View, Views
-
-Starts = Callable[[int, Generator, NDArray[np.void]], Mapping[str, Any]]
-"""Returns the options of a reset that is given none: of a slot, its generator and the record of its last episode."""
-
-
-@dataclass
-class Slot:
-    """What a running episode is of, beside its record; `resumed`: it began from a state that was given."""
-
-    target: str = ""
-    neighbours: tuple[str, ...] = ()
-    simulation: Simulation | None = None
-    model: mujoco.MjModel | None = None
-    variation: Variation = field(default_factory=Variation)
-    view: View = field(default_factory=View)
-    resumed: bool = False
-
-
-@dataclass
-class EpisodeState:
-    """Everything that an episode's future depends on, and nothing of the machine: it can be pickled and copied.
-
-    Attributes:
-        of: what the settings of an environment have to agree with, by name.
-        target: the object, as `objects` names it.
-        physics: MuJoCo's full integration state.
-        sensors: its sensors as last read.
-        told: what was last told of the episode.
-        record: one of `EPISODE`.
-        commands: (3, n) rad, `COMMANDS`.
-        rng: state of the random generator.
-        variation: of this episode.
-        view: what the cameras saw, for `observe="reset"`, and where the calibration believes them to be.
-        neighbours: the other objects on the table, by name.
-    """
-
-    of: Mapping[str, Any]
-    target: str
-    physics: Array
-    sensors: Array
-    told: Array
-    record: NDArray[np.void]
-    commands: Array
-    rng: Mapping[str, Any]
-    variation: Variation
-    view: View
-    neighbours: tuple[str, ...] = ()
+from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
+from dexgrasp_env.tasks.views import Views
 
 
 class Episodes:

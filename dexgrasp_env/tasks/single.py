@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
-from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Starts
+from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.tasks.views import Views
 
 _ONLY = slice(None)

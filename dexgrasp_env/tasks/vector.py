@@ -16,7 +16,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
-from dexgrasp_env.tasks.episodes import EpisodeState, Starts
 from dexgrasp_env.tasks.infos import masked, objects, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import cut
@@ -26,6 +25,7 @@ from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import TOLD_AS
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.single import NO_WARNINGS
+from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import COUNT, Rule, check, instance
 
