@@ -49,10 +49,7 @@ _register("LiftSlippery", friction=0.35)
 _register("LiftPushed", _LIMIT + _PUSHES, friction=0.5, disturbance={"kind": "pushed", "size": 0.5})
 _register("LiftOneView", obs_mode="pointcloud", views=1)
 
-_TWICE, _HEAP = (
-    600,
-    1800,
-)  # control steps in which a lost object is grasped again, and eight of a heap are set aside
+_TWICE, _HEAP = 600, 1800  # control steps: `tasks.constants`, as above
 
 for name, count, gaps, limit in (
     ("Sparse", (4, 8), (0.02, 0.05), _TWICE), ("Dense", (9, 15), (0.005, 0.02), _TWICE), ("Heap", 8, None, _HEAP),

@@ -44,8 +44,8 @@ def load(
 ) -> control.Environment:
     """Return an environment of dm_control: the observations, rewards and time limit of Gymnasium's, step by step.
 
-    An episode that terminates ends with discount 0; one that the time limit truncates ends with discount 1, since
-    its state had a future.
+    An episode that terminates ends with discount 0; one that is truncated, as by the time limit, ends with discount 1,
+    since its state had a future.
 
     Args:
         objects: as for `gym.make`.
@@ -115,7 +115,7 @@ class Task(control.Task):
         self._limit = env.spec.max_episode_steps if env.spec is not None else None
         self._steps = 0
         self._seen: dict[str, NDArray[Any]] = {}
-        self._reward, self._terminated = 0.0, False
+        self._reward, self._terminated, self._truncated = 0.0, False, False
         self.info: dict[str, Any] = {}
         """What Gymnasium's `info` says of the last step: is_success, failure, reward_terms, ..."""
 
@@ -123,7 +123,7 @@ class Task(control.Task):
         """Start an episode of the environment."""
         self._seen, self.info = self.inner.reset(seed=self._seed)
         self._seed = None  # later episodes go on with the same generator
-        self._steps, self._terminated = 0, False
+        self._steps, self._terminated, self._truncated = 0, False, False
         physics.show(self.inner.simulation)
 
     def before_step(self, action: NDArray[np.float32], physics: Physics) -> None:
@@ -132,7 +132,8 @@ class Task(control.Task):
 
     def after_step(self, physics: Physics) -> None:
         """Judge and observe."""
-        self._seen, self._reward, self._terminated, _, self.info = self.inner.finish_step(physics.warnings)
+        told = self.inner.finish_step(physics.warnings)
+        self._seen, self._reward, self._terminated, self._truncated, self.info = told
         self._steps += 1
 
     def get_observation(self, physics: Physics) -> dict[str, NDArray[Any]]:
@@ -147,7 +148,8 @@ class Task(control.Task):
         """Return the last discount, None while the episode runs."""
         if self._terminated:
             return 0.0
-        return 1.0 if self._limit is not None and self._steps >= self._limit else None
+        timed_out = self._limit is not None and self._steps >= self._limit
+        return 1.0 if self._truncated or timed_out else None
 
     def observation_spec(self, physics: Physics) -> dict[str, specs.Array]:
         """Return a spec for every key of the observations."""

@@ -75,6 +75,7 @@ def test_registrations_know_how_long_disturbances_take():
     for name in IDS:
         env = gym.make(name, objects="sugar_box", disable_env_checker=True)
         own = 1800 if "ClutterHeap" in name else 600 if "Clutter" in name else 300
+        assert env.unwrapped.settings.usual_steps == own
         assert gym.spec(name).max_episode_steps == own + env.unwrapped.disturbance_steps
         gym.make(gym.envs.registration.EnvSpec.from_json(env.spec.to_json()))
 
@@ -94,6 +95,30 @@ def test_a_limit_too_short_for_the_disturbance_is_warned_of():
         env.step(np.zeros(23))
         env.reset()
         gym.make_vec("DexGrasp/Lift-v2", num_envs=1, max_episode_steps=380, **kwargs).close()
+
+
+@pytest.mark.parametrize(
+    ("name", "frame_skip", "settings", "wanted"),
+    [
+        ("Lift-v2", 5, {}, 1500),
+        ("Lift-v2", 5, {"disturbance": "pushed"}, 1900),
+        ("Lift-v2", 16, {"disturbance": "pushed"}, 600),
+        ("LiftPushed-v2", 5, {}, 1900),
+        ("Place-v2", 10, {}, 750),
+        ("ClutterSparse-v1", 5, {}, 3000),
+        ("ClutterHeap-v1", 5, {}, 9000),
+    ],
+)
+def test_a_limit_that_a_quicker_pace_makes_too_short_is_warned_of(name, frame_skip, settings, wanted):
+    settings = {"objects": "sugar_box", "frame_skip": frame_skip, **settings}
+    with pytest.warns(UserWarning, match=f"max_episode_steps={wanted}$"):
+        gym.make_vec(f"DexGrasp/{name}", num_envs=1, **settings).close()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        gym.make_vec(f"DexGrasp/{name}", num_envs=1, max_episode_steps=wanted, **settings).close()
+        gym.make_vec(
+            f"DexGrasp/{name}", num_envs=1, **settings | {"frame_skip": 50, "disturbance": None}
+        ).close()
 
 
 def test_renders():

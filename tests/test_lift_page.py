@@ -76,7 +76,9 @@ def test_page_lists_rewards_and_arguments():
         ({"objects": []}, "objects"),
         ({"objects": "nowhere.stl"}, "nowhere.stl"),
         ({"object_pose": {"z": (0, 1)}}, "yaw"),
-        ({"object_pose": {"x": (1, 0)}}, "low <= high"),
+        ({"object_pose": {"x": (0.6, 0.4)}}, "low <= high"),
+        ({"object_pose": {"x": (420, 600)}}, "<= 0.87"),
+        ({"object_pose": {"y": (-0.7, 0.0)}}, ">= -0.65"),
         ({"object_pose": {"rest_pose": "best"}}, "likely"),
         ({"randomisation": {"mass": (-1, 1)}}, ">= 0.001"),
         ({"randomisation": {"colour": (0, 1)}}, "friction"),
@@ -120,6 +122,15 @@ def test_wrong_actions_and_options():
     for options in ({"colour": 1}, {"object": "soda"}, {"object_pose": [0, 0, 1]}, {"object_pose": [0] * 7}):
         with refused():
             env.reset(options=options)
+    env.reset(seed=0)
+    state, pose = env.get_state(), [0.5, 0.0, 0.1, 1, 0, 0, 0]
+    for beside in (
+        {"object": "sugar_box"},
+        {"object_pose": pose},
+        {"object": "sugar_box", "object_pose": pose},
+    ):
+        with refused("beside state"):
+            env.reset(options={"state": state, **beside})
 
 
 @pytest.mark.parametrize(

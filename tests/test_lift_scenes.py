@@ -11,12 +11,13 @@ from project_scripts import load_script
 from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.objects import rest_poses
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.scene.build import build_scene
 from dexgrasp_env.tasks.control import max_step, normalise
 from dexgrasp_env.tasks.physics import Rests
-from dexgrasp_env.tasks.placement import Placement
+from dexgrasp_env.tasks.placement import Placement, upright_rest
 from dexgrasp_env.tasks.randomisation import Variation, apply_variation
 from dexgrasp_env.tasks.settings import WEIGHTS
 from dexgrasp_env.tasks.simulation import Simulation
@@ -97,6 +98,16 @@ def test_commands_come_late():
     assert_allclose(commands[0][10:], commands[1][:-10], atol=1e-12)
     assert_allclose(commands[0][:10], HOME[7], atol=1e-12)
     assert_allclose(np.diff(commands[1]), 0.2 * max_step(ROBOT)[7] / 25, atol=1e-12)
+
+
+def test_each_of_many_objects_is_stood_up_once(monkeypatch):
+    dropped = []
+    monkeypatch.setattr(rest_poses, "stays", lambda model, up, angle: not dropped.append(model))
+    base = load_object("sugar_box")
+    models = [base.scaled(1.0 + k / 1000) for k in range(1, 100)]
+    heights = [[upright_rest(model)[1] for model in models] for _ in range(2)]
+    assert heights[0] == heights[1] == sorted(heights[0])
+    assert dropped == models
 
 
 def test_upright_stands_as_built():

@@ -63,9 +63,65 @@ def test_goals_can_be_given():
     other = [0.45, 0.0, 0.1, 0.0]
     again = env.reset(options={"state": state, "goal": other})[0]["desired_goal"]
     assert_allclose(again, other, atol=1e-6)
-    for wrong in ([0.5, 0.1, 0.2], [0.5, 0.1, 3.0, 1.0], [0.5, 0.1, np.nan, 1.0]):
+    far, at = [0.5, 0.1, 3.0, 1.0], [0.5, 0.1, 0.2]
+    for wrong in (at, far, [0.5, 0.1, np.nan, 1.0], "abc", [goal] * 2, [*at, 0.5], [*at, -1.0]):
         with refused("goal"):
             env.reset(options={"goal": wrong})
+
+
+def test_a_goal_that_is_given_has_not_been_reached_before():
+    env = make(disable_env_checker=True)
+    env.reset(seed=0)
+    env.unwrapped._episodes.records["moved"][0] = True
+    env.unwrapped._episodes.records["goal"][0] = [*env.unwrapped.data.qpos[23:26], 0.0]
+    for _ in range(20):
+        told = env.step(np.zeros(23))[4]
+    assert told["is_success"]
+    state = env.unwrapped.get_state()
+    assert env.reset(options={"state": state})[1]["is_success"]
+    assert not env.reset(options={"state": state, "goal": [0.45, 0.0, 0.2, 1.0]})[1]["is_success"]
+    same = state.record["goal"].tolist()
+    env.reset(options={"state": state, "goal": same})
+    told = [env.step(np.zeros(23))[4]["is_success"] for _ in range(20)]
+    assert told == [False] * 19 + [True]
+
+
+def test_a_goal_alone_is_an_option_of_ones_own():
+    env = make(disable_env_checker=True)
+    env.reset(seed=0)
+    env.unwrapped.data.qpos[25] = 0.5
+    state, begun = env.unwrapped.get_state(), [0.5, 0.1, 0.2, 1.0]
+    env.unwrapped.start_from(lambda slot, rng, record: {"state": state, "goal": begun})
+    observation, _ = env.reset()
+    assert observation["achieved_goal"][2] == 0.5
+    assert_allclose(observation["desired_goal"], begun, atol=1e-6)
+    observation, _ = env.reset(options={"goal": [0.45, 0.0, 0.2, 1.0]})
+    assert observation["achieved_goal"][2] < 0.1
+
+
+def test_what_lies_high_is_given_goals_above_it():
+    env = make(disable_env_checker=True)
+    for seed in range(6):
+        seen, _ = env.reset(seed=seed, options={"object_pose": [0.5, -0.3, 0.8, 1, 0, 0, 0]})
+        height = seen["achieved_goal"][2]
+        assert height > 0.35
+        assert_allclose(seen["desired_goal"][2], height + 0.05 * seen["desired_goal"][3], atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("version", "reward_mode"), [(1, "sparse"), (1, "dense"), (2, "sparse"), (2, "dense")]
+)
+def test_where_the_object_is_nowhere_no_goal_is_reached(version, reward_mode):
+    env = make(reward_mode=reward_mode, version=version).unwrapped
+    env.reset(seed=0)
+    env.data.qpos[23] = np.nan
+    observation, episodes = env._conclude(0), env._episodes
+    achieved, desired = observation["achieved_goal"], observation["desired_goal"]
+    assert np.isfinite(achieved).all()
+    assert episodes.rewards[0] == env.compute_reward(achieved, desired, {}) < 0.0
+    assert np.isfinite(episodes.info(0)["goal_distance"])
+    nowhere = np.full_like(desired, np.nan)
+    assert env.compute_reward(nowhere, desired, {}) != 0.0
 
 
 def test_hindsight_finds_its_goals_in_the_space_and_none_that_was_always_reached():

@@ -47,6 +47,20 @@ def test_options_are_of_the_next_reset():
     env.close()
 
 
+def test_what_is_lost_in_place_is_no_end_to_a_learner():
+    env = SB3VecEnv("DexGrasp/Place-v2", num_envs=2, objects="sugar_box")
+    env.seed(0)
+    env.reset()
+    state = env.envs.get_state(1)
+    state.physics[1 + 24] = 0.7  # time, then positions: the object's y
+    env.envs.set_state(state, [1])
+    _, _, done, infos = env.step(np.zeros((2, 23)))
+    assert done.tolist() == [False, True]
+    assert infos[1]["failure"] == "object_lost"
+    assert infos[1]["TimeLimit.truncated"] is True
+    env.close()
+
+
 def test_ppo_learns_on_it():
     env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=4, objects="sugar_box", max_episode_steps=10)
     model = PPO("MultiInputPolicy", env, n_steps=16, batch_size=32, n_epochs=1, seed=0, device="cpu")

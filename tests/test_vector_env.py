@@ -8,51 +8,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from refusals import refused
-
-import dexgrasp_env  # noqa: F401  (registers the environments)
-
-ID = "DexGrasp/Lift-v2"
-OBJECTS = ["sugar_box", "massage_ball", "soda"]
-RANDOM = {
-    "mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.9, 1.1), "gain": (0.8, 1.2), "latency": (0.0, 0.04),
-    "joint_noise": (0.0, 0.01),
-}  # fmt: skip
-
-
-def native(number, env_id=ID, **kwargs):
-    return gym.make_vec(env_id, num_envs=number, **{"objects": OBJECTS, **kwargs})
-
-
-def singles(number, env_id=ID, autoreset_mode="NextStep", threads=None, **kwargs):
-    settings = {"objects": OBJECTS, "disable_env_checker": True, **kwargs}
-    return gym.make_vec(
-        env_id,
-        num_envs=number,
-        vectorization_mode="sync",
-        vector_kwargs={"autoreset_mode": autoreset_mode},
-        **settings,
-    )
-
-
-def assert_same(a, b, where=""):
-    """Equal in every bit, type and key."""
-    if isinstance(a, dict):
-        assert set(a) == set(b), where
-        for key in a:
-            assert_same(a[key], b[key], f"{where}/{key}")
-    elif isinstance(a, np.ndarray) and a.dtype == object:
-        assert a.shape == b.shape, where
-        for x, y in zip(a, b, strict=True):
-            assert_same(x, y, where)
-    elif isinstance(a, np.ndarray):
-        assert a.dtype == b.dtype, where
-        assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), where
-    elif isinstance(a, tuple):
-        for k, (x, y) in enumerate(zip(a, b, strict=True)):
-            assert_same(x, y, f"{where}/{k}")
-    else:
-        assert type(a) is type(b), where
-        assert a == b, where
+from vector_envs import ID, OBJECTS, RANDOM, assert_same, native, singles
 
 
 def actions(rng, envs, centre):
@@ -68,13 +24,14 @@ def compare(number, steps, mode="NextStep", **kwargs):
     assert_same(theirs.reset(seed=seeds), ours.reset(seed=seeds), "reset")
     rng = np.random.default_rng(0)
     centre = rng.uniform(-1, 1, ours.action_space.shape)
-    lost = truncated = 0
+    lost, truncated, ages = 0, 0, np.zeros(number, int)
     for step in range(steps):
         act = actions(rng, ours, centre)
         a, b = theirs.step(act), ours.step(act)
         assert_same(a, b, f"step {step}")
-        lost, truncated = lost + int(a[2].sum()), truncated + int(a[3].sum())
-        over = a[2] | a[3]
+        over, ages = a[2] | a[3], ages + 1
+        lost, truncated = lost + int((over & (ages < limit)).sum()), truncated + int((ages >= limit).sum())
+        ages[over] = -1 if mode == "NextStep" else 0  # the next step resets, or is their first
         if mode == "Disabled" and over.any():
             options = {"reset_mask": over}
             assert_same(
@@ -138,6 +95,24 @@ def test_place_equals_single_environments_bit_for_bit(mode):
     )  # fmt: skip
     assert lost >= 1
     assert truncated >= 3
+
+
+@pytest.mark.parametrize(("version", "truncates"), [(2, True), (1, False)])
+def test_place_truncates_what_is_lost(version, truncates):
+    """Rewards are 0 at most: were it an end, it would pay to throw the object away."""
+    env_id = f"DexGrasp/Place-v{version}"
+    ours, theirs = (make(2, env_id=env_id, autoreset_mode="SameStep") for make in (native, singles))
+    ours.reset(seed=3)
+    theirs.reset(seed=3)
+    throw(ours, theirs, 1)
+    for _ in range(5):
+        a, b = theirs.step(np.zeros((2, 23))), ours.step(np.zeros((2, 23)))
+        assert_same(a, b)
+        if (b[2] | b[3]).any():
+            break
+    assert b[4]["final_info"]["failure"][1] == "object_lost"
+    assert b[2].tolist() == [False, not truncates]
+    assert b[3].tolist() == [False, truncates]
 
 
 def test_place_counts_the_time_at_the_goal_alike():
@@ -309,6 +284,7 @@ def test_resets_without_options_begin_where_they_are_told():
         ({"disturbance": "pushed"}, "disturbance"),
         ({"version": 1}, "version"),
         ({"frame_skip": 50}, "frame_skip"),
+        ({"reward_weights": {"reach": 1.0}}, "reward_weights"),
         ({"objects": "soda"}, "sugar_box"),
         ({"env_id": "DexGrasp/Place-v2"}, "task"),
     ],
@@ -324,6 +300,41 @@ def test_states_of_other_settings_are_refused_in_one_line(settings, word):
     for use in (other.unwrapped.set_state, lambda s: other.unwrapped.reset(options={"state": s})):
         with refused(word):
             use(state)
+
+
+def test_states_of_other_views_are_refused_where_views_are_seen():
+    for obs_mode in ("state", "depth"):
+        one, two = (
+            gym.make(
+                ID, objects="sugar_box", obs_mode=obs_mode, views=names, disable_env_checker=True
+            ).unwrapped
+            for names in (["front_left"], 2)
+        )
+        one.reset(seed=0)
+        if obs_mode == "state":
+            two.set_state(one.get_state())
+        else:
+            with refused("views"):
+                two.set_state(one.get_state())
+
+
+def test_what_has_no_episode_is_not_left_out_of_a_reset():
+    for obs_mode in ("state", "depth"):
+        envs = native(2, objects="sugar_box", obs_mode=obs_mode, views=1)
+        with refused(r"\[1\]"):
+            envs.reset(seed=0, options={"reset_mask": np.array([True, False])})
+        envs.reset(seed=0)
+        _, infos = envs.reset(options={"reset_mask": np.array([True, False])})
+        assert infos["_object"].tolist() == [True, False]
+        envs.close()
+
+
+@pytest.mark.parametrize("frame_skip", [10, 25])
+def test_pictures_follow_each_other_as_in_a_single_environment(frame_skip):
+    envs = native(1, objects="sugar_box", frame_skip=frame_skip)
+    single = gym.make(ID, objects="sugar_box", frame_skip=frame_skip, disable_env_checker=True)
+    assert envs.metadata["render_fps"] == single.unwrapped.metadata["render_fps"]
+    envs.close()
 
 
 def test_wrong_use_is_named_in_one_line():

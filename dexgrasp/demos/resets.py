@@ -20,9 +20,9 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
-from dexgrasp_env.tasks.episodes import EpisodeState
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
+from dexgrasp_env.tasks.slots import EpisodeState
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 from dexgrasp_env.tasks.views import View
 

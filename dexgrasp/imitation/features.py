@@ -57,7 +57,7 @@ def view_of(obs_mode: str) -> str:
 
 
 def first_look(first: Observation) -> Scene:
-    """Return what is remembered of an episode's first observation."""
+    """Return what is remembered of an episode's first observation; the object is a box about its centre of mass."""
     pose = np.asarray(first["object_pose"], dtype=float)
     size = np.asarray(first["object_size"], dtype=float)
     azimuth = float(np.arctan2(pose[1], pose[0]))

@@ -26,7 +26,10 @@ _PALM = {
     "tilted": (0.1, 0.2),
 }
 """Middle and span of the palm's place, m, along the object's narrowest level direction, level across it, and above its
-top (from where tips clear the table on); rad from closing along that direction, and of the thumb upwards."""
+top (from where tips clear the table on); rad from closing along that direction, and of the thumb upwards.
+
+The object is taken for its box, `object_size` about the centre of mass: where that is not the middle, the top is off.
+"""
 _OPEN = {
     "index": (-0.15, 0.86, 0.0, 0.04),
     "middle": (0.06, 0.86, 0.0, 0.07),

@@ -14,7 +14,15 @@ from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, object_name
 from dexgrasp_env.poses import quat_conjugate, rotate
 from dexgrasp_env.tasks.clutter import set_out
-from dexgrasp_env.tasks.constants import AROUND_POINTS, MOST_NEIGHBOURS, NEIGHBOUR_MOVED, SCENE_DRAWS, TOPPLED
+from dexgrasp_env.tasks.constants import (
+    AROUND_POINTS,
+    CLUTTER_EPISODE_STEPS,
+    HEAP_EPISODE_STEPS,
+    MOST_NEIGHBOURS,
+    NEIGHBOUR_MOVED,
+    SCENE_DRAWS,
+    TOPPLED,
+)
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.infos import objects
 from dexgrasp_env.tasks.lift import LiftEnv
@@ -62,6 +70,11 @@ class ClutterSettings(LiftSettings):
     def pointing(self) -> str:
         """How perception is told which object is meant."""
         return self.mask
+
+    @property
+    def usual_steps(self) -> int:
+        """Control steps at 20 Hz that episodes have without a disturbance."""
+        return HEAP_EPISODE_STEPS if self.gaps is None else CLUTTER_EPISODE_STEPS
 
 
 class ClutterEpisodes(Episodes):

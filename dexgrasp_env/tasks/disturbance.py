@@ -3,12 +3,11 @@
 They begin once the object has been held for 1 s, while the agent acts on.
 """
 
-import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Annotated, Any
 
-from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS, at_pace
+from dexgrasp_env.tasks.constants import at_pace
 from dexgrasp_env.valid import number, one_of, read
 
 KINDS = ("none", "pushed", "shaken")
@@ -35,18 +34,6 @@ class Disturbance:
         push, pause = at_pace(PUSH_STEPS, frame_skip), at_pace(PAUSE_STEPS, frame_skip)
         lasts = {"none": 0, "pushed": 6 * push + 5 * pause, "shaken": at_pace(SHAKE_STEPS, frame_skip)}
         return lasts[self.kind]
-
-    def warn_of_limit(self, limit: int | None, frame_skip: int) -> None:
-        """Warn where the usual time limit, which a wrapper keeps, leaves no time for the disturbance.
-
-        Args:
-            limit: of an episode, control steps.
-            frame_skip: physics steps of a control step.
-        """
-        steps = self.steps_at(frame_skip)
-        if steps and limit == MAX_EPISODE_STEPS:
-            longer = f"max_episode_steps={MAX_EPISODE_STEPS + steps}"
-            warnings.warn(f"{self.kind!r} takes {steps} steps of the {limit}: pass {longer}", stacklevel=3)
 
     @classmethod
     def of(cls, value: "Disturbance | Mapping[str, Any] | str") -> "Disturbance":

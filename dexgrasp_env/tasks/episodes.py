@@ -5,10 +5,8 @@ The single environment has one, the vector environment many; only who advances t
 
 import copy
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import Any
 
-import mujoco
 import numpy as np
 from gymnasium import spaces
 from numpy.random import Generator
@@ -23,59 +21,13 @@ from dexgrasp_env.tasks.control import check_finite
 from dexgrasp_env.tasks.observations import cut, layout, observation_space
 from dexgrasp_env.tasks.placement import check_pose
 from dexgrasp_env.tasks.randomisation import Variation
-from dexgrasp_env.tasks.records import COMMANDS, EPISODE, PHASES, TOLD, TOLD_AS
+from dexgrasp_env.tasks.records import COMMANDS, EPISODE, FAILURES, PHASES, TOLD, TOLD_AS
 from dexgrasp_env.tasks.rules import rules_of
 from dexgrasp_env.tasks.set_points import control_of, set_points
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import NO_PHYSICS, Moment, Simulation, arm_chain, warning_names
-from dexgrasp_env.tasks.views import View, Views
-
-Starts = Callable[[int, Generator, NDArray[np.void]], Mapping[str, Any]]
-"""Returns the options of a reset that is given none: of a slot, its generator and the record of its last episode."""
-
-
-@dataclass
-class Slot:
-    """What a running episode is of, beside its record; `resumed`: it began from a state that was given."""
-
-    target: str = ""
-    neighbours: tuple[str, ...] = ()
-    simulation: Simulation | None = None
-    model: mujoco.MjModel | None = None
-    variation: Variation = field(default_factory=Variation)
-    view: View = field(default_factory=View)
-    resumed: bool = False
-
-
-@dataclass
-class EpisodeState:
-    """Everything that an episode's future depends on, and nothing of the machine: it can be pickled and copied.
-
-    Attributes:
-        of: what the settings of an environment have to agree with, by name.
-        target: the object, as `objects` names it.
-        physics: MuJoCo's full integration state.
-        sensors: its sensors as last read.
-        told: what was last told of the episode.
-        record: one of `EPISODE`.
-        commands: (3, n) rad, `COMMANDS`.
-        rng: state of the random generator.
-        variation: of this episode.
-        view: what the cameras saw, for `observe="reset"`, and where the calibration believes them to be.
-        neighbours: the other objects on the table, by name.
-    """
-
-    of: Mapping[str, Any]
-    target: str
-    physics: Array
-    sensors: Array
-    told: Array
-    record: NDArray[np.void]
-    commands: Array
-    rng: Mapping[str, Any]
-    variation: Variation
-    view: View
-    neighbours: tuple[str, ...] = ()
+from dexgrasp_env.tasks.slots import EpisodeState, Slot, Starts
+from dexgrasp_env.tasks.views import Views
 
 
 class Episodes:
@@ -119,6 +71,8 @@ class Episodes:
         self.layout = layout(settings.obs_mode, robot)
         self.width = max(part.stop for part in self.layout.values())
         self._no_noise = np.zeros((1, robot.dof))
+        self.truncating = np.zeros(len(FAILURES), bool)
+        """Which of `FAILURES` truncate an episode; the others terminate it."""
         self.starts: Starts | None = None
         self.device: Any = None
         """Where progress is kept between resets, if not here: a `WarpEpisodes`."""
@@ -140,11 +94,14 @@ class Episodes:
         Raises:
             InputError: for an unknown option, object or a pose that cannot be.
         """
-        settings, names = self.settings, list(self.simulations)
         if not options and self.starts is not None:
             self.fetch()
             options = self.starts(i, rng, self.records[i])
-        options = self._check_options(options, names)
+        return self._begin(i, rng, self._check_options(options, list(self.simulations)))
+
+    def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
+        """Start episode `i` by options that are known."""
+        settings, names = self.settings, list(self.simulations)
         self.slots[i].resumed = "state" in options
         if self.slots[i].resumed:
             return self._resume(i, rng, options["state"])
@@ -186,6 +143,10 @@ class Episodes:
                 raise unknown_name("reset option", key, self.options)
         if "object" in options and options["object"] not in objects:
             raise unknown_name("object", options["object"], objects)
+        if "state" in options and (beside := sorted({"object", "object_pose"} & options.keys())):
+            raise InputError(
+                f"reset options {', '.join(beside)} beside state: valid is either, as it has its own"
+            )
         return options
 
     def _resume(self, i: int, rng: Generator, state: EpisodeState) -> Simulation:
@@ -318,6 +279,12 @@ class Episodes:
         size, n = records["variation"][:, 5:], self._no_noise.shape[1]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
+    def endings(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+        """Return which episodes a failure has terminated, and which it has truncated, (N,) each."""
+        failures = self.records["failure"]
+        truncated = self.truncating[failures]
+        return (failures > 0) & ~truncated, truncated
+
     # -- telling -------------------------------------------------------------------------------------------------
 
     def info(self, i: int) -> dict[str, Any]:
@@ -365,9 +332,13 @@ class Episodes:
     def _of(self) -> dict[str, Any]:
         """Return what a state has to agree with."""
         settings = self.settings
-        keys = ("version", "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale")
+        keys = (
+            "version", "obs_mode", "control_mode", "mount", "disturbance", "frame_skip", "action_scale",
+            "reward_weights",
+        )  # fmt: skip
         own = {key: getattr(settings, key) for key in keys}
-        return {"task": self.task, "robot": settings.cell.robot.name, **own}
+        seen = {} if settings.obs_mode == "state" else {"views": settings.views}
+        return {"task": self.task, "robot": settings.cell.robot.name, **own, **seen}
 
     def set_state(self, i: int, state: EpisodeState, rng: Generator) -> Simulation:
         """Make episode `i` that of a state, with its scene in it.

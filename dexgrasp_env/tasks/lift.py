@@ -49,7 +49,7 @@ class LiftEnv(SingleEnv):
     | --- | --- | --- | --- | --- |
     | `object_pose` | (7,) | float32 | `state` | position of the centre of mass m and quaternion wxyz |
     | `object_velocity` | (6,) | float32 | `state` | m/s, and rad/s in the object frame |
-    | `object_size` | (3,) | float32 | `state` | m, box of the object in its own frame |
+    | `object_size` | (3,) | float32 | `state` | m, sides of the box around the object, along its own axes |
     | `object_mass` | (1,) | float32 | `state` | kg |
     | `fingertip_forces` | (12,) | float32 | `state` | N, contact force between each tip and the object |
     | `progress` | (2,) | float32 | `state` | m, lowest point above the table; share of the 3 s held, 0 to 1 |
@@ -84,6 +84,9 @@ class LiftEnv(SingleEnv):
     | `hold` | 10.0 | time held in a grasp, of the last 3 s; a disturbance must be over |
     | `success` | 50.0 | 1 from the first success on |
 
+    The object's box has the sides `object_size`, about the centre of mass: of `all20` the middle of the object itself
+    is up to 28 mm off that.
+
     The return of an episode is therefore the sum at its end less that at its start: at most 50 without success,
     whatever is done and for however long; at least 50 with it, about 100 where the object is still held at the end. An
     episode that fails (see below) loses all but `success`. `reward_weights` replaces weights, by term.
@@ -103,7 +106,7 @@ class LiftEnv(SingleEnv):
     `disturbance` begins once the object has been held for 1 s, and success is then the 3 s hold after its end with the
     object moved at most 6 cm in the palm's frame; it takes `disturbance_steps` (80 pushed, 40 shaken), by which the
     time limit should grow: `LiftPushed-v2` has 380, elsewhere pass `max_episode_steps`; with the usual 300 a warning
-    says what.
+    says what. It does so too where a `frame_skip` below 25 makes fewer seconds of 300 steps.
 
     ## States
 
@@ -127,7 +130,7 @@ class LiftEnv(SingleEnv):
     | `mass` | `1.0` | factor on the object's mass, above 0 and up to 100 |
     | `presentation` | `'rest'` | `rest`; `upright`: standing as built where that is stable, else at rest |
     | `disturbance` | `None` | `none`, `pushed`, `shaken`, or `kind` and `size` (of the weight; of the shaking) |
-    | `object_pose` | `None` | ranges `x`, `y`, `yaw` and `rest_pose` (`any`, `likely`, a number) |
+    | `object_pose` | `None` | ranges `x`, `y` (over the table), `yaw` and `rest_pose` (`any`, `likely`, a number) |
     | `randomisation` | `None` | ranges of `mass`, `size`, `gain` (factors), `friction`, `latency` s, `joint_noise` |
     | `views` | `4` | names of the cameras that look, or how many of them to draw at reset |
     | `calibration` | `None` | `position` m and `rotation` rad: one rigid error of all cameras, drawn at reset |
@@ -140,7 +143,7 @@ class LiftEnv(SingleEnv):
     | `render_camera` | `'front'` | `front`; `grasp`: follows the hand, close by; or one of the depth cameras |
     | `version` | `2` | `2`, or `1`: the dense reward of version 1 |
     | `reward_weights` | `None` | weights by term, from 0 on; terms that are not named keep theirs |
-    | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does |
+    | `frame_skip` | `25` | physics steps of a control step, 5 to 125; what lasts seconds still does; limits are steps |
     | `action_scale` | `1.0` | factor, above 0 and up to 1, on what 1 means in actions that are changes |
     | `backend` | `'mujoco'` | `mujoco`; `warp`: mujoco_warp, the extra `gpu`; see the vector environment |
     | `device` | `None` | of `warp`: `cuda:0`, `cuda:1`, ..., `cpu`; None: a GPU where there is one |

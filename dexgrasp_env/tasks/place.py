@@ -26,12 +26,12 @@ from dexgrasp_env.tasks.constants import (
 from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import key_sizes
-from dexgrasp_env.tasks.records import TOLD
+from dexgrasp_env.tasks.records import FAILURES, TOLD
 from dexgrasp_env.tasks.rules import TOUCHING_HAND
 from dexgrasp_env.tasks.settings import REWARD_MODES, LiftSettings
 from dexgrasp_env.tasks.simulation import Moment, Simulation
 from dexgrasp_env.tasks.views import Views
-from dexgrasp_env.valid import one_of
+from dexgrasp_env.valid import Rule, check, one_of
 
 _SUCCESS = TOLD.index("is_success")
 _GOAL_LOW, _GOAL_HIGH = np.array([PLACE_X, PLACE_Y, GOAL_HEIGHT]).T
@@ -71,6 +71,7 @@ class PlaceEpisodes(Episodes):
         super().__init__(settings, views, number)
         self._order = list(key_sizes("state", settings.cell.robot))
         self._size = 3 if settings.version == 1 else 4  # numbers of a goal
+        self.truncating[FAILURES.index("object_lost")] = settings.version > 1
         self._distances = np.zeros(number)  # m, of the objects' centres to their goals
 
     def observation_space(self) -> spaces.Dict:
@@ -88,29 +89,24 @@ class PlaceEpisodes(Episodes):
             {**parts, "observation": observation, "achieved_goal": achieved, "desired_goal": goal}
         )
 
-    def begin(self, i: int, rng: Generator, options: Mapping[str, Any] | None) -> Simulation:
-        """Start episode `i`; the goal is drawn last.
-
-        Raises:
-            InputError: as `Episodes.begin`, or for a goal out of its space.
-        """
-        options = dict(options or {})
-        goal = options.pop("goal", None)
-        simulation = super().begin(i, rng, options)
+    def _begin(self, i: int, rng: Generator, options: Mapping[str, Any]) -> Simulation:
+        """Start episode `i`; the goal is drawn last. A goal that is given has not been reached for any time yet."""
+        simulation, record = super()._begin(i, rng, options), self.records[i]
         if not self.slots[i].resumed:
-            self.records[i]["start"] = simulation.object_pose()[:3]
-            self.records[i]["goal"][: self._size] = self._draw(rng, self.records[i]["start"])
-        if goal is not None:
-            self.records[i]["goal"][: self._size] = self._check_goal(goal)
+            record["start"] = simulation.object_pose()[:3]
+            record["goal"][: self._size] = self._draw(rng, record["start"])
+        if options.get("goal") is not None:
+            record["goal"][: self._size] = self._check_goal(options["goal"])
+            record["at_goal"] = self.told[i, _SUCCESS] = 0
         return simulation
 
     def _draw(self, rng: Generator, start: Array) -> Array:
         """Draw a goal: one that the object is to be held at, or put down at, away from where it lies."""
         if self._size == 3:
             return rng.uniform(_GOAL_LOW, _GOAL_HIGH)
-        held = rng.random() < 0.5
+        held, low = rng.random() < 0.5, np.array([*_GOAL_LOW[:2], start[2] + GOAL_RISE])
         while True:
-            goal = rng.uniform([*_GOAL_LOW[:2], start[2] + GOAL_RISE], _GOAL_HIGH)
+            goal = rng.uniform(low, np.maximum(low, _GOAL_HIGH))
             if held:
                 return np.array([*goal, 1.0])
             if np.hypot(*(goal - start)[:2]) >= GOAL_AWAY:
@@ -118,11 +114,16 @@ class PlaceEpisodes(Episodes):
 
     def _check_goal(self, goal: Any) -> Array:
         space: Any = self.observation_space()["desired_goal"]
-        given: Array = np.asarray(goal, dtype=np.float32)
-        if not space.contains(given):
-            raise InputError(
-                f"goal {goal}: valid are {self._size} numbers within {space.low} and {space.high}"
-            )
+
+        def admit(value: Any) -> Array:
+            given: Array = np.asarray(value, dtype=np.float32)
+            if not space.contains(given) or not np.isin(given[3:], (0.0, 1.0)).all():
+                raise ValueError
+            return given
+
+        words = f"{self._size} numbers within {space.low} and {space.high}"
+        words += ", the last 1 in the hand or 0 free" if self._size == 4 else ""
+        given: Array = check("goal", goal, Rule(words, admit))
         return given
 
     def _finish(
@@ -130,6 +131,8 @@ class PlaceEpisodes(Episodes):
     ) -> dict[str, NDArray[Any]]:
         """Make rewards, success and the observation those of the goal."""
         records, centres = self.records[part], moment.qpos[:, -7:-4]
+        known = np.logical_and.reduce(np.isfinite(centres), axis=-1)
+        centres = np.where(known[:, None], centres, 0.0)  # where nothing is known no goal is reached
         goals = records["goal"][:, : self._size].astype(np.float32)
         self._distances[part] = np.linalg.norm(centres - records["goal"][:, :3], axis=-1)
         achieved = centres.astype(np.float32)
@@ -137,7 +140,7 @@ class PlaceEpisodes(Episodes):
             if judge:
                 records["moved"] |= np.linalg.norm(centres - records["start"], axis=-1) > GOAL_RADIUS
             touching = moment.sensors[:, self.rules.at[TOUCHING_HAND]] > 0
-            hand = np.where(records["moved"], touching, -1.0)
+            hand = np.where(records["moved"] & known, touching, -1.0)
             achieved = np.clip(np.column_stack([centres, hand]), _LOWEST, _HIGHEST).astype(np.float32)
         self.rewards[part] = goal_rewards(achieved, goals, self.settings.reward_mode)
         reached = (goal_rewards(achieved, goals, "sparse") == 0.0) & (records["failure"] == 0)
@@ -162,9 +165,9 @@ class PlaceEnv(LiftEnv):
     ## Description
 
     The scene, the robot and the physics of `LiftEnv`. Half of the goals are in the air, from 5 cm above where the
-    object lies to 35 cm above the table; half are on the table, at least 10 cm away; all are inside the area where
-    objects are put. The task is solved when for the last 1 s the object's centre has been within 3 cm of the goal and
-    the hand has touched it, for goals in the air, or has let go of it, for goals on the table.
+    object lies to 35 cm above the table, if that is higher; half are on the table, at least 10 cm away; all are inside
+    the area where objects are put. The task is solved when for the last 1 s the object's centre has been within 3 cm of
+    the goal and the hand has touched it, for goals in the air, or has let go of it, for goals on the table.
 
     ## Action Space
 
@@ -194,11 +197,12 @@ class PlaceEnv(LiftEnv):
 
     ## Starting State
 
-    As `LiftEnv`; `reset(options={"goal": [x, y, z, hand]})` sets the goal.
+    As `LiftEnv`; `reset(options={"goal": [x, y, z, hand]})` sets the goal, `hand` being 1 or 0, also beside `state`.
 
     ## Episode End
 
-    Terminates when the object is lost or numbers go wrong, truncates after 300 steps. Success ends nothing.
+    Terminates when numbers go wrong, truncates after 300 steps and when the object is lost: no reward is above 0, so
+    an end that counts as one would pay for throwing the object away. Success ends nothing.
 
     ## Arguments
 
@@ -206,8 +210,9 @@ class PlaceEnv(LiftEnv):
 
     ## Version History
 
-    * v2: goals on the table, and what the hand is to do; cameras; the space of goals holds all that are achieved.
-    * v1: goals (3,) in the air, 15 to 35 cm above the table; `obs_mode="state"` alone.
+    * v2: goals on the table, and what the hand is to do; cameras; the space of goals holds all that are achieved;
+      a lost object truncates.
+    * v1: goals (3,) in the air, 15 to 35 cm above the table; `obs_mode="state"` alone; a lost object terminates.
     """
 
     episodes_type = PlaceEpisodes
@@ -216,7 +221,7 @@ class PlaceEnv(LiftEnv):
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
     ) -> NDArray[np.float64]:
-        """Return the rewards (...,) of goals (..., 4); `info` is not used."""
+        """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
@@ -227,4 +232,4 @@ def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str
     wrong = ((achieved != desired) | (achieved < 0.0))[..., 3:].any(axis=-1)
     if reward_mode == "dense":
         return -distance.astype(np.float64) - _WRONG * wrong
-    return -((distance > GOAL_RADIUS) | wrong).astype(np.float64)
+    return -(~(distance <= GOAL_RADIUS) | wrong).astype(np.float64)

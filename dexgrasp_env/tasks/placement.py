@@ -1,8 +1,8 @@
 """Where the object is put at reset."""
 
 from dataclasses import dataclass
-from functools import lru_cache
 from typing import Annotated, Any
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.random import Generator
@@ -19,6 +19,8 @@ from dexgrasp_env.tasks.constants import PLACE_X, PLACE_Y, PLACE_YAW, WORKSPACE_
 from dexgrasp_env.valid import NATURAL, Rule, number, pair
 
 PRESENTATIONS = ("rest", "upright")
+_STANDING: WeakKeyDictionary[ObjectModel, tuple[Array, float] | None] = WeakKeyDictionary()
+"""How objects stand, found by compiling and dropping them: once for each, and for as long as it is in use."""
 _FRONT, _BACK = (
     TABLE_CENTRE_X + side * 0.5 * TABLE_SIZE[0] for side in (-1, 1)
 )  # m, where an object may be put
@@ -27,7 +29,9 @@ _CLEARANCE = 0.0005  # m above the table; the settle closes it
 _INTO_TABLE = 0.001  # m that a given pose may reach below the table's top
 
 
-Range = Annotated[tuple[float, float], pair(number())]
+_Range = Annotated[tuple[float, float], pair(number())]
+_Across = Annotated[tuple[float, float], pair(number(ge=_FRONT, le=_BACK))]
+_Along = Annotated[tuple[float, float], pair(number(ge=-_SIDE, le=_SIDE))]
 
 
 def _rest_pose(value: Any) -> str | int:
@@ -39,16 +43,16 @@ class Placement:
     """Ranges that the object's pose is drawn from, in the world frame.
 
     Attributes:
-        x: range of the centre, m.
-        y: range of the centre, m.
+        x: range of the centre, m, over the table.
+        y: range of the centre, m, over the table or just beside it.
         yaw: range of the turn about z, rad.
         rest_pose: `"any"` draws a rest pose by its probability, `"likely"` takes the most probable, a number takes that
             one; objects of the catalogue with a fixed presentation ignore it.
     """
 
-    x: Range = PLACE_X
-    y: Range = PLACE_Y
-    yaw: Range = PLACE_YAW
+    x: _Across = PLACE_X
+    y: _Along = PLACE_Y
+    yaw: _Range = PLACE_YAW
     rest_pose: Annotated[str | int, Rule("any, likely, or a whole number >= 0", _rest_pose)] = "any"
 
     def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> NDArray[np.float64]:
@@ -88,12 +92,17 @@ def fixed_rest(model: ObjectModel) -> tuple[NDArray[np.float64], float]:
     return quat, float(-rotate(quat, model.solid.vertices)[:, 2].min())
 
 
-@lru_cache(maxsize=64)
 def upright_rest(model: ObjectModel) -> tuple[Array, float] | None:
     """Return quaternion and centre height of the object standing, or None where it does not stay so.
 
     It stands as it is built, z up, or as its set file says; what the catalogue presents in one pose keeps that.
     """
+    if model not in _STANDING:
+        _STANDING[model] = _stand(model)
+    return _STANDING[model]
+
+
+def _stand(model: ObjectModel) -> tuple[Array, float] | None:
     if model.fixed_pose is not None:
         return fixed_rest(model)
     from dexgrasp_env.objects.parts import support_height

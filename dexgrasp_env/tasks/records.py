@@ -15,7 +15,7 @@ LONGEST_HOLD = at_pace(HOLD_STEPS, SHORTEST_SKIP)
 EPISODE = np.dtype(
     [
         # What the episode is of; reset writes it.
-        ("half_extents", "f8", (3,)),  # m, of the mesh's box in the object frame
+        ("half_extents", "f8", (3,)),  # m, half the sides of the mesh's box, along the object's axes
         ("mass", "f8"),  # kg
         ("size", "f8"),  # factor on the object's lengths
         ("variation", "f8", (6,)),  # fields of `Variation`, as the privileged state shows them

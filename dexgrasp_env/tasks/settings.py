@@ -1,5 +1,6 @@
 """Settings of the environment, checked once at construction, and the weights of the reward; `terms` computes it."""
 
+import warnings
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from typing import Annotated, Any
@@ -12,7 +13,7 @@ from dexgrasp_env.rendering import RENDER_SIZE, SHOW_CAMERAS
 from dexgrasp_env.robot.cell import Cell, make_cell
 from dexgrasp_env.scene.constants import CONTROL_STEPS, FRICTION, TIMESTEP
 from dexgrasp_env.sensing.sensor import Calibration, SensorModel
-from dexgrasp_env.tasks.constants import LONGEST_SKIP, SHORTEST_SKIP
+from dexgrasp_env.tasks.constants import LONGEST_SKIP, MAX_EPISODE_STEPS, SHORTEST_SKIP, at_pace
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.disturbance import Disturbance
 from dexgrasp_env.tasks.observations import OBS_SUMS
@@ -117,6 +118,25 @@ class LiftSettings:
     def disturbance_steps(self) -> int:
         """Control steps that the disturbance takes."""
         return self.disturbance.steps_at(self.frame_skip)
+
+    @property
+    def usual_steps(self) -> int:
+        """Control steps at 20 Hz that episodes have without a disturbance."""
+        return MAX_EPISODE_STEPS
+
+    def warn_of_limit(self, limit: int | None) -> None:
+        """Warn where a usual time limit, which a wrapper keeps, leaves too few seconds at this pace.
+
+        Args:
+            limit: of an episode, control steps.
+        """
+        usual = self.usual_steps, self.usual_steps + self.disturbance.steps_at(CONTROL_STEPS)
+        wanted = at_pace(self.usual_steps, self.frame_skip) + self.disturbance_steps
+        if limit in usual and limit < wanted:
+            lasts, takes = limit * self.period, wanted * self.period
+            what = f"frame_skip={self.frame_skip} and disturbance {self.disturbance.kind!r}"
+            told = f"{limit} steps are {lasts:g} s of the {takes:g} s that an episode takes with {what}"
+            warnings.warn(f"{told}: pass max_episode_steps={wanted}", stacklevel=3)
 
     @property
     def mount(self) -> str:

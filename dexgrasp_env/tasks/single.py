@@ -13,11 +13,12 @@ from numpy.typing import NDArray
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
-from dexgrasp_env.tasks.episodes import Episodes, EpisodeState, Starts
+from dexgrasp_env.tasks.episodes import Episodes
 from dexgrasp_env.tasks.observations import OBS_SUMS
 from dexgrasp_env.tasks.physics import give_physics
 from dexgrasp_env.tasks.settings import LiftSettings
 from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.tasks.views import Views
 
 _ONLY = slice(None)
@@ -98,16 +99,15 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         Args:
             seed: of every draw of this and the following episodes.
             options: `object` names one of the environment's objects; `object_pose` is (7,) position m and quaternion
-                wxyz of the object in the world frame. Or `state`, of `get_state`, where the episode is to begin.
+                wxyz of the object in the world frame. Or `state`, of `get_state`, where the episode is to begin; it has
+                an object and a pose of its own.
 
         Raises:
             InputError: for an unknown option or object, or a pose that cannot be.
         """
         super().reset(seed=seed)
         # The limit is a wrapper's: where the last episode ended shows it.
-        self.settings.disturbance.warn_of_limit(
-            int(self._episodes.records["elapsed"][0]), self.settings.frame_skip
-        )
+        self.settings.warn_of_limit(int(self._episodes.records["elapsed"][0]))
         self._over = True  # options may be refused
         self._simulation = self._episodes.begin(0, self.np_random, options)
         slot = self._episodes.slots[0]
@@ -177,9 +177,10 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
             What `step` returns.
         """
         observation, episodes = self._conclude(bits), self._episodes
-        self._over = bool(episodes.records["failure"][0])
+        terminated, truncated = (bool(flags[0]) for flags in episodes.endings())
+        self._over = terminated or truncated
         observation, info = self._look(observation, at_reset=False)
-        return observation, float(episodes.rewards[0]), self._over, False, info
+        return observation, float(episodes.rewards[0]), terminated, truncated, info
 
     def _conclude(
         self, bits: int, rng: Generator | None = None, judge: bool = True

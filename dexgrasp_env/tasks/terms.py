@@ -22,7 +22,7 @@ _NO_PHASE, _OVER = PHASES.index("none"), PHASES.index("over")
 
 @njit
 def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array) -> None:
-    """Write the terms of version 1: (4,), of `rewards.WEIGHTS_V1`.
+    """Write the terms of version 1: (4,), of `settings.WEIGHTS_V1`.
 
     Args:
         e: the episode's record, brought up to date.
@@ -50,7 +50,7 @@ def level_terms(e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: R
 def progress_terms(
     e: Record, pose: Array, R: tuple[float, ...], s: Array, rules: Rules, terms: Array
 ) -> None:
-    """Write the terms of version 2: (7,), of `rewards.WEIGHTS`; arguments as of `level_terms`."""
+    """Write the terms of version 2: (7,), of `settings.WEIGHTS`; arguments as of `level_terms`."""
     for k in range(len(terms)):
         terms[k] = 0.0
     terms[6] = e.solved
@@ -100,6 +100,7 @@ def _box_distance(e: Record, pose: Array, R: tuple[float, ...], s: Array, tip: i
 
 @njit
 def _distance_to_box(e: Record, pose: Array, R: tuple[float, ...], px: float, py: float, pz: float) -> float:
+    """Distance of a point to the object's box, m: as large as the mesh's, but about the centre of mass, not its own."""
     a, b, c = px - pose[0], py - pose[1], pz - pose[2]
     h = e.half_extents
     x = max(abs(a * R[0] + b * R[3] + c * R[6]) - h[0], 0.0)

@@ -16,7 +16,6 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import ActionSpace, check_actions, check_tensor
-from dexgrasp_env.tasks.episodes import EpisodeState, Starts
 from dexgrasp_env.tasks.infos import masked, objects, with_masks
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.observations import cut
@@ -26,6 +25,7 @@ from dexgrasp_env.tasks.randomisation import Variation
 from dexgrasp_env.tasks.records import TOLD_AS
 from dexgrasp_env.tasks.simulation import Simulation, warning_names
 from dexgrasp_env.tasks.single import NO_WARNINGS
+from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import COUNT, Rule, check, instance
 
@@ -98,9 +98,10 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         limit = max_episode_steps
         self._limit = None if limit is None else check("max_episode_steps", limit, COUNT)
         self._mode = check("autoreset_mode", autoreset_mode, _AUTORESET)
-        self.metadata = {**LiftEnv.metadata, "autoreset_mode": self._mode}
+        fps = round(1 / self.settings.period)
+        self.metadata = {**LiftEnv.metadata, "render_fps": fps, "autoreset_mode": self._mode}
         self._views = Views(self.settings)
-        self.settings.disturbance.warn_of_limit(max_episode_steps, self.settings.frame_skip)
+        self.settings.warn_of_limit(max_episode_steps)
         self.render_mode = self.settings.render_mode
         self._episodes = self._env_type.episodes_type(self.settings, self._views, num_envs)
         threads = None if threads is None else check("threads", threads, COUNT)
@@ -136,7 +137,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         Args:
             seed: of the first environment, the next ones have the numbers after it; or one for each.
             options: as for `LiftEnv.reset`, `state` also as a list, one for each; `reset_mask` (N,) bool says which are
-                reset, all by default.
+                reset, all by default; those that have not begun have to be among them.
 
         Raises:
             InputError: for a wrong number of seeds, a wrong mask, or what `LiftEnv.reset` refuses.
@@ -148,6 +149,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         states = state if isinstance(state, list) else [state] * self.num_envs
         if len(states) != self.num_envs:
             raise InputError(f"{len(states)} states given: valid is one, or one for each of {self.num_envs}")
+        left_out = np.flatnonzero(~mask & ~self._started).tolist()
+        if left_out:
+            raise InputError(f"reset_mask leaves out environments {left_out}, which have no episode yet")
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._rngs[i], _ = seeding.np_random(seeds[i])
@@ -174,13 +178,11 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._advance(clipped, running)
         for i in waiting:
             self._reset_one(int(i))
-        records = self._episodes.records
         rewards = self._episodes.rewards.copy()
         rewards[waiting] = 0.0
-        terminated = records["failure"] > 0
-        truncated = (
-            np.zeros(self.num_envs, bool) if self._limit is None else records["elapsed"] >= self._limit
-        )
+        terminated, truncated = self._episodes.endings()
+        if self._limit is not None:
+            truncated |= self._episodes.records["elapsed"] >= self._limit
         self._ended = terminated | truncated
         final = self._finish() if self._mode is AutoresetMode.SAME_STEP and self._ended.any() else {}
         if self._tensors:
@@ -372,7 +374,7 @@ class PlaceVectorEnv(LiftVectorEnv):
     def compute_reward(
         self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
     ) -> NDArray[np.float64]:
-        """Return the rewards (...,) of goals (..., 3) m; `info` is not used."""
+        """Return the rewards (...,) of goals as of `PlaceEnv`; `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 

@@ -1,0 +1,62 @@
+"""What an environment keeps of each of its running episodes beside the record, and all of one that can be kept."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.random import Generator
+from numpy.typing import NDArray
+
+from dexgrasp_env.arrays import Array
+from dexgrasp_env.tasks.randomisation import Variation
+from dexgrasp_env.tasks.simulation import Simulation
+from dexgrasp_env.tasks.views import View
+
+Starts = Callable[[int, Generator, NDArray[np.void]], Mapping[str, Any]]
+"""Returns the options of a reset that is given none: of a slot, its generator and the record of its last episode."""
+
+
+@dataclass
+class Slot:
+    """What a running episode is of, beside its record; `resumed`: it began from a state that was given."""
+
+    target: str = ""
+    neighbours: tuple[str, ...] = ()
+    simulation: Simulation | None = None
+    model: mujoco.MjModel | None = None
+    variation: Variation = field(default_factory=Variation)
+    view: View = field(default_factory=View)
+    resumed: bool = False
+
+
+@dataclass
+class EpisodeState:
+    """Everything that an episode's future depends on, and nothing of the machine: it can be pickled and copied.
+
+    Attributes:
+        of: what the settings of an environment have to agree with, by name.
+        target: the object, as `objects` names it.
+        physics: MuJoCo's full integration state.
+        sensors: its sensors as last read.
+        told: what was last told of the episode.
+        record: one of `EPISODE`.
+        commands: (3, n) rad, `COMMANDS`.
+        rng: state of the random generator.
+        variation: of this episode.
+        view: what the cameras saw, for `observe="reset"`, and where the calibration believes them to be.
+        neighbours: the other objects on the table, by name.
+    """
+
+    of: Mapping[str, Any]
+    target: str
+    physics: Array
+    sensors: Array
+    told: Array
+    record: NDArray[np.void]
+    commands: Array
+    rng: Mapping[str, Any]
+    variation: Variation
+    view: View
+    neighbours: tuple[str, ...] = ()

@@ -1,0 +1,49 @@
+"""The native vector environment and Gymnasium's over single ones, and what it means that they are the same."""
+
+import gymnasium as gym
+import numpy as np
+
+import dexgrasp_env  # noqa: F401  (registers the environments)
+
+ID = "DexGrasp/Lift-v2"
+OBJECTS = ["sugar_box", "massage_ball", "soda"]
+RANDOM = {
+    "mass": (0.5, 2.0), "friction": (0.3, 1.2), "size": (0.9, 1.1), "gain": (0.8, 1.2), "latency": (0.0, 0.04),
+    "joint_noise": (0.0, 0.01),
+}  # fmt: skip
+
+
+def native(number, env_id=ID, **kwargs):
+    return gym.make_vec(env_id, num_envs=number, **{"objects": OBJECTS, **kwargs})
+
+
+def singles(number, env_id=ID, autoreset_mode="NextStep", threads=None, **kwargs):
+    settings = {"objects": OBJECTS, "disable_env_checker": True, **kwargs}
+    return gym.make_vec(
+        env_id,
+        num_envs=number,
+        vectorization_mode="sync",
+        vector_kwargs={"autoreset_mode": autoreset_mode},
+        **settings,
+    )
+
+
+def assert_same(a, b, where=""):
+    """Equal in every bit, type and key."""
+    if isinstance(a, dict):
+        assert set(a) == set(b), where
+        for key in a:
+            assert_same(a[key], b[key], f"{where}/{key}")
+    elif isinstance(a, np.ndarray) and a.dtype == object:
+        assert a.shape == b.shape, where
+        for x, y in zip(a, b, strict=True):
+            assert_same(x, y, where)
+    elif isinstance(a, np.ndarray):
+        assert a.dtype == b.dtype, where
+        assert np.array_equal(a, b, equal_nan=a.dtype.kind == "f"), where
+    elif isinstance(a, tuple):
+        for k, (x, y) in enumerate(zip(a, b, strict=True)):
+            assert_same(x, y, f"{where}/{k}")
+    else:
+        assert type(a) is type(b), where
+        assert a == b, where
