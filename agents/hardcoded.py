@@ -17,7 +17,7 @@ from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.planning.seen import start_of
 from dexgrasp.runs.compiling import ensure_compiled
-from dexgrasp.shape.completion import NoTarget, target_of
+from dexgrasp.shape.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.shape.hull import standing_hull
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -70,7 +70,11 @@ class HardcodedAgent(Agent):
         ensure_compiled()
 
     def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
-        """Plan from the cloud; stand still for the episode where that fails."""
+        """Plan from the cloud; stand still for the episode where that fails.
+
+        Raises:
+            InputError: for a hand that its postures are not of, or an observation without a cloud.
+        """
         began = time.perf_counter()
         self._cell = cell_of(info, default_cell())
         start = start_of(observation, self._cell.robot)
@@ -85,8 +89,6 @@ class HardcodedAgent(Agent):
         except NoPath as blocked:
             self.report.failure = blocked.reason
             self.report.details = {"detail": blocked.detail}
-        except InputError:  # the hull of the points
-            self.report.failure = "cloud_has_no_volume"
         self.report.planning_seconds = time.perf_counter() - began
 
     def act(self, observation: Observation) -> NDArray[np.float32]:
@@ -105,7 +107,11 @@ class HardcodedAgent(Agent):
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:
-        tree, obstacle, hands = robot_tree(self._cell), standing_hull(points), list(map(self._hand, _HANDS))
+        tree, hands = robot_tree(self._cell), list(map(self._hand, _HANDS))
+        try:
+            obstacle = standing_hull(points)
+        except InputError as flat:
+            raise NoPath(NO_VOLUME, str(flat)) from None
         blocked = NoPath("out_of_reach", "the arm reaches neither of the two turns of the wrist")
         for arm in self._arms(tree, start, points):
             pregrasp, grasp, squeeze = (np.concatenate([arm, hand]) for hand in hands)

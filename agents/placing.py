@@ -39,6 +39,10 @@ class PlacingAgent(Agent):
         """What the agent says of its grasp."""
         return self.agent.report
 
+    @report.setter
+    def report(self, report: Report) -> None:
+        self.agent.report = report
+
     def seed(self, seed: int) -> None:
         """Seed the agent."""
         self.agent.seed(seed)
@@ -69,14 +73,14 @@ class PlacingAgent(Agent):
         return normalise(self._last, self._tree).astype(np.float32)
 
     def _lifted(self, targets: Array, q: Array) -> bool:
-        _, p = palm_frame(targets, self._tree)
+        robot, (_, p) = self._cell.robot, palm_frame(targets, self._tree)
         before, self._height = self._height, float(p[2])
-        away = np.abs(targets - self._cell.robot.home)[:7].max() > 0.05
+        away = np.abs(targets - robot.home)[robot.arm_columns].max() > 0.05
         if not away or self._low is None or p[2] < palm_frame(self._low, self._tree)[1][2] - STILL:
             self._low = targets if away else None
             return False
         risen = p[2] > palm_frame(self._low, self._tree)[1][2] + _RISEN and p[2] < before + STILL
-        return bool(risen and np.abs(targets - q)[7:].max() > _PRESSING)
+        return bool(risen and np.abs(targets - q)[robot.hand_columns].max() > _PRESSING)
 
     def _deliver(self, targets: Array) -> Iterator[Array]:
         assert self._low is not None
@@ -92,6 +96,7 @@ class PlacingAgent(Agent):
             middle = middle + leg
         if lays:
             yield from np.repeat(targets[None], _SETTLE, axis=0)
-            opened = np.concatenate([targets[:7], self._low[7:]])
+            opened, hand = targets.copy(), self._cell.robot.hand_columns
+            opened[hand] = self._low[hand]
             yield from targets + np.arange(1, _OPEN + 1)[:, None] / _OPEN * (opened - targets)
             yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]

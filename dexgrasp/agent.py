@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar
@@ -46,7 +47,7 @@ class Agent(ABC):
 
     @cached_property
     def report(self) -> Report:
-        """Filled in by `reset`, or set to another one there."""
+        """Filled in by `reset`, or set to another one there; a fresh one before that in every trial."""
         return Report()
 
     def seed(self, seed: int) -> None:  # noqa: B027  (agents without randomness need not override it)
@@ -118,6 +119,13 @@ def complete(name: str, agent: Any) -> Any:
 
 def _no_seed(seed: int) -> None:
     """Stand in for `Agent.seed` of agents without randomness."""
+
+
+def renew_report(agent: Agent) -> None:
+    """Give an agent a fresh report before an episode, unless it is of the agent's own class or not to be set."""
+    if type(agent.report) is Report:
+        with suppress(AttributeError):
+            agent.report = Report()
 
 
 def report_of(agent: Agent) -> Report:

@@ -205,7 +205,7 @@ def clearance(rows: Path, things: list[Thing]) -> float:
     times = np.arange(0.0, recording.arm.times[-1], 0.02)
     parts = (recording.arm, recording.hand)
     path = np.stack([np.interp(times, p.times, q) for p in parts for q in p.positions.T], axis=1)
-    start = next(s["start"] for s in recording.facts["segments"] if s["name"] == "lift")
+    start = recording.facts.segments["lift"].start
     robot = min(scene.clearances(q, tips_touch=False)["hand_neighbour"] for q in path)
     scene.place(path[times < start][-1])
     return float(min(robot, scene.carried(path[times >= start])[1]))

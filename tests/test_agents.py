@@ -22,6 +22,7 @@ from dexgrasp import Agent, make_agent
 from dexgrasp.agents.hardcoded import HardcodedAgent, short_axis
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.tasks.control import normalise
 
 
@@ -96,6 +97,19 @@ def test_hardcoded_says_why_it_stands_still():
     assert agent.report.failure == "no_cloud"
     agent.reset(cloud_of_box(np.array([0.04, 0.08, 0.1])), {})
     assert agent.report.failure is None
+
+
+def test_hardcoded_refuses_hands_that_its_postures_are_not_of():
+    cell = make_cell("panda_gripper")
+    observation = cloud_of_box(np.array([0.04, 0.08, 0.1])) | {"joint_targets": cell.robot.home}
+    with refused("has postures of the fingers"):
+        HardcodedAgent().reset(observation, {"cell": cell})
+
+
+def test_hardcoded_says_that_a_cloud_is_flat():
+    agent = HardcodedAgent()
+    agent.reset(cloud_of_box(np.array([0.0, 0.08, 0.1])), {})
+    assert agent.report.failure == "cloud_has_no_volume"
 
 
 def test_hardcoded_without_cloud_is_a_users_mistake():

@@ -15,6 +15,7 @@ from refusals import refused
 from robots import CELL, HOME, ROBOT
 
 import dexgrasp_env  # noqa: F401
+from dexgrasp.agents.hardcoded import HardcodedAgent
 from dexgrasp.demos import DemoResets
 from dexgrasp.demos import generate as generation
 from dexgrasp.demos.convert import to_action
@@ -268,6 +269,37 @@ def test_an_interrupted_run_goes_on_to_the_same_demonstrations(settings, folder,
         assert_array_equal(one.observations["joint_positions"], other.observations["joint_positions"])
     with refused("other settings"):
         generate(DemoSettings.of(["sugar_box"], agent=TEACHER, episodes=3), tmp_path / "out")
+
+
+class Hopeless(HardcodedAgent):
+    """Has no plan, for one of two reasons."""
+
+    def reset(self, observation, info):
+        super().reset(observation, info)
+        self.tried = getattr(self, "tried", 0) + 1
+        self.report.failure = "no_grasp" if self.tried < 3 else "no_path"
+
+
+def test_where_nothing_succeeds_it_is_said_why(tmp_path):
+    settings = DemoSettings.of(["sugar_box"], agent=f"{__name__}:Hopeless", episodes=3)
+    with refused("not one demonstration succeeded: no_grasp 2, no_path 1"):
+        generate(settings, tmp_path)
+
+
+class Passing(gym.Wrapper):
+    """Loses at the end what it had."""
+
+    def step(self, action):
+        *rest, truncated, info = self.env.step(action)
+        self.had = getattr(self, "had", False)
+        info["is_success"], self.had = info["is_success"] and not self.had, self.had or info["is_success"]
+        return *rest, truncated, info
+
+
+def test_a_replay_succeeds_where_success_is_reached_as_in_recording(folder, monkeypatch):
+    make = gym.make
+    monkeypatch.setattr(gym, "make", lambda *arguments, **settings: Passing(make(*arguments, **settings)))
+    assert replay_all(folder, 1)["successes"] == 1
 
 
 @pytest.mark.parametrize(

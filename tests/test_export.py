@@ -12,7 +12,7 @@ import pytest
 from refusals import refused
 from robots import ARM_JOINTS, CELL, HAND_JOINTS, HOME, LOWER, ROBOT, UPPER
 
-from dexgrasp.export.check import check_trajectory
+from dexgrasp.export.check import _looks, check_trajectory
 from dexgrasp.export.formats import moveit_grasp, write_csv, write_json, write_ros2
 from dexgrasp.export.grasp_export import export_grasp
 from dexgrasp.export.read import read_trajectory
@@ -27,7 +27,11 @@ from dexgrasp_env.scene.build import build_scene
 
 ROOT = Path(__file__).parents[1]
 LIMITS = Limits(np.full(4, 2.0), np.full(4, 10.0), np.full(4, 5000.0))
-FACTS = {"mount": "palm_normal", "object": "nothing"}
+AWAY = [[x, y, z] for x in (0.5, 0.54) for y in (0.5, 0.54) for z in (0.0, 0.04)]
+FACTS = {
+    "mount": "palm_normal", "cell": CELL.stamp, "object": "a block away", "parts": [AWAY], "around": [],
+    "rejected": [],
+}  # fmt: skip
 
 
 def waypoints():
@@ -150,6 +154,52 @@ def test_a_hand_in_the_table_is_found(trajectory, tmp_path):
     assert "table" in broken(tmp_path)
 
 
+def test_a_trajectory_without_what_is_said_beside_it_is_refused(folder):
+    path = folder / "segments.json"
+    whole = json.loads(path.read_text())
+    wrong = {
+        "segments": [None, 5, [], whole["segments"][:3], [{"name": "lift"}] * 4, whole["segments"][::-1]],
+        "parts": [None, "oops", [], [[[0, 0, 0]]], [[["a", 0, 0]] * 4], {"0": AWAY}],
+        "around": [None, 7, "no", [AWAY[:3]], [5]],
+        "rejected": [None, 1, "contacts", [3]],
+        "mount": [None, 5, ["palm_normal"]],
+        "cell": [None, 5],
+    }
+    for key, values in wrong.items():
+        without = {name: value for name, value in whole.items() if name != key}
+        for content in (without, *(whole | {key: value} for value in values)):
+            path.write_text(json.dumps(content))
+            with refused(key.rstrip("s")):
+                read_trajectory(folder, CELL)
+    path.unlink()
+    with refused("segments.json is missing"):
+        read_trajectory(folder, CELL)
+
+
+@pytest.mark.parametrize("name", ["approach", "lift"])
+def test_segments_that_do_not_follow_each_other_are_found(folder, name):
+    path = folder / "segments.json"
+    content = json.loads(path.read_text()) | {"around": [[[x, y + 0.2, z] for x, y, z in AWAY]]}
+    for segment in content["segments"]:
+        segment |= {"start": 1e6} if segment["name"] == name else {}
+    path.write_text(json.dumps(content))
+    assert broken(folder) == "segments follow each other to the end, off by (s)"
+
+
+def test_a_grasp_that_was_exported_though_it_is_rejected_is_found(trajectory, tmp_path):
+    write_csv(tmp_path, trajectory, FACTS | {"rejected": ["load"]})
+    assert broken(tmp_path) == "grasp: checks of verify that fail"
+
+
+def test_no_joint_turns_far_between_two_looks_but_in_one_step(trajectory):
+    looks = _looks(trajectory.arm)
+    assert (looks[0], looks[-1]) == (0, len(trajectory.arm) - 1)
+    assert max(np.abs(np.diff(trajectory.arm[looks], axis=0)).max(axis=1)) <= 0.01 + 1e-12
+    assert len(looks) < 0.1 * len(trajectory.arm)
+    leaps = np.array([[0.0], [0.001], [0.5], [0.501], [0.502]])
+    assert _looks(leaps) == [0, 1, 2, 4]
+
+
 def test_damaged_files_are_one_line(folder, tmp_path):
     text = (folder / "arm.csv").read_text()
     wrong = {
@@ -225,16 +275,14 @@ def test_a_scene_that_is_none_is_one_line(trajectory, folder):
 def test_a_way_between_the_parts_of_an_object_touches_nothing(contents, tmp_path):
     export_grasp(record_of(contents["hammer"]), tmp_path, "csv")
     recording = read_trajectory(tmp_path, CELL)
-    assert len(recording.facts["parts"]) == 2
+    assert len(recording.facts.parts) == 2
 
     def reached(facts):
         findings = check_trajectory(replace(recording, facts=facts), CELL)
         return next(f for f in findings if "to the object" in f.name)
 
     assert reached(recording.facts).holds
-    hull = recording.facts | {
-        "parts": [np.concatenate(recording.facts["parts"]).tolist()]
-    }  # one about all parts
+    hull = replace(recording.facts, parts=(np.concatenate(recording.facts.parts),))  # one about all parts
     assert reached(hull).value < reached(recording.facts).value
 
 

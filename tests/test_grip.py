@@ -1,5 +1,6 @@
 """A clone's grip corrected by reinforcement: begins at the clone, moves the palm as told, resumes to the same bits."""
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -90,6 +91,11 @@ def test_training_goes_on_to_the_same_bits_and_gives_an_agent(tmp_path, clone):
     looks = look(grip.clone, observation)
     assert np.abs(grip.correction(looks)).max() > 0.0  # it has learned something
     assert meant.shape == (1, SIZE)
+
+
+def test_groups_of_one_have_nothing_to_be_above_of():
+    with refused("alike is 1: valid is 2 or more"):
+        replace(SETTINGS, alike=1)
 
 
 def test_what_does_not_fit_is_refused(tmp_path, clone):

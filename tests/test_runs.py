@@ -1,12 +1,13 @@
 """What long work shares: workers that die, lines where no terminal is, folders of something else."""
 
 import os
+from concurrent.futures import wait
 from functools import partial
 
 import pytest
 from refusals import refused
 
-from dexgrasp.runs import progress
+from dexgrasp.runs import pool, progress
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend, WorkerDiedError, run_pool
 from dexgrasp.runs.progress import progress_bar
@@ -23,6 +24,12 @@ def killed_at(task, last):
     return task
 
 
+def odd(task):
+    if task % 2 == 0:
+        raise ZeroDivisionError
+    return task
+
+
 def empty(task):
     return next(iter(()))
 
@@ -36,6 +43,14 @@ def test_every_task_is_done_whoever_does_it(workers):
 def test_a_worker_that_dies_is_said():
     with pytest.raises(WorkerDiedError, match="killed"):
         list(run_pool(partial(killed_at, last=2), range(4), Backend(workers=2)))
+
+
+def test_what_is_done_when_a_task_fails_is_had_before_that_is_said(monkeypatch):
+    monkeypatch.setattr(pool, "wait", lambda waiting, return_when: wait(waiting))  # all end at once
+    results = run_pool(odd, range(4), Backend(workers=2))
+    assert sorted([next(results), next(results)]) == [1, 3]
+    with pytest.raises(ZeroDivisionError):
+        next(results)
 
 
 def test_a_task_that_stops_early_is_no_end_of_all():

@@ -126,6 +126,12 @@ def test_trials_needed():
         power_figures(0.5, 0.4, agents=2, objects=1)
 
 
+@pytest.mark.parametrize("difference", [0.05, 0.1, 0.2])
+def test_trials_needed_below_an_agent_that_always_succeeds(difference):
+    figures = power_figures(difference, 1.0, agents=2, objects=20)
+    assert figures["paired_scenes_at_least"] == figures["paired_scenes_at_most"]
+
+
 def test_capital_is_a_martingale():
     for a, b in [(0, 0), (3, 1), (10, 2)]:
         assert 0.5 * (capital(a + 1, b) + capital(a, b + 1)) == pytest.approx(capital(a, b))

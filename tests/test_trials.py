@@ -1,6 +1,7 @@
 """Protocols and trials: seeds, what agents are told, agents that misbehave."""
 
 import json
+from types import SimpleNamespace
 from typing import ClassVar
 
 import gymnasium as gym
@@ -8,7 +9,8 @@ import numpy as np
 import pytest
 from refusals import refused
 
-from dexgrasp.agent import Agent, Report
+from dexgrasp.agent import Agent, Report, renew_report
+from dexgrasp.agents.placing import PlacingAgent
 from dexgrasp.evaluation import trial as one_trial
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
 from dexgrasp.evaluation.settings import EvaluationSettings
@@ -62,6 +64,24 @@ class HasNoPlan(Still):
             "extra": np.nan,
         }
         self.report = Report(failure="no_grasp", planning_seconds=1.5, details={"certificate": certificate})
+
+
+class FillsIn(Still):
+    """Has no plan in its first trial, and says so in the report that it has."""
+
+    trials = 0
+
+    def reset(self, observation, info):
+        self.trials += 1
+        if self.trials == 1:
+            self.report.failure = "no_grasp"
+
+
+class Fixed(Still):
+    report = property(lambda self: Report(planning_seconds=3.5))
+
+    def reset(self, observation, info):
+        pass
 
 
 class Duck:
@@ -169,6 +189,23 @@ def test_a_failed_reset_does_not_bear_the_last_report(env):
     outcome = run_trial(env, agent, SEEDS)
     assert outcome.planning_seconds is None
     assert outcome.details == {}
+
+
+def test_a_plan_that_failed_is_forgotten_in_the_next_trial(env):
+    agent = FillsIn()
+    assert [run_trial(env, agent, SEEDS).reason for _ in range(2)] == ["no_grasp", "not_touched"]
+    placing = PlacingAgent(agent)
+    placing.report.failure = "no_grasp"
+    renew_report(placing)
+    assert agent.report.failure is None
+
+
+def test_reports_that_are_an_agents_own_or_cannot_be_set_do(env):
+    agent = Still()
+    agent.reset = lambda *_: None
+    agent.report = SimpleNamespace(planning_seconds=2.5)
+    assert run_trial(env, agent, SEEDS).planning_seconds == 2.5
+    assert run_trial(env, Fixed(), SEEDS).planning_seconds == 3.5
 
 
 def test_duck_typed_agents_do(env):

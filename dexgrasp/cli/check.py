@@ -20,9 +20,9 @@ class Check(Command, InCell):
       dexgrasp check robot/pear                           limits, timing, collisions
       dexgrasp check robot/pear --replay 20               and 20 open-loop replays, the object 3 mm and 1 deg off
 
-    TRAJECTORY is a folder with arm.csv and hand.csv, or a trajectory.json. What reads it shares no code with what wrote
-    it. --replay needs scene.xml, from `dexgrasp export --format mjcf`, beside the trajectory. Exit code 0 only if all
-    holds.
+    TRAJECTORY is a folder with arm.csv, hand.csv and segments.json, or a trajectory.json. What reads it shares no code
+    with what wrote it, and refuses it where the object, its surroundings or the segments are not said. --replay needs
+    scene.xml, from `dexgrasp export --format mjcf`, beside the trajectory. Exit code 0 only if all holds.
 
     Attributes:
         trajectory: a folder or a trajectory.json.

@@ -132,7 +132,8 @@ def _converted(
                 kept[episode.about["object"]] += 1
                 yield episode
         if not kept:
-            raise InputError("not one demonstration succeeded: see `failures` of `dexgrasp demos info`")
+            counts = ", ".join(f"{reason} {count}" for reason, count in failures.most_common())
+            raise InputError(f"not one demonstration succeeded: {counts}")
 
     for name in formats:
         FORMATS[name](folder, settings, episodes())

@@ -42,7 +42,7 @@ def summary(folder: Path) -> dict[str, Any]:
 def replay_all(
     folder: Path, number: int | None = None, progress: Show = silent, robot: str | None = None
 ) -> dict[str, Any]:
-    """Play recorded actions again from their scenes; an episode that succeeds again is as good as it was.
+    """Play recorded actions again from their scenes; one that succeeds again, at whichever step, is as good as it was.
 
     Args:
         folder: of the demonstrations.
@@ -73,9 +73,10 @@ def replay_all(
 
 def _succeeds(env: gym.Env[Any, Any], episode: Episode) -> bool:
     env.reset(seed=episode.about["scene_seed"])
-    info: dict[str, Any] = {"is_success": False}
     for action in episode.actions:
         _, _, terminated, truncated, info = env.step(action)
+        if info["is_success"]:
+            return True
         if terminated or truncated:
             break
-    return bool(info["is_success"])
+    return False

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp.agent import public_info, report_of
+from dexgrasp.agent import public_info, renew_report, report_of
 from dexgrasp.demos.convert import to_action, with_noise
 from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
@@ -128,6 +128,7 @@ class Recorder:
         env, agent, robot = self._env, self._agent, self._cell.robot
         rng = _noise_rng(seeds.agent)
         first, info = env.reset(seed=seeds.scene)
+        renew_report(agent)
         agent.seed(seeds.agent)
         agent.reset(first, public_info(env, info))
         if agent.report.failure:

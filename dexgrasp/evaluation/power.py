@@ -63,7 +63,8 @@ def paired_power(scenes: int, difference: float, discordant: float) -> float:
 def independent_discordance(rate: float, difference: float) -> float:
     """Return the share of scenes that one alone solves where the scenes have nothing in common (the worst case)."""
     other = rate - difference
-    return rate * (1 - other) + other * (1 - rate)
+    share = rate * (1 - other) + other * (1 - rate)
+    return max(share, difference)  # equal at a rate of 1, where rounding would make it less
 
 
 def power_figures(difference: float, rate: float, agents: int, objects: int) -> dict[str, Any]:

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import gymnasium as gym
 import numpy as np
 
-from dexgrasp.agent import Agent, complete, public_info, report_of
+from dexgrasp.agent import Agent, complete, public_info, renew_report, report_of
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.planning.look import Subject, subject_of
 from dexgrasp.planning.result import PlansGrasps
@@ -100,6 +100,7 @@ def run_trial(
     """
     name = name or f"{type(agent).__module__}:{type(agent).__name__}"
     agent = complete(name, agent)
+    renew_report(agent)
     outcome, start, report_before = Outcome(), time.perf_counter(), agent.report
     subject: Subject | None = None
     try:

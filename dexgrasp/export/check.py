@@ -3,17 +3,14 @@
 The limits are the makers' tables, typed again: a wrong number in the exporter's is not confirmed by itself.
 """
 
-from typing import Any
-
 import numpy as np
 
-from dexgrasp.export.read import Recording, Rows
+from dexgrasp.export.read import Recording, Rows, Segment
 from dexgrasp.grasp.path import limit_shares
-from dexgrasp.grasp.values import CONVEX
 from dexgrasp.verify.check import Check, at_least, at_most
 from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.robot.cell import SIMULATED, Cell
+from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Joints
 
 SHARE = 0.95
@@ -37,7 +34,7 @@ _MAKERS: dict[str, dict[str, tuple[float, ...]]] = {
 _QUANTITIES = ("velocity", "acceleration", "jerk")
 _PERIODS = {"arm": 0.001, "hand": 0.003}  # s: the arm takes 1 kHz, the hand 333 Hz
 _TIME = 1e-9  # s
-_STEP = 0.02  # s between states that are looked at for collisions
+_TURN = 0.01  # rad of any joint between two rows that are looked at for collisions
 _DEEPER = 0.002  # m that the object may get deeper into a neighbour than it seems to lie in it
 _CLEAR = 1e-4  # m: deeper than this is a collision
 
@@ -52,13 +49,14 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
     Raises:
         InputError: if the files name a mount that the cell has not.
     """
-    cell = cell.mounted(recording.facts.get("mount"))
-    planned = str(recording.facts.get("cell", SIMULATED))
-    arm, hand, apart = recording.arm, recording.hand, abs(recording.arm.times[-1] - recording.hand.times[-1])
+    facts, arm, hand = recording.facts, recording.arm, recording.hand
+    cell, planned = cell.mounted(facts.mount), facts.cell
+    apart = abs(arm.times[-1] - hand.times[-1])
     return [
         Check("cell: of another one", float(cell.stamp != planned), f"this is {cell.stamp}", cell.stamp == planned),
         *_timing("arm", arm), *_timing("hand", hand),
         at_most("arm and hand end together, apart by (s)", apart, _PERIODS["hand"], "", _TIME),
+        _order(list(facts.segments.values()), float(arm.times[-1])),
         *_limits("arm", arm, _tighter(cell.robot.arm.name, cell.robot.arm.joints)),
         *_limits("hand", hand, _tighter(cell.robot.hand.name, cell.robot.hand.joints)),
         *_collisions(recording, cell),
@@ -68,18 +66,23 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
 
 def _grasp(recording: Recording) -> list[Check]:
     """What the files say of a grasp that was written though the judge rejects it."""
-    rejected = recording.facts.get("rejected")
-    if not isinstance(rejected, list) or not rejected:
+    rejected = recording.facts.rejected
+    if not rejected:
         return []
-    return [
-        Check("grasp: checks of verify that fail", float(len(rejected)), ", ".join(map(str, rejected)), False)
-    ]
+    return [Check("grasp: checks of verify that fail", float(len(rejected)), ", ".join(rejected), False)]
 
 
 def _timing(name: str, rows: Rows) -> list[Check]:
     period = _PERIODS[name]
     off = float(np.abs(rows.times - period * np.arange(len(rows.times))).max())
     return [at_most(f"{name}: times are multiples of {1000 * period:g} ms from 0, off by (s)", off, _TIME)]
+
+
+def _order(segments: list[Segment], last: float) -> Check:
+    """Segments follow each other, from the first row to the last, at `last` s."""
+    starts, ends = ([getattr(one, which) for one in segments] for which in ("start", "end"))
+    off = max(np.abs(np.subtract([*starts, last], [0.0, *ends])).max(), np.subtract(starts, ends).max())
+    return at_most("segments follow each other to the end, off by (s)", off, _PERIODS["arm"], "", _TIME)
 
 
 def _tighter(name: str, own: Joints) -> dict[str, Array]:
@@ -105,51 +108,42 @@ def _limits(name: str, rows: Rows, limits: dict[str, Array]) -> list[Check]:
 
 def _collisions(recording: Recording, cell: Cell) -> list[Check]:
     """Distances of the true collision shapes: robot to itself, table, neighbours, and the object that it approaches."""
-    parts, around = (
-        [part + cell.base for part in _parts(recording.facts, key)] for key in ("parts", "around")
-    )
+    facts = recording.facts
+    parts, around = ([part + cell.base for part in shapes] for shapes in (facts.parts, facts.around))
     scene = Scene(cell, parts, (), around)
     words = {"self": "robot to itself", "hand_table": "robot to the table",
              "hand_object": "robot to the object on the approach",
              "hand_neighbour": "robot to what stands around"}  # fmt: skip
-    for kind, shapes in (("hand_object", parts), ("hand_neighbour", around)):
-        if not shapes:
-            del words[kind]
+    if not around:
+        del words["hand_neighbour"]
     least = dict.fromkeys(words, np.inf)
-    end = _time_of(recording, "approach", "end")
-    times = np.arange(0.0, recording.arm.times[-1] + _STEP, _STEP)
-    rows = [
-        np.interp(times, part.times, column)
-        for part in (recording.arm, recording.hand)
-        for column in part.positions.T
-    ]
-    for time, q in zip(times, np.stack(rows, axis=1), strict=True):
-        for kind, value in scene.clearances(q, tips_touch=False).items():
-            if kind in least and (kind != "hand_object" or time <= end):
+    times, rows = recording.arm.times, _together(recording.arm, recording.hand)
+    for k in _looks(rows):
+        for kind, value in scene.clearances(rows[k], tips_touch=False).items():
+            if kind in least and (kind != "hand_object" or times[k] <= facts.segments["approach"].end):
                 least[kind] = min(least[kind], value)
     checks = [at_least(f"{words[kind]} (m)", value, 0.0, "", _CLEAR) for kind, value in least.items()]
-    if parts and around:
-        lift = np.stack(rows, axis=1)[times >= _time_of(recording, "lift", "start")]
-        lying, nearest = scene.carried(lift)
+    if around:
+        lift = rows[min(int(np.searchsorted(times, facts.segments["lift"].start)), len(rows) - 1) :]
+        lying, nearest = scene.carried(lift[_looks(lift)])
         checks.append(
             at_least("object to what stands around, once lifted (m)", nearest, min(lying, 0.0), "", _DEEPER)
         )
     return checks
 
 
-def _parts(facts: dict[str, Any], key: str) -> tuple[Array, ...]:
-    """Corners of convex parts, of the object or of what stands around; none where senseless."""
-    try:
-        return tuple(part for one in facts.get(key) or [] for part in CONVEX.admit([one]))
-    except (TypeError, ValueError, OverflowError):
-        return ()
+def _together(arm: Rows, hand: Rows) -> Array:
+    """Return the set-points (T, n) rad of the robot at the arm's T rows."""
+    columns = [
+        np.interp(arm.times, part.times, column) for part in (arm, hand) for column in part.positions.T
+    ]
+    return np.stack(columns, axis=1)
 
 
-def _time_of(recording: Recording, name: str, which: str) -> float:
-    """When a segment starts or ends, s; the end of the trajectory where the files do not say."""
-    for segment in recording.facts.get("segments") or []:
-        if isinstance(segment, dict) and segment.get("name") == name:
-            time = segment.get(which)
-            if isinstance(time, int | float):
-                return float(time)
-    return float(recording.arm.times[-1])
+def _looks(rows: Array) -> list[int]:
+    """Return which of rows (T, n) to look at: all but single steps between two of them turn no joint over `_TURN`."""
+    turned = np.concatenate([[0.0], np.abs(np.diff(rows, axis=0)).max(axis=1).cumsum()])
+    found = [0]
+    while (last := found[-1]) < len(rows) - 1:
+        found.append(max(last + 1, int(np.searchsorted(turned, turned[last] + _TURN, side="right")) - 1))
+    return found

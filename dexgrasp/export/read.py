@@ -3,15 +3,16 @@
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
+from dexgrasp.grasp.values import CONVEX, Parts
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, read_json_object, readable
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.valid import Names
+from dexgrasp_env.valid import TEXT, Names, Rule, Word, list_of, number, read, several
 
 _MOST_ROWS = 600_000  # ten minutes at 1 kHz
 
@@ -24,17 +25,62 @@ class Rows:
     positions: Array
 
 
+Seconds = Annotated[float, number(ge=0)]
+
+
+@dataclass(frozen=True)
+class Segment:
+    """A stretch of the trajectory: its name, when it starts and ends, s."""
+
+    name: Word
+    start: Seconds
+    end: Seconds
+
+
+def _segments(value: Any) -> dict[str, Segment]:
+    found = list_of(Segment, len(SEGMENTS), len(SEGMENTS), more=True).admit(value)
+    if tuple(one.name for one in found) != SEGMENTS:
+        raise ValueError
+    return {one.name: one for one in found}
+
+
+SEGMENTS = ("approach", "close", "squeeze", "lift")
+_SEGMENTS = Rule(f"a list of {', '.join(SEGMENTS)}, each with name, start and end", _segments)
+_PART = Rule("4 or more corners (x, y, z) around a volume", lambda value: CONVEX.admit([value])[0])
+
+
+@dataclass(frozen=True, eq=False)
+class Facts:
+    """What is said beside the rows.
+
+    Attributes:
+        mount: of the hand.
+        cell: what the trajectory was made in.
+        segments: by name, in their order.
+        parts: corners (V, 3) m of the object's convex parts, from the robot's base.
+        around: the same of what stands around it, which may be nothing.
+        rejected: checks of `verify` that the grasp fails.
+    """
+
+    mount: Word
+    cell: Word
+    segments: Annotated[dict[str, Segment], _SEGMENTS]
+    parts: Parts
+    around: Annotated[tuple[Array, ...], several(_PART)]
+    rejected: Annotated[tuple[str, ...], several(TEXT)]
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
-    """A trajectory as read: arm, hand, and what else the files say."""
+    """A trajectory as read: arm, hand, and what is said beside them."""
 
     arm: Rows
     hand: Rows
-    facts: dict[str, Any]
+    facts: Facts
 
 
 def read_trajectory(path: Path, cell: Cell) -> Recording:
-    """Read a folder with `arm.csv` and `hand.csv`, one of the two files, or a `trajectory.json`.
+    """Read a folder with `arm.csv`, `hand.csv` and `segments.json`, one of its tables, or a `trajectory.json`.
 
     Args:
         path: of the folder or file.
@@ -48,9 +94,9 @@ def read_trajectory(path: Path, cell: Cell) -> Recording:
     if path.is_dir() and (path / "trajectory.json").is_file() and not (path / "arm.csv").is_file():
         path = path / "trajectory.json"
     if path.suffix.lower() == ".json":
-        facts = read_json_object(path, "export it again")
-        arm, hand = (_part(facts.pop(key, None), key, names[key], path) for key in names)
-        return Recording(arm, hand, facts)
+        content = read_json_object(path, "export it again")
+        arm, hand = (_part(content.get(key), key, names[key], path) for key in names)
+        return Recording(arm, hand, _facts(content, path))
     folder = path if path.is_dir() else path.parent
     files = [folder / f"{key}.csv" for key in names]
     if not all(file.is_file() for file in files):
@@ -58,9 +104,14 @@ def read_trajectory(path: Path, cell: Cell) -> Recording:
             f"{path} is no trajectory: valid are a folder with arm.csv and hand.csv, or trajectory.json"
         )
     about = folder / "segments.json"
-    facts = read_json_object(about, "export it again") if about.is_file() else {}
+    missing = f"{about} is missing, which says where the object is and when what happens: export it again"
+    facts = _facts(read_json_object(about, "export it again", missing), about)
     arm, hand = (_read_csv(file, names[file.stem]) for file in files)
     return Recording(arm, hand, facts)
+
+
+def _facts(content: dict[str, Any], path: Path) -> Facts:
+    return read(Facts, content, f"{path}:", more=True)
 
 
 def _part(part: Any, key: str, names: Names, path: Path) -> Rows:

@@ -172,8 +172,10 @@ class GripSettings:
         """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: if environments do not come out in groups.
+            InputError: if environments do not come out in groups, or in groups of one, none of which is above its own.
         """
+        if self.alike < 2:
+            raise InputError(f"alike is {self.alike}: valid is 2 or more, as a reward is a difference")
         if self.num_envs % self.alike:
             raise InputError(f"num_envs is {self.num_envs}: valid are multiples of {self.alike}")
 

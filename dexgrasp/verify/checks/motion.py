@@ -20,7 +20,7 @@ JERK = 4e-3  # rad that a set-point of the lift may lie from its neighbours' cub
 RISE = 5e-4  # m that the lift may miss its height by
 DEEPER = 0.002  # m: hulls of a cloud may touch, and are not the objects
 _SAME_BEND, _SAME_STRAY = 1e-8, 2e-6  # rad, m
-_DENSE = 0.02  # rad of any joint between two states checked for collisions
+_DENSE = 0.01  # rad of any joint between two states checked for collisions
 
 
 def setpoint_checks(case: Case) -> list[Check]:
