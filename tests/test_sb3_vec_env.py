@@ -34,13 +34,13 @@ def test_terminal_observations_and_time_limits():
 def test_options_are_of_the_next_reset():
     env = SB3VecEnv("DexGrasp/Lift-v2", num_envs=2, objects=["sugar_box", "soda"])
     names = []
-    for options in ({"object": "soda"}, [{"object": "soda"}, {"object": "sugar_box"}], None):
+    for options in ([{"object": "soda"}, {"object": "sugar_box"}], {"object": "soda"}, None):
         env.seed(6)
         env.set_options(options)
         observation = env.reset()
         names.append([info["object"] for info in env.reset_infos])
         assert observation["object_pose"][:, 2].min() > 0.0  # of episodes that have begun
-    assert names == [["soda", "soda"], ["soda", "sugar_box"], ["sugar_box", "soda"]]
+    assert names == [["soda", "sugar_box"], ["soda", "soda"], ["sugar_box", "soda"]]
     env.set_options({"colour": "red"})
     with refused("unknown reset option 'colour'"):
         env.reset()

@@ -46,8 +46,8 @@ class SB3VecEnv(VecEnv):
         return observation
 
     def _reset_singly(self) -> Any:
-        """Start episodes one after the other, each with its options."""
-        observation = None
+        """Start episodes one after the other, each with its options; a mask asks for episodes to go on with."""
+        observation, _ = self.envs.reset(seed=self._seeds)
         for i, options in enumerate(self._options):
             only = {"reset_mask": np.arange(self.num_envs) == i}
             observation, infos = self.envs.reset(seed=self._seeds, options=options | only)
