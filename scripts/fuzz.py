@@ -314,16 +314,20 @@ class Fuzz(Script):
         good.mkdir(parents=True, exist_ok=True)
         os.environ["DEXGRASP_CACHE"] = str(good / "cache")  # cases damage it
         prepare(good)
-        log = Lines(self.log, "case", lambda row: None)
-        done = {row["case"] for row in log.rows if row["code"] in ALLOWED}
+        log, own = Lines(self.log, "case", lambda row: None), {"seed": self.seed, "kinds": list(self.kinds)}
+
+        def rows() -> list[dict[str, Any]]:
+            return [row for row in log.rows if own.items() <= row.items() and row["case"] < self.count]
+
+        done = {row["case"] for row in rows() if row["code"] in ALLOWED}
         left = [k for k in range(self.count) if k not in done]
         for row in tqdm(fuzz(left, self.kinds, self.seed, good, Worker()), total=len(left), unit="case"):
-            log.append(row)
-        rows = {row["case"]: row for row in log.rows if row["case"] < self.count}.values()
-        for name, number in sorted(Counter(f"{row['kind']} {row['code']}" for row in rows).items()):
+            log.append(row | own)
+        last = {row["case"]: row for row in rows()}.values()
+        for name, number in sorted(Counter(f"{row['kind']} {row['code']}" for row in last).items()):
             print(f"{name:<16} {number}")
-        failed = sum(row["code"] not in ALLOWED for row in rows)
-        print(f"{len(rows)} cases, {failed} failed")
+        failed = sum(row["code"] not in ALLOWED for row in last)
+        print(f"{len(last)} cases, {failed} failed")
         return int(failed > 0)
 
 

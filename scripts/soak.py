@@ -79,11 +79,9 @@ class PlanSoak(Soak):
     @property
     def slowdown(self) -> float:
         """Median share by which plans of the last tenth took longer than the same ones of the first."""
-        tenth = max(1, len(self.seconds) // 10 // self.again) * self.again
-        first, last = np.array(self.seconds[:tenth]), np.array(self.seconds[-tenth:])
-        if len(self.seconds) % self.again or len(self.seconds) < 2 * tenth:
-            return float("nan")
-        return float(np.median(last / first))
+        turns = np.array(self.seconds[: len(self.seconds) // self.again * self.again])  # whole ones
+        tenth = max(1, len(turns) // 10 // self.again) * self.again
+        return float(np.median(turns[-tenth:] / turns[:tenth])) if len(turns) >= 2 * tenth else float("nan")
 
     @property
     def is_clean(self) -> bool:

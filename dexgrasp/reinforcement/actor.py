@@ -10,7 +10,7 @@ from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.imitation.features import Scene, features, first_look, side_by_side
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
-from dexgrasp.reinforcement.grasp_space import SIZE, GraspSpace
+from dexgrasp.reinforcement.grasp_space import FARTHEST, SIZE, GraspSpace
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
@@ -74,7 +74,8 @@ class Actor(Policy):
     def correction(self, looks: NDArray[np.float32]) -> Array:
         """Return the network's output (..., m) for what `Eyes.look` returns: in [-1, 1], or for a `GraspSpace`."""
         x = self._actor(looks)
-        within = x if self.acting.grasps else np.clip(x, -1.0, 1.0)
+        farthest = FARTHEST if self.acting.grasps else 1.0
+        within = np.clip(x, -farthest, farthest)
         return np.asarray(np.tanh(x) if self._squashed else within, dtype=float)
 
 

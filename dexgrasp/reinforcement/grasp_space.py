@@ -43,6 +43,8 @@ _CLOSED = {
 """Rad that joints of a finger are bent by from the open hand at 1; at -1 the hand is open."""
 SIZE = len(_PALM) + len(_CLOSED)
 """Numbers of an action, each from -1 to 1; what lies beyond is folded back."""
+FARTHEST = 3.0
+"""That a network's answers may be from 0 before they are."""
 _LEAST_Z = 0.12  # m above the table, where the tips still clear it
 _GAIN, _FASTEST = 0.5, 0.8  # share of what is left that a control step goes, and of what it can go at most
 _CLOSING = 0.1  # rad that a joint of the hand moves in a control step at most

@@ -9,6 +9,7 @@ import numpy as np
 from dexgrasp.demos.resets import DemoResets
 from dexgrasp.imitation.policy import Scaling
 from dexgrasp.reinforcement.actor import Acting, Actor
+from dexgrasp.reinforcement.grasp_space import FARTHEST
 from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.training import Course, Row
@@ -24,7 +25,6 @@ with from_extra():
     from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 
 _BATCHES = 4  # that a rollout is cut into
-_FARTHEST = 3.0  # that answers of a normal distribution may be from 0, where what is beyond 1 is folded back
 _MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
 
 
@@ -62,7 +62,7 @@ class PolicyTraining(Rounds):
             looks = max(_MEASURED // acting.span, 10 // s.chunk, 1)
             scaling = measure(envs, acting, looks, np.random.default_rng([s.seed, 0]))
         self._acting = acting._replace(scaling=scaling)
-        farthest = _FARTHEST if grasps and s.algorithm == "ppo" else 1.0
+        farthest = FARTHEST if grasps and s.algorithm == "ppo" else 1.0
         ends = s.episode_steps is not None
         return FeatureVecEnv(envs, self._acting, s.reward_scale, s.discount, ends, farthest)
 

@@ -104,7 +104,7 @@ def score_grasp(
 def _summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return counts, rate, intervals, the mean score and the reasons of one protocol."""
     return {
-        **count(rows),
+        **count([{**row, "trial": number} for number, row in enumerate(rows)]),  # each grasp for itself
         "mean_score": float(np.mean([row["score"] for row in rows])),
         "by_object": {name: bare_count(own) for name, own in grouped(rows, "object").items()},
         "failures": dict(Counter(row["reason"] for row in rows if not row["success"]).most_common()),
