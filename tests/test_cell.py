@@ -77,6 +77,8 @@ def test_the_default_is_the_simulated_cell():
         ({"hand": {"stiffness": [8.0] * 15 + [9.0]}}, "one number"),
         ({"hand": {"torque": True}}, "finite number"),
         ({"mounts": {"sideways": {}}}, "unknown setting of mounts 'sideways'"),
+        ({"mounts": {"palm_normal": 5}}, "mount palm_normal is 5"),
+        ({"mounts": {"palm_normal": {"name": "other"}}}, "but for its name"),
         ({"mounts": {"palm_normal": {"quat_wxyz": [1.0, 1.0, 0.0, 0.0]}}}, "unit quaternion"),
         ({"mounts": {"palm_normal": {"position": [47.5, 0.0, 150.0]}}}, "within 0.5 m"),
         ({"table_height": 0.2}, "table_height is 0.2: valid is a finite number >= -0.15 and <= 0.15"),

@@ -219,6 +219,19 @@ def test_files_give_the_points_that_were_written(rng, tmp_path):
         assert np.abs(read_scan(path).points - points).max() < 1e-6, path.name
 
 
+def test_fields_of_a_pcd_may_be_several_numbers(tmp_path):
+    head = "FIELDS normal x y z\nSIZE 4 4 4 4\nTYPE F F F F\nCOUNT 3 1 1 1\nPOINTS 3\nDATA ascii\n"
+    path = tmp_path / "a.pcd"
+    path.write_text(head + "0 0 1 0.5 0.1 0.2\n" * 3)
+    assert read_scan(path).points == pytest.approx(np.tile([0.5, 0.1, 0.2], (3, 1)))
+    path.write_text(head + "0 0 1 0.5 0.1 0.2\n")
+    with refused("ends after 1 of 3 points"):
+        read_scan(path)
+    path.write_text(head.replace("POINTS 3", "POINTS -1"))
+    with refused("has -1 points"):
+        read_scan(path)
+
+
 def test_damaged_files_are_one_line(tmp_path):
     (tmp_path / "cut.pcd").write_bytes(b"FIELDS x y z\nSIZE 4 4 4\nTYPE F F F\nPOINTS 9\nDATA binary\n1234")
     (tmp_path / "none.pcd").write_bytes(b"")

@@ -18,7 +18,7 @@ from dexgrasp.imitation.taken import as_row, taken
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
-from dexgrasp_env.robot.cell import default_cell
+from dexgrasp_env.robot.cell import default_cell, make_cell
 
 Floats = NDArray[np.float32]
 _TESTED = 16  # rows of each held-out episode
@@ -184,6 +184,14 @@ def read_grips(folders: Sequence[Path]) -> Grips:
     return Grips(tuple(looks), azimuths, rows, content_hash(np.stack([look.seen for look in looks]), rows))
 
 
+def _check_robot(given: str | None, folder: Path) -> None:
+    robot, ours = make_cell(given).robot, default_cell().robot
+    if robot.stamp != ours.stamp:
+        raise InputError(
+            f"{folder} holds demonstrations of {robot.stamp}: policies are cloned of {ours.stamp}"
+        )
+
+
 def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
     """Yield demonstrations, their folders and the noise they were recorded with.
 
@@ -194,6 +202,7 @@ def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
     number = 0
     for folder in folders:
         settings = read_about(folder)["settings"]
+        _check_robot(settings.get("robot"), folder)
         found = {key: str(settings[key]) for key in ("obs_mode", "control_mode")}
         if modes and modes != found:
             raise InputError(

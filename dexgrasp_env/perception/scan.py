@@ -40,18 +40,21 @@ def read_pcd(path: Path) -> Array:
     if not {"x", "y", "z"} <= set(names):
         raise InputError(f"{path} has fields {' '.join(names)}: x, y and z are needed")
     columns = [names.index(axis) for axis in "xyz"]
+    repeats = [int(number) for number in header.get("COUNT", ["1"] * len(names))]
+    if count < 0:
+        raise InputError(f"{path} has {count} points: its header is damaged")
     if kind == "ascii":
-        return np.loadtxt(file, ndmin=2, max_rows=count)[:, columns]
+        table = np.loadtxt(file, ndmin=2, max_rows=count)
+        if len(table) < count:
+            raise InputError(f"{path} ends after {len(table)} of {count} points: it was cut off")
+        return np.asarray(table[:, [sum(repeats[:k]) for k in columns]])
     if kind not in ("binary", "binary_compressed"):
         raise InputError(f"{path}: PCD data {kind!r} is none of ascii, binary and binary_compressed")
-    repeats = map(int, header.get("COUNT", ["1"] * len(names)))
     kinds = zip(header["TYPE"], map(int, header["SIZE"]), repeats, strict=True)
     row = np.dtype([(f"f{i}", f"<{_KINDS[letter]}{size}", (n,)) for i, (letter, size, n) in enumerate(kinds)])
     check_bytes(count * row.itemsize, f"{path} unpacked", ".pcd")
-    table = (
-        _plain(file.read(), row, count, path) if kind == "binary" else _packed(file.read(), row, count, path)
-    )
-    return np.stack([table[k][:, 0] for k in columns], axis=1).astype(float)
+    fields = (_plain if kind == "binary" else _packed)(file.read(), row, count, path)
+    return np.stack([fields[k][:, 0] for k in columns], axis=1).astype(float)
 
 
 def _plain(body: bytes, row: np.dtype[Any], count: int, path: Path) -> list[NDArray[Any]]:

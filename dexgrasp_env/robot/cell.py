@@ -73,6 +73,8 @@ def _mounts(hand: Hand, given: Mapping[str, Mapping[str, Any]]) -> tuple[Mount, 
     for name, change in given.items():
         if name not in known:
             raise unknown_name("setting of mounts", name, known)
+        if not isinstance(change, Mapping) or "name" in change:
+            raise InputError(f"mount {name} is {change!r}: valid are settings of a mount, but for its name")
         known[name] = read(Mount, {**vars(known[name]), **change}, f"mount {name}")
     return tuple(known.values())
 

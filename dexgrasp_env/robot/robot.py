@@ -242,7 +242,7 @@ class Hand:
     def stamp(self) -> str:
         """What learned parts call the hand: its name, and a hash of its shape; limits and gains do not count."""
         shape = repr([(f, f.frame) for f in self.fingers]), self.frame, self.grasp, self.tip_radius
-        return f"{self.name}-{content_hash(self.mjcf.read_text(), *shape)[:8]}"
+        return f"{self.name}-{content_hash(self.mjcf.read_text('utf-8', 'replace'), *shape)[:8]}"
 
     def finger(self, name: str) -> Finger:
         """Return the finger of that name."""
@@ -345,7 +345,7 @@ class Robot:
     @cached_property
     def stamp(self) -> str:
         """What learned policies call the robot: names, and hashes of arm and hand; limits do not count."""
-        shape = content_hash(self.arm.mjcf.read_text(), self.arm.frame)[:8]
+        shape = content_hash(self.arm.mjcf.read_text("utf-8", "replace"), self.arm.frame)[:8]
         return f"{self.arm.name}-{shape}-{self.hand.stamp}"
 
     @property
