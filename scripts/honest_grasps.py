@@ -98,8 +98,8 @@ class Honest(Script):
         ):
             found[kind] = refused(sorted(files))
         print(json.dumps(found, indent=1))
-        grasps = sum(one["grasps"] for one in found.values())
-        return int(100 * sum(len(one["refused"]) for one in found.values()) > grasps)
+        grasps = [one["grasps"] for one in found.values()]
+        return int(100 * sum(len(one["refused"]) for one in found.values()) > sum(grasps) or min(grasps) == 0)
 
 
 if __name__ == "__main__":

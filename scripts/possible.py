@@ -26,6 +26,7 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.lines import Lines
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.valid import Count
@@ -67,6 +68,8 @@ class Possible(Script):
 
     def run(self) -> int:
         rows, kept = read_rows(self.folder), Lines(self.folder / "possible.jsonl", "scene", _fault)
+        if others := sorted({row["protocol"] for row in rows} - {"lift"}):
+            raise InputError(f"trials of {', '.join(others)}: what is possible is judged for lift alone")
         known = {tuple(line["scene"]): line["load"] for line in kept.rows}
         with progress_bar("scene", "scenes") as show:
             for number, row in enumerate(rows, start=1):
