@@ -64,9 +64,7 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
     tree = robot_tree(cell)
     rng, foreign = np.random.default_rng(seed), cell.robot.hand.frame is not None
-    places = (tree.offset, tree.rotation, tree.lower, tree.upper, tree.tip_body)
-    shapes = (tree.sphere_centre, cell.robot.hand.stamp, *cell.robot.hand.tendons) if foreign else ()
-    key = content_hash(_VERSION, SAMPLES, seed, *places, *shapes)
+    key = _key(cell.robot, tree, seed)
     if foreign:
         q = cached_arrays(f"postures_{key}.npy", lambda: {"q": _many_kept(rng, cell.robot, tree)})["q"]
     else:
@@ -77,6 +75,23 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     # A tree that is not balanced takes half the time, its queries no longer.
     search = KDTree(triangle_sides(tips), leafsize=16, balanced_tree=False, compact_nodes=False)
     return HandAtlas(q[:, tree.arm :].copy(), tips, axes, pads, _least_facing(tree), search)
+
+
+def _key(robot: Robot, tree: RobotTree, seed: int) -> str:
+    """Return a hash of all that the postures of a hand depend on."""
+    hand = robot.hand
+    places = (
+        tree.offset,
+        tree.rotation,
+        tree.lower,
+        tree.upper,
+        tree.tip_body,
+        tree.tip_offset,
+        *robot.drive,
+    )
+    shapes = (tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers])
+    foreign = () if hand.frame is None else (hand.stamp, *hand.tendons)
+    return content_hash(_VERSION, SAMPLES, seed, *places, *shapes, *foreign)
 
 
 def triangle_sides(corners: Array) -> Array:
