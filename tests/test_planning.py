@@ -22,7 +22,7 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.physics.contacts import shape_of
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp.planning.atlas import _key, hand_atlas, triangle_sides
+from dexgrasp.planning.atlas import hand_atlas, triangle_sides
 from dexgrasp.planning.constraints import evaluate, fixed_rows
 from dexgrasp.planning.postures import atlas_postures, oriented_postures
 from dexgrasp.planning.problem import Problem
@@ -210,15 +210,6 @@ def test_subject_assumptions_and_bad_input():
 
 
 # Atlas and starting postures
-
-
-def test_an_atlas_is_made_again_where_its_postures_would_be_others():
-    tree = robot_tree(CELL)
-    fewer, thinner = (
-        tree._replace(pairs=tree.pairs[1:]),
-        tree._replace(sphere_radius=0.9 * tree.sphere_radius),
-    )
-    assert len({_key(CELL.robot, own, 0) for own in (tree, fewer, thinner)}) == 3
 
 
 def test_atlas_postures_are_what_mujoco_says():

@@ -7,12 +7,14 @@ import pytest
 from planned import lying
 from processes import typed
 from refusals import refused
-from robots import HOME
+from robots import CELL, HOME
 
 from dexgrasp.cli.codes import ANSWER_IS_NO, OK
 from dexgrasp.cli.main import main
 from dexgrasp.grasp.content import Origin, planned_record
 from dexgrasp.grasp.variety import component_shares, hand_points
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.planning.atlas import _key
 from dexgrasp.planning.many import plan_many
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.seen import plan_cloud
@@ -135,3 +137,12 @@ def test_too_few_from_a_cloud_say_so_and_end_in_no(tmp_path, capsys):
     np.save(tmp_path / "far.npy", points + np.array([0.9, 0.0, 0.0]))
     assert typed(f"plan --cloud {tmp_path / 'far.npy'} --count 2") == ANSWER_IS_NO
     assert "0 of 2 grasps" in capsys.readouterr().out
+
+
+def test_an_atlas_is_made_again_where_its_postures_would_be_others():
+    tree = robot_tree(CELL)
+    fewer, thinner = (
+        tree._replace(pairs=tree.pairs[1:]),
+        tree._replace(sphere_radius=0.9 * tree.sphere_radius),
+    )
+    assert len({_key(CELL.robot, own, 0) for own in (tree, fewer, thinner)}) == 3

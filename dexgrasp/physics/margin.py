@@ -138,6 +138,8 @@ def _gradients(points: Array, normals: Array, room: _Room) -> None:
 def _turn(points: Array, normals: Array, room: _Room) -> Array:
     """Return the turn (3,) nearest to velocities that the contacts pull with."""
     pull, turn = room.pull, np.zeros(3)
+    if not np.isfinite(pull).all():  # of a programme that has come to nothing
+        return turn
     if len(room.programme.parts) == 4:
         G = contact_map(points, normals, room.torsion, points[0], 1.0)
         turn[:] = np.linalg.solve(G @ G.T, G @ pull.ravel())[3:]

@@ -135,6 +135,8 @@ class _Solver:
             H, np.zeros(n), A, np.concatenate([upper, np.full(m, 1e30)]),
             np.concatenate([lower, -now.values]), sense, rho_soft=_SOFTNESS, iter_limit=500,
         )  # fmt: skip
+        if not np.isfinite(x).all():
+            return np.zeros(n)
         return x if flag > 0 else np.clip(x, lower, upper) * 0.5
 
     def _solution(self, q: Array, now: Evaluation, goal: Bounds, steps: int) -> Solution:
@@ -148,7 +150,7 @@ class _Solver:
         values[fixed:] += goal.clearance - least.clearance
         worst = int(np.argmin(values))
         violation = max(0.0, -float(values[worst]))
-        feasible = violation <= TOLERANCE
+        feasible = violation <= TOLERANCE and bool(np.isfinite(values).all())
         blocking = None if feasible else _name(now.labels[worst], self._robot)
         return Solution(q, now._replace(values=values), feasible, blocking, violation, steps)
 
