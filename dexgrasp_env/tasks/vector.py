@@ -137,7 +137,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         Args:
             seed: of the first environment, the next ones have the numbers after it; or one for each.
             options: as for `LiftEnv.reset`, `state` also as a list, one for each; `reset_mask` (N,) bool says which are
-                reset, all by default; those that have not begun have to be among them.
+                reset, all by default; with cameras those that have not begun have to be among them, as there is
+                nothing to see of them.
 
         Raises:
             InputError: for a wrong number of seeds, a wrong mask, or what `LiftEnv.reset` refuses.
@@ -150,8 +151,10 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         if len(states) != self.num_envs:
             raise InputError(f"{len(states)} states given: valid is one, or one for each of {self.num_envs}")
         left_out = np.flatnonzero(~mask & ~self._started).tolist()
-        if left_out:
-            raise InputError(f"reset_mask leaves out environments {left_out}, which have no episode yet")
+        if left_out and self.settings.obs_mode != "state":
+            raise InputError(
+                f"reset_mask leaves out environments {left_out}, which have no episode to see yet"
+            )
         for i in np.flatnonzero(mask).tolist():
             if seeds[i] is not None:
                 self._rngs[i], _ = seeding.np_random(seeds[i])
