@@ -173,10 +173,13 @@ def run(path: Path, workers: int, again: str | None = None, root: Path = ROOT) -
 
 
 def publish(folder: Path, out: Path) -> None:
-    """Write an evaluation's settings and trials, compressed to the same bytes each time, to `out`."""
+    """Write an evaluation's settings and trials to `out`, compressed to the same bytes each time on any machine."""
     out.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / "run.json", out / "run.json")
-    write_atomically(out / f"{TRIALS}.gz", gzip.compress((folder / TRIALS).read_bytes(), mtime=0))
+    trials = (folder / TRIALS).read_text()
+    for place in (ROOT, sys.prefix):  # that tracebacks name
+        trials = trials.replace(f"{place}/", "")
+    write_atomically(out / f"{TRIALS}.gz", gzip.compress(trials.encode(), mtime=0))
 
 
 def unpack(published: Path, folder: Path) -> Path:
