@@ -174,16 +174,9 @@ def cells(rows: Rows) -> list[tuple[str, NDArray[np.bool_]]]:
     friction, found = rows.features["friction"], []
     for low, high in pairwise(FRICTIONS):
         for least, most in pairwise(MASSES):
-            below = (rows.factor < most) | (
-                most == MASSES[-1]
-            )  # a factor of 1, the commonest, is in one of them
-            inside = (
-                (friction >= low)
-                & (friction <= high)
-                & (rows.factor >= least)
-                & below
-                & (rows.factor <= most)
-            )
+            # A factor of 1, the commonest, is in one cell only.
+            below = rows.factor <= most if most == MASSES[-1] else rows.factor < most
+            inside = (friction >= low) & (friction <= high) & (rows.factor >= least) & below
             found.append((f"friction {low} to {high}, mass {least} to {most}", inside))
     return found
 

@@ -176,10 +176,10 @@ def publish(folder: Path, out: Path) -> None:
     """Write an evaluation's settings and trials to `out`, compressed to the same bytes each time on any machine."""
     out.mkdir(parents=True, exist_ok=True)
     shutil.copy(folder / "run.json", out / "run.json")
-    trials = (folder / TRIALS).read_text()
+    trials = (folder / TRIALS).read_bytes()
     for place in (ROOT, sys.prefix):  # that tracebacks name
-        trials = trials.replace(f"{place}/", "")
-    write_atomically(out / f"{TRIALS}.gz", gzip.compress(trials.encode(), mtime=0))
+        trials = trials.replace(f"{place}/".encode(), b"")
+    write_atomically(out / f"{TRIALS}.gz", gzip.compress(trials, mtime=0))
 
 
 def unpack(published: Path, folder: Path) -> Path:

@@ -102,7 +102,9 @@ def test_the_interval_of_a_difference_covers_where_scenes_are_met_often():
     for _ in range(200):
         scene = rng.random(60)[:, None]  # how hard it is, for both and under all of five conditions
         a, b = scene + 0.1 * rng.random((60, 5)) < 0.85, scene + 0.1 * rng.random((60, 5)) < 0.75
-        found = compared({k: list(zip(a[k].tolist(), b[k].tolist(), strict=True)) for k in range(60)})
+        found = compared(
+            (k, *pair) for k in range(60) for pair in zip(a[k].tolist(), b[k].tolist(), strict=True)
+        )
         inside.append(found["ci95"][0] <= 0.1 <= found["ci95"][1])
     assert 0.9 < np.mean(inside) <= 1.0
 

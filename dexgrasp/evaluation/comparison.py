@@ -136,10 +136,8 @@ def _trial(row: Row) -> tuple[object, ...]:
 
 def _statistics(pairs: Pairs) -> dict[str, Any]:
     """Return counts, rates, difference with intervals, the exact test and the sequential test's capital."""
-    others, scenes = [row["other"] for row in pairs], dict[Any, list[tuple[bool, bool]]]()
-    for row in pairs:
-        scenes.setdefault(scene_of(row), []).append((row["success"], row["other"]["success"]))
-    counts, n = compared(scenes), max(len(pairs), 1)
+    others, n = [row["other"] for row in pairs], max(len(pairs), 1)
+    counts = compared((scene_of(row), row["success"], row["other"]["success"]) for row in pairs)
     return {
         "rate_a": (counts["both"] + counts["only_a"]) / n,
         "rate_b": (counts["both"] + counts["only_b"]) / n,

@@ -38,19 +38,23 @@ def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, An
     weights["robust"] = {
         part: w / len(ROBUST) for name in ROBUST for part, w in weights.get(name, {name: 1.0}).items()
     }
-    return {name: _pooled(rows, own) for name, own in weights.items() if own.keys() <= rows.keys()}
+    return {
+        name: pooled([rows[part] for part in own], list(own.values()))
+        for name, own in weights.items()
+        if own.keys() <= rows.keys()
+    }
 
 
-def _pooled(rows: Mapping[str, Sequence[Row]], weights: Mapping[str, float]) -> dict[str, Any]:
-    """Return the count of parts with the weighted mean of their rates; parts meet the same scenes."""
+def pooled(parts: Sequence[Sequence[Row]], weights: Sequence[float] = (1.0,)) -> dict[str, Any]:
+    """Return trials, successes and 95 % interval of parts, which may meet the same scenes, and their mean rate."""
     total, wins, rate = 0, 0, 0.0
     scatter: dict[Any, float] = {}
-    for name, weight in weights.items():
-        n, k = len(rows[name]), sum(bool(row["success"]) for row in rows[name])
+    for rows, weight in zip(parts, weights, strict=True):
+        n, k = len(rows), sum(bool(row["success"]) for row in rows)
         own = k / n if n else 0.0
         total, wins = total + n, wins + k
         rate += weight * own
-        for row in rows[name]:
+        for row in rows:
             scene = scene_of(row)
             scatter[scene] = scatter.get(scene, 0.0) + weight / n * (bool(row["success"]) - own)
     interval = scattered_interval(rate, scatter.values(), total)

@@ -17,8 +17,6 @@ from dexgrasp_env.arrays import Array
 
 Counts = Mapping[str, tuple[int, int]]
 """Object -> (successes, trials)."""
-Outcomes = Mapping[Hashable, Sequence[tuple[bool, bool]]]
-"""Scene -> successes of two agents under each of its conditions."""
 
 _RESAMPLES = 9999
 _LEVEL = 0.95
@@ -87,8 +85,11 @@ def _sign_test(a: int, b: int) -> float:
     return float(binomtest(a, a + b, 0.5).pvalue) if a + b else 1.0
 
 
-def compared(outcomes: Outcomes) -> dict[str, Any]:
+def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> dict[str, Any]:
     """Compare two agents on the same scenes, each met under one condition or several.
+
+    Args:
+        outcomes: scene, success of the first and of the second, of every trial.
 
     Returns:
         trials and scenes; both, only_a, only_b and neither of the trials; for_a and for_b, scenes of which one solved
@@ -96,19 +97,23 @@ def compared(outcomes: Outcomes) -> dict[str, Any]:
         scene is met once; difference of the rates and its 95 % interval ci95, Newcombe's for as many trials as would,
         were they independent, scatter as the scenes do.
     """
-    found = mcnemar(pair for own in outcomes.values() for pair in own)
+    scenes: dict[Hashable, list[tuple[bool, bool]]] = {}
+    for scene, *pair in outcomes:
+        scenes.setdefault(scene, []).append((pair[0], pair[1]))
+    found = mcnemar(pair for own in scenes.values() for pair in own)
     cells = [found[key] for key in ("both", "only_a", "only_b", "neither")]
-    by_scene = [sum(int(a) - int(b) for a, b in own) for own in outcomes.values()]
+    by_scene = [sum(int(a) - int(b) for a, b in own) for own in scenes.values()]
     for_a, for_b = sum(d > 0 for d in by_scene), sum(d < 0 for d in by_scene)
-    trials, scenes = sum(cells), len(outcomes)
+    trials = sum(cells)
+    each = max(trials, 1) / max(len(scenes), 1)
     difference = sum(by_scene) / max(trials, 1)
     # What trials of a scene share makes them scatter more than independent ones.
     alone = found["only_a"] + found["only_b"] - trials * difference**2
-    off = sum((d - len(own) * difference) ** 2 for d, own in zip(by_scene, outcomes.values(), strict=True))
-    fewer = min(max(off / alone if alone > 1e-9 else trials / max(scenes, 1), 1.0), trials / max(scenes, 1))
+    off = sum((d - len(own) * difference) ** 2 for d, own in zip(by_scene, scenes.values(), strict=True))
+    fewer = max(min(off / alone, each) if alone > 1e-9 else each, 1.0)
     return found | {
-        "trials": trials, "scenes": scenes, "for_a": for_a, "for_b": for_b, "p_value": _sign_test(for_a, for_b),
-        "difference": difference, "ci95": list(paired_difference_interval(*(n / max(fewer, 1.0) for n in cells))),
+        "trials": trials, "scenes": len(scenes), "for_a": for_a, "for_b": for_b, "p_value": _sign_test(for_a, for_b),
+        "difference": difference, "ci95": list(paired_difference_interval(*(n / fewer for n in cells))),
     }  # fmt: skip
 
 

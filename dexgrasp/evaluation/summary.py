@@ -1,19 +1,18 @@
 """The summary of an evaluation, as documented in docs: schema 1."""
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import combinations
 from typing import Any
 
 from dexgrasp.evaluation.protocol import OTHER_PHYSICS
-from dexgrasp.evaluation.protocol_counts import judged, protocol_counts, scene_of
+from dexgrasp.evaluation.protocol_counts import judged, pooled, protocol_counts, scene_of
 from dexgrasp.evaluation.settings import EvaluationSettings, versions
 from dexgrasp.evaluation.statistics import (
     Counts,
     compared,
     object_interval,
     quantiles,
-    scattered_interval,
     success_within,
 )
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
@@ -60,21 +59,19 @@ def summarise(
         **(sequential if stop_level is not None else {}),
         "agents": {agent: summarise_agent(own) for agent, own in by_agent.items()},
         "paired": [
-            {"a": a, "b": b, **compared(paired(by_agent[a], by_agent[b]))}
+            {"a": a, "b": b, **compared(_paired(by_agent[a], by_agent[b]))}
             for a, b in combinations(settings.agents, 2)
         ],
     }
 
 
-def paired(a: Sequence[Row], b: Sequence[Row]) -> dict[Any, list[tuple[bool, bool]]]:
-    """Return the successes of two agents by scene, of the conditions that both met, in MuJoCo's physics."""
+def _paired(a: Sequence[Row], b: Sequence[Row]) -> Iterator[tuple[Any, bool, bool]]:
+    """Yield scenes with the successes of two agents, of the conditions that both met, in MuJoCo's physics."""
     others = {(row.get("protocol"), *scene_of(row)): row["success"] for row in b}
-    found: dict[Any, list[tuple[bool, bool]]] = {}
     for row in a:
         condition = row.get("protocol"), *scene_of(row)
         if condition in others and row.get("protocol") != OTHER_PHYSICS:
-            found.setdefault(scene_of(row), []).append((row["success"], others[condition]))
-    return found
+            yield scene_of(row), row["success"], others[condition]
 
 
 def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
@@ -154,17 +151,7 @@ def object_counts(rows: Sequence[Row]) -> Counts:
 
 def count(rows: Sequence[Row]) -> dict[str, Any]:
     """Return trials, successes, rate and its 95 % intervals: of these objects, and of objects like these."""
-    bare = bare_count(rows)
-    rate = bare["successes"] / len(rows) if rows else 0.0
-    scatter: dict[Any, float] = {}
-    for row in rows:
-        scatter[scene_of(row)] = scatter.get(scene_of(row), 0.0) + (row["success"] - rate) / len(rows)
-    return {
-        **bare,
-        "rate": rate,
-        "ci95": list(scattered_interval(rate, scatter.values(), len(rows))),
-        "ci95_objects": list(object_interval(object_counts(rows))),
-    }
+    return {**pooled([rows]), "ci95_objects": list(object_interval(object_counts(rows)))}
 
 
 def bare_count(rows: Sequence[Row]) -> dict[str, int]:
