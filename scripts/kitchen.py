@@ -1,12 +1,13 @@
-"""Write `flat.json` and `handled.json`: what lies low on a table, and what is borne by a handle.
+"""Write `flat.json`, `handled.json` and `wide.json`: what lies low, what has a handle, bowls, pots and trays.
 
     python scripts/kitchen.py sets/kitchen
     dexgrasp evaluate --agents hardcoded bilevel --objects sets/kitchen/flat.json --trials 5
 
-Names, sizes and masses are frozen: `DIGEST` is the hash of all meshes and masses, and what differs is said.
+Names, sizes and masses are frozen: `DIGESTS` are hashes of the meshes and masses of each set, and what differs is said.
 """
 
 import hashlib
+import math
 import sys
 from functools import reduce
 from operator import add
@@ -22,7 +23,7 @@ from dexgrasp.cli.command import Argument, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp_env.files import write_atomically
 
-DIGEST = "409a3b30e57a117e"
+DIGESTS = {"flat": "b9a4e040b5ee3652", "handled": "e44163e26b837fa2", "wide": "2df87f31181d5245"}
 _ROUND = 64  # sides of what is round
 THINGS = Path(__file__).with_suffix(".yaml")
 
@@ -54,6 +55,14 @@ def loop(reach: float, height: float, thick: float) -> Manifold:
     return ring.revolve(48).rotate((90.0, 0.0, 0.0)).scale((1.0, 1.0, height / reach))
 
 
+def bowl(radius: float, height: float, foot: float, wall: float) -> Manifold:
+    """A bowl, mm: a foot, and a wall that is a quarter of an ellipse."""
+    turns = [math.pi / 2.0 * k / 24 for k in range(25)]
+    outer = [(foot + (radius - foot) * math.sin(t), height * (1.0 - math.cos(t))) for t in turns]
+    inner = [(max(0.0, x - 0.8 * wall), z) for x, z in reversed(outer) if z > wall]
+    return CrossSection([[(0.0, 0.0), *outer, *inner, (0.0, wall)]]).revolve(_ROUND)
+
+
 def plate(radius: float) -> Manifold:
     """A plate, mm: a foot, a well and a rim that leans outwards, 17 mm high."""
     outer = [(0, 0), (0.6, 0), (0.7, 4), (1.0, 14), (1.0, 17), (0.97, 17), (0.66, 6), (0, 4)]
@@ -80,7 +89,7 @@ def watering_can() -> Manifold:
     return body + (spout - hollow) + ring.translate((-57.0, 0.0, 70.0))
 
 
-KINDS = {make.__name__: make for make in (box, disc, rod, vessel, loop, plate, ball, jug, watering_can)}
+KINDS = {make.__name__: make for make in (box, disc, rod, vessel, loop, bowl, plate, ball, jug, watering_can)}
 
 
 def solid(part: dict[str, Any]) -> Manifold:
@@ -102,9 +111,9 @@ class Kitchen(Script):
     folder: Argument[Folder]
 
     def run(self) -> int:
-        whole, meshes = list[dict[str, Any]](), b""
+        differ = []
         for kind, things in yaml.safe_load(THINGS.read_text()).items():
-            members = []
+            members, meshes = list[dict[str, Any]](), b""
             for name, (mass, part) in things.items():
                 content, mesh = solid_obj(solid(part).scale((0.001,) * 3)), f"meshes/{name}.obj"
                 write_atomically(self.folder / mesh, content)
@@ -112,12 +121,12 @@ class Kitchen(Script):
                 source = f"dexgrasp, {kind}"
                 members.append({"name": f"kitchen-{name}", "mesh": mesh, "mass": mass, "source": source})
             write_set(self.folder / f"{kind}.json", members)
-            whole += members
-        found = hashlib.sha256(repr(whole).encode() + meshes).hexdigest()[:16]
-        if found != DIGEST:
-            print(f"these are not the frozen things: {found}, not {DIGEST}", file=sys.stderr)
-            return 1
-        return 0
+            found = hashlib.sha256(repr(members).encode() + meshes).hexdigest()[:16]
+            if found != DIGESTS.get(kind):
+                differ.append(f"{kind}: {found}, not {DIGESTS.get(kind)}")
+        if differ:
+            print(f"these are not the frozen things: {'; '.join(differ)}", file=sys.stderr)
+        return int(bool(differ))
 
 
 if __name__ == "__main__":

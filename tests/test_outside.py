@@ -41,9 +41,9 @@ def test_the_split_leaves_300_for_figures_of_record():
 
 def test_what_lies_in_a_kitchen_is_frozen(tmp_path):
     assert run_script(kitchen.Kitchen, [str(tmp_path)]) == 0
-    flat, handled = (read_set(str(tmp_path / f"{kind}.json")) for kind in ("flat", "handled"))
-    assert (len(flat), len(handled)) == (19, 8)
-    for member in (*flat.values(), *handled.values()):
+    flat, handled, wide = (read_set(str(tmp_path / f"{kind}.json")) for kind in kitchen.DIGESTS)
+    assert (len(flat), len(handled), len(wide)) == (19, 8, 10)
+    for member in (*flat.values(), *handled.values(), *wide.values()):
         assert trimesh.load(member.mesh, process=False).is_watertight, member.name
 
 

@@ -76,7 +76,8 @@ class Planner:
     def plan(self, target: GraspTarget, seed: int = 0, start: Array | None = None) -> PlanResult:
         """Return the first grasp that passes everything, with its script if `start` is given.
 
-        Where it bears no weight, or there is none, the other grasps of the hand's file are tried in turn.
+        Where it bears no weight, or there is none, the other grasps of the hand's file are tried in turn, and then the
+        walls of what is hollow.
 
         Args:
             target: the object.
@@ -84,13 +85,19 @@ class Planner:
             start: (n,) rad, set-points the robot approaches from; None plans the grasp alone.
         """
         result = self._plan(target, seed, start)
-        for other in self.others():
+        for other, shape in self._otherwise(target):
             if result.grasp is not None and result.grasp.certificate.holds:
                 break
-            again = other._plan(target, seed, start)
+            again = other._plan(shape, seed, start)
             if again.grasp is not None and (result.grasp is None or again.grasp.certificate.holds):
                 result = again
         return result
+
+    def _otherwise(self, target: GraspTarget) -> Iterator[tuple["Planner", GraspTarget]]:
+        """Yield who plans next, on what shape of the object, where there is no grasp that holds."""
+        yield from ((other, target) for other in self.others())
+        if (walls := target.opened()) is not None:
+            yield self, walls
 
     def _plan(self, target: GraspTarget, seed: int, start: Array | None) -> PlanResult:
         search, pool = Search(self, target, seed, start), list[Candidate[Posture]]()

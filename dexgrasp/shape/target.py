@@ -1,7 +1,8 @@
 """The object as a planner knows it: convex parts in the world frame, and assumptions about its mass."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple, cast
 
@@ -13,7 +14,9 @@ from dexgrasp.geometry.field import Field, field_of
 from dexgrasp.geometry.volume import volume_and_centre
 from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.shape.hull import REACH
+from dexgrasp.shape.walls import walls_of
 from dexgrasp_env.arrays import Array, Mask
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import POSITIVE, check
 
 if TYPE_CHECKING:
@@ -170,6 +173,17 @@ class GraspTarget:
     def hull(self) -> "trimesh.Trimesh":
         """The convex hull of all parts; the part itself where there is one."""
         return self.parts[0] if self.is_convex else _hull(self.distance)
+
+    def opened(self) -> "GraspTarget | None":
+        """Return the object as the walls that were seen of it, for fingers that go inside; None if it holds no air."""
+        parts = []
+        for corners in () if self.seen is None else walls_of(self.seen):
+            with suppress(InputError):  # points of a part that lie in a plane
+                parts.append(ConvexDistance.from_points(corners, PART_FACES))
+        if not parts:
+            return None
+        walls = ConvexDistance.union(parts)
+        return replace(self, distance=walls, centre=volume_centre(walls))
 
     @property
     def surface(self) -> "trimesh.Trimesh":

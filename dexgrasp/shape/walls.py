@@ -1,0 +1,49 @@
+"""The walls of a hollow thing as convex parts: what its hull fills is left open, so that fingers may go inside."""
+
+import numpy as np
+
+from dexgrasp_env.arrays import Array, Mask
+
+LOW = 0.030
+"""m above the table, up to which nothing that is open above has room for a fingertip."""
+_TIER = 0.022  # m, height of a row of parts
+_TIERS = 3  # below the rim: a finger reaches no deeper
+_ARC = 0.040  # m along the outline that a part has
+_MOST_ARCS = 18  # of a row, so that a grasp file takes all parts
+_OVERLAP = 0.006  # m that parts reach beyond their edges
+_LEAST = 8  # points of a part
+
+
+def walls_of(points: Array) -> list[Array]:
+    """Return the corners (N, 3) m of convex parts whose union is the walls that a cloud shows, and what is below them.
+
+    Rows of parts go around the upright axis through the middle of the cloud, from the rim down, each part short enough
+    that it hardly bulges inwards. What lies deeper than a finger reaches is one part, down to the table. What is closed
+    above is not hollow to them: there a part reaches to the middle.
+
+    Args:
+        points: (M, 3) m of the surface, seen all round and from above, the table's top at z = 0.
+    """
+    height = points[:, 2]
+    rim = float(np.percentile(height, 99.0))
+    if rim < LOW:
+        return []
+    from_middle = points[:, :2] - 0.5 * (points[:, :2].min(0) + points[:, :2].max(0))
+    angle, radius = np.arctan2(from_middle[:, 1], from_middle[:, 0]), np.linalg.norm(from_middle, axis=1)
+    count = int(np.clip(np.ceil(2.0 * np.pi * radius.max() / _ARC), 6, _MOST_ARCS))
+    found = []
+    for tier in range(_TIERS):
+        high = np.inf if tier == 0 else rim - tier * _TIER
+        row = points[_between(height, rim - (tier + 1) * _TIER, high)]
+        turned = angle[_between(height, rim - (tier + 1) * _TIER, high)]
+        for turn in 2.0 * np.pi * np.arange(count) / count:
+            off = np.abs((turned - turn + np.pi) % (2.0 * np.pi) - np.pi)
+            found.append(row[off < np.pi / count + _OVERLAP / radius.max()])
+    below = points[height < rim - _TIERS * _TIER + _OVERLAP]
+    found.append(np.concatenate([below, below * [1.0, 1.0, 0.0]]))
+    return [part for part in found if len(part) >= _LEAST]
+
+
+def _between(height: Array, low: float, high: float) -> Mask:
+    """Whether heights (M,) lie between two, or next to them (M,)."""
+    return np.asarray((height > low - _OVERLAP) & (height < high + _OVERLAP))
