@@ -67,10 +67,12 @@ def run(quick: bool = False) -> dict[str, Any]:
     """Measure all sources on seen, familiar and novel objects.
 
     Returns:
-        By set and source: `trials`, `verified` with its interval, medians with bootstrap intervals of `tried`,
-        `seconds`, the closure `margin` and Ferrari and Canny's `epsilon` [N], `each_feasible` (single
-        proposals that become feasible), and over the verified grasps of one scene the mean distance of contact
-        centroids (`spread_cm`) and the mean angle between palms (`palm_degrees`).
+        By set and source: `trials`, `verified` with its interval; what a verified grasp costs where attempts that gave
+        none count as well, `tried_each` and `seconds_each`: postures and time of all attempts over the verified ones
+        (None: there are none). Of the verified alone: medians with bootstrap intervals of `tried`, `seconds`, the
+        closure `margin` and Ferrari and Canny's `epsilon` [N], and of those of one scene the mean distance of contact
+        centroids (`spread_cm`) and the mean angle between palms (`palm_degrees`). `each_feasible`: single proposals
+        that become feasible.
     """
     objects, scenes, seeds = _QUICK if quick else _FULL
     first = replace(
@@ -142,10 +144,17 @@ def _figures(attempts: list[Attempt]) -> dict[str, Any]:
         "tried": spread_of([a.plan.log.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
         "margin": spread_of([grasp.certificate.closure_margin for grasp in grasps]),
         "epsilon": spread_of([ferrari_canny(grasp.contacts, grasp.normals, mu) for grasp in grasps]),
+        "tried_each": _each([a.plan.log.tried for a in attempts], good),
+        "seconds_each": _each([a.seconds for a in attempts], good),
         "mean_tried": float(np.mean([a.plan.log.tried for a in attempts])),
         "proposal_seconds": float(np.median([a.plan.log.seconds.get("proposals", 0.0) for a in attempts])),
         "spread_cm": spread, "palm_degrees": angle,
     }  # fmt: skip
+
+
+def _each(spent: list[float], good: list[Attempt]) -> float | None:
+    """Return what all attempts spent over the grasps that were verified; None where none was."""
+    return float(sum(spent)) / len(good) if good else None
 
 
 def _between(a: Attempt, b: Attempt) -> tuple[float, float]:
