@@ -41,7 +41,7 @@ RANDOMISATION = {
 
 @dataclass
 class Soak:
-    """What came up."""
+    """What came up; `not_finite` counts environments, once a step."""
 
     steps: int = 0
     episodes: int = 0
@@ -152,10 +152,10 @@ def act(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:
         action = np.clip(centre + rng.normal(0, 0.5, centre.shape), -1, 1)
         observation, rewards, terminated, truncated, infos = envs.step(action)
         soak.steps += envs.num_envs
-        finite = (
-            all(np.isfinite(values).all() for values in observation.values()) and np.isfinite(rewards).all()
-        )
-        soak.not_finite += not finite and "simulation_diverged" not in infos["failure"]
+        finite = np.isfinite(rewards)
+        for values in observation.values():
+            finite &= np.isfinite(values).reshape(envs.num_envs, -1).all(axis=1)
+        soak.not_finite += int((~finite & (infos["failure"] != "simulation_diverged")).sum())
         over = terminated | truncated
         soak.episodes += int(over.sum())
         soak.endings.update((infos["failure"][i] or infos["stage"][i]) for i in np.flatnonzero(over))

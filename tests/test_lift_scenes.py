@@ -1,6 +1,7 @@
 """Lift-v2's scenes: what reset and info say, what makes them hard, what is drawn at random."""
 
 import copy
+from types import SimpleNamespace
 
 import mujoco
 import numpy as np
@@ -212,6 +213,23 @@ def test_short_soak():
     assert found.steps == 900
     assert found.is_clean, found
     assert found.endings["dropped"] or found.endings["object_lost"]
+
+
+def test_no_environment_is_excused_by_another_that_diverged():
+    soak = load_script("soak")
+    rewards = np.array([np.nan, 1.0, 1.0])
+    seen = {"qpos": np.array([[np.nan, 0.0], [0.0, np.nan], [0.0, 0.0]])}
+    names = np.array(["simulation_diverged", "", ""], object)
+    infos = {"failure": names, "stage": names, "mujoco_warnings": names}
+    never = np.zeros(3, bool)
+    envs = SimpleNamespace(
+        num_envs=3,
+        action_space=SimpleNamespace(shape=(3, 23)),
+        step=lambda action: (seen, rewards, never, never, infos),
+    )
+    found = soak.Soak()
+    soak.act(envs, 2, np.random.default_rng(0), found)
+    assert found.not_finite == 2
 
 
 def test_short_soak_of_plans():
