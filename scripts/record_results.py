@@ -18,7 +18,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from season import read_season, unpack
+from season import Season, read_season, unpack
 
 from dexgrasp.cli.command import Argument, File, Folder, Script
 from dexgrasp.cli.commands import run_script
@@ -145,16 +145,28 @@ def recorded(name: str, results: Path, seasons: Path) -> dict[str, Any]:
         content: dict[str, Any] = json.loads((results / f"{name}.json").read_text())
         return content
     path = seasons / f"{season}.json"
-    words = read_season(path).entries[entry]
+    scored = read_season(path)
+    folders, words = published(results / season, scored, entry), scored.entries[entry]
     with tempfile.TemporaryDirectory() as folder:
-        runs = [unpack(run, Path(folder)) for run in published(results / season, entry)]
+        runs = [unpack(run, Path(folder)) for run in folders]
         content = record(runs, words.get("title", entry), words.get("note", ""))
     return content | {"commands": [f"python scripts/season.py run {path.relative_to(seasons.parent)}"]}
 
 
-def published(folder: Path, entry: str) -> list[Path]:
-    """Return the evaluations that a season published of an entry, in the order of their seeds."""
-    return sorted(folder.glob(f"{entry}-[0-9]*"), key=lambda path: int(path.name.rpartition("-")[2]))
+def published(folder: Path, season: Season, entry: str) -> list[Path]:
+    """Return the evaluations that a season published of an entry, in the order of their seeds.
+
+    Raises:
+        InputError: for an entry that there is not, or one that is not there with all its seeds; where the folder holds
+            what the season does not name, as an older scoring leaves it.
+    """
+    own, known = season.folders(entry), {name for each in season.entries for name in season.folders(each)}
+    there = {path.parent.name for path in folder.glob("*/run.json")}
+    if stale := sorted(there - known):
+        raise InputError(f"{folder / stale[0]} is no evaluation of season {season.name}: remove it")
+    if missing := [name for name in own if name not in there]:
+        raise InputError(f"{folder / missing[0]} is not there: score season {season.name} first")
+    return [folder / name for name in own]
 
 
 class Results(Script):

@@ -28,7 +28,7 @@ from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.runs.pool import Backend
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import read_json_object, write_atomically, write_json
 from dexgrasp_env.valid import Count, one_of
 
@@ -55,6 +55,16 @@ class Season:
     entries: Mapping[str, Mapping[str, Any]]
     digest: str
 
+    def folders(self, entry: str) -> list[str]:
+        """Return the names of an entry's evaluations, one a seed.
+
+        Raises:
+            InputError: for an entry that there is not.
+        """
+        if entry not in self.entries:
+            raise unknown_name(f"entry of season {self.name}", entry, self.entries)
+        return [f"{entry}-{number}" for number in range(self.entries[entry].get("seeds", 1))]
+
     def scorings(self, commit: str) -> Iterator[tuple[str, EvaluationSettings]]:
         """Yield every evaluation by the name of its folder, with its settings.
 
@@ -63,9 +73,9 @@ class Season:
         """
         for name, entry in self.entries.items():
             words = {key: value for key, value in entry.items() if key not in ("seeds", "title", "note")}
-            for number in range(entry.get("seeds", 1)):
+            for number, folder in enumerate(self.folders(name)):
                 seed = season_seed(commit, self.digest, name, number)
-                yield f"{name}-{number}", EvaluationSettings.of(**words, seed=seed)
+                yield folder, EvaluationSettings.of(**words, seed=seed)
 
 
 def season_seed(commit: str, digest: str, entry: str, number: int) -> int:

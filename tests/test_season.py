@@ -1,5 +1,6 @@
 """Seasons: seeds that only a release gives, one scoring, trials published, pages written from them."""
 
+import dataclasses
 import json
 import subprocess
 
@@ -99,6 +100,23 @@ def test_a_season_is_scored_once_and_pages_show_its_trials(house):
     ]
     assert rows[0]["scene_seed"] == rows[1]["scene_seed"]
     assert rows[0]["height"] == rows[1]["height"]
+
+
+def test_pages_show_the_evaluations_that_the_season_names(tmp_path):
+    known = season.Season("2026-12", "v1", {"small": {"seeds": 2}, "small-view": {}}, "")
+    for name in ("small-0", "small-1", "small-view-0"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "run.json").touch()
+    found = record_results.published(tmp_path, known, "small")
+    assert [path.name for path in found] == ["small-0", "small-1"]
+    with pytest.raises(InputError, match="unknown entry"):
+        record_results.published(tmp_path, known, "large")
+    more = dataclasses.replace(known, entries={"small": {"seeds": 3}, "small-view": {}})
+    with pytest.raises(InputError, match="small-2 is not there"):
+        record_results.published(tmp_path, more, "small")
+    fewer = dataclasses.replace(known, entries={"small": {"seeds": 1}, "small-view": {}})
+    with pytest.raises(InputError, match="small-1 is no evaluation of season 2026-12: remove it"):
+        record_results.published(tmp_path, fewer, "small")
 
 
 def test_what_was_interrupted_goes_on(house):
