@@ -4,9 +4,9 @@ import json
 
 import pytest
 from refusals import refused
-from trial_rows import row
+from trial_rows import row, write_run
 
-from dexgrasp.evaluation.store import TrialStore, read_rows
+from dexgrasp.evaluation.store import TrialStore, kept_grasps, read_rows
 
 
 def test_partial_last_line_is_dropped(tmp_path):
@@ -79,3 +79,15 @@ def test_trials_without_their_settings_are_refused(tmp_path, content):
     with refused("choose another --out"):
         TrialStore(tmp_path, {"seed": 1})
     assert (tmp_path / "trials.jsonl").read_text()
+
+
+def test_grasps_of_trials_that_fell_short_come_first(tmp_path):
+    rows = [row(trial=k, success=k != 2, grasp=f"grasps/lift-{k}.json") for k in range(4)]
+    rows[3]["clean"] = False
+    write_run(tmp_path, [*rows, row(trial=4)])
+    with refused("holds no grasps"):
+        kept_grasps(tmp_path)
+    (tmp_path / "grasps").mkdir()
+    for k in range(4):
+        (tmp_path / "grasps" / f"lift-{k}.json").touch()
+    assert [file.stem for file in kept_grasps(tmp_path)] == ["lift-2", "lift-3", "lift-0", "lift-1"]

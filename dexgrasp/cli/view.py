@@ -12,6 +12,8 @@ from dexgrasp_env.valid import Count
 if TYPE_CHECKING:
     from dexgrasp.viewer.film import Film
 
+_MOST = 6  # trials of a run that are shown side by side
+
 
 class View(Command, Scene):
     """Look at a grasp: on a local server, or as one self-contained page.
@@ -19,7 +21,7 @@ class View(Command, Scene):
     examples:
       dexgrasp view pear                                  plan, then look at it in the browser
       dexgrasp view grasps/pear/grasp.json --html pear.html
-      dexgrasp view runs/tables                           grasps of an evaluation side by side
+      dexgrasp view runs/tables                           grasps of an evaluation side by side, failures first
 
     Shown are the robot, the object, the hull that was planned on, contacts, friction cones and forces. The motion is
     the planned one, drawn without physics. The page of --html is self-contained; no GL library is needed here.
@@ -53,13 +55,14 @@ class View(Command, Scene):
 
 
 def _films(view: View) -> "list[Film]":
+    from dexgrasp.evaluation.store import kept_grasps
     from dexgrasp.grasp.file import read_grasp, record_of
-    from dexgrasp.viewer.from_record import film_of, films_of_run
+    from dexgrasp.viewer.from_record import film_of
     from dexgrasp_env.perception.scene import Scene
 
     path, cell = Path(view.target), view.cell
     if path.is_dir():
-        return films_of_run(path, cell)
+        return [film_of(read_grasp(file, cell)) for file in kept_grasps(path)[:_MOST]]
     if path.suffix.lower() == ".json" and path.is_file():
         return [film_of(read_grasp(path, cell))]
     look, found = plan_target(view.target, "bilevel", view)

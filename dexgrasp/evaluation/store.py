@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.evaluation.rows import Key, row_fault, row_key, trial_name
+from dexgrasp.evaluation.rows import Key, fell_short, row_fault, row_key, trial_name
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.lines import Lines, read_lines
 from dexgrasp_env.errors import InputError
@@ -79,6 +79,22 @@ def read_rows(folder: Path) -> list[Row]:
     with readable(path):
         rows = read_lines(path, "trial", row_fault)
     return _once_each(rows)
+
+
+def kept_grasps(folder: Path) -> list[Path]:
+    """Return the grasp files of a folder's trials, first those of trials that fell short, each in order of their names.
+
+    Raises:
+        InputError: if there are none, or no evaluation.
+    """
+    short = {row.get("grasp") for row in read_rows(folder) if fell_short(row)}
+    files = (folder / "grasps").glob("*.json")
+    found = sorted(files, key=lambda file: (f"grasps/{file.name}" not in short, file.name))
+    if not found:
+        raise InputError(
+            f"{folder} holds no grasps: name the --out of `dexgrasp evaluate` with an agent that plans"
+        )
+    return found
 
 
 def read_run(folder: Path) -> dict[str, Any]:
