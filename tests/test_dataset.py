@@ -30,6 +30,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import closure_sweep
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.shards import text_of, write_shard
+from dexgrasp_env.assets import asset_path
 from dexgrasp_env.poses import about_z
 
 SETTINGS = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5)
@@ -183,6 +184,30 @@ def test_other_settings_in_the_folder_are_refused(made, tmp_path):
         generate(SETTINGS, tmp_path)
     with refused("holds no dataset"):
         read_manifest(tmp_path)
+
+
+def test_a_cell_is_found_from_anywhere_and_no_other_is_taken_for_it(made, tmp_path, monkeypatch):
+    file = tmp_path / "cell.yaml"
+    file.write_text("schema: 1\nname: mine\n")
+    monkeypatch.chdir(tmp_path)
+    settings = DatasetSettings.of(["gelatin_box"], grasps_per_pose=6, chunk=3, seed=5, robot="cell.yaml")
+    assert settings.as_json()["robot"] == str(file)
+    assert DatasetSettings.of(["gelatin_box"], robot="panda_gripper").robot == "panda_gripper"
+    assert summary(made)["cell"] == CELL.version
+    folder = copied(made, tmp_path)
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest["settings"]["robot"] = str(file)
+    (folder / "manifest.json").write_text(json.dumps(manifest | {"cell": settings.cell.version}))
+    assert check_sample(folder, 1)["checked"] == 1
+    file.write_text("schema: 1\nname: mine\ntable_height: 0.01\n")
+    with refused("is of cell 'mine-.*': this is 'mine-.*', give its --cell"):
+        check_sample(folder, 1)
+    with refused("cell: mine-.* there, mine-.* now"):
+        generate(settings, folder)
+    del manifest["cell"]
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert summary(folder)["cell"] == "not stated"
+    assert check_sample(folder, 1, robot=str(asset_path("robot", "cell.yaml")))["passed"] == 1
 
 
 def test_a_shard_of_another_dataset_does_not_count(made, tmp_path):

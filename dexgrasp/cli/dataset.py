@@ -8,7 +8,7 @@ examples:
 from pathlib import Path
 from typing import Annotated, Any
 
-from dexgrasp.cli.command import Answer, Argument, Command, Folder, check_mesh_options
+from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell, check_mesh_options
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import resumable
 from dexgrasp.dataset.settings import DatasetSettings
@@ -49,7 +49,7 @@ class Generate(Command):
         return Answer(figures, describe(figures))
 
 
-class Info(Command):
+class Info(Command, InCell):
     """Say what a dataset holds, draw it, check some of it.
 
     Attributes:
@@ -72,7 +72,7 @@ class Info(Command):
         figures["picture"] = str(path)
         code = 0
         if self.verify:
-            figures["verify"] = check_sample(self.folder, self.verify)
+            figures["verify"] = check_sample(self.folder, self.verify, self.robot)
             code = int(figures["verify"]["passed"] < figures["verify"]["checked"])
         return Answer(figures, describe(figures), code)
 

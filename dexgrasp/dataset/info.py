@@ -13,6 +13,7 @@ from dexgrasp.dataset.rest_scene import placed
 from dexgrasp.dataset.shards import read_manifest
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.cell import Cell, make_cell
 
@@ -31,7 +32,8 @@ def summary(folder: Path) -> dict[str, Any]:
     feasible = sum(int(p.scene["triples"][1]) for p in poses)
     margin = _joined(poses, "margin")
     return {
-        "schema": 1, "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
+        "schema": 1, "cell": manifest.get("cell", "not stated"),
+        "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
         "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
         "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
         "share_holding": totals["holding"] / max(totals["feasible"], 1),
@@ -64,19 +66,27 @@ def _approach(poses: Sequence[PoseGrasps]) -> np.ndarray:
     return np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))
 
 
-def check_sample(folder: Path, count: int) -> dict[str, Any]:
+def check_sample(folder: Path, count: int, robot: str | None = None) -> dict[str, Any]:
     """Check a random sample by `verify`'s independent means.
 
     Grasps in the dataset are of a hand that is there already: nothing is checked of how it came there, and nothing of
     the forces where `load` is -1.
 
+    Args:
+        folder: of the dataset.
+        count: of grasps.
+        robot: path of the cell's file, where it is not where it was.
+
     Returns:
         `checked`, `passed`, and how often each check failed.
+
+    Raises:
+        InputError: for a dataset of another cell.
     """
     from dexgrasp.verify.verify import verify
 
     poses, settings, failures = read_dataset(folder), planner_settings(folder), Counter[str]()
-    cell = make_cell(read_manifest(folder)["settings"].get("robot"))
+    cell = _cell(folder, robot)
     grasps = [(pose, k) for pose in poses for k in range(len(pose))]
     chosen = np.random.default_rng(0).permutation(len(grasps))[:count]
     passed = 0
@@ -86,6 +96,15 @@ def check_sample(folder: Path, count: int) -> dict[str, Any]:
         passed += not failed
         failures.update(failed)
     return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
+
+
+def _cell(folder: Path, robot: str | None) -> Cell:
+    manifest = read_manifest(folder)
+    cell = make_cell(robot or manifest["settings"].get("robot"))
+    made = manifest.get("cell", cell.version)  # older datasets state none
+    if made != cell.version:
+        raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its --cell")
+    return cell
 
 
 def planner_settings(folder: Path) -> PlannerSettings:

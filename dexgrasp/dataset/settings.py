@@ -7,9 +7,10 @@ from typing import Annotated, Any
 
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.versions import package_versions
+from dexgrasp_env.files import expand
 from dexgrasp_env.objects.load import Objects, object_name
-from dexgrasp_env.robot.cell import Cell, make_cell
-from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, read
+from dexgrasp_env.robot.cell import Cell, make_cell, robot_files
+from dexgrasp_env.valid import CellFile, Count, Mass, Natural, Positive, Rule, read
 
 SCHEMA = 1
 _PACKAGES = ("numpy", "scipy", "numba", "daqp", "trimesh", "mujoco")
@@ -22,6 +23,12 @@ POINTS = 256
 def dataset_planner() -> PlannerSettings:
     """Return the planner's thresholds with the dataset's friction and number of points."""
     return replace(PlannerSettings(), friction=MU, surface_points=POINTS)
+
+
+def _whole_path(robot: Any) -> str:
+    """Name a file so that it is found from any folder, and by workers elsewhere."""
+    path = expand(robot)
+    return str(path.resolve() if str(robot) not in robot_files() and path.exists() else robot)
 
 
 @dataclass(frozen=True)
@@ -50,7 +57,7 @@ class DatasetSettings:
     least_load: float = 0.8
     mesh_scale: Annotated[Positive, "F"] = 1.0
     mesh_mass: Annotated[Mass | None, "KG"] = None
-    robot: CellFile = None
+    robot: Annotated[CellFile, Rule("the path of a file, or a robot's name", _whole_path)] = None
     planner: PlannerSettings = field(default_factory=dataset_planner)
 
     @classmethod
