@@ -7,7 +7,8 @@ The claim: as it was lifted, commanded no more, with friction as in the forces' 
 without turns; then its set-points are frozen, and a force on the centre of mass grows evenly for each of the ramps and
 stays for 0.5 s, in random directions of the world, at each of the shares of the claim. The state is taken back to where
 the grasp was held for each. What moves 2 cm in the hand has failed. One line a grasp goes into DIR/pushes.jsonl, those
-that are there are not made again; DIR/summary.json has the figures.
+that are there are not made again; DIR/summary.json has the figures, with intervals that grow as grasps differ: the
+pushes of one are not independent.
 """
 
 import json
@@ -23,9 +24,11 @@ from tqdm import tqdm
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.command import Folder, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp.evaluation.protocol import trial_seeds
+from dexgrasp.evaluation.protocol_counts import pooled
 from dexgrasp.physics.contacts import GRAVITY
 from dexgrasp.planning.look import Look, look_at
+from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.lines import Lines
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp_env.arrays import Array
@@ -54,11 +57,17 @@ def grasp_row(job: tuple[str, int], count: int) -> dict[str, Any]:
         claim = max(certificate.load - 1.0, 0.0) * certificate.mass * GRAVITY
         row |= {"load": certificate.load, "assumed_mass": certificate.mass, "claim": claim}
         row["mass"] = float(env.simulation.object.mass)
-        action, rng = _lifted(look, agent), np.random.default_rng([seed, len(target)])
+        action = _lifted(look, agent)
         if action is not None:
-            row["pushes"] = pushes(env, action, claim, rng.standard_normal((count, 3)))
+            row["pushes"] = pushes(env, action, claim, directions(target, seed, count))
     look.env.close()
     return row
+
+
+def directions(target: str, seed: int, count: int) -> Array:
+    """Return random directions (count, 3), of any length; each follows from the object, the seed and its number."""
+    rngs = [np.random.default_rng(trial_seeds(seed, target, number).agent) for number in range(count)]
+    return np.stack([rng.standard_normal(3) for rng in rngs])
 
 
 def _lifted(look: Look, agent: BilevelAgent) -> Array | None:
@@ -108,7 +117,7 @@ def _in_hand(data: Any, body: int) -> Array:
 def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     """Return how many pushes failed, by share of the claim and ramp, and the loads that were claimed."""
     found: dict[str, Any] = {
-        "schema": 2,
+        "schema": 3,
         "friction": FRICTION,
         "grasps": sum(row["planned"] for row in rows),
         "not_lifted": sum(row["planned"] and not row["pushes"] for row in rows),
@@ -117,16 +126,13 @@ def summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
         ).tolist(),
     }
     for share, ramp in product(SHARES, (None, *RAMPS)):
-        failed = [
-            push["failed"] for row in rows for push in row["pushes"]
+        failed = pooled([[
+            {"object": row["target"], "trial": row["seed"], "success": push["failed"]}
+            for row in rows for push in row["pushes"]
             if push["share"] == share and ramp in (None, push["ramp"])
-        ]  # fmt: skip
+        ]])  # fmt: skip
         name = f"at_{share}" + ("" if ramp is None else f"_ramp_{ramp / 20}_s")
-        found[name] = {
-            "pushes": len(failed),
-            "failed": sum(failed),
-            "ci95": wilson_interval(sum(failed), len(failed)),
-        }
+        found[name] = {"pushes": failed["trials"], "failed": failed["successes"], "ci95": failed["ci95"]}
     return found
 
 
@@ -134,7 +140,7 @@ class Load(Script):
     """Makes the grasps that are not in the file yet, and summarises.
 
     Attributes:
-        pushes: directions a grasp.
+        pushes: directions a grasp; a folder whose grasps have others is refused.
     """
 
     objects: tuple[str, ...] = ("all20",)
@@ -144,14 +150,14 @@ class Load(Script):
     out: Folder = Path("runs/load")
 
     def run(self) -> int:
-        self.out.mkdir(parents=True, exist_ok=True)
-        lines = Lines(self.out / "pushes.jsonl", "grasp that was pushed", lambda row: None)
-        done = {(row["target"], row["seed"]) for row in lines.rows}
-        targets = resolve_targets(self.objects)
-        jobs = [(target, seed) for seed in self.seeds for target in targets if (target, seed) not in done]
-        rows = run_pool(partial(grasp_row, count=self.pushes), jobs, self.backend)
-        for row in tqdm(rows, total=len(jobs), unit="grasp"):
-            lines.append(row)
+        with RunFolder(self.out, "run.json", "set of pushes").claim({"schema": 3, "pushes": self.pushes}):
+            lines = Lines(self.out / "pushes.jsonl", "grasp that was pushed", lambda row: None)
+            done = {(row["target"], row["seed"]) for row in lines.rows}
+            targets = resolve_targets(self.objects)
+            jobs = [(target, seed) for seed in self.seeds for target in targets if (target, seed) not in done]
+            rows = run_pool(partial(grasp_row, count=self.pushes), jobs, self.backend)
+            for row in tqdm(rows, total=len(jobs), unit="grasp"):
+                lines.append(row)
         found = summary(lines.rows)
         print(json.dumps(found, indent=1))
         write_json(self.out / "summary.json", found)
