@@ -32,7 +32,10 @@ def robot_spec(cell: Cell) -> mujoco.MjSpec:
     arm, hand = described(robot.arm), described(robot.hand)
     tips = [finger.tip for finger in robot.hand.fingers]
     _check_names(arm, robot.arm, body=robot.arm.bodies)
-    _check_names(hand, robot.hand, body=robot.hand.bodies, site=[robot.hand.palm, *tips], geom=tips)
+    boxes = [robot.hand.palm] if robot.hand.frame is None else []
+    boxes += [robot.hand.beside_palm] if robot.hand.beside_palm else []
+    sites = [robot.hand.palm, *tips]
+    _check_names(hand, robot.hand, body=robot.hand.bodies, site=sites, geom=[*tips, *boxes])
     arm.modelname, hand.option = robot.name, arm.option  # a hand may be of other options than an arm
     _attach_hand(arm, hand, robot)
     arm.body(robot.arm.bodies[0]).pos = cell.base
@@ -110,6 +113,9 @@ def _check_physical(model: mujoco.MjModel, robot: Robot) -> None:
             raise InputError(
                 f"robot {robot.name!r}: {what} of {worst:.3g} in its descriptions: at most {most:g}"
             )
+        least = min(float(v.min(initial=0.0)) for v in values)
+        if least < 0.0 and most != FARTHEST:
+            raise InputError(f"robot {robot.name!r}: {what} of {least:.3g} in its descriptions: at least 0")
 
 
 def _check_names(spec: mujoco.MjSpec, part: Arm | Hand, **named: Iterable[str]) -> None:
