@@ -198,9 +198,12 @@ class _Rebuilt(Description):
         joint = self.model.joint(int(old.jntadr[0]))
         R, p = self.W[body.name][:3, :3], self.W[body.name][:3, 3]
         at, dof = self.data.joint(joint.id), int(joint.dofadr[0])
+        named = self.part.joints
+        k = named.names.index(joint.name)
+        limits = joint.range if joint.limited[0] else [named.lower[k], named.upper[k]]
         rotor = self.model.dof_armature[dof] or _ROTOR["arm" if isinstance(self.part, Arm) else "hand"]
         body.add_joint(
-            name=joint.name, axis=_rounded(R.T @ at.xaxis), pos=_rounded(R.T @ (at.xanchor - p)), range=joint.range,
+            name=joint.name, axis=_rounded(R.T @ at.xaxis), pos=_rounded(R.T @ (at.xanchor - p)), range=limits,
             damping=self.model.dof_damping[dof], frictionloss=self.model.dof_frictionloss[dof],
             limited=True, armature=rotor, actgravcomp=True,
         )  # fmt: skip

@@ -21,6 +21,7 @@ _BEHIND = 0.0133  # m between flange and the palm's back: a plate
 _SPREAD = 0.4  # rad that an idle finger is turned away from the others
 _NARROW = 0.008  # m: fingers whose tips have less of a radius touch with all of their last links
 _CURLED = 0.8  # rad: farther curled, a tendon pulls the other joints off their stops
+_FEWEST = 4  # joints of an arm: fewer bring no palm over a table
 _PALM_DOWN = (0.0, 0.5**0.5, 0.0, 0.5**0.5)  # x of the palm along the flange, its z along the last link's x
 
 
@@ -43,10 +44,6 @@ class HandMaker(Part):
         if self.model.neq:
             raise InputError(
                 f"{path} couples joints by equality: `couplings` of a hand's file are to say that"
-            )
-        if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
-            raise InputError(
-                f"{path} has joints that are no hinges: valid is a hand of hinges that does not float"
             )
         self.held: list[str] = []
         self.palm = self._find_palm()
@@ -226,6 +223,8 @@ def arm_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
         raise InputError(f"{path} has {len(root)} chains of bodies: valid is one arm, without a hand")
     chain = part.chain(root[0])
     bodies, joints = part.names(chain)
+    if len(joints) < _FEWEST:
+        raise InputError(f"{path} is an arm of {len(joints)} joints: valid are {_FEWEST} or more")
     base = root[0] if root[0] not in chain else 0
     if not base:
         raise InputError(

@@ -10,6 +10,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.foreign import Description
 
+_UNNAMED = "MuJoCo Model"  # what MuJoCo calls a model without a name
 _TORQUE = 0.7  # Nm
 _LOAD = 20.0  # N, of a hand and what it holds
 _LARGEST_LAG = 0.2  # rad that a set-point which presses in full may be ahead
@@ -26,20 +27,24 @@ class Part(Description):
         """Compile it.
 
         Raises:
-            InputError: for what MuJoCo cannot read, or has no joints.
+            InputError: for what MuJoCo cannot read, has no joints, or others than hinges.
         """
         super().__init__(path)
         self.notes = list[str]()
         if self.model.njnt == 0:
             raise InputError(f"{self.path} has no joints: it is no hand and no arm")
-        if self.model.nq == self.model.njnt:
-            self.data.qpos[:] = np.clip(0.0, *self.ranges(range(self.model.njnt)).T)
+        if (self.model.jnt_type != mujoco.mjtJoint.mjJNT_HINGE).any():
+            raise InputError(
+                f"{path} has joints that are no hinges: valid is a hand or an arm of hinges that does not float"
+            )
+        self.data.qpos[:] = np.clip(0.0, *self.ranges(range(self.model.njnt)).T)
         mujoco.mj_kinematics(self.model, self.data)
 
     def head(self) -> dict[str, str]:
         """Return name and path as files state them."""
+        name = self.model.names.split(b"\0")[0].decode()
         return {
-            "name": self.model.names.split(b"\0")[0].decode() or self.path.stem,
+            "name": name if name not in ("", _UNNAMED) else self.path.stem,
             "mjcf": str(self.path.resolve()),
         }
 
@@ -112,16 +117,15 @@ class Part(Description):
 
     def limits(self, joints: list[str], kind: str) -> dict[str, Any]:
         """Return the limits and gains of joints as files state them; what the MJCF does not say is noted."""
-        m, numbers = self.model, [self.model.joint(name).id for name in joints]
-        of = {int(m.actuator_trnid[a, 0]): a for a in range(m.nu) if m.actuator_trntype[a] == 0}
-        of |= {joint: a for a, pulled in self.tendons().items() for joint, _ in pulled}
-        stated = [self._torque(j, of.get(j)) for j in numbers]
+        numbers = [self.model.joint(name).id for name in joints]
+        servos = self._servos()
+        stated = [self._torque(j, servos.get(j)) for j in numbers]
         assumed = _ASSUMED[kind]
         missing = _TORQUE if kind == "hand" else self._bearing()
         if None in stated:
             self.notes.append(f"{kind} torque: none in {self.path.name}, {missing} Nm assumed")
         torque = [missing if most is None else most for most in stated]
-        gains = [float(m.actuator_gainprm[of[j], 0]) if j in of else 0.0 for j in numbers]
+        gains = [self._stiffness(*servos[j]) if j in servos else 0.0 for j in numbers]
         if (
             min(gains) <= 0
             or (kind == "hand" and max(np.divide(torque, gains)) > _LARGEST_LAG)
@@ -168,9 +172,49 @@ class Part(Description):
             most = max(most, float(np.abs(data.qfrc_bias - data.qfrc_gravcomp + _LOAD * J[2]).max()))
         return float(np.ceil(2.0 * most))
 
-    def _torque(self, joint: int, actuator: int | None) -> float | None:
+    def _servos(self) -> dict[int, tuple[int, float]]:
+        """Return, of each joint, the actuator that drives it and its lever: N or Nm of the joint for one of its own.
+
+        Of several at one joint it is the stiffest: the others damp, or push besides.
+        """
+        m, found = self.model, dict[int, tuple[int, float]]()
+        for a in map(int, np.flatnonzero(np.isin(m.actuator_trntype, _AT_JOINTS))):
+            joint, lever = int(m.actuator_trnid[a, 0]), abs(float(m.actuator_gear[a, 0]))
+            if joint not in found or self._stiffness(a, lever) > self._stiffness(*found[joint]):
+                found[joint] = a, lever
+        for pulling, pulled in self.tendons().items():
+            tendon = int(m.actuator_trnid[pulling, 0])
+            most = float(m.wrap_prm[m.tendon_adr[tendon] :][: m.tendon_num[tendon]].max())
+            lever = abs(float(m.actuator_gear[pulling, 0])) * most
+            found |= dict.fromkeys((joint for joint, _ in pulled), (pulling, lever))
+        return found
+
+    def _stiffness(self, actuator: int, lever: float) -> float:
+        """The stiffness Nm/rad that an actuator gives its joint: 0 of a motor, which holds no place."""
+        return max(0.0, -float(self.model.actuator_biasprm[actuator, 1])) * lever**2
+
+    def _torque(self, joint: int, servo: tuple[int, float] | None) -> float | None:
+        """The torque Nm that a joint has both ways, or None where the MJCF states none."""
         m = self.model
-        found = [m.jnt_actfrcrange[joint, 1]] if m.jnt_actfrclimited[joint] else []
-        if actuator is not None and m.actuator_forcelimited[actuator]:
-            found.append(m.actuator_forcerange[actuator, 1])
+        found = [_both_ways(m.jnt_actfrcrange[joint])] if m.jnt_actfrclimited[joint] else []
+        if servo is not None:
+            actuator, lever = servo
+            if m.actuator_forcelimited[actuator]:
+                found.append(lever * _both_ways(m.actuator_forcerange[actuator]))
+            elif (
+                m.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_NONE
+                and m.actuator_ctrllimited[actuator]
+            ):
+                most = abs(float(m.actuator_gainprm[actuator, 0])) * _both_ways(
+                    m.actuator_ctrlrange[actuator]
+                )
+                found.append(lever * most)
         return float(min(found)) if found and min(found) > 0 else None
+
+
+_AT_JOINTS = (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT)
+
+
+def _both_ways(limits: Array) -> float:
+    """What a range (2,) has to both sides of 0."""
+    return float(min(-limits[0], limits[1]))

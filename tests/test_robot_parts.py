@@ -1,0 +1,83 @@
+"""What `robot make` reads of a description: torques and stiffnesses through gears, and which joints an arm may have."""
+
+import re
+
+import numpy as np
+import pytest
+import yaml
+from foreign_parts import six_joint_arm
+
+from dexgrasp.cli.commands import run_command
+from dexgrasp_env.errors import InputError
+from dexgrasp_env.robot.make import arm_entry, make_robot
+from dexgrasp_env.robot.part import Part
+
+
+def driven(folder, servos, change=lambda text: text):
+    """Write the arm of six joints with servos; return its path."""
+    path = six_joint_arm(folder)
+    text = path.read_text().replace("</mujoco>", f"<actuator>{servos}</actuator></mujoco>")
+    path.write_text(change(text))
+    return path
+
+
+@pytest.mark.parametrize(
+    ("servo", "torque", "stiffness"),
+    [
+        ('<position joint="j{k}" kp="500" forcerange="-80 80"/>', 80.0, 500.0),
+        ('<position joint="j{k}" kp="5" gear="10" forcerange="-8 8"/>', 80.0, 500.0),
+        ('<position joint="j{k}" kp="500" forcerange="-90 80"/>', 80.0, 500.0),
+        ('<motor joint="j{k}" gear="20" ctrlrange="-4 4"/>', 80.0, 2000.0),
+        ('<motor joint="j{k}" gear="-20" forcerange="-4 4"/>', 80.0, 2000.0),
+        ('<velocity joint="j{k}" kv="7" forcerange="-80 80"/>', 80.0, 2000.0),
+        ('<velocity joint="j{k}" kv="7"/><position joint="j{k}" kp="500" forcerange="-80 80"/>', 80.0, 500.0),
+        ('<position joint="j{k}" kp="500" forcerange="-80 80"/><velocity joint="j{k}" kv="7"/>', 80.0, 500.0),
+        ('<general joint="j{k}" biastype="affine" biasprm="0 -500 -10" forcerange="-80 80"/>', 80.0, 500.0),
+        ('<position jointinparent="j{k}" kp="500" forcerange="-80 80"/>', 80.0, 500.0),
+    ],
+)  # fmt: skip
+def test_torque_and_stiffness_are_the_joints(servo, torque, stiffness, tmp_path):
+    path = driven(tmp_path, "".join(servo.format(k=k) for k in range(6)))
+    entry, notes = arm_entry(path)
+    assert entry["torque"] == pytest.approx([torque] * 6)
+    assert entry["stiffness"] == pytest.approx([stiffness] * 6)
+    assert any("stiffness" in note for note in notes) == (stiffness == 2000.0)
+
+
+def test_a_position_servo_without_limits_leaves_the_torque_to_be_assumed(tmp_path):
+    servos = "".join(f'<position joint="j{k}" kp="500" ctrlrange="-3 3"/>' for k in range(6))
+    _, notes = arm_entry(driven(tmp_path, servos))
+    assert any(note.startswith("arm torque: none") for note in notes)
+
+
+def test_joints_without_a_range_turn_once(tmp_path):
+    path = six_joint_arm(tmp_path)
+    path.write_text(path.read_text().replace(' range="-3.1 3.1"', "", 2))
+    make_robot(None, path, tmp_path / "six.yaml")
+    arm = yaml.safe_load((tmp_path / "six_arm.yaml").read_text())
+    assert np.allclose(arm["upper"], [np.pi, np.pi, 3.1, 3.1, 3.1, 3.1], atol=1e-5)
+    assert run_command(["robot", "check", str(tmp_path / "six.yaml"), "--json"]) in (0, 1)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda text: text.replace('<joint name="j2"', '<joint name="j2" type="ball"').replace(' range="-3.1 3.1"', ""),
+         "no hinges"),
+        (lambda text: text.replace('<joint name="j2"', '<joint name="j2" type="slide"'), "no hinges"),
+        (lambda text: text.replace('<body name="stand">', '<body name="stand"><freejoint/>'), "no hinges"),
+        (lambda text: re.sub(r'<joint name="j[1-5]"[^>]*/>', "", text), "an arm of 1 joints: valid are 4 or more"),
+        (lambda text: re.sub(r"<joint [^>]*/>", "", text), "no joints"),
+    ],
+)  # fmt: skip
+def test_an_arm_of_other_joints_is_refused_in_a_line(change, words, tmp_path, capsys):
+    path = six_joint_arm(tmp_path)
+    path.write_text(change(path.read_text()))
+    with pytest.raises(InputError, match=words):
+        arm_entry(path)
+    assert run_command(["robot", "make", "--arm", str(path), "--out", str(tmp_path / "a.yaml")]) == 2
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_description_without_a_name_is_called_as_its_file(tmp_path):
+    assert Part(six_joint_arm(tmp_path)).head()["name"] == "six"
