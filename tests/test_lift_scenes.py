@@ -208,9 +208,12 @@ def test_drawn_places_stay_in_their_ranges():
 
 
 def test_short_soak():
-    """`scripts/soak.py` is the long one."""
-    found = load_script("soak").run(900, ["sugar_box", "massage_ball", "tetrahedron"], 1, episode=30)
-    assert found.steps == 900
+    """`scripts/soak.py` is the long one; two turns through six environments of two ids and two of cameras."""
+    ids = ["DexGrasp/Lift-v2", "DexGrasp/LiftPushed-v2"]
+    objects = ["sugar_box", "massage_ball", "tetrahedron"]
+    found = load_script("soak").run(960, objects, 1, episode=30, ids=ids)
+    assert found.steps == 960
+    assert np.isfinite(found.growth_mb)
     assert found.is_clean, found
     assert found.endings["dropped"] or found.endings["object_lost"]
 
