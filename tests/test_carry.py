@@ -125,8 +125,10 @@ def test_fingers_go_over_to_the_forces_of_the_turn(heavy):
     assert_allclose(given[fingers], asked[fingers], atol=0.02)
 
 
-@pytest.mark.parametrize(("free", "turned", "lost"), [(1, 0, True), (1, 1, False), (3, 1, True)])
-def test_after_a_turn_one_free_finger_is_no_loss(heavy, free, turned, lost):
+@pytest.mark.parametrize(
+    ("free", "turned", "lost"), [(1, 0, False), (1, 1, False), (3, 0, True), (3, 1, True)]
+)
+def test_one_free_finger_of_what_hangs_is_no_loss(heavy, free, turned, lost):
     plan, _, turn = heavy
     grasp, script = plan.grasp, plan.script
     execution = GuardedGrasp(script, grasp)

@@ -85,15 +85,17 @@ class GuardedCarry(Motion):
         return pressing_torques(q, grasp.normals @ R.T, forces, self.tree)
 
     def _nothing_to_press(self, q: Array) -> bool:
-        """Whether a finger no longer lags behind its set-point as it should, or has come closer to the thumb."""
-        if (self._held.spans - tip_spans(q, self.tree) > _GIVEN_WAY).any():
+        """Whether fingers no longer lag behind their set-points as they should, or have come closer to the thumb.
+
+        On the way up one of them tells. What hangs may have shifted and hang from two: it is lost when all are free.
+        """
+        enough = np.any if self.lifting else np.all
+        if enough(self._held.spans - tip_spans(q, self.tree) > _GIVEN_WAY):
             return True
         hand = slice(self.tree.arm, None)
         given, asked = (self._pressed - q)[hand] * self.tree.stiffness, self._wanted(q, self._turned)[hand]
         of_finger = finger_of_joints(self.tree)[hand] == np.arange(len(self.tree.fingers))[:, None]
-        free = of_finger @ (given * asked) < _FREE_SHARE * (of_finger @ (asked * asked))
-        # Turned, an object that has shifted in the hand leans elsewhere: two fingertips may do.
-        return bool(free.all() if self._turned else free.any())
+        return bool(enough(of_finger @ (given * asked) < _FREE_SHARE * (of_finger @ (asked * asked))))
 
 
 class PickUp(Motion):
