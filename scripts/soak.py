@@ -4,9 +4,10 @@
     python scripts/soak.py --plans 10000 [--robots default FILE]
 
 Prints steps or plans, endings, warnings of the physics engine and the process's memory; exits with 1 if a number was
-not finite, if the same environments (plans) held 32 MB (50) more in the last turn through all of them than in the
-first tenth of turns, or if the last tenth of the plans of a scene took 5 % longer than the first. Memory is judged
-from two turns on: fewer tell caches that fill from leaks no more than environments of one size from another's.
+not finite, if the same environments or plans held 50 MB more in the last turn through all of them than in the turn in
+which the first thousand episodes or plans were over, or if the last tenth of the plans of a scene took 5 % longer than
+the first. Memory is judged from two turns on: fewer tell caches that fill from leaks no more than environments of one
+size from another's.
 """
 
 import ctypes
@@ -32,7 +33,8 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.valid import Count, Natural
 
-GROWTH_MB, PLANS_GROWTH_MB = 32.0, 50.0
+GROWTH_MB = 50.0
+SETTLED = 1000  # episodes or plans, after which caches are full
 SLOWER = 1.05
 MODES = ("joint_position", "joint_delta", "ee_delta")
 RANDOMISATION = {
@@ -48,6 +50,7 @@ class Soak:
     Attributes:
         not_finite: how many environments had a number gone wrong, once a step.
         memory_mb: (environments or plans,) resident after each, in their order.
+        settled: how many of these there were when the first `SETTLED` episodes or plans were over.
         again: how many there are before the same ones come again.
     """
 
@@ -57,13 +60,15 @@ class Soak:
     endings: Counter[str] = field(default_factory=Counter)
     warnings: Counter[str] = field(default_factory=Counter)
     memory_mb: list[float] = field(default_factory=list)
+    settled: int = 0
     again: int = 1
 
     @property
     def growth_mb(self) -> float:
-        """Median of what the same ones gained between the first tenth of turns and the last turn; nan of one turn."""
+        """Median of what the same ones gained from when they had settled to the last turn; nan of one turn."""
         turns = self._turns(self.memory_mb)
-        return float(np.median(turns[-1] - turns[len(turns) // 10])) if len(turns) > 1 else float("nan")
+        first = min(self.settled // self.again, len(turns) - 2)
+        return float(np.median(turns[-1] - turns[first])) if len(turns) > 1 else float("nan")
 
     @property
     def is_clean(self) -> bool:
@@ -96,7 +101,7 @@ class PlanSoak(Soak):
     @property
     def is_clean(self) -> bool:
         """Memory flat, and no slower at the end."""
-        return self.growth_mb <= PLANS_GROWTH_MB and not self.slowdown > SLOWER
+        return super().is_clean and not self.slowdown > SLOWER
 
 
 def memory_mb() -> float:
@@ -123,9 +128,10 @@ def run(
         more = more | {"objects": objects, "max_episode_steps": episode, "randomisation": RANDOMISATION}
         envs = gym.make_vec(name, num_envs=number, control_mode=mode, **more)
         _reset(envs, rng)
-        act(envs, min(2 * episode, -(-(steps - soak.steps) // number)), rng, soak)
+        most = 2 * episode + 2  # and a step for each reset
+        act(envs, min(most, -(-(steps - soak.steps) // number)), rng, soak)
         envs.close()
-        _note_memory(soak)
+        _note_memory(soak, soak.episodes, f"{name} {mode}")
         if soak.steps >= steps:
             break
     return soak
@@ -146,14 +152,16 @@ def run_plans(plans: int, objects: list[str], robots: list[str], *, scenes: int 
         soak.seconds.append(process_time() - began)
         soak.steps += 1
         soak.endings["planned" if found.success else str(found.shortfall)] += 1
-        _note_memory(soak)
+        _note_memory(soak, soak.steps, every=20)
     return soak
 
 
-def _note_memory(soak: Soak) -> None:
+def _note_memory(soak: Soak, over: int, after: str = "", every: int = 1) -> None:
     soak.memory_mb.append(memory_mb())
-    if len(soak.memory_mb) % 20 == 0:
-        print(f"{soak.steps} steps, {soak.memory_mb[-1]:.0f} MB", file=sys.stderr)
+    if over < SETTLED:
+        soak.settled = len(soak.memory_mb)
+    if len(soak.memory_mb) % every == 0:
+        print(f"{soak.steps} steps, {soak.memory_mb[-1]:.0f} MB {after}".rstrip(), file=sys.stderr)
 
 
 def act(envs: Any, steps: int, rng: np.random.Generator, soak: Soak) -> None:

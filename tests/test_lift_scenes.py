@@ -211,8 +211,8 @@ def test_short_soak():
     """`scripts/soak.py` is the long one; two turns through six environments of two ids and two of cameras."""
     ids = ["DexGrasp/Lift-v2", "DexGrasp/LiftPushed-v2"]
     objects = ["sugar_box", "massage_ball", "tetrahedron"]
-    found = load_script("soak").run(960, objects, 1, episode=30, ids=ids)
-    assert found.steps == 960
+    found = load_script("soak").run(992, objects, 1, episode=30, ids=ids)
+    assert found.steps == 992
     assert np.isfinite(found.growth_mb)
     assert found.is_clean, found
     assert found.endings["dropped"] or found.endings["object_lost"]

@@ -8,6 +8,7 @@ from dexgrasp_env.objects.load import load_target
 from dexgrasp_env.perception.parting import parted
 from dexgrasp_env.perception.plane import Plane
 from dexgrasp_env.perception.scan import cloud_of
+from dexgrasp_env.poses import about_z
 
 TABLE = Plane(np.array([0.0, 0.0, 1.0]), 0.0, 0.0008, 1000)
 
@@ -31,6 +32,15 @@ def test_boxes_that_stand_close_are_two(rng, gap):
     assert len(np.unique(labels)) == 2
     assert (labels[left] == labels[left][0]).mean() > 0.95
     assert (labels[~left] == labels[~left][0]).mean() > 0.95
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_points_that_fly_in_a_gap_join_nothing(seed):
+    """With seed 2 two links of a thousand points joined a box and another, whose edge is next to its side."""
+    rng, cube = np.random.default_rng(seed), np.array([0.06, 0.06, 0.09])
+    one, other = box(rng, (0.5, 0.0), cube), box(rng, (0.0, 0.0), cube)
+    other = other @ about_z(np.pi / 4)[:3, :3].T + [0.543 + 0.03 * np.sqrt(2.0), 0.0, 0.0]
+    assert len(np.unique(parted(above(one, other), TABLE).labels)) == 2
 
 
 @pytest.mark.parametrize("name", ["sugar_box", "massage_ball", "castle", "hairspray_bottle"])

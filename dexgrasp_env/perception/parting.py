@@ -29,6 +29,8 @@ _TURN, _ROUNDS = 0.012, 3  # m apart that opposite normals count as half; how of
 _CREASE, _FACING, _HIGH, _DENSE, _BIAS = -3.4, -2.8, -18.0, -0.38, 2.36  # of a seam, by logistic regression
 _TALL = 0.1  # m above the table from which on height tells nothing more
 _DOUBT = 0.5  # that a seam is off what parts and what joins, within which it is doubtful
+_NARROW = 0.1  # links of a bridge, for each point of the smaller of two things, at most
+_WEAK = -2.0  # that a bridge joins by
 _CRUMBS = 0.015  # m from a larger part within which what is no object is of it
 _SHEET = (0.015, 0.05)  # m, most thickness and least length of a sheet
 _UPRIGHT = 0.5  # of a sheet's normal that is up, at most
@@ -66,7 +68,7 @@ def parted(cloud: Cloud, plane: Plane) -> Parting:
         normals = _to_the_air(points, normals, cell)
     patches = _patches(points, normals, cell)
     sizes = np.bincount(patches[which])
-    things, doubtful = _join(sizes, *_seams(points, normals, patches, plane, cell))
+    things, doubtful = _join(sizes, np.bincount(patches), *_seams(points, normals, patches, plane, cell))
     things = things[patches[which]]
     labels = _with_walls(_with_crumbs(cloud.points, things), cloud, _LINK * cell)
     _, labels = np.unique(labels, return_inverse=True)
@@ -152,9 +154,17 @@ def _seams(
 
 
 def _join(
-    sizes: NDArray[np.int64], pairs: NDArray[Any], parts: Array, links: NDArray[Any]
+    sizes: NDArray[np.int64], cells: NDArray[np.int64], pairs: NDArray[Any], parts: Array, links: NDArray[Any]
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Join patches of so many points each; return which thing each is of (K,), and whether thing k is doubtful (K,)."""
+    """Join patches; return which thing each is of (K,), and whether thing k is doubtful (K,).
+
+    Things that hang together by a few links that say little stay two: points that fly in a gap are such a bridge.
+
+    Args:
+        sizes: (K,) points of each patch.
+        cells: (K,) the same when thinned.
+        pairs, parts, links: of the seams, as `_seams` returns them.
+    """
     seams: list[dict[int, tuple[float, int]]] = [{} for _ in sizes]
     for (i, j), part, link in zip(pairs.tolist(), parts.tolist(), links.tolist(), strict=True):
         seams[i][j] = seams[j][i] = part, link
@@ -162,13 +172,17 @@ def _join(
         (part / link, i, j, link) for i, own in enumerate(seams) for j, (part, link) in own.items() if i < j
     ]
     heapq.heapify(heap)
-    things, sizes, weakest = np.arange(len(sizes)), sizes.copy(), np.full(len(sizes), -np.inf)
+    things, weakest = np.arange(len(sizes)), np.full(len(sizes), -np.inf)
+    sizes, cells = sizes.copy(), cells.copy()
     while heap and heap[0][0] < 0.0:
         mean, i, j, link = heapq.heappop(heap)
         if seams[i].get(j, (0.0, 0))[1] != link:  # one of them has grown since
             continue
+        if mean > _WEAK and link < _NARROW * min(cells[i], cells[j]):
+            continue
         weakest[i] = max(weakest[i], weakest[j], mean if min(sizes[i], sizes[j]) >= LEAST_POINTS else -np.inf)
         sizes[i] += sizes[j]
+        cells[i] += cells[j]
         things[things == j] = i
         for k, (part, link) in seams[j].items():
             del seams[k][j]
