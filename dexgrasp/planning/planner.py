@@ -109,11 +109,12 @@ class Planner:
             result.shortfall = LIFT_BLOCKED
             return result
         patience = min(self.settings.patience, _AMONG) if crowded else self.settings.patience
+        last = len(breadths) + patience - 1
         for k, breadth in enumerate((*breadths, *breadths[-1:] * patience)):
             late = k >= len(breadths)
-            # Among neighbours a firm grasp is rare: the best of a round that is looked at whole will do, of the first
-            # one if it bears the weight on slippery surfaces too.
-            enough = _robust if crowded and k == 1 else _holds
+            # The best of a round that is looked at whole will do if it bears the weight on slippery surfaces too; in
+            # the end, and among neighbours, where a firm grasp is rare, soon: if it bears the weight at all.
+            enough = _robust if (k == 1 if crowded else k < last) else _holds
             if (late or crowded) and search.take(pool, enough):
                 break
             if (late and not pool) or self._out_of_time(result.log):

@@ -29,7 +29,8 @@ class PlannerSettings(Thresholds):
         postures: postures that are tried by the optimiser before the planner gives up.
         candidates: feasible configurations among which the firmest is carried out.
         breadths: rounds of the search; each multiplies the samples, and follows only where the last found nothing firm.
-        patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight.
+        patience: rounds more, looked at whole, where there are grasps and none bears the assumed weight with
+            `friction_squeeze` and `place_error`.
         rises: of the tips, besides backing off, as the hand opens; those after the first only for grasps not firm.
         most_parts: convex parts of an object's cloud that are planned on; 1: its hull.
         initial_orientations: starting postures a proposal (six in section 3.3).

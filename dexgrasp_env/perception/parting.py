@@ -68,7 +68,7 @@ def parted(cloud: Cloud, plane: Plane) -> Parting:
         normals = _to_the_air(points, normals, cell)
     patches = _patches(points, normals, cell)
     sizes = np.bincount(patches[which])
-    things, doubtful = _join(sizes, np.bincount(patches), *_seams(points, normals, patches, plane, cell))
+    things, doubtful = _join(sizes, points, patches, *_seams(points, normals, patches, plane, cell))
     things = things[patches[which]]
     labels = _with_walls(_with_crumbs(cloud.points, things), cloud, _LINK * cell)
     _, labels = np.unique(labels, return_inverse=True)
@@ -154,15 +154,22 @@ def _seams(
 
 
 def _join(
-    sizes: NDArray[np.int64], cells: NDArray[np.int64], pairs: NDArray[Any], parts: Array, links: NDArray[Any]
+    sizes: NDArray[np.int64],
+    points: Array,
+    patches: NDArray[np.int64],
+    pairs: NDArray[Any],
+    parts: Array,
+    links: NDArray[Any],
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Join patches; return which thing each is of (K,), and whether thing k is doubtful (K,).
 
-    Things that hang together by a few links that say little stay two: points that fly in a gap are such a bridge.
+    Things that hang together by a few links that say little stay two: points that fly in a gap are such a bridge. The
+    sides of a sheet, which is seen from both, hang together by no more.
 
     Args:
         sizes: (K,) points of each patch.
-        cells: (K,) the same when thinned.
+        points: (N, 3) m, thinned.
+        patches: (N,) of each of these.
         pairs, parts, links: of the seams, as `_seams` returns them.
     """
     seams: list[dict[int, tuple[float, int]]] = [{} for _ in sizes]
@@ -173,12 +180,19 @@ def _join(
     ]
     heapq.heapify(heap)
     things, weakest = np.arange(len(sizes)), np.full(len(sizes), -np.inf)
-    sizes, cells = sizes.copy(), cells.copy()
+    sizes, cells = sizes.copy(), np.bincount(patches)
+
+    def bridge(mean: float, i: int, j: int, link: int) -> bool:
+        few = min(cells[i], cells[j])
+        if mean < _WEAK or few < LEAST_POINTS or link > _NARROW * few:
+            return False
+        return not any(_is_sheet(points[things[patches] == k]) for k in (i, j))
+
     while heap and heap[0][0] < 0.0:
         mean, i, j, link = heapq.heappop(heap)
         if seams[i].get(j, (0.0, 0))[1] != link:  # one of them has grown since
             continue
-        if mean > _WEAK and link < _NARROW * min(cells[i], cells[j]):
+        if bridge(mean, i, j, link):
             continue
         weakest[i] = max(weakest[i], weakest[j], mean if min(sizes[i], sizes[j]) >= LEAST_POINTS else -np.inf)
         sizes[i] += sizes[j]
