@@ -217,6 +217,19 @@ def test_exploring_gets_less_as_told_and_goes_on_to_the_same_bits(tmp_path):
     )  # of the last round's begin
 
 
+def test_a_policy_is_the_mean_over_rounds_and_goes_on_to_the_same_bits(tmp_path):
+    settings = settings_of("ppo", average=2)
+    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
+    last, mean = (PolicyTraining(tmp_path / str(k), settings_of("ppo", average=k)) for k in (1, 2))
+    weights = []
+    last.learn = lambda: [PolicyTraining.learn(last), weights.append(last.layers()[0].weight.clone())][0]
+    for work in (last, mean):
+        work.run()
+    expected = 0.5 * (0.5 * (weights[0] + weights[1]) + weights[2])
+    torch.testing.assert_close(mean.layers()[0].weight, expected)
+    assert not torch.allclose(weights[2], expected)
+
+
 def test_a_grasp_is_a_few_points_of_the_grasp_space():
     env = gym.make("DexGrasp/Lift-v2", objects="sugar_box", control_mode="ee_delta")
     firsts, _ = env.reset(seed=1)

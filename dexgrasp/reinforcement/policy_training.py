@@ -1,6 +1,7 @@
 """Training by PPO or SAC, from nothing or from a clone whose actions are corrected."""
 
 import math
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from dexgrasp.reinforcement.actor import Acting, Actor
 from dexgrasp.reinforcement.grasp_space import FARTHEST
 from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
+from dexgrasp.runs.checkpoint import Parts
 from dexgrasp.runs.training import Course, Row
 from dexgrasp_env.extras import from_extra
 
@@ -19,6 +21,7 @@ with from_extra():
     import torch
     from stable_baselines3 import PPO, SAC
     from stable_baselines3.common.base_class import BaseAlgorithm
+    from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
     from dexgrasp.reinforcement.adaptive_rate import AdaptiveRate
     from dexgrasp.reinforcement.feature_vec_env import FeatureVecEnv, measure
@@ -95,6 +98,22 @@ class PolicyTraining(Rounds):
         )  # fmt: skip
         return self._rate.model
 
+    def build(self) -> None:
+        """As every round's, with the mean of the policies of the last rounds."""
+        super().build()
+        layers = torch.nn.ModuleList(super().layers())
+        self._mean = AveragedModel(
+            layers, multi_avg_fn=get_ema_multi_avg_fn(1.0 - 1.0 / self.settings.average)
+        )
+
+    def parts(self) -> Parts:
+        """As every learner's, with the mean."""
+        return {**super().parts(), "mean": self._mean}
+
+    def layers(self) -> Sequence[Any]:
+        """Return those of the mean."""
+        return list(self._mean.module.children())
+
     def learn(self) -> Row:
         """As every round, with the rate where it changes, and from where along demonstrations episodes begin."""
         if self._resets:
@@ -102,6 +121,7 @@ class PolicyTraining(Rounds):
         if self.settings.settle is not None:
             self._settle(self.settings.settle)
         row = super().learn()
+        self._mean.update_parameters(torch.nn.ModuleList(super().layers()))
         rate = {"rate": self._rate.now} if self.settings.adaptive else {}
         return row | rate | ({"front": self._resets.front} if self._resets else {})
 

@@ -5,6 +5,7 @@ same bits: nothing of the environments has to be kept.
 """
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import asdict
 from operator import attrgetter
 from pathlib import Path
@@ -96,8 +97,16 @@ class Rounds(Training):
         self.open.callback(self.envs.close)
         self.model = self.learner()
         if self.base is not None:
-            for tensor in _mean_action(self.model)[-1].parameters():
+            for tensor in Rounds.layers(self)[-1].parameters():
                 torch.nn.init.zeros_(tensor)
+
+    def layers(self) -> Sequence[Any]:
+        """Return the linear layers from features to the mean action."""
+        if isinstance(self.model, PPO):
+            parts = [*self.model.policy.mlp_extractor.policy_net, self.model.policy.action_net]
+        else:
+            parts = [*self.model.actor.latent_pi, self.model.actor.mu]
+        return [part for part in parts if isinstance(part, torch.nn.Linear)]
 
     def parts(self) -> Parts:
         """Return networks, optimisers and single tensors of the learner, and what it remembers."""
@@ -121,7 +130,7 @@ class Rounds(Training):
     def write(self) -> None:
         """Write the policy."""
         own, arrays = self.policy()
-        arrays |= layer_arrays("actor", _mean_action(self.model))
+        arrays |= layer_arrays("actor", self.layers())
         about = {
             "kind": self.kind, "view": "state", "env": self.env, **own, "robot": default_cell().robot.stamp,
             "training": {
@@ -155,12 +164,3 @@ class Rounds(Training):
     @property
     def _buffer(self) -> Any:
         return getattr(self.model, "replay_buffer", None)
-
-
-def _mean_action(model: Any) -> list[torch.nn.Linear]:
-    """Return the layers from features to the mean action."""
-    if isinstance(model, PPO):
-        parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
-    else:
-        parts = [*model.actor.latent_pi, model.actor.mu]
-    return [part for part in parts if isinstance(part, torch.nn.Linear)]
