@@ -4,8 +4,8 @@
     python scripts/hindsight.py --demos runs/can --out runs/hindsight
 
 An action has four numbers: a step of the palm and how much the hand closes, carried out over five control steps. The
-policy sees the object's pose (`obs_mode="state"`). Writes `curve.json` and `policy.zip`; `--scripted` has no policy but
-a few lines act in that space, which says whether it can do the task at all.
+policy sees the object's pose (`obs_mode="state"`). Writes `curve.json`, `curve.png` and `policy.zip`; with
+`--scripted` a few lines act in that space, which says whether it can do the task at all.
 """
 
 import json
@@ -18,6 +18,7 @@ from typing import Any, cast
 import numpy as np
 import torch
 from gymnasium import spaces
+from matplotlib.figure import Figure
 from numpy.random import Generator
 from numpy.typing import NDArray
 from stable_baselines3 import SAC, HerReplayBuffer
@@ -44,6 +45,7 @@ AHEAD = 0.05  # m that the palm's set-point may be from the palm
 TILT = 0.5  # of the palm, as `GraspSpace` has it: thumb up by 0.2 rad
 WHOLE, SHORT = 300, 200  # control steps of an episode: where it is judged, where it is learned from
 SEEN = 29  # numbers of an observation
+FARTHEST = 5.0  # that one of them counts, from 0
 U, V, ABOVE, LEAST_Z = 0.010, -0.028, 0.045, 0.137  # m, where `hardcoded` puts the palm
 SHARES = 0.9, 0.6, 0.3, 0.0  # of demonstrations, where episodes begin that are judged
 Act = Callable[[dict[str, Any]], NDArray[Any]]
@@ -53,15 +55,8 @@ class Macro(VecEnvWrapper):
     """N episodes in `ee_delta`, acted in by steps of the palm (m / `PALM`) and of closing (/ `CLOSING`), (N, 4)."""
 
     def __init__(self, objects: str, number: int, steps: int) -> None:
-        inner = SB3VecEnv(
-            ENV_ID,
-            number,
-            ("is_success",),
-            objects=objects,
-            control_mode="ee_delta",
-            max_episode_steps=steps,
-            threads=1,
-        )
+        settings = {"control_mode": "ee_delta", "max_episode_steps": steps, "threads": 1}
+        inner = SB3VecEnv(ENV_ID, number, ("is_success",), objects=objects, **settings)
         parts = dict(inner.observation_space.spaces)  # type: ignore[attr-defined]
         parts["observation"] = spaces.Box(-np.inf, np.inf, (SEEN,), np.float32)
         actions = spaces.Box(-1.0, 1.0, (4,), np.float32)
@@ -166,7 +161,15 @@ class Relative(BaseFeaturesExtractor):
         """Return (B, `SEEN` + 5)."""
         way = 10 * (seen["desired_goal"] - seen["achieved_goal"])[:, :3]
         hands = [seen[key][:, 3:] for key in ("achieved_goal", "desired_goal")]
-        return torch.cat([seen["observation"], way, *hands], dim=1)
+        return torch.cat([seen["observation"], way, *hands], dim=1).clamp(-FARTHEST, FARTHEST)
+
+
+class Normed(torch.nn.Module):
+    """What a layer answers, normed and cut off at 0: values do not grow without bounds beyond what was seen."""
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        """Return (B, n)."""
+        return torch.relu(torch.nn.functional.layer_norm(x, x.shape[-1:]))
 
 
 def judge(env: Macro, act: Act, begin: list[dict[str, Any]], seed: int) -> list[dict[str, Any]]:
@@ -202,13 +205,9 @@ def by_hand(env: Macro) -> Act:
         facing = quat_to_matrix(s["palm_pose"][:, 3:])[:, :2, 2]
         facing /= np.linalg.norm(facing, axis=1, keepdims=True)
         R, size = quat_to_matrix(s["object_pose"][:, 3:]), s["object_size"]
-        over = s["object_pose"][:, :3] + np.column_stack(
-            [
-                U * facing[:, 0] - V * facing[:, 1],
-                U * facing[:, 1] + V * facing[:, 0],
-                0.5 * (np.abs(R[:, 2]) * size).sum(axis=1),
-            ]
-        )
+        x, y = facing.T
+        aside = [U * x - V * y, U * y + V * x, 0.5 * (np.abs(R[:, 2]) * size).sum(axis=1)]
+        over = s["object_pose"][:, :3] + np.column_stack(aside)
         for i, (x, y, z, hand) in enumerate(goal):
             way, shut = np.array([x, y, z]) - s["object_pose"][i, :3], -1.0
             high = over[i] + [0, 0, 0.15]
@@ -256,8 +255,25 @@ def share_starts(resets: DemoResets, share: float, number: int, rng: Generator) 
     return [{"state": states[min(int(share * len(states)), len(states) - 1)]} for states in drawn]
 
 
+def draw(curve: list[dict[str, Any]], path: Path) -> None:
+    """Draw what is solved over the actions learned from: as usual, and begun along demonstrations."""
+    figure = Figure((6.0, 3.3), layout="constrained")
+    axis = figure.subplots()
+    steps = [point["steps"] for point in curve]
+    lines = {"as usual": [point["usual"]["all"] for point in curve]} | {
+        f"from {share} of a demonstration": [point["along"][str(share)]["policy"] for point in curve]
+        for share in SHARES
+    }
+    for label, rated in lines.items():
+        axis.plot(steps, [r["solved"] / r["n"] for r in rated], lw=1, marker=".", label=label)
+    axis.set(xlabel="actions of 250 ms", title="share solved", ylim=(0.0, 1.05))
+    axis.grid(alpha=0.3)
+    axis.legend(fontsize=7)
+    figure.savefig(path, dpi=100)
+
+
 class Judged(BaseCallback):
-    """Judges the policy every so many steps, notes it in `curve.json`, and ends training by the clock."""
+    """Judges the policy every so many steps, notes it in `curve.json`, draws it, and ends training by the clock."""
 
     def __init__(self, env: Macro, resets: DemoResets, told: "Hindsight") -> None:
         super().__init__()
@@ -291,6 +307,7 @@ class Judged(BaseCallback):
         self.curve.append(self.look(number, int(rng.integers(10**6, 10**9))))
         content = {"schema": 1, "settings": self.told.settings, "curve": self.curve}
         (self.told.out / "curve.json").write_text(json.dumps(content, indent=1, default=str) + "\n")
+        draw(self.curve, self.told.out / "curve.png")
         self.model.save(self.told.out / "policy.zip")
         last = self.curve[-1]
         told = {share: [rate["solved"] for rate in both.values()] for share, both in last["along"].items()}
@@ -352,6 +369,7 @@ class Hindsight(Script):
             return 0
         env = Macro(self.object, self.vector, SHORT)
         resets = DemoResets(self.demos, whole=0.3).attach(env.inner.envs)
+        network = {"net_arch": [128, 128], "features_extractor_class": Relative, "activation_fn": Normed}
         model = SAC(
             "MultiInputPolicy",
             env,
@@ -359,15 +377,15 @@ class Hindsight(Script):
             seed=self.seed,
             device="cpu",
             replay_buffer_kwargs={"n_sampled_goal": 4, "goal_selection_strategy": "future"},
-            policy_kwargs={"net_arch": [128, 128], "features_extractor_class": Relative},
+            policy_kwargs=network,
             learning_rate=1e-3,
             gamma=0.95,
             batch_size=256,
             buffer_size=300_000,
-            ent_coef="auto_0.05",
+            ent_coef=0.02,  # learned, it grows without bounds, and values after it
             learning_starts=2000,
             train_freq=1,
-            gradient_steps=max(1, self.vector // 2),
+            gradient_steps=self.vector,
         )
         judged = Judged(look, resets, self)
         model.learn(self.steps, callback=judged)
