@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.geometry.samples import surface_samples
+from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.physics.closure import closure_sweep
 from dexgrasp.planning.holding import narrowed_friction
 from dexgrasp.planning.proposals import LEAST_DISTANCE, graspable_points
@@ -85,7 +85,7 @@ def rest_scene(target: str, pose: int, settings: DatasetSettings) -> RestScene:
         triples = closure_sweep(points, normals, settings.planner.friction, LEAST_DISTANCE)
     gaps = np.linalg.norm(points[:, None] - points[None], axis=-1) >= LEAST_DISTANCE
     decided = round(float(np.trace(gaps.astype(float) @ gaps @ gaps)) / 6.0)
-    samples = surface_samples(grasp_target.hull, CLOUD, rng)
+    samples = triangle_samples(grasp_target.hull.triangles, CLOUD, rng)
     cloud = np.concatenate([samples.points, samples.normals], axis=1)
     return RestScene(name, pose, grasp_target, rest, points, normals, friction, triples, decided, cloud)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, reduce
 
 import numpy as np
@@ -43,21 +43,18 @@ class ConvexDistance:
 
         Args:
             points: (N, 3) points [m].
-            max_faces: keep at most this many triangles (at least 20), see `_simplify`; None keeps all.
+            max_faces: keep at most this many triangles, 20 or more, see `_simplify`; None keeps all.
 
         Raises:
-            InputError: fewer than 4 points, not finite, (nearly) coplanar, or `max_faces` too small.
+            InputError: fewer than 4 points, not finite, or (nearly) coplanar.
         """
         vertices = check("points of a convex hull", points, array(None, 3))
         if len(vertices) < 4:
             raise InputError(f"points are {len(vertices)}: a convex hull needs 4 or more")
-        if max_faces is not None and max_faces < 20:
-            raise InputError(f"max_faces is {max_faces}: valid are integers of at least 20")
         triangles, planes, hull = _hull(vertices)
-        error = 0.0
         if max_faces is not None and len(triangles) > max_faces:
-            triangles, planes, error = _simplify(vertices[hull.vertices], max_faces)
-        return cls(triangles, planes, error)
+            return _simplify(vertices[hull.vertices], max_faces)
+        return cls(triangles, planes)
 
     @classmethod
     def union(cls, parts: Sequence[ConvexDistance]) -> ConvexDistance:
@@ -83,7 +80,8 @@ class ConvexDistance:
     @cached_property
     def obstacle(self) -> Obstacle:
         """The polyhedra as compiled code takes them."""
-        return _obstacle(self.triangles, self.planes, self.sizes)
+        starts = np.cumsum([0, *(self.sizes or (len(self.planes),))], dtype=np.int64)
+        return Obstacle(self.triangles, self.planes, starts)
 
     def distance(self, points: ArrayLike) -> Array:
         """Return the signed distances (N,) [m] of points (N, 3), negative inside."""
@@ -94,11 +92,6 @@ class ConvexDistance:
         queries = np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3)
         gradients = np.empty_like(queries)
         return convex_distances(queries, self.obstacle, gradients), gradients
-
-
-def _obstacle(triangles: Array, planes: Array, sizes: tuple[int, ...] = ()) -> Obstacle:
-    starts = np.cumsum([0, *(sizes or (len(planes),))], dtype=np.int64)
-    return Obstacle(triangles, planes, starts)
 
 
 def _hull(points: Array) -> tuple[Array, Array, ConvexHull]:
@@ -126,13 +119,12 @@ def _outward(triangles: Array, planes: Array) -> Array:
     return triangles
 
 
-def _simplify(vertices: Array, max_faces: int) -> tuple[Array, Array, float]:
-    """Return triangles, planes and error [m] of a hull of some of the vertices.
+def _simplify(vertices: Array, max_faces: int) -> ConvexDistance:
+    """Return the hull of some of the vertices.
 
     Those that stick out most are taken, until the faces are used up. The result lies inside the hull of all; the error
     is the farthest vertex, where the two hulls are farthest apart.
     """
     chosen = outline(vertices, max_faces // 2 + 2)  # n corners make 2 n - 4 triangles
-    triangles, planes, _ = _hull(vertices[chosen])
-    distances = convex_distances(vertices, _obstacle(triangles, planes), np.empty_like(vertices))
-    return triangles, planes, max(float(distances.max()), 0.0)
+    inner = ConvexDistance(*_hull(vertices[chosen])[:2])
+    return replace(inner, error=max(float(inner.distance(vertices).max()), 0.0))

@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import heapq
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
-
-if TYPE_CHECKING:
-    import trimesh
 
 OVERSAMPLING = 5
 """Candidates a sample; more spread the samples more evenly and cost more."""
@@ -30,12 +27,6 @@ class SurfaceSamples(NamedTuple):
     points: Array
     normals: Array
     faces: Index
-
-
-def surface_samples(mesh: trimesh.Trimesh, n: int, rng: np.random.Generator | int) -> SurfaceSamples:
-    """Return exactly n blue-noise points of a mesh [m]; see `triangle_samples`."""
-    corners = np.asarray(mesh.vertices, dtype=np.float64)
-    return triangle_samples(corners[np.asarray(mesh.faces)], n, rng)
 
 
 def triangle_samples(triangles: Array, n: int, rng: np.random.Generator | int) -> SurfaceSamples:

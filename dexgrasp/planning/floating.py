@@ -5,7 +5,7 @@ import time
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from dexgrasp.geometry.samples import surface_samples
+from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.grasp.content import ObjectPose
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.planning.look import Subject
@@ -48,7 +48,7 @@ def plan_floating(
     began, model = time.perf_counter(), load_target(source, scale, None)
     T = np.eye(4)
     T[:3, :3], T[:3, 3] = Rotation.random(rng=seed).as_matrix(), _MIDDLE
-    points = surface_samples(model.mesh, _POINTS, seed).points @ T[:3, :3].T + _MIDDLE
+    points = triangle_samples(model.mesh.triangles, _POINTS, seed).points @ T[:3, :3].T + _MIDDLE
     parts, _ = parts_within(model.solid.corners @ T[:3, :3].T + _MIDDLE, points, None)
     target = GraspTarget.of_corners(parts, mass or MASS, _MIDDLE)
     found = (
