@@ -8,7 +8,7 @@ import numpy as np
 from dexgrasp.kinematics.cover import Spheres
 from dexgrasp_env.arrays import Index, Mask
 from dexgrasp_env.files import cached_arrays, content_hash
-from dexgrasp_env.robot.model import excluded_pairs
+from dexgrasp_env.robot.model import bodies_apart, excluded_pairs, swept
 from dexgrasp_env.robot.robot import Robot
 
 _SAMPLES = 300
@@ -42,24 +42,11 @@ def meeting_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[str, str]]:
 
 
 def _come_near(pairs: Pairs, robot: Robot, model: mujoco.MjModel) -> Mask:
-    data, near, nothing = mujoco.MjData(model), np.zeros(len(pairs), bool), np.zeros(6)
-    solid = {b: solid_geoms(model, b) for pair in pairs for b in pair}
-    for q in robot.drawn(_SAMPLES):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
+    near = np.zeros(len(pairs), bool)
+    for data in swept(model, robot.drawn(_SAMPLES)):
         for k in np.flatnonzero(~near):
-            a, b = pairs[k]
-            apart = (
-                mujoco.mj_geomDistance(model, data, g, h, _NEAR, nothing) for g in solid[a] for h in solid[b]
-            )
-            near[k] = min(apart, default=_NEAR) < _NEAR
+            near[k] = bodies_apart(data, *pairs[k], _NEAR) < _NEAR
     return near
-
-
-def solid_geoms(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the geoms of a body that collide."""
-    first = int(model.body_geomadr[body])
-    return [g for g in range(first, first + int(model.body_geomnum[body])) if model.geom_contype[g]]
 
 
 def joints_between(model: mujoco.MjModel, a: int, b: int) -> Index:
@@ -79,15 +66,12 @@ def _chain(model: mujoco.MjModel, body: int) -> set[int]:
 
 def told_apart(pairs: Pairs, robot: Robot, model: mujoco.MjModel, spheres: list[Spheres]) -> Pairs:
     """Return the pairs, numbers of the robot's bodies, of which their covering spheres can tell something."""
-    data, inside = mujoco.MjData(model), np.zeros(len(pairs))
-    idle = robot.home.copy()
+    inside, idle = np.zeros(len(pairs)), robot.home.copy()
     for finger in robot.hand.fingers:
         if finger.aside:
             idle[robot.columns[finger.name]] = finger.aside
     weights, postures = [_LOOKS, _LOOKS] + [1] * _LOOKS, [robot.home, idle, *robot.drawn(_LOOKS)]
-    for weight, q in zip(weights, postures, strict=True):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
+    for weight, data in zip(weights, swept(model, postures), strict=True):
         bodies = [data.body(name) for name in robot.bodies]
         centres = [s.centre @ b.xmat.reshape(3, 3).T + b.xpos for s, b in zip(spheres, bodies, strict=True)]
         for k, (a, b) in enumerate(pairs):

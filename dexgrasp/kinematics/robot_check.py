@@ -15,7 +15,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, robot_spec
+from dexgrasp_env.robot.model import compiled_robot, excluded_pairs, robot_spec, swept
 from dexgrasp_env.robot.robot import Finger
 from dexgrasp_env.scene.arena import read_arena
 
@@ -230,10 +230,8 @@ def closed_posture(cell: Cell) -> tuple[Array, Array]:
     Returns:
         (n,) rad, the arm at home; (g - 1,) m from the first tip to the others', inf where pads never face each other.
     """
-    robot, model = cell.robot, compiled_robot(cell)
-    data = mujoco.MjData(model)
+    robot, hand = cell.robot, cell.robot.hand_columns
     drawn = np.tile(robot.home, (_DRAWN, 1))
-    hand = robot.hand_columns
     drawn[:, hand] = np.random.default_rng(0).uniform(
         robot.lower[hand], robot.upper[hand], drawn[:, hand].shape
     )
@@ -242,9 +240,7 @@ def closed_posture(cell: Cell) -> tuple[Array, Array]:
             drawn[:, robot.columns[finger.name]] = finger.aside
     drawn = drawn @ robot.drive[0].T + robot.drive[1]
     tips, pads = np.empty((2, len(robot.grasping), _DRAWN, 3))
-    for k, q in enumerate(drawn):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
+    for k, data in enumerate(swept(compiled_robot(cell), drawn)):
         for f, finger in enumerate(robot.grasping):
             tips[f, k] = data.site(finger.tip).xpos
             pads[f, k] = _pad(data, finger)

@@ -4,14 +4,13 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import NamedTuple
 
-import mujoco
 import numpy as np
 
-from dexgrasp.kinematics.pairs import joints_between, solid_geoms
+from dexgrasp.kinematics.pairs import joints_between
 from dexgrasp.kinematics.tree import body_pairs, robot_tree
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.model import compiled_robot
+from dexgrasp_env.robot.model import bodies_apart, compiled_robot, swept
 
 LEAST = 0.002
 """m that the shapes of those bodies keep from each other."""
@@ -19,10 +18,10 @@ _STEP = 0.02  # rad of a joint between two bodies, from one look at them to the 
 
 
 class _Pair(NamedTuple):
-    """Two bodies, their numbers; their geoms that collide, one of each; and the columns of the joints between them."""
+    """Two bodies, their numbers in the tree and in the model, and the columns of the joints between them."""
 
     bodies: tuple[int, int]
-    geoms: list[tuple[int, int]]
+    numbers: tuple[int, int]
     joints: Index
 
 
@@ -38,17 +37,9 @@ def near_shapes(path: Array, cell: Cell) -> Iterator[tuple[tuple[int, int], floa
         path: (k, n) rad, with rows so close that nothing happens between them.
         cell: of the robot.
     """
-    if not (pairs := _left_out(cell)):
-        return
-    model, nothing = compiled_robot(cell), np.zeros(6)
-    data = mujoco.MjData(model)
-    for pair in pairs:
-        least = LEAST
-        for q in _looked_at(path, pair.joints):
-            data.qpos[:] = q
-            mujoco.mj_kinematics(model, data)
-            apart = (mujoco.mj_geomDistance(model, data, a, b, LEAST, nothing) for a, b in pair.geoms)
-            least = min(least, *apart)
+    for pair in _left_out(cell):
+        looks = swept(compiled_robot(cell), _looked_at(path, pair.joints))
+        least = min(bodies_apart(data, *pair.numbers, LEAST) for data in looks)
         if least < LEAST:
             yield pair.bodies, least
 
@@ -64,11 +55,10 @@ def _looked_at(path: Array, joints: Index) -> Array:
 def _left_out(cell: Cell) -> tuple[_Pair, ...]:
     """The bodies that a motion can bring together and that are no pair of the tree."""
     robot, model = cell.robot, compiled_robot(cell)
-    kept = {(a, b) for a, b in robot_tree(cell).pairs.tolist()}
+    kept = set(map(tuple, robot_tree(cell).pairs.tolist()))
     found = []
     for a, b in body_pairs(robot, model):
-        one, two = (model.body(robot.bodies[k]).id for k in (a, b))
-        geoms = [(g, h) for g in solid_geoms(model, one) for h in solid_geoms(model, two)]
-        if (a, b) not in kept and geoms:
-            found.append(_Pair((a, b), geoms, joints_between(model, one, two)))
+        one, two = model.body(robot.bodies[a]).id, model.body(robot.bodies[b]).id
+        if (a, b) not in kept:
+            found.append(_Pair((a, b), (one, two), joints_between(model, one, two)))
     return tuple(found)

@@ -1,7 +1,7 @@
 """The robot as a MuJoCo specification: the arm with the hand on its flange."""
 
 import itertools
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import lru_cache, partial
 
 import mujoco
@@ -191,7 +191,25 @@ def excluded_pairs(model: mujoco.MjModel) -> set[frozenset[int]]:
 
 def posed(model: mujoco.MjModel, q: Array) -> mujoco.MjData:
     """Return where the bodies of a model are with its joints at `q` (n,) rad."""
+    return next(swept(model, [q]))
+
+
+def swept(model: mujoco.MjModel, postures: Iterable[Array]) -> Iterator[mujoco.MjData]:
+    """Yield where the bodies of a model are in each of postures (n,) rad; what is yielded is used again."""
     data = mujoco.MjData(model)
-    data.qpos[:] = q
-    mujoco.mj_kinematics(model, data)
-    return data
+    for q in postures:
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        yield data
+
+
+def bodies_apart(data: mujoco.MjData, a: int, b: int, most: float) -> float:
+    """Return how far what collides of two bodies is apart, m, but `most` at most; less than 0 where they overlap."""
+    model, nothing = data.model, np.zeros(6)
+    pairs = itertools.product(_colliding(model, a), _colliding(model, b))
+    return min((mujoco.mj_geomDistance(model, data, *pair, most, nothing) for pair in pairs), default=most)
+
+
+def _colliding(model: mujoco.MjModel, body: int) -> list[int]:
+    first = int(model.body_geomadr[body])
+    return [g for g in range(first, first + int(model.body_geomnum[body])) if model.geom_contype[g]]

@@ -1,6 +1,6 @@
 """Postures that a robot file needs and an MJCF has not: a hand's open one, an arm's home; found by search."""
 
-from itertools import combinations, product
+from itertools import combinations
 from typing import Any
 
 import mujoco
@@ -8,6 +8,7 @@ import numpy as np
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.foreign import FLANGE
+from dexgrasp_env.robot.model import bodies_apart, swept
 from dexgrasp_env.robot.robot import Arm, Hand
 
 _DRAWS = 20_000
@@ -60,23 +61,16 @@ def always_near(hand: Hand, model: mujoco.MjModel) -> list[list[str]]:
         hand: whose bodies and ranges count.
         model: of the hand alone, frames as here.
     """
-    data, nothing = mujoco.MjData(model), np.zeros(6)
     number = {name: model.body(name).id for name in hand.bodies}
-    solid = {
-        name: [int(g) for g in np.flatnonzero(model.geom_bodyid == b) if model.geom_contype[g]]
-        for name, b in number.items()
-    }
     near = {
         (a, b): _ALWAYS
         for a, b in combinations(hand.bodies, 2)
         if model.body_parentid[number[b]] != number[a]
     }
-    for q in np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq)):
-        data.qpos[:] = q
-        mujoco.mj_kinematics(model, data)
+    drawn = np.random.default_rng(0).uniform(hand.joints.lower, hand.joints.upper, (_LOOKS, model.nq))
+    for data in swept(model, drawn):
         for (a, b), least in list(near.items()):
-            geoms = product(solid[a], solid[b])
-            apart = min(mujoco.mj_geomDistance(model, data, g, h, _ALWAYS, nothing) for g, h in geoms)
+            apart = bodies_apart(data, number[a], number[b], _ALWAYS)
             near[a, b] = min(apart, least)
             if not -_DEEPEST < apart < _ALWAYS:
                 del near[a, b]
