@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from refusals import refused
 
 from dexgrasp_env.arrays import fibonacci_directions
-from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, stored_object
+from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS, catalogue_object
 from dexgrasp_env.objects.load import load_object, object_name, resolve_targets
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.mjcf import add_to_spec
@@ -221,7 +221,7 @@ def test_bad_shapes_are_refused():
 @pytest.mark.parametrize("name", ["soda", "massage_ball", "lego", "sandwich_side"])
 def test_an_object_read_from_the_cache_is_the_one_that_was_made(name):
     made = CATALOGUE[name].build()
-    for read in (stored_object(CATALOGUE[name]), stored_object(CATALOGUE[name])):
+    for read in (catalogue_object.__wrapped__(name), catalogue_object.__wrapped__(name)):
         assert (read.content_hash, read.notes, read.rgba) == (made.content_hash, made.notes, made.rgba)
         assert_array_equal(read.inertia, made.inertia)
         assert_array_equal(read.solid.corners, made.solid.corners)

@@ -61,7 +61,7 @@ class ObjectSpec:
         }
 
     def build(self) -> ObjectModel:
-        """Make the object; `stored_object` reads what was made before."""
+        """Make the object; `catalogue_object` reads what was made before."""
         builder = getattr(shapes, self.builder, None) or getattr(bottles, self.builder)
         shape = builder(**self.params)
         return centred_model(self.name, shape.mesh, shape.parts, self.mass, **self.look)
@@ -86,8 +86,10 @@ _SOLID = [field.name for field in fields(Solid)]
 _PART = ["kind", "size", "position", "quat_wxyz"]
 
 
-def stored_object(spec: ObjectSpec) -> ObjectModel:
-    """Return an object of the catalogue as `spec.build` makes it, made once."""
+@lru_cache(maxsize=64)
+def catalogue_object(name: str) -> ObjectModel:
+    """Return an object of the catalogue as its `ObjectSpec.build` makes it, made once."""
+    spec = CATALOGUE[name]
     key = content_hash(_VERSION, _sources(), spec.builder, dict(spec.params), spec.mass)
     arrays = cached_arrays(f"objects/{spec.name}_{key}.npy", lambda: _arrays(spec.build()))
     solid = Solid(*(arrays[name] for name in _SOLID))

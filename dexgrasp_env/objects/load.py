@@ -17,7 +17,7 @@ from dexgrasp_env.files import expand, printable_stem
 from dexgrasp_env.objects.catalogue import (
     CATALOGUE,
     OBJECT_SETS,
-    stored_object,
+    catalogue_object,
     varied_object,
     varied_targets,
 )
@@ -51,7 +51,7 @@ def load_object(
     scale = check("scale", scale, number(gt=0))
     mass = None if mass is None else check("mass", mass, MASS)
     if is_ours(target):
-        model = (_catalogue_object if target in CATALOGUE else varied_object)(target).scaled(scale)
+        model = (catalogue_object if target in CATALOGUE else varied_object)(target).scaled(scale)
         return model if mass is None else model.with_mass(mass)
     if is_set(target):
         return _member_object(set_member(target))
@@ -65,9 +65,9 @@ def is_ours(target: str) -> bool:
 
 
 def _bare_mesh(target: str) -> Path:
-    if not is_mesh_path(target):
-        raise unknown_object(target)
-    return mesh_file(target)
+    if Path(target).suffix or os.sep in target or os.path.isfile(os.path.expanduser(target)):
+        return mesh_file(target)
+    raise _unknown_object(target)
 
 
 def _member_object(member: SetMember) -> ObjectModel:
@@ -142,12 +142,7 @@ def object_name(target: str) -> str:
     return seed_name(target) if is_ours(target) or is_set(target) else printable_stem(Path(target))
 
 
-def is_mesh_path(target: str) -> bool:
-    """Whether a target is meant as a file rather than as a name."""
-    return Path(target).suffix != "" or os.sep in target or os.path.isfile(os.path.expanduser(target))
-
-
-def unknown_object(name: str) -> InputError:
+def _unknown_object(name: str) -> InputError:
     """Return the error for a name that is neither an object, nor a set, nor a file."""
     valid = [*CATALOGUE, *OBJECT_SETS]
     near = difflib.get_close_matches(name.lower(), valid, n=3, cutoff=0.55)
@@ -156,11 +151,6 @@ def unknown_object(name: str) -> InputError:
         f"unknown object {name!r}{hint} (objects: {', '.join(CATALOGUE)}; sets: {', '.join(OBJECT_SETS)}; "
         f"or a mesh file: {', '.join(MESH_SUFFIXES)}; or a set file: .json)"
     )
-
-
-@lru_cache(maxsize=64)
-def _catalogue_object(name: str) -> ObjectModel:
-    return stored_object(CATALOGUE[name])
 
 
 @lru_cache(maxsize=64)

@@ -134,8 +134,6 @@ class ObjectModel:
 
     def scaled(self, factor: float) -> ObjectModel:
         """Return a copy `factor` times as large in every direction, of the same density."""
-        if not (np.isfinite(factor) and factor > 0):
-            raise InputError(f"scale is {factor}: it must be a positive number")
         if factor == 1.0:
             return self
         return replace(

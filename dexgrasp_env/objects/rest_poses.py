@@ -15,7 +15,7 @@ import numpy as np
 from dexgrasp_env.arrays import Array, fibonacci_directions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import cache_dir, write_atomically
+from dexgrasp_env.files import cache_dir, write_json
 from dexgrasp_env.objects.mjcf import add_to_spec
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import support_height
@@ -23,8 +23,6 @@ from dexgrasp_env.poses import frame_of_z, matrix_to_quat, quat_to_matrix
 
 if TYPE_CHECKING:
     import mujoco
-
-    from dexgrasp_env.objects.model import ObjectModel
 
 
 _TIMESTEP = 0.002
@@ -55,11 +53,8 @@ def drop(model: ObjectModel, ups: Array) -> tuple[Array, Array]:
         speed that was left, metres a second at the object's rim.
     """
     mj_model = drop_model(model)
-    ends = [_drop_one(mj_model, model, up, _DROP_HEIGHT) for up in ups]
-    settled = [end for end in ends if end is not None]
-    if not settled:
-        return np.zeros((0, 3)), np.zeros(0)
-    return np.stack([up for up, _ in settled]), np.array([speed for _, speed in settled])
+    settled = [end for up in ups if (end := _drop_one(mj_model, model, up, _DROP_HEIGHT))]
+    return np.reshape([up for up, _ in settled], (-1, 3)), np.array([speed for _, speed in settled])
 
 
 def stays(model: ObjectModel, up: Array, angle: float) -> bool:
@@ -94,7 +89,7 @@ def _drop_one(
 
     data = mujoco.MjData(mj_model)
     data.qpos[2] = support_height(model.parts, up) + gap
-    data.qpos[3:7] = _orientation(up)
+    data.qpos[3:7] = matrix_to_quat(frame_of_z(up).T)  # turns `up` to the world's vertical
     radius = 0.5 * float(model.extents.max())
     still = 0
     for _ in range(int(_LONGEST / (_TIMESTEP * _CHECK_EVERY))):
@@ -105,11 +100,6 @@ def _drop_one(
             vertical = data.xmat[1].reshape(3, 3)[2].copy()
             return vertical / np.linalg.norm(vertical), speed
     return None
-
-
-def _orientation(up: Array) -> Array:
-    """A quaternion (4,) wxyz that turns `up` (3,) of the object to the world's vertical."""
-    return matrix_to_quat(frame_of_z(up).T)
 
 
 @dataclass(frozen=True)
@@ -218,13 +208,8 @@ def read_poses(path: Path, contact_hash: str) -> tuple[RestPose, ...] | None:
 
 def write_poses(path: Path, model: ObjectModel, poses: Sequence[RestPose]) -> None:
     """Write the poses of `model` with the hash they were made for."""
-    data = {
-        "schema": _SCHEMA,
-        "name": model.name,
-        "contact_hash": model.contact_hash,
-        "poses": [*map(asdict, poses)],
-    }
-    write_atomically(path, (json.dumps(data, indent=1) + "\n").encode())
+    known = {"schema": _SCHEMA, "name": model.name, "contact_hash": model.contact_hash}
+    write_json(path, known | {"poses": [*map(asdict, poses)]})
 
 
 def _facet_normals(model: ObjectModel) -> Array:
