@@ -55,6 +55,11 @@ def unit(vectors: Array) -> Array:
     return vectors / np.maximum(lengths, 1e-9)
 
 
+def middle(points: Array) -> Array:
+    """Return the middle (n,) of the box around points (N, n)."""
+    return 0.5 * (points.min(0) + points.max(0))
+
+
 def grid(*axes: ArrayLike) -> Array:
     """Return the points (N, n) whose coordinates are those of n axes, the last axis running fastest."""
     return np.stack(np.meshgrid(*axes, indexing="ij"), -1).reshape(-1, len(axes))

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from dexgrasp_env.arrays import Array, Mask, grid
+from dexgrasp_env.arrays import Array, Mask, grid, middle
 from dexgrasp_env.robot.hulls import mesh_of
 
 _COLLISION_GROUP = 3
@@ -28,7 +28,7 @@ class Spheres:
         """Return centre (3,) and radius of a sphere around all; radius -1 if there are none."""
         if not len(self.radius):
             return np.zeros(3), -1.0
-        centre = 0.5 * (self.centre.min(0) + self.centre.max(0))
+        centre = middle(self.centre)
         return centre, float((np.linalg.norm(self.centre - centre, axis=1) + self.radius).max())
 
 
@@ -123,7 +123,7 @@ def hull_cells(corners: Array, cell: float) -> tuple[Array, Array]:
         1,
     ]
     groups = [points[number == k] for k in np.unique(number) if outside[number == k].max() > -0.5 * cell]
-    centres = np.array([0.5 * (group.min(0) + group.max(0)) for group in groups])
+    centres = np.array([middle(group) for group in groups])
     radii = [np.linalg.norm(g - c, axis=1).max() + apart for g, c in zip(groups, centres, strict=True)]
     return centres, np.array(radii)
 
@@ -134,11 +134,6 @@ def box_edges(centre: Array, half: Array) -> Array:
     for axis in range(3):
         count = int(np.ceil(2.0 * half[axis] / _SPACING)) + 1
         along = np.linspace(-half[axis], half[axis], count)
-        for u in (-1, 1):
-            for v in (-1, 1):
-                edge = np.empty((count, 3))
-                edge[:, axis], edge[:, (axis + 1) % 3], edge[:, (axis + 2) % 3] = (
-                    along, u * half[(axis + 1) % 3], v * half[(axis + 2) % 3],
-                )  # fmt: skip
-                points.append(edge)
+        across = [(-side, side) for side in (half[axis - 2], half[axis - 1])]
+        points.append(np.roll(grid(*across, along), axis + 1, axis=1))
     return np.concatenate(points) + centre

@@ -1,5 +1,7 @@
 """What stands around the target as convex parts: hulls of objects, columns of walls."""
 
+from contextlib import suppress
+
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
@@ -50,14 +52,12 @@ def _beside(scene: Scene) -> Array:
 
 def _parts(cloud: ObjectCloud, scene: Scene) -> Parts:
     hull = completed_corners(cloud, scene.plane)[0]
-    corners = None if hull is None else _grown(hull, cloud)
-    try:
-        distance = None if corners is None else ConvexDistance.from_points(corners, PART_FACES)
-    except InputError:
-        distance = None
-    if corners is None or distance is None or distance.distance(scene.target.points).min() < -_INSIDE:
-        return columns(cloud.points)
-    return (corners_of(distance.triangles),)
+    if hull is not None:
+        with suppress(InputError):  # points that lie in a plane
+            distance = ConvexDistance.from_points(_grown(hull, cloud), PART_FACES)
+            if distance.distance(scene.target.points).min() >= -_INSIDE:
+                return (corners_of(distance.triangles),)
+    return columns(cloud.points)
 
 
 def _grown(corners: Array, cloud: ObjectCloud) -> Array:

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.perception.plane import Plane
 
 UNIT = 0.1
@@ -61,8 +61,8 @@ class View(NamedTuple):
         face += np.round((viewer - face) / (np.pi / 2.0)) * np.pi / 2.0
         c, s = np.cos(face), np.sin(face)
         R = np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])
-        middle = 0.5 * (points.min(0) + points.max(0))
-        origin = middle - plane.heights(middle) * plane.normal
+        amid = middle(points)
+        origin = amid - plane.heights(amid) * plane.normal
         return cls((points - origin) @ R.T / UNIT, normals @ R.T, R, origin, float(viewer - face))
 
     def features(self) -> Array:

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array, Mask
+from dexgrasp_env.arrays import Array, Mask, middle
 
 LOW = 0.030
 """m above the table, up to which nothing that is open above has room for a fingertip."""
@@ -28,7 +28,7 @@ def walls_of(points: Array) -> list[Array]:
     rim = float(np.percentile(height, 99.0))
     if rim < LOW:
         return []
-    from_middle = points[:, :2] - 0.5 * (points[:, :2].min(0) + points[:, :2].max(0))
+    from_middle = points[:, :2] - middle(points[:, :2])
     angle, radius = np.arctan2(from_middle[:, 1], from_middle[:, 0]), np.linalg.norm(from_middle, axis=1)
     count = int(np.clip(np.ceil(2.0 * np.pi * radius.max() / _ARC), 6, _MOST_ARCS))
     found = []

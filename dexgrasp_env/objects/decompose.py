@@ -5,13 +5,12 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from functools import cached_property
-from itertools import product
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import trimesh
 
-from dexgrasp_env.arrays import Array, divided, joined
+from dexgrasp_env.arrays import Array, cube_directions, divided, joined
 from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.objects.cutting import Plane, best_cut, cut_up, held, rounded
 from dexgrasp_env.objects.model import reduced_hull
@@ -38,9 +37,8 @@ _GAIN = 0.1  # of a piece's excess: below it no cut helps at once, and the piece
 _SECTORS = 12
 _CRUMB = 1e-9  # of a piece: what a plane through its corners leaves on the wrong side
 _VERSION = 6
-_NORMALS = np.array([n for n in product((1, 0, -1), repeat=3) if n > (0, 0, 0)], dtype=float)
-_NORMALS /= np.linalg.norm(_NORMALS, axis=1, keepdims=True)
-"""(13, 3) directions that cuts are tried across: to a cube's faces, edges and corners."""
+_NORMALS = cube_directions()[:12:-1].copy()
+"""(13, 3) directions that cuts are tried across: to a cube's faces, edges and corners, one of two that are opposite."""
 
 
 def convex_parts(mesh: trimesh.Trimesh) -> tuple[tuple[ContactPart, ...], tuple[str, ...]]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, unit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.loft import Section, loft_mesh, loft_parts
 from dexgrasp_env.objects.parts import ContactPart, hull_part
@@ -188,5 +188,4 @@ def _spike_directions() -> Array:
     import trimesh
 
     ico = trimesh.creation.icosahedron()
-    points = np.concatenate([ico.vertices, ico.triangles_center])
-    return points / np.linalg.norm(points, axis=-1, keepdims=True)
+    return unit(np.concatenate([ico.vertices, ico.triangles_center]))

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, unit
 from dexgrasp_env.perception.cloud import Cloud, cells_of, clusters, smooth
 from dexgrasp_env.perception.plane import Plane
 
@@ -62,8 +62,7 @@ def parted(cloud: Cloud, plane: Plane) -> Parting:
     cell = _cell_of(cloud.points)
     points, normals = smooth(cloud, cloud, plane.rms, _SMOOTHED)
     _, which = np.unique(cells_of(points, cell), return_inverse=True)
-    points, normals = _means(which, points), _means(which, normals)
-    normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-9)
+    points, normals = _means(which, points), unit(_means(which, normals))
     if not np.ptp(cloud.views, axis=0).any():  # nobody knows who saw the points
         normals = _to_the_air(points, normals, cell)
     patches = _patches(points, normals, cell)
@@ -136,8 +135,7 @@ def _seams(
     dense, up = np.bincount(near.ravel(), minlength=len(points)), plane.heights(points)
     pairs = pairs[patches[pairs[:, 0]] != patches[pairs[:, 1]]]
     a, b = pairs.T
-    way = points[a] - points[b]
-    way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-9)
+    way = unit(points[a] - points[b])
     crease = np.minimum((normals[a] * way).sum(1), -(normals[b] * way).sum(1))
     parts = (
         _CREASE * crease

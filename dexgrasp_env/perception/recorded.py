@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, middle
 from dexgrasp_env.perception.cloud import Cloud, cells_of, crop
 from dexgrasp_env.perception.parting import parted
 from dexgrasp_env.perception.plane import TOLERANCE, Plane, fit_plane
@@ -24,12 +24,10 @@ from dexgrasp_env.perception.segment import (
     MIN_POINTS,
     SIGMAS,
     divided,
-    extents,
     in_words,
     isolate,
     object_cloud,
     objects_of,
-    seen_from_outside,
 )
 from dexgrasp_env.robot.cell import Cell
 
@@ -67,10 +65,8 @@ _HEIGHTS = 0.30  # m above and below the cell's table where one is looked for, t
 _TABLE_OFF = 0.02  # m that the table may be off the cell's
 _TILTED, _LEVELLED = np.radians(3.0), np.radians(20.5)  # of a table that is not level; that is levelled
 _STEEPEST = np.radians(60.0)  # of a table that is looked for, to say its angle
-_MOST, _UNDER = (
-    1.5,
-    0.1,
-)  # points that it holds to one that the best level plane does; share under it, at most
+_MOST = 1.5  # points that it holds to one that the best level plane does
+_UNDER = 0.1  # share of points under it, at most
 _BESIDE, _AREA = 0.1, 0.02  # share of a table, and m2 of it, that is seen beside what stands on it
 _JUDGED = 5000  # of its points
 _WIDE = 0.14  # m, both ways, of a table that is seen
@@ -106,7 +102,7 @@ def find_object(
     Raises:
         InputError: for a mask that is not the cloud's.
     """
-    pointing, objects, doubtful = (pointing or Pointing()).moved(cell.base), list[Cloud](), list[bool]()
+    pointing, objects = (pointing or Pointing()).moved(cell.base), list[tuple[Cloud, bool]]()
     pointing.marks(cloud)  # a mask of something else is a mistake whatever the cloud shows
     try:
         cloud = _in_metres(cloud)
@@ -116,19 +112,17 @@ def find_object(
         above = crop(above, np.array(CROP_LOW) - _AROUND, np.array(CROP_HIGH) + _AROUND)
         parting = parted(above, plane)
         numbers = objects_of(above, parting)
-        objects = [above.select(parting.labels == k) for k in numbers]
-        doubtful = [bool(parting.doubtful[k]) for k in numbers]
+        objects = [(above.select(parting.labels == k), bool(parting.doubtful[k])) for k in numbers]
         if (marked := pointing.marks(above)) is not None:
             parting, number = parting.with_marked(marked)
             _check_marked(above.select(marked), cell.base)
         else:
-            number = numbers[_choose(objects, len(above), pointing.near, cell.base)]
+            number = numbers[_choose([one for one, _ in objects], len(above), pointing.near, cell.base)]
     except _NoObjectError as refused:
         reason, detail = refused.args
         words = WORDS[reason]
         seen = tuple(
-            object_cloud(seen_from_outside(one), None, COUNT, doubt)
-            for one, doubt in zip(objects, doubtful, strict=True)
+            object_cloud(one, None, COUNT, doubtful, cameras_known=False) for one, doubtful in objects
         )
         return Scene(reason=reason, sentence=f"{words} ({detail})" if detail else words, neighbours=seen)
     return replace(divided(above, parting, number, plane, rng, cameras_known=False), tilt=tilt)
@@ -244,7 +238,7 @@ def _check_marked(found: Cloud, base: Array) -> None:
     """Raise where what box or mask hold is no object that is in reach."""
     if len(found) < MIN_POINTS:
         raise _NoObjectError(NOTHING_MARKED, f"{len(found)} points")
-    if not _in_reach(_middle(found)):
+    if not _in_reach(found):
         raise _NoObjectError(OUT_OF_REACH, _places([found], base))
 
 
@@ -252,7 +246,7 @@ def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) ->
     """Return which of the objects is meant."""
     if not found:
         raise _NoObjectError(NO_OBJECT, f"{points} points above the table")
-    inside = [k for k, one in enumerate(found) if _in_reach(_middle(one))]
+    inside = [k for k, one in enumerate(found) if _in_reach(one)]
     if near is not None:
         gaps = [float(np.linalg.norm(c.points - near, axis=1).min()) for c in found]
         best = int(np.argmin(gaps))
@@ -267,16 +261,12 @@ def _choose(found: list[Cloud], points: int, near: Array | None, base: Array) ->
     return best
 
 
-def _in_reach(point: Array) -> bool:
-    low, high = np.array(CROP_LOW[:2]), np.array(CROP_HIGH[:2])
-    return bool((point[:2] >= low).all() and (point[:2] <= high).all())
-
-
-def _middle(cloud: Cloud) -> Array:
-    return 0.5 * (cloud.points.min(0) + cloud.points.max(0))
+def _in_reach(cloud: Cloud) -> bool:
+    place = middle(cloud.points[:, :2])
+    return bool((place >= CROP_LOW[:2]).all() and (place <= CROP_HIGH[:2]).all())
 
 
 def _places(found: list[Cloud], base: Array) -> str:
     """Say where things are and how large, the first few."""
-    said = [in_words(_middle(c) - base, extents(c.points)) for c in found[:8]]
+    said = [in_words(middle(c.points) - base, np.ptp(c.points, axis=0)) for c in found[:8]]
     return "; ".join(said) + ("; ..." if len(found) > 8 else "")

@@ -273,10 +273,6 @@ def _read_ply(path: Path) -> Array:
     return np.asarray(vertices, dtype=float)
 
 
-def _read_npy(path: Path) -> NDArray[Any]:
-    return np.load(path, allow_pickle=False)
-
-
 def _read_npz(path: Path) -> NDArray[Any]:
     arrays = read_npz(path)
     name = "points" if "points" in arrays else next(iter(arrays)) if len(arrays) == 1 else None
@@ -293,6 +289,6 @@ def _read_xyz(path: Path) -> Array:
 
 
 READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
-    ".ply": _read_ply, ".pcd": read_pcd, ".xyz": _read_xyz, ".npy": _read_npy, ".npz": _read_npz,
+    ".ply": _read_ply, ".pcd": read_pcd, ".xyz": _read_xyz, ".npy": np.load, ".npz": _read_npz,
 }  # fmt: skip
 """What reads clouds, by the ending of their files."""

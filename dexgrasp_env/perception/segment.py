@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, middle, unit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import (
     Cloud,
@@ -56,16 +57,11 @@ def objects_of(cloud: Cloud, parting: Parting) -> list[int]:
     """Return the numbers of those things on the table that are objects, the largest first."""
     counts = np.bincount(parting.labels)
     sides = {
-        int(k): extents(cloud.points[parting.labels == k]).max()
+        int(k): np.ptp(cloud.points[parting.labels == k], axis=0).max()
         for k in np.flatnonzero(counts >= LEAST_POINTS)
     }
     found = [k for k, side in sides.items() if LEAST_EXTENT <= side <= MOST_EXTENT]
     return sorted(found, key=lambda k: -counts[k])
-
-
-def extents(points: Array) -> Array:
-    """Return the sides (3,) m of the box around points (N, 3)."""
-    return np.ptp(points, axis=0) if len(points) else np.zeros(3)
 
 
 def object_cloud(
@@ -74,24 +70,22 @@ def object_cloud(
     count: int,
     doubtful: bool = False,
     rng: Generator | None = None,
+    *,
+    cameras_known: bool = True,
 ) -> ObjectCloud:
     """Return a cloud as `count` smoothed points at most, in single precision, as observations hold them.
 
-    Without a generator the same points are drawn each time.
+    Without a generator the same points are drawn each time. Where it is not known who saw a point, it counts as seen
+    from outside, from the middle of the cloud.
     """
     if not len(cloud):
         return ObjectCloud()
+    if not cameras_known:
+        cloud = replace(cloud, views=unit(cloud.points - middle(cloud.points)))
     rng = rng or np.random.default_rng(len(cloud))
     chosen = cloud.select(downsample(cloud.points, count, rng))
     points, normals = smooth(cloud, chosen, 0.0 if plane is None else plane.rms)
     return ObjectCloud(points.astype(np.float32), normals.astype(np.float32), chosen.pixel, doubtful)
-
-
-def seen_from_outside(cloud: Cloud) -> Cloud:
-    """Return it with views from its middle outwards: a merged cloud does not say who saw a point."""
-    out = cloud.points - 0.5 * (cloud.points.min(0) + cloud.points.max(0))
-    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    return replace(cloud, views=out)
 
 
 @dataclass(frozen=True, eq=False)
@@ -129,10 +123,10 @@ def listed(scene: Scene, base: Array) -> list[Seen]:
     shown = [one for one in (scene.target, *scene.neighbours) if len(one)]
     clouds: Sequence[Array] = [one.points for one in shown]
     gaps = np.array([[_gap(a, b) if a is not b else np.inf for b in clouds] for a in clouds])
-    middles = [0.5 * (points.min(0) + points.max(0)) - base for points in clouds]
+    boxes = [(middle(points) - base, np.ptp(points, axis=0)) for points in clouds]
     return [
-        Seen(k + 1, middles[k], extents(points), float(gaps[k].min()), float(gaps[0, k]), shown[k].doubtful)
-        for k, points in enumerate(clouds)
+        Seen(k + 1, *boxes[k], float(gaps[k].min()), float(gaps[0, k]), one.doubtful)
+        for k, one in enumerate(shown)
     ]
 
 
@@ -215,22 +209,16 @@ def divided(
 ) -> Scene:  # fmt: skip
     """Return the scene in which one of the things in an isolated cloud is the target, and the others stand around."""
     numbers = [number, *(k for k in objects_of(cloud, parting) if k != number)]
-    pieces = [cloud.select(parting.labels == k) for k in numbers]
-    pieces.append(cloud.select(~np.isin(parting.labels, numbers)))
-    if not cameras_known:
-        pieces = [seen_from_outside(piece) if len(piece) else piece for piece in pieces]
-    doubtful = [*map(bool, parting.doubtful[numbers]), False]
-    counts = [_OTHERS] * len(numbers) + [_REST]
-    scene = _target(pieces[0], plane, rng, doubtful[0])
-    *around, walls = (
-        object_cloud(one, plane, most, doubt)
-        for one, most, doubt in list(zip(pieces, counts, doubtful, strict=True))[1:]
+    target, *others = (cloud.select(parting.labels == k) for k in numbers)
+    doubtful, *doubts = map(bool, parting.doubtful[numbers])
+    seen = partial(object_cloud, plane=plane, cameras_known=cameras_known)
+    around = Scene(
+        plane=plane,
+        neighbours=tuple(
+            seen(one, count=_OTHERS, doubtful=doubt) for one, doubt in zip(others, doubts, strict=True)
+        ),
+        rest=seen(cloud.select(~np.isin(parting.labels, numbers)), count=_REST),
     )
-    return replace(scene, neighbours=tuple(around), rest=walls)
-
-
-def _target(cloud: Cloud, plane: Plane, rng: Generator, doubtful: bool) -> Scene:
-    """Return the scene with an isolated object as `COUNT` smoothed points, or the reason why it is none."""
-    if len(cloud) < MIN_POINTS:
-        return Scene(plane=plane, reason=TOO_FEW if len(cloud) else OUT_OF_VIEW)
-    return Scene(object_cloud(cloud, plane, COUNT, doubtful, rng), plane)
+    if len(target) < MIN_POINTS:
+        return replace(around, reason=TOO_FEW if len(target) else OUT_OF_VIEW)
+    return replace(around, target=seen(target, count=COUNT, doubtful=doubtful, rng=rng))
