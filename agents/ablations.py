@@ -11,15 +11,13 @@ from typing import ClassVar
 import numpy as np
 
 from dexgrasp.grasp.grasp import Grasp
-from dexgrasp.kinematics.palm_ik import reach_palm
-from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.physics.closure import TOLERANCE
 from dexgrasp.physics.wrench import solve_wrench_qp
 from dexgrasp.planning.certifier import OPENINGS, Candidate, grasp_motion, opened, pressed
 from dexgrasp.planning.constraints import fixed_rows
 from dexgrasp.planning.cvae_source import CvaeProposals
 from dexgrasp.planning.planner import Planner
-from dexgrasp.planning.postures import Posture, oriented_postures
+from dexgrasp.planning.postures import Posture, oriented_postures, posture_at
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.proposals import Proposals
 from dexgrasp.planning.result import SearchLog
@@ -72,17 +70,11 @@ class LatentPlanner(Planner):
     def starts(self, proposals: Proposals, problem: Problem) -> Iterator[Posture]:
         """Yield what IK finds for each latent, in the order drawn: from its own palm, then from those above."""
         for k in range(len(proposals.contacts)):
-            yield from self._at_decoded_palm(k, proposals, problem)
+            assert proposals.palms is not None  # latents have them
+            R, p = np.ascontiguousarray(proposals.palms[k, :3, :3]), proposals.palms[k, :3, 3].copy()
+            if found := posture_at(R, p, k, proposals, problem):
+                yield found
             yield from oriented_postures(k, proposals, problem)
-
-    def _at_decoded_palm(self, k: int, proposals: Proposals, problem: Problem) -> Iterator[Posture]:
-        """Yield the posture that IK finds from the palm of a latent, if the arm reaches that."""
-        if proposals.palms is None:
-            return
-        q, palm = self.tree.home.copy(), proposals.palms[k]
-        if reach_palm(q, np.ascontiguousarray(palm[:3, :3]), palm[:3, 3].copy(), self.tree):
-            tips = proposals.contacts[k] + self.settings.tip_height * proposals.normals[k]
-            yield Posture(q, problem, k, -float(solve_tips(q, tips, self.tree, 60, 1e-3)))
 
 
 class KinematicPlanner(LatentPlanner):

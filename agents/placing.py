@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp.motion.carried import STILL, carried
+from dexgrasp.motion.carried import STILL, carried, let_go
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
@@ -18,7 +18,6 @@ from dexgrasp_env.tasks.control import normalise
 _RISEN = 0.08  # m that the palm has come up with the object
 _PRESSING = 0.02  # rad that a joint of a hand which holds something lags behind its set-point
 _CLEAR = 0.002  # m above the table, where the object is let go of
-_SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
 _AWAY = 0.10  # m that the open hand goes up
 
 
@@ -95,8 +94,7 @@ class PlacingAgent(Agent):
             targets = path[-1]
             middle = middle + leg
         if lays:
-            yield from np.repeat(targets[None], _SETTLE, axis=0)
             opened, hand = targets.copy(), self._cell.robot.hand_columns
             opened[hand] = self._low[hand]
-            yield from targets + np.arange(1, _OPEN + 1)[:, None] / _OPEN * (opened - targets)
+            yield from let_go(targets, opened)
             yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]

@@ -155,7 +155,7 @@ def _env(job: Job, settings: Mapping[str, Any]) -> gym.Env[Any, Any]:
 def look(job: Job) -> tuple[Any, Scene, Array, float]:
     """Look at a scene; return who plans, what was seen, where the robot starts, and the object's mass, kg."""
     name = "bilevel" if job.planner == "later" else job.planner
-    agent: Any = make_agent(name, settings=PlannerSettings.for_friction(job.told_friction))
+    agent: Any = make_agent(name, settings=PlannerSettings.of(job.told_friction))
     env = _env(job, {**agent.env_settings, **_SEEN[job.seen][1]})
     observation, info = env.reset(seed=job.seed)
     mass = float(env.unwrapped.simulation.object.mass)  # type: ignore[attr-defined]

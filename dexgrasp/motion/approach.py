@@ -72,7 +72,7 @@ def _sampled(
     if blocked is not None:
         raise NoPath("approach_blocked", f"while the fingers open, {blocked}")
     for descent in [*descents[:2], pregrasp[None]]:
-        path = plan_arm(checker, opened, descent[0], seed=1, tries=tries)
+        path = plan_arm(checker, opened, descent[0], tries)
         if path is not None:
             return np.concatenate([start[None], path, descent[1:]])
     raise NoPath("approach_blocked", f"on the straight way {contact}, and no other was found")

@@ -4,11 +4,10 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.motion.carried import let_go
 from dexgrasp.motion.guarded import GuardedGrasp
 from dexgrasp.motion.motion import Played
 from dexgrasp_env.arrays import Array
-
-_SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
 
 
 class WayAside(NamedTuple):
@@ -30,8 +29,6 @@ class SettingAside(Played):
         """
         arm = held.tree.arm
         rows = np.concatenate([held.script.phases["lift"], way.there])
-        rows = np.concatenate([rows, np.repeat(rows[-1:], _SETTLE, axis=0)])
         rows[:, arm:] = held.targets[arm:]
         opened = np.concatenate([rows[-1, :arm], way.away[0, arm:]])
-        opening = rows[-1] + np.arange(1, _OPEN + 1)[:, None] / _OPEN * (opened - rows[-1])
-        super().__init__(np.concatenate([rows, opening, way.away]), held.tree)
+        super().__init__(np.concatenate([rows, let_go(rows[-1], opened), way.away]), held.tree)

@@ -1,17 +1,18 @@
-"""Straight ways of what the hand holds."""
+"""Straight ways of what the hand holds, and letting go of it."""
 
 import numpy as np
 
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp.motion.cartesian import shift_palm
-from dexgrasp.motion.timing import points_at, smooth_step, within_limits
+from dexgrasp.motion.timing import eased, ramp, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import about_z
 
 STILL = 0.001
 """m that count as no way."""
 _SPEED = 0.01  # m a control step, on average
+_SETTLE, _OPEN = 6, 14  # control steps before the hand opens, and of its opening
 
 
 def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple[Array, float]:
@@ -35,8 +36,12 @@ def carried(targets: Array, middle: Array, leg: Array, tree: RobotTree) -> tuple
     path, error = shift_palm(targets, tree, ends - middle + turns @ arm - arm, turns)
     points, count = np.concatenate([targets[None], path]), len(path)
     while True:
-        at = smooth_step(np.arange(1, count + 1) / count) * len(path)
-        timed = points_at(at, np.arange(0.0, len(points)), points)
+        timed = eased(points, count)
         if within_limits(targets, timed, tree):
             return timed, error
         count = int(1.3 * count) + 1
+
+
+def let_go(held: Array, opened: Array) -> Array:
+    """Return set-points (m, n) rad that come to rest at `held` (n,), and open the hand to `opened` (n,)."""
+    return np.concatenate([np.repeat(held[None], _SETTLE, axis=0), ramp(held, opened, _OPEN)])

@@ -78,17 +78,13 @@ class CollisionChecker:
 
         They may come as near as there, but no nearer than the covering spheres can be wrong (8 mm); shapes may touch.
         """
-        values, labels = self.clearances(q)
+        values, labels = clearances(q, self.tree, (self._obstacle, NOTHING), self.margin, False)
         for value, (kind, body, other) in zip(values, labels, strict=True):
             column = other if kind == SELF else len(self._needed) + int(kind != OBJECT)
             near = max(value - _CLOSER, -_OVERESTIMATE)
             self._needed[body, column] = min(self._needed[body, column], near)
         for pair, apart in near_shapes(q[None], self._cell):
             self._needed[pair] = max(apart, 0.0) - _CLOSER
-
-    def clearances(self, q: Array) -> tuple[Array, Index]:
-        """Return clearances (K,) m below the margin and their labels (K, 3): kind, body, other body."""
-        return clearances(q, self.tree, (self._obstacle, NOTHING), self.margin, False)
 
     def free(self, q: Array) -> bool:
         """Whether `q` (n,) rad is free."""

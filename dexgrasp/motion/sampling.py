@@ -12,37 +12,34 @@ TRIES = 3000
 """Growths of the trees; counted, not timed, so that a slow machine finds the same path."""
 _RESOLUTION = 0.002  # of the space's extent: about 0.03 rad between checked states
 _SHORTCUTS = 120
+_SEED = 1
 
 
-def plan_arm(
-    checker: CollisionChecker, start: Array, goal: Array, seed: int, tries: int = TRIES
-) -> Array | None:
+def plan_arm(checker: CollisionChecker, start: Array, goal: Array, tries: int = TRIES) -> Array | None:
     """Find a path of the arm with RRT-Connect, fingers as in `goal`, and shorten it.
 
     Args:
         checker: of the scene.
         start: (n,) rad; its fingers are those of `goal`.
         goal: (n,) rad.
-        seed: above 0.
         tries: growths of the trees.
 
     Returns:
         Waypoints (m, n) rad, or None when the tries are used up.
     """
     hand = goal[checker.tree.arm :]
-    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, hand])), (start, goal), checker, seed, tries)
+    arm = _rrt_connect(lambda q: checker.free(np.concatenate([q, hand])), (start, goal), checker, tries)
     if arm is None:
         return None
     path = np.concatenate([arm, np.repeat(hand[None], len(arm), axis=0)], axis=1)
     # The trees were grown at a coarser resolution than paths are checked with.
-    return shorten(checker, path, seed) if checker.first_contact(path) is None else None
+    return shorten(checker, path) if checker.first_contact(path) is None else None
 
 
 def _rrt_connect(
     free: Callable[[Array], bool],
     between: tuple[Array, Array],
     checker: CollisionChecker,
-    seed: int,
     tries: int,
 ) -> Array | None:
     from ompl import base, geometric, util
@@ -51,7 +48,7 @@ def _rrt_connect(
     # Seeding again is meant, every object that draws numbers is made anew below: no message about it.
     util.setLogLevel(util.LOG_NONE)
     try:
-        util.RNG.setSeed(seed)
+        util.RNG.setSeed(_SEED)
         dof = checker.tree.arm
         space = base.RealVectorStateSpace(dof)
         bounds = base.RealVectorBounds(dof)
@@ -81,9 +78,9 @@ def _rrt_connect(
         util.setLogLevel(level)
 
 
-def shorten(checker: CollisionChecker, path: Array, seed: int) -> Array:
+def shorten(checker: CollisionChecker, path: Array) -> Array:
     """Cut corners of a free polyline (m, n) where the straight line between two of its points is free."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(_SEED)
     for _ in range(_SHORTCUTS):
         if len(path) < 3:
             break

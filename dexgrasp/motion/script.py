@@ -13,7 +13,7 @@ from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker, carried_into
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.sampling import TRIES
-from dexgrasp.motion.timing import SPEED, smooth_step, time_path
+from dexgrasp.motion.timing import SPEED, ramp, smooth_steps, time_path
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
@@ -74,13 +74,12 @@ def _still(q: Array, seconds: float) -> Array:
 def _ramp(a: Array, b: Array, seconds: float, tree: RobotTree) -> Array:
     """Go from `a` to `b` evenly, slower where a joint's velocity limit asks for it."""
     count = max(round(seconds / CONTROL_PERIOD), int(np.ceil((np.abs(b - a) / max_step(tree)).max())))
-    return a + np.arange(1, count + 1)[:, None] / count * (b - a)
+    return ramp(a, b, count)
 
 
 def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     """Raise the palm straight up from the squeeze, (m, n)."""
-    count = round(_LIFT / CONTROL_PERIOD)
-    up = motion.lift_height * smooth_step(np.arange(1, count + 1) / count)
+    up = motion.lift_height * smooth_steps(round(_LIFT / CONTROL_PERIOD))
     path, error = shift_palm(motion.squeeze, tree, up[:, None] * np.array([0.0, 0.0, 1.0]))
     if error > _LIFT_ERROR:
         raise NoPath("lift_out_of_reach", f"the palm strays {1000 * error:.0f} mm from the way up")

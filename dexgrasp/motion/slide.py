@@ -17,7 +17,7 @@ from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
 from dexgrasp.motion.motion import NoPath, Played
-from dexgrasp.motion.timing import points_at, smooth_step, time_path, within_limits
+from dexgrasp.motion.timing import eased, time_path, within_limits
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import quat_to_matrix, yaw_quat
@@ -147,9 +147,7 @@ def _timed(path: Array, tree: RobotTree) -> Array:
     """Return set-points (T, n) rad along points `_SPACING` apart, from rest to rest."""
     seconds = max(_SPACING * (len(path) - 1) / _SPEED, 0.4)
     while True:
-        count = round(seconds / CONTROL_PERIOD)
-        at = smooth_step(np.arange(1, count + 1) / count) * (len(path) - 1)
-        rows = points_at(at, np.arange(0.0, len(path)), path)
+        rows = eased(path, round(seconds / CONTROL_PERIOD))
         if within_limits(path[0], rows, tree):
             return rows
         seconds *= _SLOWER

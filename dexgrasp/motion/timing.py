@@ -111,8 +111,7 @@ def _slow(points: Array, at: Array, tree: RobotTree, speed: float) -> Array:
     duration = max(float((2.0 * span / (speed * tree.velocity)).max()), 4 * CONTROL_PERIOD)
     while True:
         count = int(np.ceil(duration / CONTROL_PERIOD))
-        when = smooth_step(np.arange(1, count + 1) / count) * at[-1]
-        samples = points_at(when, at, points)
+        samples = points_at(smooth_steps(count) * at[-1], at, points)
         if _gentle(points[0], samples, tree, speed):
             return samples
         duration *= 1.2
@@ -123,6 +122,17 @@ def points_at(at: Array, places: Array, path: Array) -> Array:
     return np.stack([np.interp(at, places, column) for column in path.T], axis=1)
 
 
-def smooth_step(t: Array) -> Array:
-    """Rise from 0 to 1 over t in [0, 1] with no velocity or acceleration at the ends."""
+def smooth_steps(count: int) -> Array:
+    """Return `count` shares up to 1 of a way from rest to rest: no velocity or acceleration at its ends."""
+    t = np.arange(1, count + 1) / count
     return t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+
+
+def eased(path: Array, count: int) -> Array:
+    """Return `count` set-points (count, n) from rest at the first point of a path to rest at its last."""
+    return points_at(smooth_steps(count) * (len(path) - 1), np.arange(0.0, len(path)), path)
+
+
+def ramp(a: Array, b: Array, count: int) -> Array:
+    """Return `count` set-points (count, n) that go evenly from `a` (n,) to `b`."""
+    return a + np.arange(1, count + 1)[:, None] / count * (b - a)

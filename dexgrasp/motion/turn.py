@@ -10,7 +10,7 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.timing import smooth_step, within_limits
+from dexgrasp.motion.timing import smooth_steps, within_limits
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -51,8 +51,7 @@ def turn_arm(
     """
     tree = robot_tree(cell)
     count = round(max(_SECONDS * float(np.linalg.norm(vector)), _LEAST_SECONDS) / CONTROL_PERIOD)
-    shares = smooth_step(np.arange(1, count + 1) / count)
-    turns = Rotation.from_rotvec(shares[:, None] * vector).as_matrix()
+    turns = Rotation.from_rotvec(smooth_steps(count)[:, None] * vector).as_matrix()
     low = (turns @ corners.T)[:, 2].min(axis=1)
     arm = palm_frame(start, tree)[1] - centre
     shifts = turns @ arm - arm

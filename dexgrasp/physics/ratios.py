@@ -4,19 +4,10 @@ Our own definitions, as the paper does not give its own: force ratio = |sum f_i|
 |sum (p_i - c) x f_i| / sum |(p_i - c) x f_i|, c the object's centroid; both in percent, 0 for closure.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from dexgrasp.physics.checks import Numbers, check_array
 from dexgrasp_env.arrays import Array
-
-
-class Ratios(NamedTuple):
-    """Unbalanced parts, in percent (0..100)."""
-
-    force: float
-    torque: float
 
 
 def _ratio(vectors: Array) -> float:
@@ -24,9 +15,9 @@ def _ratio(vectors: Array) -> float:
     return float(100.0 * np.sqrt((vectors.sum(0) ** 2).sum()) / total) if total > 0 else 0.0
 
 
-def wrench_ratios(points: Numbers, forces: Numbers, centroid: Numbers) -> Ratios:
+def wrench_ratios(points: Numbers, forces: Numbers, centroid: Numbers) -> tuple[float, float]:
     """Return force and torque ratio [%] of forces (N, 3) at points (N, 3); `centroid` (3,) of the object."""
     points = check_array("points", points, (None, 3))
     forces = check_array("forces", forces, (len(points), 3))
     torques = np.cross(points - check_array("centroid", centroid, (3,)), forces)
-    return Ratios(_ratio(forces), _ratio(torques))
+    return _ratio(forces), _ratio(torques)

@@ -16,12 +16,13 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cache_dir, cached_arrays, content_hash
+from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.robot.robot import Robot
 
 _VERSION = 6
 SAMPLES = 400_000
+_SEED = 0
 _ENOUGH, _ROUNDS = (
     20_000,
     30,
@@ -59,17 +60,20 @@ class HandAtlas:
 
 
 @lru_cache(maxsize=4)
-def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
-    """Return the atlas of a robot's hand, sampled with `seed` and kept in the cache; mount and table do not matter."""
+def hand_atlas(cell: Cell) -> HandAtlas:
+    """Return the atlas of a robot's hand, sampled once and kept in the cache; mount and table do not matter."""
     cell = replace(cell, table_height=0.0).mounted(cell.mounts[0])
     tree = robot_tree(cell)
-    rng, foreign = np.random.default_rng(seed), cell.robot.hand.frame is not None
-    key = _key(cell.robot, tree, seed)
+    rng, foreign = np.random.default_rng(_SEED), cell.robot.hand.frame is not None
+    key = _key(cell.robot, tree)
     if foreign:
         q = cached_arrays(f"postures_{key}.npy", lambda: {"q": _many_kept(rng, cell.robot, tree)})["q"]
     else:
         drawn = _drawn(rng, tree)
-        file = cached_arrays(f"postures_{key}.npy", lambda: _kept(drawn, cell.robot, tree))
+        file = cached_arrays(
+            f"postures_{key}.npy",
+            lambda: {"kept": np.packbits(_opposed(_postures(drawn, cell.robot, tree), tree))},
+        )
         q = _postures(drawn[np.unpackbits(file["kept"], count=SAMPLES) == 1], cell.robot, tree)
     tips, axes, pads = _tip_frames(q, tree)
     # A tree that is not balanced takes half the time, its queries no longer.
@@ -77,7 +81,7 @@ def hand_atlas(cell: Cell, seed: int = 0) -> HandAtlas:
     return HandAtlas(q[:, tree.arm :].copy(), tips, axes, pads, _least_facing(tree), search)
 
 
-def _key(robot: Robot, tree: RobotTree, seed: int) -> str:
+def _key(robot: Robot, tree: RobotTree) -> str:
     """Return a hash of all that the postures of a hand depend on."""
     hand = robot.hand
     places = (
@@ -91,7 +95,7 @@ def _key(robot: Robot, tree: RobotTree, seed: int) -> str:
     )
     shapes = (tree.sphere_centre, tree.sphere_radius, tree.pairs, [finger.aside for finger in hand.fingers])
     foreign = () if hand.frame is None else (hand.stamp, *hand.tendons)
-    return content_hash(_VERSION, SAMPLES, seed, *places, *shapes, *foreign)
+    return content_hash(_VERSION, SAMPLES, _SEED, *places, *shapes, *foreign)
 
 
 def triangle_sides(corners: Array) -> Array:
@@ -118,13 +122,6 @@ def _postures(drawn: Array, robot: Robot, tree: RobotTree) -> Array:
 
 def _drawn(rng: np.random.Generator, tree: RobotTree) -> Array:
     return rng.uniform(-1.0, 1.0, (SAMPLES, len(tree.lower) - tree.arm))
-
-
-def _kept(drawn: Array, robot: Robot, tree: RobotTree) -> Arrays:
-    """Return, as bits, which draws are worth a file."""
-    for old in cache_dir().glob("hand_atlas_*.npy"):  # of 0.2.0: 54 MB each
-        old.unlink(missing_ok=True)
-    return {"kept": np.packbits(_opposed(_postures(drawn, robot, tree), tree))}
 
 
 def _many_kept(rng: np.random.Generator, robot: Robot, tree: RobotTree) -> Array:

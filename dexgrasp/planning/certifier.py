@@ -19,8 +19,9 @@ from dexgrasp.kinematics.forward import (
 from dexgrasp.kinematics.shapes import shapes_apart
 from dexgrasp.kinematics.tip_ik import solve_tips
 from dexgrasp.kinematics.tree import RobotTree
+from dexgrasp.motion.timing import ramp
 from dexgrasp.physics.strength import capacity_of
-from dexgrasp.planning.claims import certificate_of, is_clear, too_near
+from dexgrasp.planning.claims import certificate_of, too_near
 from dexgrasp.planning.holding import UNBALANCED, Hold
 from dexgrasp.planning.postures import Posture
 from dexgrasp.planning.problem import Problem
@@ -116,7 +117,7 @@ def _mendable(missed: Array, q: Array, tree: RobotTree) -> Array:
 def _is_open(pregrasp: Array, q: Array, problem: Problem) -> bool:
     """Whether a hand is clear where it is open, and of neighbours until it has closed to `q` (n,) rad."""
     return (
-        is_clear(pregrasp, problem, OPEN_CLEARANCE)
+        not len(too_near(pregrasp, problem, OPEN_CLEARANCE))
         and shapes_apart(pregrasp, problem.cell)
         and not len(_in_the_way(pregrasp, q, problem))
     )
@@ -126,14 +127,9 @@ def _in_the_way(pregrasp: Array, q: Array, problem: Problem) -> Index:
     """Return the labels (K, 3) of the bodies that neighbours are nearer to than they may be while the hand closes."""
     if problem.target.around is None:
         return np.zeros((0, 3), np.int64)
-    labels = [too_near(between, problem, problem.settings.clearance) for between in _closing(pregrasp, q)]
-    near = np.concatenate(labels)
+    between = ramp(pregrasp, q, _CLOSING)[:-1]
+    near = np.concatenate([too_near(way, problem, problem.settings.clearance) for way in between])
     return near[near[:, 0] == NEIGHBOUR]
-
-
-def _closing(pregrasp: Array, q: Array) -> Array:
-    """Return configurations (k, n) rad on the way from the open hand to the closed one, neither of them among these."""
-    return pregrasp + np.arange(1, _CLOSING)[:, None] / _CLOSING * (q - pregrasp)
 
 
 def pressed(candidate: Candidate[Posture], forces: Array, motion: GraspMotion) -> Grasp:

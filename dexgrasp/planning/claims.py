@@ -43,12 +43,12 @@ def certificate_of(q: Array, forces: Array, touched: tuple[Contacts, Array], pro
     target, tree, settings = problem.target, problem.tree, problem.settings
     contacts, distances = touched
     internal = solve_wrench_qp(contacts.points, contacts.normals, settings.friction)
-    ratios = wrench_ratios(contacts.points, internal.forces, target.centre)
+    force_ratio, torque_ratio = wrench_ratios(contacts.points, internal.forces, target.centre)
     load = load_of(contacts, forces, tree.stiffness)
     return Certificate(
         distances_cm=tuple(float(d) for d in 100.0 * (distances - settings.tip_radius)),
-        force_ratio_percent=ratios.force,
-        torque_ratio_percent=ratios.torque,
+        force_ratio_percent=force_ratio,
+        torque_ratio_percent=torque_ratio,
         closure_residual=float(internal.residual),
         closure_margin=float(
             margins(contacts.points[None], contacts.normals[None], settings.friction, tree.torsion)[0]
@@ -74,13 +74,9 @@ def least_clearance(q: Array, problem: Problem) -> float:
     return float(min(values[labels[:, 0] != NEIGHBOUR], default=FAR))
 
 
-def is_clear(q: Array, problem: Problem, least: float) -> bool:
-    """Whether every clearance is `least`, m, or more, the tips' from the object too; see `too_near`."""
-    return not len(too_near(q, problem, least))
-
-
 def too_near(q: Array, problem: Problem, least: float) -> Index:
-    """Return the labels (K, 3), kind and bodies, of clearances below `least` m; of neighbours, below `BESIDE`.
+    """Return the labels (K, 3), kind and bodies, of clearances below `least` m, the tips' from the object too; of
+    neighbours, below `BESIDE`.
 
     Beside a low object tips may be as near the table as they grasp; fingers that stand close at home may be as close
     to each other as in a grasp.

@@ -98,12 +98,9 @@ def read_decoder(path: Path) -> Decoder:
         layers = {part: layers_of(arrays, name) for part, name in parts.items()}
         return Decoder(settings, **layers, hand=note.get("hand"))
     except (KeyError, TypeError):
-        raise wrong_schema(path) from None
-
-
-def wrong_schema(path: Path) -> InputError:
-    """Return the error for a file that is not one of weights, or one of another version."""
-    return InputError(f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`")
+        raise InputError(
+            f"{path} holds no weights of schema {SCHEMA}: train them with `dexgrasp train cvae`"
+        ) from None
 
 
 def _silu(x: Single) -> Single:

@@ -206,19 +206,23 @@ def _estimates(placed: Placements, joints: Array, tree: RobotTree, burden: _Burd
     return out
 
 
+def posture_at(R: Array, p: Array, proposal: int, proposals: Proposals, problem: Problem) -> Posture | None:
+    """Return what IK finds for a proposal from a palm at `p` (3,) m, turned by `R` (3, 3); None out of reach."""
+    q, height = problem.tree.home.copy(), problem.settings.tip_height
+    if not reach_palm(q, R, p, problem.tree):
+        return None
+    tips = proposals.contacts[proposal] + height * proposals.normals[proposal]
+    return Posture(q, problem, proposal, -float(solve_tips(q, tips, problem.tree, 60, 1e-3)))
+
+
 def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> list[Posture]:
     """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
-    target, tree, settings = problem.target, problem.tree, problem.settings
-    targets = proposals.contacts[proposal] + settings.tip_height * proposals.normals[proposal]
-    top = target.distance.triangles[:, :, 2].max()
-    postures = []
-    for k in range(settings.initial_orientations):
-        yaw = 2.0 * np.pi * k / settings.initial_orientations
-        R = about_z(yaw) @ PALM_DOWN
-        middle = np.array([*targets.mean(0)[:2], top + 0.09])
-        q = tree.home.copy()
-        if not reach_palm(q, R, middle + R @ np.array([0.0, 0.0, 0.03]), tree):
-            continue
-        miss = solve_tips(q, targets, tree, 60, 1e-3)
-        postures.append(Posture(q, problem, proposal, -float(miss)))
+    contacts, normals = proposals.contacts[proposal], proposals.normals[proposal]
+    middle = (contacts + problem.settings.tip_height * normals).mean(0)
+    middle[2] = problem.target.distance.triangles[:, :, 2].max() + 0.09
+    count, postures = problem.settings.initial_orientations, []
+    for k in range(count):
+        R = about_z(2.0 * np.pi * k / count) @ PALM_DOWN
+        if found := posture_at(R, middle + R @ np.array([0.0, 0.0, 0.03]), proposal, proposals, problem):
+            postures.append(found)
     return sorted(postures, key=lambda posture: -posture.score)

@@ -56,23 +56,17 @@ def most_robust(contacts: Array, normals: Array, target: GraspTarget, settings: 
         known = margins_to(contacts[some], normals[some], settings.friction, settings.proposed, _ROUGH, 0.0)
         margin = known - _ROUGH
         score[some] = np.where(margin > 0.0, np.minimum(margin, _ENOUGH) - risk[some], -np.inf)
-        chosen = best_apart(contacts, score, settings.triples)
+        best = np.argsort(-score, kind="stable")[: int(np.isfinite(score).sum())]
+        chosen = _best_apart(contacts, best, settings.triples)
         rest = order[first + _AT_ONCE : first + _AT_ONCE + 1]
         if len(chosen) == settings.triples and len(rest) and score[chosen[-1]] >= _ENOUGH - risk[rest[0]]:
             break
     return chosen
 
 
-def best_apart(contacts: Array, score: Array, count: int) -> Index:
-    """Return the best of triples (K, N, 3) with contacts anywhere, without those nearly the same as a better one.
-
-    A score of minus infinity is that of a triple which may not be chosen.
-    """
-    return _best_apart(contacts, np.argsort(-score, kind="stable")[: int(np.isfinite(score).sum())], count)
-
-
 @njit
 def _best_apart(contacts: Array, order: Index, count: int) -> Index:
+    """Return the first of triples (K, N, 3) in an order, without those nearly the same as one before."""
     chosen, n = np.empty(count, np.int64), 0
     for k in order:
         near = False
@@ -97,7 +91,7 @@ def _best_apart(contacts: Array, order: Index, count: int) -> Index:
 def best_shared(triples: NDArray[np.integer[Any]], score: Array, count: int) -> Index:
     """Return the best of triples or pairs (K, N) of sampled points, but no point more often than its share.
 
-    Points lie farther apart than `best_apart` looks: without shares one good point would be in most triples.
+    Points lie farther apart than `most_robust` looks: without shares one good point would be in most triples.
     """
     used = np.zeros(int(triples.max()) + 1, dtype=int)
     limit = max(4, 6 * count // len(used))

@@ -1,6 +1,7 @@
 """Settings of the planner, with where each number comes from."""
 
 from dataclasses import dataclass, replace
+from math import inf
 
 from dexgrasp.grasp.thresholds import FROZEN, Thresholds, frozen_for, planned_friction
 from dexgrasp.physics.contacts import Shape, shape_of
@@ -71,16 +72,10 @@ class PlannerSettings(Thresholds):
     widest: float = 1.0
 
     @classmethod
-    def for_friction(cls, mu: float) -> "PlannerSettings":
-        """Return settings that keep the usual reserve on surfaces of coefficient `mu`; see `planned_friction`."""
-        friction, friction_hold = planned_friction(mu)
-        return cls(friction=friction, friction_hold=friction_hold)
-
-    @classmethod
-    def of(cls, friction: float | None, at_least: float | None) -> "PlannerSettings":
-        """Return settings for surfaces of a friction, and a probability, where they are given."""
-        settings = cls() if friction is None else cls.for_friction(friction)
-        return replace(settings, at_least=at_least or 0.0)
+    def of(cls, mu: float | None = None, at_least: float | None = None) -> "PlannerSettings":
+        """Return settings for surfaces of friction `mu`, with the usual reserve, and a probability, where given."""
+        friction, hold = planned_friction(inf if mu is None else mu)
+        return cls(friction=friction, friction_hold=hold, at_least=at_least or 0.0)
 
     def for_hand(self, hand: Hand) -> "PlannerSettings":
         """Return settings for the tips of a hand."""

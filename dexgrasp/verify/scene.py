@@ -181,18 +181,18 @@ class Scene:
             found.append(self._least(pairs))
         return found[0], min(found)
 
-    def first_contact(self, path: Array, with_object: bool = True) -> tuple[int, float]:
-        """Return the first row of a path (T, n) in which anything touches, or -1, and the deepest penetration, m."""
-        for row, q in enumerate(path):
+    def first_contact(self, path: Array, with_object: bool = True) -> float:
+        """Return the deepest penetration, m, in the first row of a path (T, n) in which anything touches; else 0."""
+        for q in path:
             self.data.qpos[:] = q
             mujoco.mj_kinematics(self.model, self.data)
             mujoco.mj_collision(self.model, self.data)
             depths = [
                 -float(c.dist) for c in self.data.contact if self._is_collision(set(c.geom), with_object)
             ]
-            if max(depths, default=0.0) > 0.0:
-                return row, max(depths)
-        return -1, 0.0
+            if (depth := max(depths, default=0.0)) > 0.0:
+                return depth
+        return 0.0
 
     def _is_collision(self, pair: set[int], with_object: bool) -> bool:
         """Object, neighbours and table belong together, and so do the table and what stands on its plinth."""

@@ -81,12 +81,12 @@ def approach_checks(case: Case) -> list[Check]:
     if phase is None:
         return [Check("approach given", 1.0, "in the file", False)]
     rows = phase.setpoints
-    found, (row, depth) = bend(rows), case.scene.first_contact(densify(rows, _DENSE))
+    found, depth = bend(rows), case.scene.first_contact(densify(rows, _DENSE))
     return [
         *_phase_checks(phase, case.robot),
         same("approach starts at home", np.abs(rows[0] - case.robot.home).max(), SETPOINT, "rad"),
         same("approach ends at the pregrasp", np.abs(rows[-1] - case.record.pregrasp).max(), ROUNDING),
-        at_most("approach: collision", depth if row >= 0 else 0.0, 0.0, "m"),
+        at_most("approach: collision", depth, 0.0, "m"),
         at_most("approach: bend", found, BEND, "rad"),
         same("approach: bend", abs(found - phase.measure), _SAME_BEND, "rad"),
     ]  # fmt: skip
@@ -102,7 +102,7 @@ def lift_checks(case: Case) -> list[Check]:
     positions = np.array([p for p, _ in palms])
     strayed = stray(positions, np.array([R for _, R in palms]))
     rise = positions[:, 2] - positions[0, 2]
-    row, depth = case.scene.first_contact(densify(rows, _DENSE), with_object=False)
+    depth = case.scene.first_contact(densify(rows, _DENSE), with_object=False)
     return [
         *_phase_checks(phase, case.robot),
         same("lift starts at the squeeze", np.abs(rows[0] - case.record.squeeze).max(), ROUNDING),
@@ -112,7 +112,7 @@ def lift_checks(case: Case) -> list[Check]:
         at_most("lift: stray", strayed, STRAY, "m"),
         same("lift: stray", abs(strayed - phase.measure), _SAME_STRAY, "m"),
         at_most("lift: jerk", jerkiness(rows), JERK, "rad"),
-        at_most("lift: collision", depth if row >= 0 else 0.0, 0.0, "m"),
+        at_most("lift: collision", depth, 0.0, "m"),
         *_carried_checks(case, rows),
     ]  # fmt: skip
 
