@@ -10,6 +10,7 @@ from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.carried import STILL, carried, let_go
+from dexgrasp.motion.motion import arm_and_hand
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
@@ -94,7 +95,6 @@ class PlacingAgent(Agent):
             targets = path[-1]
             middle = middle + leg
         if lays:
-            opened, hand = targets.copy(), self._cell.robot.hand_columns
-            opened[hand] = self._low[hand]
+            opened = arm_and_hand(targets, self._low, self._tree)
             yield from let_go(targets, opened)
             yield from carried(opened, middle, np.array([0.0, 0.0, _AWAY]), self._tree)[0]

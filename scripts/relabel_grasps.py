@@ -13,6 +13,7 @@ from collections import Counter
 from dataclasses import replace
 from typing import Annotated, Any
 
+import numpy as np
 from tqdm import tqdm
 
 from dexgrasp.cli.command import Argument, File, Script
@@ -43,7 +44,7 @@ def named(record: GraspRecord, model: ObjectModel, source: str, T_world_object: 
 def _hull(record: GraspRecord) -> Any:
     import trimesh
 
-    return trimesh.Trimesh(record.hull, process=False).convex_hull
+    return trimesh.Trimesh(np.concatenate(record.parts), process=False).convex_hull
 
 
 def standing(record: GraspRecord, model: ObjectModel) -> Array:

@@ -7,7 +7,7 @@ import numpy as np
 
 from dexgrasp.export.read import Recording, Rows, Segment
 from dexgrasp.grasp.path import limit_shares
-from dexgrasp.verify.check import Check, at_least, at_most
+from dexgrasp.verify.check import Check, at_least, at_most, flag
 from dexgrasp.verify.scene import Scene
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
@@ -53,7 +53,7 @@ def check_trajectory(recording: Recording, cell: Cell) -> list[Check]:
     cell, planned = cell.mounted(facts.mount), facts.cell
     apart = abs(arm.times[-1] - hand.times[-1])
     return [
-        Check("cell: of another one", float(cell.stamp != planned), f"this is {cell.stamp}", cell.stamp == planned),
+        flag("cell: of another one", cell.stamp == planned, f"this is {cell.stamp}"),
         *_timing("arm", arm), *_timing("hand", hand),
         at_most("arm and hand end together, apart by (s)", apart, _PERIODS["hand"], "", _TIME),
         _order(list(facts.segments.values()), float(arm.times[-1])),

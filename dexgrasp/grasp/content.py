@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.grasp.conventions import conventions
-from dexgrasp.grasp.grasp import Grasp
+from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.path import bend, stray
 from dexgrasp.grasp.probability import probability_of
@@ -85,9 +85,7 @@ def planned_record(
         squeeze=motion.squeeze,
         contacts=tuple(Contact(name, p, n, f, float(turn)) for name, p, n, f, turn in contacts),
         neighbours=tuple(Neighbour(None, np.eye(4), parts) for parts in target.neighbours),
-        script=None
-        if script is None
-        else Script(motion.lift_height, (_approach(script), _lift(script, grasp))),
+        script=None if script is None else Script(RAISED, (_approach(script), _lift(script, grasp))),
         certificate=grasp.certificate,
         holds_probability=None,
     )

@@ -224,17 +224,6 @@ class GraspRecord:
         """Corners (V, 3) m of the convex parts of all neighbours, world frame."""
         return [part @ n.pose[:3, :3].T + n.pose[:3, 3] for n in self.neighbours for part in n.parts]
 
-    @property
-    def hull(self) -> Array:
-        """(V, 3) m, vertices whose convex hull is that of all parts."""
-        return np.concatenate(self.parts)
-
-    def phase(self, name: str) -> Phase | None:
-        """Return a phase of the script by its name, None where there is no script."""
-        return (
-            next((phase for phase in self.script.phases if phase.name == name), None) if self.script else None
-        )
-
     def check_cell(self) -> Cell:
         """Return the cell that it is carried out in.
 

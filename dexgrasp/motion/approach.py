@@ -7,7 +7,7 @@ import numpy as np
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.motion import NoPath
+from dexgrasp.motion.motion import NoPath, arm_and_hand
 from dexgrasp.motion.sampling import TRIES, plan_arm
 from dexgrasp_env.arrays import Array
 
@@ -66,7 +66,7 @@ def _sampled(
     tries: int,
     contact: str,
 ) -> Array:
-    opened = np.concatenate([start[: checker.tree.arm], pregrasp[checker.tree.arm :]])
+    opened = arm_and_hand(start, pregrasp, checker.tree)
     checker.allow(opened)
     blocked = checker.first_contact(np.stack([start, opened]))
     if blocked is not None:

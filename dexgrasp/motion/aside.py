@@ -6,7 +6,7 @@ import numpy as np
 
 from dexgrasp.motion.carried import let_go
 from dexgrasp.motion.guarded import GuardedGrasp
-from dexgrasp.motion.motion import Played
+from dexgrasp.motion.motion import Played, arm_and_hand
 from dexgrasp_env.arrays import Array
 
 
@@ -30,5 +30,5 @@ class SettingAside(Played):
         arm = held.tree.arm
         rows = np.concatenate([held.script.phases["lift"], way.there])
         rows[:, arm:] = held.targets[arm:]
-        opened = np.concatenate([rows[-1, :arm], way.away[0, arm:]])
+        opened = arm_and_hand(rows[-1], way.away[0], held.tree)
         super().__init__(np.concatenate([rows, let_go(rows[-1], opened), way.away]), held.tree)

@@ -11,7 +11,7 @@ from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.forward import follow
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.guarded import GuardedGrasp, finger_of_joints, lag_of, pressing_torques, tip_spans
-from dexgrasp.motion.motion import Motion
+from dexgrasp.motion.motion import Motion, arm_and_hand
 from dexgrasp.motion.turn import Turn
 from dexgrasp_env.arrays import Array
 
@@ -59,20 +59,19 @@ class GuardedCarry(Motion):
         step, self._step = self._step, self._step + 1
         if self._turn is not None and step >= self._hold_start:
             return self._turning(q, self._turn, step - self._hold_start)
-        arm = self.tree.arm
-        return np.concatenate([self._held.script.at(step)[:arm], self._pressed[arm:]])
+        return arm_and_hand(self._held.script.at(step), self._pressed, self.tree)
 
     def _turning(self, q: Array, turn: Turn, step: int) -> Array:
         """Set-points from the start of the turn on: evenly from what the fingers press with to what they should."""
         if step == 0:
-            turned = np.concatenate([turn.arm[-1], q[self.tree.arm :]])
+            turned = arm_and_hand(turn.arm[-1], q, self.tree)
             change = self._wanted(turned, 1.0) - self._wanted(q, 0.0)
             after = self._pressed + lag_of(change, self.tree)
             self._before, self._after = self._pressed, np.clip(after, self.tree.lower, self.tree.upper)
             follow(self._after, self.tree)
         self._turned = min(1.0, (step + 1) / len(turn.arm))
         self._pressed = self._before + self._turned * (self._after - self._before)
-        return np.concatenate([turn.arm[min(step, len(turn.arm) - 1)], self._pressed[self.tree.arm :]])
+        return arm_and_hand(turn.arm[min(step, len(turn.arm) - 1)], self._pressed, self.tree)
 
     def _wanted(self, q: Array, share: float) -> Array:
         """Torques (n,) Nm that press when a share of the turn is done; normals and forces turn with the hand."""

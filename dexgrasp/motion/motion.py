@@ -48,6 +48,11 @@ class Played(Motion):
         return np.asarray(self._rows[min(self._step, len(self._rows)) - 1])
 
 
+def arm_and_hand(arm: Array, hand: Array, tree: RobotTree) -> Array:
+    """Return the configuration (n,) rad with the arm as in one, which may lack the hand, and the hand as in another."""
+    return np.concatenate([arm[: tree.arm], hand[tree.arm :]])
+
+
 class NoPath(Exception):  # noqa: N818  (it is an outcome, not a defect)
     """A grasp that cannot be carried out.
 

@@ -6,7 +6,7 @@ from dexgrasp.geometry.convex import ConvexDistance
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.motion import Played
+from dexgrasp.motion.motion import Played, arm_and_hand
 from dexgrasp.motion.timing import time_path
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell
@@ -34,7 +34,7 @@ class Retreat(Played):
         checker, home = CollisionChecker(cell, around, _MARGIN), cell.robot.home
         tree = robot_tree(cell)
         start = np.clip(start, tree.lower, tree.upper)
-        opened = np.concatenate([start[: tree.arm], home[tree.arm :]])
+        opened = arm_and_hand(start, home, tree)
         # Unchecked: pressing fingers are set inside one another.
         opening = time_path(np.stack([start, opened]), tree, speed=_SPEED)
         way = time_path(plan_approach(checker, opened, home), tree, checker, _SPEED)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from dexgrasp.geometry.convex import ConvexDistance
-from dexgrasp.grasp.grasp import GraspMotion
+from dexgrasp.grasp.grasp import RAISED, GraspMotion
 from dexgrasp.grasp.path import bend, jerkiness
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -79,13 +79,13 @@ def _ramp(a: Array, b: Array, seconds: float, tree: RobotTree) -> Array:
 
 def _lift(tree: RobotTree, motion: GraspMotion) -> Array:
     """Raise the palm straight up from the squeeze, (m, n)."""
-    up = motion.lift_height * smooth_steps(round(_LIFT / CONTROL_PERIOD))
+    up = RAISED * smooth_steps(round(_LIFT / CONTROL_PERIOD))
     path, error = shift_palm(motion.squeeze, tree, up[:, None] * np.array([0.0, 0.0, 1.0]))
     if error > _LIFT_ERROR:
         raise NoPath("lift_out_of_reach", f"the palm strays {1000 * error:.0f} mm from the way up")
     rise = palm_frame(path[-1], tree)[1][2] - palm_frame(motion.squeeze, tree)[1][2]
-    if abs(rise - motion.lift_height) > _LIFT_SHORT:
-        raise NoPath("lift_out_of_reach", f"the lift ends {1000 * (motion.lift_height - rise):.1f} mm short")
+    if abs(rise - RAISED) > _LIFT_SHORT:
+        raise NoPath("lift_out_of_reach", f"the lift ends {1000 * (RAISED - rise):.1f} mm short")
     fast = (np.abs(np.diff(path, axis=0, prepend=motion.squeeze[None])) / max_step(tree)).max()
     if fast > 1.0:
         raise NoPath("lift_out_of_reach", f"a joint would move at {fast:.1f} times its limit")

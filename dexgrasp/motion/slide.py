@@ -16,7 +16,7 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.approach import plan_approach
 from dexgrasp.motion.cartesian import shift_palm
 from dexgrasp.motion.collision import CollisionChecker
-from dexgrasp.motion.motion import NoPath, Played
+from dexgrasp.motion.motion import NoPath, Played, arm_and_hand
 from dexgrasp.motion.timing import eased, time_path, within_limits
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Array
@@ -113,7 +113,7 @@ def _pushing(tree: RobotTree) -> Array:
     for first, end in tree.fingers[1:]:
         q[first:end] = _FINGER
     inside = np.clip(q, tree.lower + 0.01, tree.upper - 0.01)
-    return np.concatenate([tree.home[: tree.arm], inside[tree.arm :]])
+    return arm_and_hand(tree.home, inside, tree)
 
 
 def _way(push: Push, cell: Cell, tilt: float) -> Array | None:

@@ -7,12 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import GraspMotion
+from dexgrasp.grasp.grasp import RAISED
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.motion.aside import WayAside
 from dexgrasp.motion.carried import carried
 from dexgrasp.motion.collision import CollisionChecker, carried_into, raised_into
+from dexgrasp.motion.motion import arm_and_hand
 from dexgrasp.planning.claims import overlap
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.problem import Problem
@@ -83,7 +84,7 @@ def _most_in_the_way(
             (_depth(found.script, beside, planner) for found in alone.found if found.script), default=0.0
         )
         off = np.linalg.norm(one.points[:, :2] - target.centre[:2], axis=1).min() - one.points[:, 2].max()
-        ranks.append((-max(deep, raised_into(beside, GraspMotion.lift_height)), float(off), k))
+        ranks.append((-max(deep, raised_into(beside, RAISED)), float(off), k))
     return [k for _, _, k in sorted(ranks)]
 
 
@@ -112,7 +113,7 @@ def _way_aside(script: ActionScript, problem: Problem, kept: Array) -> WayAside 
             continue
         if carried_into(target, rows, tree, script.phases["squeeze"][-1]) > 0.0:
             continue
-        free = np.concatenate([now[: tree.arm], opened[tree.arm :]])
+        free = arm_and_hand(now, opened, tree)
         return WayAside(rows[1:], carried(free, at, np.array([0.0, 0.0, _LEFT]), tree)[0])
     return None
 

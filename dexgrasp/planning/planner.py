@@ -6,7 +6,7 @@ from itertools import islice, product
 
 import numpy as np
 
-from dexgrasp.grasp.grasp import Grasp, GraspMotion
+from dexgrasp.grasp.grasp import RAISED, Grasp
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.collision import raised_into
 from dexgrasp.motion.motion import NoPath
@@ -104,7 +104,7 @@ class Planner:
         result, breadths = search.result, self.settings.breadths
         crowded = target.around is not None
         # What does not get past its neighbours straight up is lifted by no grasp.
-        if start is not None and raised_into(target, GraspMotion.lift_height) > 0.0:
+        if start is not None and raised_into(target, RAISED) > 0.0:
             search.log.block(LIFT_BLOCKED)
             result.shortfall = LIFT_BLOCKED
             return result

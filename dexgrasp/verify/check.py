@@ -39,6 +39,11 @@ def same(name: str, off: SupportsFloat, tolerance: float, unit: str = "") -> Che
     return at_most(f"{name} as stated", off, tolerance, unit)
 
 
+def flag(name: str, holds: bool, bound: str = "as documented") -> Check:
+    """Check that something holds which has no number."""
+    return Check(name, float(not holds), bound, holds)
+
+
 def claim(
     case: "Case",
     key: str,

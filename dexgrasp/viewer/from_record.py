@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dexgrasp.grasp.record import APPROACH, LIFT, GraspRecord
+from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.viewer.film import Film, carried
 from dexgrasp_env.arrays import Array
 
@@ -20,13 +20,18 @@ def film_of(record: GraspRecord, cloud: Array | None = None) -> Film:
         InputError: for a grasp of another cell, or one whose object is not here.
     """
     cell, pose = record.check_cell(), record.T_world_object
-    approach, lift = record.phase(APPROACH), record.phase(LIFT)
+    script = record.script
+    ways = (
+        [phase.setpoints for phase in script.phases]
+        if script
+        else [record.pregrasp[None], record.squeeze[None]]
+    )
     before = [
-        record.pregrasp[None] if approach is None else approach.setpoints,
+        ways[0],
         np.linspace(record.pregrasp, record.grasp, _CLOSING),
         np.linspace(record.grasp, record.squeeze, _CLOSING),
     ]
-    states = np.concatenate([*before, record.squeeze[None] if lift is None else lift.setpoints])
+    states = np.concatenate([*before, ways[1]])
     poses = carried(states, sum(map(len, before)), np.eye(4) if pose is None else pose, cell)
     model = None if pose is None else record.object.load()
     return Film(record, states, poses, model, cloud)

@@ -7,7 +7,7 @@ from dexgrasp.grasp.conventions import conventions
 from dexgrasp.grasp.probability import probability_of
 from dexgrasp.grasp.thresholds import FRICTION_SHARE, HOLD_SHARE, Thresholds, frozen_for
 from dexgrasp.verify.case import Case
-from dexgrasp.verify.check import ROUNDING, Check
+from dexgrasp.verify.check import ROUNDING, Check, flag
 
 _AGENT = re.compile(r"[A-Za-z]\w*|[\w.]+:\w+|.+\.zip")
 """A registered name, `package.module:Class`, or a checkpoint's path."""
@@ -18,10 +18,10 @@ def convention_checks(case: Case) -> list[Check]:
     """Check the stated conventions, the thresholds, who planned, and that nothing is stated that is not looked at."""
     record, here = case.record, conventions(case.cell)
     return [
-        *(_flag(name, getattr(record, name) == stated) for name, stated in here.items()),
+        *(flag(name, getattr(record, name) == stated) for name, stated in here.items()),
         *threshold_checks(case),
         *_exact_thresholds(case.limits, frozen_for(case.robot.hand)),
-        _flag("agent", _AGENT.fullmatch(record.agent) is not None),
+        flag("agent", _AGENT.fullmatch(record.agent) is not None),
         _probability(case),
     ]
 
@@ -30,7 +30,7 @@ def _probability(case: Case) -> Check:
     """Nothing, or what the shipped model says of this file: that is all that anybody can hold it to."""
     stated = case.record.holds_probability
     said = None if stated is None else probability_of(case.record, stated.guessed)
-    return _flag("holds_probability as the model says", stated is None or stated == said)
+    return flag("holds_probability as the model says", stated is None or stated == said)
 
 
 def threshold_checks(case: Case) -> list[Check]:
@@ -46,9 +46,5 @@ def _exact_thresholds(stated: Thresholds, frozen: Thresholds) -> list[Check]:
     of_one = abs(stated.friction / FRICTION_SHARE - stated.friction_hold / HOLD_SHARE) < ROUNDING
     return [
         Check("thresholds as frozen", float(len(others)), ", ".join(others) or "none others", not others),
-        _flag("friction and friction_hold of one surface", of_one),
+        flag("friction and friction_hold of one surface", of_one),
     ]
-
-
-def _flag(name: str, good: bool) -> Check:
-    return Check(name, float(not good), "as documented", good)

@@ -17,7 +17,7 @@ from dexgrasp.grasp.thresholds import (
     TOLD_MASS,
 )
 from dexgrasp.verify.case import Case
-from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, same
+from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, flag, same
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.objects.model import ObjectModel
@@ -53,13 +53,12 @@ def _object_checks(case: Case) -> list[Check]:
     try:
         model = stated.load()
     except InputError as error:
-        return [Check("object is here", 1.0, str(error), False)]
+        return [flag("object is here", False, str(error))]
     if model is None:
         return []
-    same_surface, same_name = surface_hash(model) == stated.content_hash, model.name == stated.name
     return [
-        Check("object content_hash", float(not same_surface), "as stated", same_surface),
-        Check("object name", float(not same_name), model.name, same_name),
+        flag("object content_hash", surface_hash(model) == stated.content_hash, "as stated"),
+        flag("object name", model.name == stated.name, model.name),
         *_told_checks(case, model),
         *_pose_checks(case, model),
     ]
@@ -81,7 +80,7 @@ def _pose_checks(case: Case, model: ObjectModel) -> list[Check]:
     """The pose is rigid, puts the object on the table, and puts it where hull and contacts are."""
     T, offset = case.record.T_world_object, case.record.hull_offset
     if T is None or offset is None:
-        return [Check("T_world_object given", 1.0, "where a source is", False)]
+        return [flag("T_world_object given", False, "where a source is")]
     rotation = T[:3, :3]
     rigid = np.abs(rotation @ rotation.T - np.eye(3)).max() + np.abs(T[3] - [0, 0, 0, 1]).max()
     mesh, hull = model.mesh.copy(), case.scene.hull

@@ -3,9 +3,9 @@
 import numpy as np
 
 from dexgrasp.grasp.path import bend, densify, jerkiness, limit_shares, stray
-from dexgrasp.grasp.record import APPROACH, LIFT, Phase
+from dexgrasp.grasp.record import Phase
 from dexgrasp.verify.case import Case
-from dexgrasp.verify.check import ROUNDING, Check, at_least, at_most, same
+from dexgrasp.verify.check import ROUNDING, Check, at_least, at_most, flag, same
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -77,9 +77,9 @@ def _press_error(case: Case) -> float:
 
 def approach_checks(case: Case) -> list[Check]:
     """Check the way from home to the pregrasp."""
-    phase = case.record.phase(APPROACH)
-    if phase is None:
-        return [Check("approach given", 1.0, "in the file", False)]
+    if case.record.script is None:
+        return [flag("approach given", False, "in the file")]
+    phase, _ = case.record.script.phases
     rows = phase.setpoints
     found, depth = bend(rows), case.scene.first_contact(densify(rows, _DENSE))
     return [
@@ -94,9 +94,10 @@ def approach_checks(case: Case) -> list[Check]:
 
 def lift_checks(case: Case) -> list[Check]:
     """Check the way straight up from the squeeze."""
-    phase, script = case.record.phase(LIFT), case.record.script
-    if phase is None or script is None:
-        return [Check("lift given", 1.0, "in the file", False)]
+    script = case.record.script
+    if script is None:
+        return [flag("lift given", False, "in the file")]
+    _, phase = script.phases
     rows, fingers = phase.setpoints, slice(case.robot.arm_dof, None)
     palms = [case.scene.palm(q) for q in rows]
     positions = np.array([p for p, _ in palms])
