@@ -96,7 +96,7 @@ def read_trajectory(path: Path, cell: Cell) -> Recording:
     if path.suffix.lower() == ".json":
         content = read_json_object(path, "export it again")
         arm, hand = (_part(content.get(key), key, names[key], path) for key in names)
-        return Recording(arm, hand, _facts(content, path))
+        return Recording(arm, hand, read(Facts, content, f"{path}:", more=True))
     folder = path if path.is_dir() else path.parent
     files = [folder / f"{key}.csv" for key in names]
     if not all(file.is_file() for file in files):
@@ -105,13 +105,9 @@ def read_trajectory(path: Path, cell: Cell) -> Recording:
         )
     about = folder / "segments.json"
     missing = f"{about} is missing, which says where the object is and when what happens: export it again"
-    facts = _facts(read_json_object(about, "export it again", missing), about)
+    facts = read(Facts, read_json_object(about, "export it again", missing), f"{about}:", more=True)
     arm, hand = (_read_csv(file, names[file.stem]) for file in files)
     return Recording(arm, hand, facts)
-
-
-def _facts(content: dict[str, Any], path: Path) -> Facts:
-    return read(Facts, content, f"{path}:", more=True)
 
 
 def _part(part: Any, key: str, names: Names, path: Path) -> Rows:

@@ -57,7 +57,7 @@ def timed(path: Array, limits: Limits, tick: float, multiple: int = 1) -> Array:
         used = np.array(limit_shares(np.concatenate([points[:1], rows]), tick, *limits))
         excess = (used**_SLOWER).max() / USED
         if excess <= 1.0:
-            return _padded(rows, multiple)
+            return np.concatenate([rows, np.repeat(rows[-1:], -len(rows) % multiple, axis=0)])
         slow *= 1.02 * excess
     raise InputError("the path cannot be timed within the limits of the joints: it bends too sharply")
 
@@ -95,8 +95,3 @@ def _law(length: float, slow: float, tick: float) -> Array:
         raise InputError("no jerk-limited law for this path")
     times = tick * np.arange(1, int(np.ceil(trajectory.duration / tick)) + 1)
     return np.array([min(trajectory.at_time(min(t, trajectory.duration))[0][0], length) for t in times])
-
-
-def _padded(rows: Array, multiple: int) -> Array:
-    missing = -len(rows) % multiple
-    return np.concatenate([rows, np.repeat(rows[-1:], missing, axis=0)])

@@ -7,6 +7,7 @@ import numpy as np
 from dexgrasp.grasp.values import Positive, Vector, Word
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
+from dexgrasp_env.objects.load import has_own_size, load_object
 from dexgrasp_env.objects.model import ObjectModel
 
 
@@ -32,8 +33,8 @@ class ObjectIdentity:
 
     @classmethod
     def of(cls, model: ObjectModel, source: str, scale: float = 1.0) -> "ObjectIdentity":
-        """Identify an object that was loaded from `source` at `scale`."""
-        return cls(model.name, source, scale, surface_hash(model))
+        """Identify an object that was loaded from `source`, a bare mesh file at `scale`."""
+        return cls(model.name, source, 1.0 if has_own_size(source) else scale, surface_hash(model))
 
     def load(self) -> ObjectModel | None:
         """Return the object, or None where there is no source.
@@ -41,8 +42,6 @@ class ObjectIdentity:
         Raises:
             InputError: if the source is not here.
         """
-        from dexgrasp_env.objects.load import has_own_size, load_object
-
         if self.source is None:
             return None
         try:

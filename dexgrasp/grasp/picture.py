@@ -34,11 +34,9 @@ def grasp_picture(path: Path, grasp: Grasp, target: GraspTarget, title: str = ""
     figure = _figure(15, 5.0)
     hand = _hand_triangles(grasp.cell, grasp.q)
     box = _box(target.distance.triangles, float(hand[..., 2].max()))
-    for k, (elevation, azimuth) in enumerate(_VIEWS):
-        axes: Any = figure.add_subplot(1, 3, k + 1, projection="3d", computed_zorder=False)
+    for k, view in enumerate(_VIEWS):
+        axes = _add_axes(figure, (1, len(_VIEWS), k + 1), box, view)
         _draw(axes, grasp, target, hand, box)
-        _set_axes(axes, box, from_above=elevation == 90)
-        axes.view_init(elevation, azimuth)
     figure.legend(*axes.get_legend_handles_labels(), loc="upper left", frameon=False, fontsize=10)
     figure.suptitle(title)
     figure.text(0.5, 0.02, _caption(grasp), ha="center", fontsize=11)
@@ -60,15 +58,13 @@ def hand_picture(
     figure = _figure(4 * (len(postures) + len(grasps)), 4.4)
     shown = postures | {name: grasp.q for name, (grasp, _) in grasps.items()}
     for k, (name, q) in enumerate(shown.items()):
-        axes: Any = figure.add_subplot(1, len(shown), k + 1, projection="3d", computed_zorder=False)
         hand = _hand_triangles(cell, q)
         box = _box(hand, float(hand[..., 2].max()))
+        axes = _add_axes(figure, (1, len(shown), k + 1), box, _VIEWS[0])
         if name in grasps:
             _draw(axes, *grasps[name], hand, box)
         else:
             _add_solid(axes, hand, (*_HAND[:3], 0.5), (0.2, 0.2, 0.2, 0.2))
-        _set_axes(axes, box, from_above=False)
-        axes.view_init(*_VIEWS[0])
         axes.set_title(name)
     figure.subplots_adjust(left=0.02, right=0.97, bottom=0.05, top=0.92, wspace=0.1)
     return save(figure, path)
@@ -127,9 +123,11 @@ def _box(triangles: Array, top: float) -> Array:
     return np.stack([low, high])
 
 
-def _set_axes(axes: Any, box: Array, from_above: bool) -> None:
+def _add_axes(figure: Any, place: tuple[int, int, int], box: Array, view: tuple[int, int]) -> Any:
     from matplotlib.ticker import FuncFormatter, MaxNLocator
 
+    axes, from_above = figure.add_subplot(*place, projection="3d", computed_zorder=False), view[0] == 90
+    axes.view_init(*view)
     for name, limits in zip("xyz", box.T, strict=True):
         axes.set(**{f"{name}lim": limits, f"{name}label": f"{name} / cm"})
         axis = getattr(axes, f"{name}axis")
@@ -140,6 +138,7 @@ def _set_axes(axes: Any, box: Array, from_above: bool) -> None:
     if from_above:
         axes.set_proj_type("ortho")
         axes.set(zticks=[], zlabel="")
+    return axes
 
 
 def _arrow(axes: Any, a: Array, b: Array, colour: str, width: float, label: str) -> None:

@@ -49,7 +49,7 @@ class CvaeProposals(ProposalSource):
 
     def propose(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> Proposals:
         """Return up to `settings.triples` proposals; the same for the same generator."""
-        if target.distance.triangles[..., 2].max() <= CROPPED:
+        if target.top <= CROPPED:
             return Proposals.none(_NO_SURFACE)
         tips, palms = decode(_decoder(self._path), target, self._latents, rng)
         contacts, normals, usable = on_surface(tips, target, settings)

@@ -14,7 +14,7 @@ from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.shape.parts import parts_within
 from dexgrasp.shape.target import GraspTarget
-from dexgrasp_env.objects.load import has_own_size, load_target
+from dexgrasp_env.objects.load import load_target
 
 MASS = 0.1  # kg that the object is taken for, as DexGraspBench weighs it
 _MIDDLE = np.array([0.5, 0.0, 0.45])  # m, where an arm gets a hand to most sides of an object
@@ -57,5 +57,4 @@ def plan_floating(
         else plan_many(planner, target, count, seed, None, progress)
     )
     found.planning_seconds = time.perf_counter() - began
-    identity = ObjectIdentity.of(model, source, 1.0 if has_own_size(source) else scale)
-    return Subject(identity, ObjectPose(model.solid, T)), found
+    return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, T)), found

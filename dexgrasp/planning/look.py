@@ -8,7 +8,6 @@ import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agent import Agent, Observation, public_info
 from dexgrasp.grasp.content import ObjectPose
 from dexgrasp.grasp.identity import ObjectIdentity
-from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.poses import pose_matrix
 
 
@@ -51,5 +50,5 @@ def subject_of(env: gym.Env[Any, Any]) -> Subject:
     lift: Any = env.unwrapped
     model, source, pose = lift.simulation.object, lift.target, lift.simulation.object_pose()
     pose = pose_matrix(pose[:3], pose[3:])
-    scale = 1.0 if has_own_size(source) else lift.settings.mesh_scale
-    return Subject(ObjectIdentity.of(model, source, scale), ObjectPose(model.solid, pose))
+    identity = ObjectIdentity.of(model, source, lift.settings.mesh_scale)
+    return Subject(identity, ObjectPose(model.solid, pose))

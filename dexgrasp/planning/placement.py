@@ -58,10 +58,7 @@ class Placements(NamedTuple):
         """Return the placement with the highest score of each triple that has any."""
         order = np.lexsort((-self.scores, self.triple))
         first = order[np.diff(self.triple[order], prepend=-1) > 0]
-        return Placements(
-            self.goals, self.triple[first], self.scores[first], self.which[first], self.rotations[first],
-            self.positions[first],
-        )  # fmt: skip
+        return Placements._make([self.goals, *(each[first] for each in self[1:])])
 
 
 @njit

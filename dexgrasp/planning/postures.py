@@ -219,7 +219,7 @@ def oriented_postures(proposal: int, proposals: Proposals, problem: Problem) -> 
     """Return IK solutions for one proposal from palms above the object, turned in even steps (section 3.3)."""
     contacts, normals = proposals.contacts[proposal], proposals.normals[proposal]
     middle = (contacts + problem.settings.tip_height * normals).mean(0)
-    middle[2] = problem.target.distance.triangles[:, :, 2].max() + 0.09
+    middle[2] = problem.target.top + 0.09
     count, postures = problem.settings.initial_orientations, []
     for k in range(count):
         R = about_z(2.0 * np.pi * k / count) @ PALM_DOWN
