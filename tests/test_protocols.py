@@ -6,7 +6,7 @@ from refusals import refused
 from trial_rows import row as trial_row
 
 import dexgrasp_env  # noqa: F401
-from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST, parts, protocol_names
+from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, parts, protocol_names
 from dexgrasp.evaluation.protocol_counts import judged, protocol_counts
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.statistics import wilson_interval
@@ -17,7 +17,7 @@ def row(protocol, success, trial=0, agent="a"):
 
 
 def test_robust_is_all_eight_and_their_parts():
-    assert len(ROBUST) == 8
+    assert len(GROUPS["robust"]) == 8
     clutter = {name for name in PROTOCOLS if name.startswith("clutter_")}
     assert len(clutter) == 16
     assert {*parts("robust"), "presented", "place", "lift@warp", *clutter} == set(PROTOCOLS)

@@ -196,7 +196,7 @@ def test_evaluation_stops_once_decided_and_counts_whole_rounds(tmp_path, monkeyp
             asked.append(cell)
             row = {
                 "protocol": cell.protocol, "agent": cell.agent, "object": cell.label, "trial": cell.trial,
-                "success": cell.agent == "hardcoded",
+                "scene_seed": cell.trial, "agent_seed": cell.trial, "success": cell.agent == "hardcoded",
                 "stable": True, "reason": None, "planning_seconds": None, "details": {}, "error": None,
             }  # fmt: skip
             yield row, None

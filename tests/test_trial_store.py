@@ -17,7 +17,7 @@ def test_partial_last_line_is_dropped(tmp_path):
     path = tmp_path / "trials.jsonl"
     path.write_text(path.read_text()[:-20])
     store = TrialStore(tmp_path, {"seed": 1})
-    assert store.finished == {("", "a", "soda", 0)}
+    assert store.finished == {("lift", "a", "soda", 0)}
     store.append(row(trial=1))
     store.close()
     assert [r["trial"] for r in read_rows(tmp_path)] == [0, 1]

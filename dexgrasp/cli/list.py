@@ -72,15 +72,14 @@ def list_agents() -> Rows:
 
 def list_protocols() -> Rows:
     """Return the protocols: name, environment, what is special."""
-    from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS, ROBUST
+    from dexgrasp.evaluation.protocol import GROUPS, PROTOCOLS
     from dexgrasp.scoring.protocols import GRASP_PROTOCOLS
 
-    groups = (GROUPS | {"robust": ROBUST}).items()
     return [
         {"name": name, "env": env, "description": text}
         for name, env, text in (
             *((name, protocol.env_id, protocol.description) for name, protocol in PROTOCOLS.items()),
-            *((name, "", f"the mean of {', '.join(of)}") for name, of in groups),
+            *((name, "", f"the mean of {', '.join(of)}") for name, of in GROUPS.items()),
             *((name, "grasp files", protocol.summary) for name, protocol in GRASP_PROTOCOLS.items()),
         )
     ]

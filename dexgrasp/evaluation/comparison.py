@@ -5,7 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from dexgrasp.evaluation.protocol import AGENT_KEYS, DEFAULT_PROTOCOL
+from dexgrasp.evaluation.protocol import AGENT_KEYS
 from dexgrasp.evaluation.protocol_counts import judged, scene_of
 from dexgrasp.evaluation.sequential import capital
 from dexgrasp.evaluation.statistics import compared, object_difference_interval
@@ -61,7 +61,7 @@ def _under(
     """Return the trials of each agent under a protocol of its own, as of one protocol, and what the two are called."""
     if len(protocols) != 2:
         raise InputError(f"{len(protocols)} protocols given: valid are two, one for each agent")
-    met = [(row["agent"], row.get("protocol", DEFAULT_PROTOCOL)) for row in rows]
+    met = [(row["agent"], row["protocol"]) for row in rows]
     found = list(dict.fromkeys(protocol for _, protocol in met))
     names, kept = [], list[Row]()
     for agent, protocol in zip(agents, protocols, strict=True):
@@ -150,7 +150,7 @@ def _statistics(pairs: Pairs) -> dict[str, Any]:
 def _discordant(x: Row, y: Row) -> dict[str, Any]:
     """One scene that one alone solved, and why the other did not."""
     solved, failed = (x, y) if x["success"] else (y, x)
-    scene = {key: failed[key] for key in _SCENE if key in failed}
+    scene = {key: failed[key] for key in _SCENE}
     return scene | {"solved_by": solved["agent"], "reason_of_the_other": failed["reason"]}
 
 
@@ -174,9 +174,7 @@ def render_comparison(content: Mapping[str, Any]) -> str:
     parts = [text_table(header, rows), _sentence(content)]
     if content["discordant"]:
         keys = ("object", "trial", "scene_seed", "solved_by", "reason_of_the_other")
-        scenes = [
-            ["" if own.get(key) is None else str(own[key]) for key in keys] for own in content["discordant"]
-        ]
+        scenes = [[str(own[key]) for key in keys] for own in content["discordant"]]
         about = ("object", "trial", "scene seed", "solved by", "why not the other")
         parts.append(text_table(about, scenes, words=True))
     return "\n\n".join(parts)

@@ -51,10 +51,7 @@ PROTOCOLS: dict[str, Protocol] = {
 """Every protocol by name; a published number names the one it was made with. No agent is told which it is in."""
 
 GROUPS: dict[str, tuple[str, ...]] = {name: tuple(own) for name, own in _CONTENT["groups"].items()}
-"""Protocols of two parts; the rate is the mean of the parts' rates."""
-
-ROBUST: tuple[str, ...] = tuple(_CONTENT["robust"])
-"""What `robust` is the mean of."""
+"""Protocols made of others, named before them; the rate is the mean of theirs."""
 
 
 def get_protocol(name: str) -> Protocol:
@@ -70,7 +67,7 @@ def get_protocol(name: str) -> Protocol:
 
 def protocol_names() -> list[str]:
     """Return every name that `--protocol` takes."""
-    return [*PROTOCOLS, *GROUPS, "robust"]
+    return [*PROTOCOLS, *GROUPS]
 
 
 def parts(name: str) -> tuple[str, ...]:
@@ -79,9 +76,9 @@ def parts(name: str) -> tuple[str, ...]:
     Raises:
         InputError: for an unknown name.
     """
-    if name == "robust":
-        return tuple(part for member in ROBUST for part in parts(member))
-    return GROUPS[name] if name in GROUPS else (get_protocol(name).name,)
+    if name in GROUPS:
+        return tuple(part for member in GROUPS[name] for part in parts(member))
+    return (get_protocol(name).name,)
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dexgrasp.evaluation.protocol import GROUPS, ROBUST
+from dexgrasp.evaluation.protocol import GROUPS
 from dexgrasp.evaluation.statistics import scattered_interval
 
 Row = Mapping[str, Any]
@@ -13,10 +13,10 @@ NOT_HELD_BEFORE = "failed_pushed@0.5"
 
 def judged(rows: Sequence[Row]) -> list[Row]:
     """Return the trials with `pushed@1` a failure where the same scene was one under `pushed@0.5`."""
-    lost = {_scene(row) for row in rows if row.get("protocol") == _WEAKER and not row["success"]}
+    lost = {_scene(row) for row in rows if row["protocol"] == _WEAKER and not row["success"]}
     return [
         {**row, "success": False, "reason": NOT_HELD_BEFORE}
-        if row.get("protocol") == _STRONGER and row["success"] and _scene(row) in lost
+        if row["protocol"] == _STRONGER and row["success"] and _scene(row) in lost
         else row
         for row in rows
     ]
@@ -34,10 +34,9 @@ def scene_of(row: Row) -> tuple[Any, ...]:
 def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, Any]]:
     """Return trials, successes, rate and 95 % interval of each protocol, and of those made of them that are whole."""
     weights = {name: {name: 1.0} for name in rows}
-    weights |= {name: dict.fromkeys(names, 1.0 / len(names)) for name, names in GROUPS.items()}
-    weights["robust"] = {
-        part: w / len(ROBUST) for name in ROBUST for part, w in weights.get(name, {name: 1.0}).items()
-    }
+    for group, names in GROUPS.items():
+        own = [weights.get(name, {name: 1.0}) for name in names]
+        weights[group] = {part: w / len(names) for each in own for part, w in each.items()}
     return {
         name: pooled([rows[part] for part in own], list(own.values()))
         for name, own in weights.items()

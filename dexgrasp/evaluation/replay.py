@@ -72,7 +72,7 @@ def replay(
     if film:
         check_rendering()
         path = video_path(folder, row)
-        spec = dataclasses.replace(spec, video=str(path), film=film)
+        spec = dataclasses.replace(spec, video=path, film=film)
     runner = TrialRunner(settings)
     again, grasp = runner.run(spec)
     runner.close()
@@ -87,7 +87,7 @@ def record(
     """Make trials again and record them, but for those whose videos are there; `show` is told how many are."""
     left = {row_key(row): row for row in rows if not video_path(folder, row).is_file()}
     specs = [
-        dataclasses.replace(spec, video=str(video_path(folder, left[key])), film=film)
+        dataclasses.replace(spec, video=video_path(folder, left[key]), film=film)
         for key, spec in _specs(list(left.values()), runner.settings).items()
     ]
     for done, (again, _) in enumerate(run_pool(runner.run, specs, backend), start=1):
@@ -117,8 +117,8 @@ def _find(rows: Sequence[Row], agent: str, target: str, trial: int, protocol: st
         found = [row for row in found if row[key] == value]
         if not found:
             raise InputError(f"no finished trial of {key} {value!r}: valid are {', '.join(map(str, valid))}")
-    names = [row.get("protocol") for row in found]
-    found = [row for row in found if protocol in (None, row.get("protocol"))]
+    names = [row["protocol"] for row in found]
+    found = [row for row in found if protocol in (None, row["protocol"])]
     if len(found) != 1:
         raise InputError(f"which protocol of {', '.join(map(str, names))}? name it with --protocol")
     return found[0]
@@ -132,7 +132,6 @@ def _specs(rows: Sequence[Row], settings: EvaluationSettings) -> dict[Key, Trial
         spec = planned.get(row_key(row))
         if spec is None:
             raise InputError(f"trial {trial_name(row)} is not of the evaluation that run.json describes")
-        if "agent_seed" in row and "scene_seed" in row:
-            spec = dataclasses.replace(spec, seeds=TrialSeeds(row["scene_seed"], row["agent_seed"]))
-        found[spec.key] = spec
+        seeds = TrialSeeds(row["scene_seed"], row["agent_seed"])
+        found[spec.key] = dataclasses.replace(spec, seeds=seeds)
     return found

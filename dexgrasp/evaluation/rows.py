@@ -16,14 +16,55 @@ _UNITS = ("_percent", "_margin", "_m", "_rad", "_fraction")
 _Seed = Annotated[int, number(ge=0, lt=2**32, whole=True)]
 
 
+@dataclass
+class Outcome:
+    """How a trial went.
+
+    Attributes:
+        success: held at height by the hand alone for 3 s.
+        stable: little motion in the hand at the end.
+        reason: why it failed, one of a countable few; None for successes.
+        stage: how far the object came.
+        steps: control steps taken.
+        total_reward: sum of the rewards of these, undiscounted.
+        height: of the object's lowest point at the end, m.
+        slip: in the hand since it left the table, m.
+        tilt: in the hand since it left the table, rad.
+        clean: a success that moved no neighbour by more than 2 cm; None where there are none.
+        moved: the farthest that a neighbour's centre has been from where it would be without the robot, m.
+        hit: neighbours that the robot has touched.
+        hit_names: theirs.
+        planning_seconds: as the agent reports; None if it does not plan.
+        seconds: wall time of the trial.
+        warnings: of the physics engine.
+        details: of the agent's report.
+        error: the traceback of an agent's exception, or what was wrong with its action.
+    """
+
+    success: bool = False
+    stable: bool = False
+    reason: str | None = None
+    stage: str = "untouched"
+    steps: int = 0
+    total_reward: float | None = 0.0
+    height: float | None = 0.0
+    slip: float | None = 0.0
+    tilt: float | None = 0.0
+    clean: bool | None = None
+    moved: float | None = None
+    hit: int | None = None
+    hit_names: list[str] = field(default_factory=list)
+    planning_seconds: float | None = None
+    seconds: float = 0.0
+    warnings: list[str] = field(default_factory=list)
+    details: dict[str, Any] = field(default_factory=dict)
+    error: str | None = None
+
+
 def _are_numbers(values: Iterable[Any]) -> None:
     for value in values:
         if value is not None:
             number().admit(value)
-
-
-def _stages(value: Any) -> None:
-    _are_numbers(value.values())
 
 
 def _certificate(value: Any) -> None:
@@ -31,7 +72,9 @@ def _certificate(value: Any) -> None:
     _are_numbers(each for name, each in value.items() if name.endswith(_UNITS))
 
 
-_Stages = Annotated[dict[str, Any] | None, Rule("numbers by stage", _stages)]
+_Stages = Annotated[
+    dict[str, Any] | None, Rule("numbers by stage", lambda value: _are_numbers(value.values()))
+]
 
 
 @dataclass(frozen=True)
@@ -43,34 +86,23 @@ class _Details:
     certificate: Annotated[dict[str, Any] | None, Rule("an object of numbers", _certificate)] = None
 
 
-@dataclass(frozen=True)
-class _Row:
+@dataclass(kw_only=True)
+class _Row(Outcome):
+    """What must be there, beside an outcome."""
+
+    protocol: str
     agent: str
     object: str
     trial: Natural
-    success: bool
-    stable: bool
-    reason: str | None
-    planning_seconds: float | None
-    details: _Details
-    protocol: str = ""
-    scene_seed: _Seed = 0
-    agent_seed: _Seed = 0
-    error: str | None = None
-    grasp: str = ""
+    scene_seed: _Seed
+    agent_seed: _Seed
+    success: bool = field()
+    stable: bool = field()
+    reason: str | None = field()
+    planning_seconds: float | None = field()
+    details: _Details = field()  # type: ignore[assignment]
     env: dict[str, Any] = field(default_factory=dict)
-    stage: str = ""
-    steps: int = 0
-    warnings: list[str] = field(default_factory=list)
-    height: float | None = None
-    slip: float | None = None
-    tilt: float | None = None
-    clean: bool | None = None
-    moved: float | None = None
-    hit: int | None = None
-    hit_names: list[str] = field(default_factory=list)
-    total_reward: float | None = None
-    seconds: float | None = None
+    grasp: str = ""
 
 
 def row_fault(row: object) -> str | None:
@@ -89,12 +121,12 @@ def fell_short(row: Mapping[str, Any]) -> bool:
 
 def row_key(row: Mapping[str, Any]) -> Key:
     """Return what tells a trial from the others of its evaluation."""
-    return row.get("protocol") or "", row["agent"], row["object"], row["trial"]
+    return row["protocol"], row["agent"], row["object"], row["trial"]
 
 
 def trial_name(row: Mapping[str, Any]) -> str:
     """Return the stem of the files of a trial: its protocol, agent, object and number, as any file system takes it."""
-    whole = "-".join([*filter(None, [row.get("protocol")]), row["agent"], row["object"], str(row["trial"])])
+    whole = "-".join(map(str, row_key(row)))
     plain = re.sub(r"[^\w.@+-]", ".", whole)
     if plain == whole and len(plain) <= 120:
         return plain

@@ -14,7 +14,7 @@ from dexgrasp.registry import agent_files, agent_source
 from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import check_file, expand, file_hash, readable
+from dexgrasp_env.files import check_file, expand, file_hash, jsonable, readable
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import Objects, object_name, target_files
 from dexgrasp_env.robot.cell import make_cell
@@ -125,11 +125,10 @@ class EvaluationSettings:
 
     def identity(self) -> dict[str, Any]:
         """Return the settings with the versions and contents they rest on, as JSON can hold them."""
-        settings = {
-            key: list(value) if isinstance(value, tuple) else value for key, value in asdict(self).items()
-        }
+        settings = jsonable(asdict(self))
         settings["protocol"] = "+".join(settings.pop("protocols"))
-        return settings | {
+        return {
+            **settings,
             "cell": make_cell(self.robot).version,
             "files": {str(path): _file_hash(path) for path in self._files()},
             "code": code_hash(self.agents),
@@ -169,7 +168,7 @@ class TrialSpec:
     label: str
     trial: int
     protocol: str = DEFAULT_PROTOCOL
-    video: str | None = None
+    video: Path | None = None
     film: Film = Film()
     seeds: TrialSeeds | None = None
 

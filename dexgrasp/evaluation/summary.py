@@ -44,9 +44,7 @@ def summarise(
     """
     rows = judged([row for row in rows if stopped_after is None or row["trial"] < stopped_after])
     place = {name: k for k, name in enumerate(settings.parts)}
-    ordered = sorted(
-        rows, key=lambda row: (place.get(str(row.get("protocol")), 0), row["object"], row["trial"])
-    )
+    ordered = sorted(rows, key=lambda row: (place[row["protocol"]], row["object"], row["trial"]))
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
     asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
     sequential = {"sequential": {"level": stop_level, "stopped_after": stopped_after}}
@@ -67,17 +65,17 @@ def summarise(
 
 def _paired(a: Sequence[Row], b: Sequence[Row]) -> Iterator[tuple[Any, bool, bool]]:
     """Yield scenes with the successes of two agents, of the conditions that both met, in MuJoCo's physics."""
-    others = {(row.get("protocol"), *scene_of(row)): row["success"] for row in b}
+    others = {(row["protocol"], *scene_of(row)): row["success"] for row in b}
     for row in a:
-        condition = row.get("protocol"), *scene_of(row)
-        if condition in others and row.get("protocol") != OTHER_PHYSICS:
+        condition = row["protocol"], *scene_of(row)
+        if condition in others and row["protocol"] != OTHER_PHYSICS:
             yield scene_of(row), row["success"], others[condition]
 
 
 def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
     """Return one agent's part of the summary; trials in other physics than MuJoCo's are in `by_protocol` alone."""
-    by_protocol = {name: own for name, own in grouped(rows, "protocol").items() if name}  # 0.1.0 named none
-    rows = [row for row in rows if row.get("protocol") != OTHER_PHYSICS] or rows
+    by_protocol = grouped(rows, "protocol")
+    rows = [row for row in rows if row["protocol"] != OTHER_PHYSICS] or rows
     by_object = grouped(rows, "object")
     members = present_sets(list(by_object))
     sets = {name: [row for row in rows if row["object"] in own] for name, own in members.items()}

@@ -3,7 +3,6 @@
 import time
 import traceback
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 import gymnasium as gym
@@ -11,6 +10,7 @@ import numpy as np
 
 from dexgrasp.agent import Agent, complete, public_info, renew_report, report_of
 from dexgrasp.evaluation.protocol import TrialSeeds
+from dexgrasp.evaluation.rows import Outcome
 from dexgrasp.planning.look import Subject, subject_of
 from dexgrasp.planning.result import PlansGrasps
 from dexgrasp_env.errors import InputError
@@ -30,51 +30,6 @@ class FrameSink(Protocol):
 
     def add(self, env: gym.Env[Any, Any]) -> object:
         """Take one, where one is due after this control step."""
-
-
-@dataclass
-class Outcome:
-    """How a trial went.
-
-    Attributes:
-        success: held at height by the hand alone for 3 s.
-        stable: little motion in the hand at the end.
-        reason: why it failed, one of a countable few; None for successes.
-        stage: how far the object came.
-        steps: control steps taken.
-        total_reward: sum of the rewards of these, undiscounted.
-        height: of the object's lowest point at the end, m.
-        slip: in the hand since it left the table, m.
-        tilt: in the hand since it left the table, rad.
-        clean: a success that moved no neighbour by more than 2 cm; None where there are none.
-        moved: the farthest that a neighbour's centre has been from where it would be without the robot, m.
-        hit: neighbours that the robot has touched.
-        hit_names: theirs.
-        planning_seconds: as the agent reports; None if it does not plan.
-        seconds: wall time of the trial.
-        warnings: of the physics engine.
-        details: of the agent's report.
-        error: the traceback of an agent's exception, or what was wrong with its action.
-    """
-
-    success: bool = False
-    stable: bool = False
-    reason: str | None = None
-    stage: str = "untouched"
-    steps: int = 0
-    total_reward: float = 0.0
-    height: float = 0.0
-    slip: float = 0.0
-    tilt: float = 0.0
-    clean: bool | None = None
-    moved: float | None = None
-    hit: int | None = None
-    hit_names: list[str] = field(default_factory=list)
-    planning_seconds: float | None = None
-    seconds: float = 0.0
-    warnings: list[str] = field(default_factory=list)
-    details: dict[str, Any] = field(default_factory=dict)
-    error: str | None = None
 
 
 class AgentError(Exception):
@@ -129,7 +84,8 @@ def _begin(
 ) -> tuple[Any, Subject]:
     """Let the agent see the scene and plan; return the observation and the object as it lies."""
     observation, info = env.reset(seed=seeds.scene)
-    _record(env, frames)
+    if frames is not None:
+        frames.add(env)
     subject = subject_of(env)
     _note_neighbours(outcome, info)
     _ask(agent.seed, seeds.agent)
@@ -157,7 +113,7 @@ def _go_on(
 ) -> None:
     if outcome.reason is not None:
         return
-    over = False
+    over, total = False, 0.0
     while not over:
         action = _ask(agent.act, observation)
         outcome.reason = _given_up(agent)
@@ -168,9 +124,11 @@ def _go_on(
         except InputError as error:
             outcome.reason, outcome.error = "invalid_action", str(error)
             return
-        _record(env, frames)
+        if frames is not None:
+            frames.add(env)
         outcome.steps += 1
-        outcome.total_reward += float(reward)
+        total += float(reward)
+        outcome.total_reward = total
         over = terminated or truncated or info["is_success"]
         _note(outcome, info)
 
@@ -209,8 +167,3 @@ def _ask(method: Any, *arguments: Any) -> Any:
         return method(*arguments)
     except Exception as error:
         raise AgentError from error
-
-
-def _record(env: gym.Env[Any, Any], frames: FrameSink | None) -> None:
-    if frames is not None:
-        frames.add(env)

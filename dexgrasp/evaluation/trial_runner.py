@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
 import gymnasium as gym
@@ -35,8 +34,7 @@ class TrialRunner:
         """
         agent, env = self.agent(spec), self._env(spec)
         seeds = spec.seeds or trial_seeds(self.settings.seed, spec.target, spec.trial)
-        video = Video(Path(spec.video)) if spec.video else None
-        with nullcontext() if video is None else video:
+        with Video(spec.video) if spec.video else nullcontext() as video:
             outcome, grasp = run_trial(env, agent, seeds, name=spec.agent, frames=video)
         row = {
             "protocol": spec.protocol, "agent": spec.agent, "object": spec.label, "trial": spec.trial,
@@ -48,13 +46,11 @@ class TrialRunner:
         """Return an agent, made on first use.
 
         Raises:
-            InputError: for an unknown name or settings that are not the agent's to choose.
+            InputError: for an unknown name.
         """
         key = spec.agent, get_protocol(spec.protocol).places
         if key not in self._agents:
-            agent = placing_agent(spec.agent) if key[1] else make_agent(spec.agent)
-            agent_settings(spec.agent, agent)
-            self._agents[key] = agent
+            self._agents[key] = placing_agent(spec.agent) if key[1] else make_agent(spec.agent)
         return self._agents[key]
 
     def _env(self, spec: TrialSpec) -> gym.Env[Any, Any]:

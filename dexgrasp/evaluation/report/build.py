@@ -63,10 +63,10 @@ def contents(folders: Sequence[Path]) -> dict[str, Any]:
     """Return what templates/report.j2 shows, by the names that it has there."""
     rows = rows_by_agent(folders)
     agents = {name: summarise_agent(own) for name, own in rows.items()}
-    met = list(dict.fromkeys(row.get("protocol") for own in rows.values() for row in own))
+    met = list(dict.fromkeys(row["protocol"] for own in rows.values() for row in own))
     # Of several protocols the plain lift is the one that the paper's figures are of; others would be averaged into it.
     only = DEFAULT_PROTOCOL if len(met) > 1 and DEFAULT_PROTOCOL in met else None
-    lifts = {name: [row for row in own if only in (None, row.get("protocol"))] for name, own in rows.items()}
+    lifts = {name: [row for row in own if only in (None, row["protocol"])] for name, own in rows.items()}
     plain = {name: summarise_agent(own) for name, own in lifts.items() if own}
     counted = list(dict.fromkeys(p for agent in agents.values() for p in agent["by_protocol"]))
     predicted = {name: found for name, own in rows.items() if (found := predictions(own))}

@@ -37,12 +37,11 @@ def clips(folders: Sequence[Path]) -> Clips:
 
 
 def _rank(row: Mapping[str, Any]) -> tuple[Any, ...]:
-    return row["trial"], row["agent"] != "bilevel", row.get("protocol") or "", row["object"]
+    return row["trial"], row["agent"] != "bilevel", row["protocol"], row["object"]
 
 
 def _caption(row: Mapping[str, Any]) -> str:
-    protocol = f", {row['protocol']}" if row.get("protocol") else ""
     why = sentence(row["reason"]) if row["reason"] else "lifted"
     hit = f"; hit {', '.join(row['hit_names'])}" if row.get("hit_names") else ""
     moved = f"; moved a neighbour by {100 * row['moved']:.0f} cm" if row.get("clean") is False else ""
-    return f"{row['agent']}: {row['object']}{protocol}, trial {row['trial']}: {why}{hit}{moved}"
+    return f"{row['agent']}: {row['object']}, {row['protocol']}, trial {row['trial']}: {why}{hit}{moved}"

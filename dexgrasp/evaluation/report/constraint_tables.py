@@ -13,17 +13,17 @@ PLANNER = "bilevel"
 
 def constraint_tables(name: str, agent: Mapping[str, Any]) -> list[tuple[str, Table]]:
     """Return titles and tables of one agent's constraints and times; none where the data are not there."""
-    constraints = agent.get("constraints") or {}
+    constraints = agent["constraints"]
     groups = {**constraints.get("by_set", {}), "overall": constraints} if constraints else {}
     tables = []
     if any("distance_cm" in group for group in groups.values()):
         tables.append((f"Fingertip-object distance, cm, {name} (Table 4)", _distances(groups)))
     if any("force_ratio_percent" in group for group in groups.values()):
         tables.append((f"Force and torque ratio, percent, {name} (Table 5)", _ratios(groups)))
-    if agent.get("planning_seconds"):
+    if agent["planning_seconds"]:
         title = f"Planning time, s, {name}{' (Table 6)' if name == PLANNER else ''}"
         printed = paper.SECONDS if name == PLANNER else {}
-        tables.append((title, _times(agent["planning_seconds"], agent.get("stages") or {}, printed)))
+        tables.append((title, _times(agent["planning_seconds"], agent["stages"], printed)))
     return tables
 
 

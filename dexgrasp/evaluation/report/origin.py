@@ -10,18 +10,12 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.sets import is_set, set_targets
 from dexgrasp_env.robot.cell import SIMULATED
-from dexgrasp_env.valid import Rule, read
+from dexgrasp_env.valid import TEXT, read, several
 
 _MOST_REPLAYS = 12
 
 
-def _list_of_names(value: Any) -> list[str]:
-    if not isinstance(value, list) or not all(isinstance(name, str) for name in value):
-        raise TypeError
-    return value
-
-
-_Names = Annotated[list[str], Rule("a list of names", _list_of_names)]
+_Names = Annotated[tuple[str, ...], several(TEXT)]
 
 
 @dataclass(frozen=True)
@@ -30,8 +24,8 @@ class _Run:
 
     seed: Any
     trials: Any
-    agents: _Names = field(default_factory=list)
-    objects: _Names = field(default_factory=list)
+    agents: _Names = ()
+    objects: _Names = ()
     protocol: str = "?"
     versions: dict[str, Any] = field(default_factory=dict)
     cell: Any = SIMULATED

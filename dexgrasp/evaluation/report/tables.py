@@ -128,7 +128,7 @@ def object_tables(agents: Agents) -> list[tuple[str, Table]]:
     return [(title, table) for title, table in tables.items() if table.rows]
 
 
-def where_objects_fail(rows: Rows, protocols: Sequence[str | None]) -> list[tuple[str, Table]]:
+def where_objects_fail(rows: Rows, protocols: Sequence[str]) -> list[tuple[str, Table]]:
     """Return objects by protocols for each agent that failed; cells without a failure are left empty."""
     tables = []
     for agent, own in rows.items():
@@ -139,7 +139,7 @@ def where_objects_fail(rows: Rows, protocols: Sequence[str | None]) -> list[tupl
                 whole = [name for name, cell in counts.items() if cell["successes"] == cell["trials"]]
                 body.append([target, *("" if p in whole else _count(counts.get(p)) for p in protocols)])
         if body:
-            tables.append((agent, Table(("object", *(name or "" for name in protocols)), body)))
+            tables.append((agent, Table(("object", *protocols), body)))
     return tables
 
 
