@@ -12,8 +12,8 @@ with from_extra():
     import torch
     from torch import Tensor, nn
 
-
 from dexgrasp.planning.decoder import GRASP, SCALE, NetworkSettings
+from dexgrasp.runs.step_training import perceptron
 
 
 class Output(NamedTuple):
@@ -36,7 +36,7 @@ class CloudEncoder(nn.Module):
         local, cloud = settings.local, settings.cloud
         self.first = nn.Sequential(nn.Linear(6, local), nn.ReLU(), nn.Linear(local, 2 * local), nn.ReLU())
         self.beside = nn.Linear(2 * local, 2 * local)
-        self.second = nn.Sequential(nn.Linear(2 * local, 2 * local), nn.ReLU(), nn.Linear(2 * local, cloud))
+        self.second = perceptron([2 * local, 2 * local, cloud])
 
     def forward(self, cloud: Tensor) -> Tensor:
         """Encode clouds (C, N, 6) of points (network units) and unit normals; return (C, cloud)."""
@@ -53,8 +53,8 @@ class Cvae(nn.Module):
         self.settings = settings or NetworkSettings()
         cloud, hidden, latent = self.settings.cloud, self.settings.hidden, self.settings.latent
         self.cloud = CloudEncoder(self.settings)
-        self.posterior = _layers(cloud + GRASP, hidden, 2 * latent)
-        self.decoder = _layers(cloud + latent, hidden, GRASP)
+        self.posterior = perceptron([cloud + GRASP, *[hidden] * 3, 2 * latent], nn.SiLU)
+        self.decoder = perceptron([cloud + latent, *[hidden] * 3, GRASP], nn.SiLU)
 
     def forward(self, cloud: Tensor, grasp: Tensor, noise: Tensor) -> Output:
         """Encode and decode.
@@ -73,13 +73,6 @@ class Cvae(nn.Module):
     def decode(self, feature: Tensor, latent: Tensor) -> Tensor:
         """Return grasps (..., 18) of cloud features (..., cloud) and latents (..., latent)."""
         return self.decoder(torch.cat([feature, latent], -1))
-
-
-def _layers(inputs: int, hidden: int, outputs: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Linear(inputs, hidden), nn.SiLU(), nn.Linear(hidden, hidden), nn.SiLU(),
-        nn.Linear(hidden, hidden), nn.SiLU(), nn.Linear(hidden, outputs),
-    )  # fmt: skip
 
 
 class Losses(NamedTuple):

@@ -7,13 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
-from dexgrasp.imitation.features import features, first_look
-from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
+from dexgrasp.demos.convert import to_action
+from dexgrasp.imitation.features import entry, features, first_look
+from dexgrasp.imitation.policy import Mlp, Policy, Scaling
+from dexgrasp.kinematics.tree import robot_tree
+from dexgrasp.runs.arrays import relu
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.tasks.control import max_step, normalise
 
 CONTROL_MODES = ("joint_delta", "joint_position")
 
@@ -56,29 +58,25 @@ class CloneRun:
         Raises:
             InputError: where the robot is another.
         """
-        self._clone, self._robot = clone, cell.robot
-        if self._robot.dof != clone.joints:
-            raise InputError(
-                f"the policy moves {clone.joints} joints: {self._robot.name} has {self._robot.dof}"
-            )
+        self._clone, robot = clone, cell.robot
+        if robot.dof != clone.joints:
+            raise InputError(f"the policy moves {clone.joints} joints: {robot.name} has {robot.dof}")
+        self._tree = robot_tree(cell)
         self._scene = first_look(first)
         self._step, self._wanted = 0, np.zeros((0, clone.joints))
 
     def set_points(self, observation: Observation) -> Array:
         """Return the set-points (n,) rad for the end of the next control step."""
         at = self._step % self._clone.execute
-        now = np.asarray(observation["joint_targets"], dtype=float)
+        now = entry(observation, "joint_targets")
         if at == 0:
             looks = features(self._scene, observation, self._step)
             chunk = self._clone.predict(looks[None])[0]
-            self._wanted = np.clip(now + chunk, self._robot.lower, self._robot.upper)
+            self._wanted = np.clip(now + chunk, self._tree.lower, self._tree.upper)
         self._step += 1
         return self._wanted[at]
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action, in the clone's control mode."""
-        wanted = self.set_points(observation)
-        if self._clone.env["control_mode"] == "joint_position":
-            return normalise(wanted, self._robot).astype(np.float32)
-        now = np.asarray(observation["joint_targets"], dtype=float)
-        return np.clip((wanted - now) / max_step(self._robot), -1.0, 1.0).astype(np.float32)
+        now = entry(observation, "joint_targets")
+        return to_action(self._clone.env["control_mode"], now, self.set_points(observation), self._tree)

@@ -1,13 +1,13 @@
 """The networks that are trained; `clone` and `grasper` run them in numpy."""
 
 from collections.abc import Iterable
-from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.imitation.policy import FARTHEST
 from dexgrasp.imitation.settings import CloneNetwork, GraspNetwork
+from dexgrasp.runs.step_training import perceptron
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -31,7 +31,7 @@ class CloneNet(nn.Module):
         self.scale: torch.Tensor
         self.register_buffer("mean", torch.from_numpy(mean))
         self.register_buffer("scale", torch.from_numpy(scale))
-        self.trunk = _mlp([len(mean), *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
+        self.trunk = perceptron([len(mean), *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
 
     def forward(self, looks: torch.Tensor) -> torch.Tensor:
         """Return (E, R, chunk * 23) for features (E, R, F) of E episodes."""
@@ -64,9 +64,9 @@ class GraspNet(nn.Module):
         spreads |= {"scale": np.maximum(numbers.std(0), 0.05), "row_scale": np.maximum(rows.std(0), 0.02)}
         for name, array in spreads.items():
             self.register_buffer(name, torch.from_numpy(array))
-        self.encoder = _mlp([6, sizes.local, sizes.cloud])
+        self.encoder = perceptron([6, sizes.local, sizes.cloud])
         inputs, outputs = sizes.cloud + numbers.shape[1], sizes.modes * (1 + rows.shape[1])
-        self.trunk = _mlp([inputs, *[sizes.width] * sizes.depth, outputs])
+        self.trunk = perceptron([inputs, *[sizes.width] * sizes.depth, outputs])
 
     def forward(self, points: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return merits (..., modes) and rows (..., modes, R) for points (..., N, 6) and numbers (..., F)."""
@@ -89,10 +89,3 @@ def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, NDArray[np
         for k, layer in linear
         for part, tensor in layer.named_parameters()
     }
-
-
-def _mlp(widths: list[int]) -> nn.Sequential:
-    layers: list[nn.Module] = []
-    for k, (a, b) in enumerate(pairwise(widths)):
-        layers += ([nn.ReLU()] if k else []) + [nn.Linear(a, b)]
-    return nn.Sequential(*layers)

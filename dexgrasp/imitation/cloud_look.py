@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
-from dexgrasp.imitation.features import METRES, axes_along
+from dexgrasp.imitation.features import METRES, axes_along, entry
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 
@@ -49,7 +49,7 @@ def look_at(first: Observation) -> CloudLook:
         raise InputError(
             "this policy looks at a point cloud: make the environment with obs_mode='pointcloud'"
         )
-    points, normals = (np.asarray(first[key], dtype=float) for key in ("cloud", "cloud_normals"))
+    points, normals = (entry(first, key) for key in ("cloud", "cloud_normals"))
     there = np.asarray(first["cloud_mask"], dtype=bool) & np.isfinite(points).all(axis=1)
     if there.sum() < _LEAST:
         raise InputError("empty_cloud")

@@ -12,7 +12,7 @@ from dexgrasp.demos.generate import read_about
 from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.rollout import Arrays, Episode, intended
 from dexgrasp.imitation.cloud_look import CloudLook, along, look_at
-from dexgrasp.imitation.features import features, first_look
+from dexgrasp.imitation.features import entry, features, first_look
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.imitation.taken import as_row, taken
 from dexgrasp_env.arrays import Array
@@ -103,7 +103,7 @@ def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Floats, ...]:
     _check(seen, "object_pose", folder)
     scene = first_look({key: array[0] for key, array in seen.items()})
     looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
-    targets = np.asarray(seen["joint_targets"], dtype=float)
+    targets = entry(seen, "joint_targets")
     robot = default_cell().robot
     meant = intended(targets, noise, episode.about["agent_seed"], robot) if noise else targets
     return looks.astype(np.float32), targets[:-1].astype(np.float32), meant[1:].astype(np.float32)

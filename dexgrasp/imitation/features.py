@@ -42,6 +42,11 @@ class Scene:
     numbers: Array
 
 
+def entry(observation: Observation, key: str) -> Array:
+    """Return what an observation has of a key, in double precision."""
+    return np.asarray(observation[key], dtype=float)
+
+
 def view_of(obs_mode: str) -> str:
     """Return which of `cloning.VIEWS` an observation mode gives.
 
@@ -58,15 +63,15 @@ def view_of(obs_mode: str) -> str:
 
 def first_look(first: Observation) -> Scene:
     """Return what is remembered of an episode's first observation; the object is a box about its centre of mass."""
-    pose = np.asarray(first["object_pose"], dtype=float)
-    size = np.asarray(first["object_size"], dtype=float)
+    pose = entry(first, "object_pose")
+    size = entry(first, "object_size")
     azimuth = float(np.arctan2(pose[1], pose[0]))
     R = axes_along(azimuth) @ quat_to_matrix(pose[3:])
     reach = np.abs(_DIRECTIONS.T @ R[:2]) @ (0.5 * size)
     top = pose[2] + np.abs(R[2]) @ (0.5 * size)
     numbers = [
         azimuth, np.hypot(pose[0], pose[1]), *METRES * reach, METRES * pose[2], METRES * top, *R.ravel(),
-        *METRES * size, *np.asarray(first["object_mass"], dtype=float),
+        *METRES * size, *entry(first, "object_mass"),
     ]  # fmt: skip
     return Scene(azimuth, pose[:3], np.array(numbers))
 
@@ -80,10 +85,10 @@ def features(scene: Scene, observation: Observation, step: NDArray[np.int64] | i
     targets = np.array(observation["joint_targets"], dtype=float)
     targets[..., 0] -= scene.azimuth
     shape = targets.shape[:-1]
-    at = np.asarray(observation["object_pose"], dtype=float)[..., :3]
-    palm = np.asarray(observation["palm_pose"], dtype=float)
-    tips = np.asarray(observation["fingertip_positions"], dtype=float).reshape(*shape, 4, 3)
-    forces = np.asarray(observation["fingertip_forces"], dtype=float).reshape(*shape, 4, 3)
+    at = entry(observation, "object_pose")[..., :3]
+    palm = entry(observation, "palm_pose")
+    tips = entry(observation, "fingertip_positions").reshape(*shape, 4, 3)
+    forces = entry(observation, "fingertip_forces").reshape(*shape, 4, 3)
     parts = [
         targets,
         ((tips - at[..., None, :]) @ turned.swapaxes(-1, -2) * METRES).reshape(*shape, 12),
@@ -91,7 +96,7 @@ def features(scene: Scene, observation: Observation, step: NDArray[np.int64] | i
         (turned @ quat_to_matrix(palm[..., 3:]))[..., :2].reshape(*shape, 6),
         np.broadcast_to(np.minimum(step, _LONGEST) / _STEPS, shape)[..., None],
         np.tanh(forces @ turned.swapaxes(-1, -2) / _NEWTONS).reshape(*shape, 12),
-        np.asarray(observation["progress"], dtype=float) * [METRES, 1.0],
+        entry(observation, "progress") * [METRES, 1.0],
         _turn(at - scene.origin, turned) * METRES,
         np.broadcast_to(scene.numbers, (*shape, scene.numbers.shape[-1])),
     ]

@@ -15,7 +15,7 @@ from dexgrasp.grasp.certificate import Certificate
 from dexgrasp.grasp.grasp import Grasp, GraspMotion
 from dexgrasp.grasp.script import ActionScript
 from dexgrasp.imitation.cloud_look import NUMBERS, CloudLook, along, look_at
-from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
+from dexgrasp.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.imitation.taken import Taken, of_row, out_of, sizes
 from dexgrasp.kinematics.palm_ik import palm_postures
 from dexgrasp.kinematics.tip_ik import solve_tips
@@ -24,6 +24,7 @@ from dexgrasp.motion.carrying import PickUp
 from dexgrasp.motion.guarded import TIP_DEPTH, lag_of, pressing_torques
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
+from dexgrasp.runs.arrays import relu
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp.shape.hull import standing_hull
 from dexgrasp_env.arrays import Array

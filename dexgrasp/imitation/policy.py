@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
+from dexgrasp.runs.arrays import through
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -98,18 +99,11 @@ class Mlp:
             ValueError: if one does not fit the one before it.
         """
         count = sum(key.startswith(f"{name}.") for key in arrays) // 2
-        self._layers = [(arrays[f"{name}.{k}.weight"], arrays[f"{name}.{k}.bias"]) for k in range(count)]
-        self._activation = activation
-        self.inputs = self._layers[0][0].shape[1]
+        layers = ((arrays[f"{name}.{k}.weight"].T, arrays[f"{name}.{k}.bias"]) for k in range(count))
+        self._layers, self._activation = tuple(layers), activation
+        self.inputs = len(self._layers[0][0])
         self.outputs = self(np.zeros(self.inputs, np.float32)).size
 
     def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return what comes out (..., outputs) for inputs (..., inputs)."""
-        for k, (weight, bias) in enumerate(self._layers):
-            x = (self._activation(x) if k else x) @ weight.T + bias
-        return x
-
-
-def relu(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Return what is above 0, 0 elsewhere."""
-    return np.maximum(x, 0.0)
+        return through(self._layers, x, self._activation)

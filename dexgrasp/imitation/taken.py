@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.demos.rollout import Episode, intended
-from dexgrasp.imitation.features import METRES, axes_along
+from dexgrasp.imitation.features import METRES, axes_along, entry
 from dexgrasp.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
@@ -48,7 +48,7 @@ class Taken(NamedTuple):
 
 def taken(episode: Episode, noise: float, cell: Cell) -> Taken | None:
     """Return the grasp of a demonstration in which the arm waited once for the hand to close; None for others."""
-    targets = np.asarray(episode.observations["joint_targets"], dtype=float)
+    targets = entry(episode.observations, "joint_targets")
     tree = robot_tree(cell)
     meant = intended(targets, noise, episode.about["agent_seed"], cell.robot) if noise else targets
     waits = _waits(meant[: episode.about["solved"], : tree.arm])

@@ -9,9 +9,9 @@ from numpy.typing import NDArray
 from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone, CloneRun
 from dexgrasp.imitation.features import Scene, features, first_look, side_by_side
-from dexgrasp.imitation.policy import Mlp, Policy, Scaling, relu
+from dexgrasp.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.reinforcement.grasp_space import FARTHEST, SIZE, GraspSpace
-from dexgrasp.runs.arrays import below
+from dexgrasp.runs.arrays import below, relu
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.robot.cell import Cell

@@ -5,6 +5,7 @@ exploring by noise hardly ever meets it. Here a grasp is nearly one point, and i
 down, hand closed, palm up. Set-points that are held for several control steps make the way to a reward shorter still.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.agent import Observation
+from dexgrasp.imitation.features import entry
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.robot import Robot
@@ -53,16 +55,21 @@ _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narro
 _ABOVE = list(_PALM).index("above")
 
 
+def bends(robot: Robot, table: Mapping[str, Mapping[tuple[str, int], float]]) -> Array:
+    """Return a row (n,) rad for each entry of a table of joints, finger and number, and what they are bent by."""
+    rows = np.zeros((len(table), robot.dof))
+    for row, joints in zip(rows, table.values(), strict=True):
+        for (finger, k), size in joints.items():
+            row[robot.columns[finger].start + k] = size
+    return rows
+
+
 def _hand_range(robot: Robot) -> tuple[Array, Array]:
     """Return the open hand (m,) and what it is bent by as fingers and thumb close, (2, m), rad."""
-    opened, closing = np.zeros(robot.dof - robot.arm_dof), np.zeros((len(_CLOSED), robot.dof - robot.arm_dof))
-    first = {finger: int(columns.start) - robot.arm_dof for finger, columns in robot.columns.items()}
+    opened = np.zeros(robot.dof)
     for finger, angles in _OPEN.items():
-        opened[first[finger] :][: len(angles)] = angles
-    for row, joints in zip(closing, _CLOSED.values(), strict=True):
-        for (finger, k), size in joints.items():
-            row[first[finger] + k] = size
-    return opened, closing
+        opened[robot.columns[finger].start :][: len(angles)] = angles
+    return opened[robot.hand_columns], bends(robot, _CLOSED)[:, robot.hand_columns]
 
 
 class GraspSpace:
@@ -79,8 +86,8 @@ class GraspSpace:
 
     def begin(self, rows: Any, firsts: Observation) -> None:
         """Begin episodes anew at their first observations, (K, n) by key."""
-        pose = np.asarray(firsts["object_pose"], dtype=float)
-        size = np.asarray(firsts["object_size"], dtype=float)
+        pose = entry(firsts, "object_pose")
+        size = entry(firsts, "object_size")
         R = quat_to_matrix(pose[:, 3:])
         origins = pose[:, :3].copy()
         origins[:, 2] += 0.5 * (np.abs(R[:, 2]) * size).sum(axis=-1)
@@ -100,7 +107,7 @@ class GraspSpace:
 
     def look(self, observations: Observation, rows: Any = slice(None)) -> Array:
         """Return where palm and hand of episodes are, (N, SIZE), as the action that would leave them there."""
-        palm = np.asarray(observations["palm_pose"], dtype=float)
+        palm = entry(observations, "palm_pose")
         offset, axes = palm[:, :3] - self._origins[rows], self._axes[rows]
         c, s = np.cos(axes), np.sin(axes)
         R = quat_to_matrix(palm[:, 3:])
@@ -115,7 +122,7 @@ class GraspSpace:
             ],
             axis=1,
         )
-        bent = np.asarray(observations["joint_positions"], dtype=float)[:, self._robot.arm_dof :] - self._open
+        bent = entry(observations, "joint_positions")[:, self._robot.arm_dof :] - self._open
         closed = bent @ self._closing.T / (self._closing**2).sum(axis=1)
         return np.concatenate(
             [(places - self._middles[rows]) / self._spans[rows], 2.0 * closed - 1.0], axis=1
@@ -127,8 +134,8 @@ class GraspSpace:
         along, across, above, turned, tilted = (self._middles + self._spans * actions[:, : len(_PALM)]).T
         c, s = np.cos(self._axes), np.sin(self._axes)
         goals = self._origins + np.stack([c * along - s * across, s * along + c * across, above], axis=1)
-        palm = np.asarray(observations["palm_pose"], dtype=float)
-        now = np.asarray(observations["joint_targets"], dtype=float)[:, self._robot.arm_dof :]
+        palm = entry(observations, "palm_pose")
+        now = entry(observations, "joint_targets")[:, self._robot.arm_dof :]
         bent = self._open + 0.5 * (actions[:, len(_PALM) :] + 1.0) @ self._closing
         targets = np.array(observations["joint_targets"], dtype=float)
         targets[:, self._robot.arm_dof :] = now + np.clip(bent - now, -_CLOSING, _CLOSING)
@@ -149,7 +156,7 @@ def _folded(actions: Array) -> Array:
 
 def _yaw(observations: Observation) -> Array:
     """Return the level direction (N,) rad that the palms face."""
-    R = quat_to_matrix(np.asarray(observations["palm_pose"], dtype=float)[:, 3:])
+    R = quat_to_matrix(entry(observations, "palm_pose")[:, 3:])
     return np.asarray(np.arctan2(R[:, 1, 2], R[:, 0, 2]))
 
 

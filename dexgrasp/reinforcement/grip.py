@@ -12,19 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
+from dexgrasp.demos.convert import to_action
 from dexgrasp.imitation.clone import Clone, CloneRun
-from dexgrasp.imitation.features import features, first_look
+from dexgrasp.imitation.features import entry, features, first_look
 from dexgrasp.imitation.policy import Mlp, Policy
 from dexgrasp.kinematics.damped import damped_step
 from dexgrasp.kinematics.forward import empty_frames, forward
 from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
+from dexgrasp.reinforcement.grasp_space import bends
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Arrays
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.control import max_step
 
 _PALM = {"deeper": (0, 0.03), "over": (2, 0.03), "tilted": (3, 0.2)}
@@ -41,17 +42,6 @@ SIZE = len(_PALM) + len(_FINGERS)
 """Numbers of a correction, each from -1 to 1."""
 _RAMP = 30  # control steps until it is there in full, well before the hand closes
 _DAMPING = 1e-4  # of the step from palm to arm
-
-
-def _tables(robot: Robot) -> tuple[Array, Array]:
-    """Return moves of the palm (3, 6), m and rad, and of the joints (2, n), rad, at 1."""
-    moves, synergies = np.zeros((len(_PALM), 6)), np.zeros((len(_FINGERS), robot.dof))
-    for row, (axis, size) in zip(moves, _PALM.values(), strict=True):
-        row[axis] = size
-    for row, joints in zip(synergies, _FINGERS.values(), strict=True):
-        for (finger, k), size in joints.items():
-            row[robot.columns[finger].start + k] = size
-    return moves, synergies
 
 
 class Grip(Policy):
@@ -89,9 +79,10 @@ class GripRun:
         self._robot, self._tree = cell.robot, robot_tree(cell)
         self._run, self._step = CloneRun(clone, first, cell), 0
         self._own = np.array(first["joint_targets"], dtype=float)  # the clone's set-points, not corrected
-        moves, synergies = _tables(cell.robot)
-        self._palm = correction[: len(moves)] @ moves
-        self._fingers = correction[len(moves) :] @ synergies
+        axes, sizes = zip(*_PALM.values(), strict=True)
+        self._palm = np.zeros(6)
+        self._palm[list(axes)] = correction[: len(_PALM)] * sizes
+        self._fingers = correction[len(_PALM) :] @ bends(cell.robot, _FINGERS)
 
     def action(self, observation: Observation) -> NDArray[np.float32]:
         """Return the next action."""
@@ -102,8 +93,8 @@ class GripRun:
         share = min(self._step / _RAMP, 1.0)
         corrected = self._own + share * self._fingers
         corrected[robot.arm_columns] += arm_step(self._own, share * self._palm, self._tree)
-        now = np.asarray(observation["joint_targets"], dtype=float)
-        return np.clip((corrected - now) / most, -1.0, 1.0).astype(np.float32)
+        now = entry(observation, "joint_targets")
+        return to_action("joint_delta", now, corrected, self._tree)
 
 
 def look(clone: Clone, first: Observation) -> NDArray[np.float32]:

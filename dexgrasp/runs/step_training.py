@@ -3,6 +3,7 @@
 import time
 from abc import abstractmethod
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,16 @@ with from_extra():
     import torch
 
 _MEASURED = 20  # steps that tell how many epochs fit into the minutes
+
+
+def perceptron(
+    widths: Sequence[int], activation: type[torch.nn.Module] = torch.nn.ReLU
+) -> torch.nn.Sequential:
+    """Return linear layers with an activation between them."""
+    layers: list[torch.nn.Module] = []
+    for k, (a, b) in enumerate(pairwise(widths)):
+        layers += ([activation()] if k else []) + [torch.nn.Linear(a, b)]
+    return torch.nn.Sequential(*layers)
 
 
 class StepTraining(Training):
