@@ -24,23 +24,19 @@ PAPER_SECONDS = 14.40
 _LIMIT = 2.0  # s
 
 
-def run(quick: bool = False, poses: int = 5, seed: int = 0) -> dict[str, Any]:
-    """Plan for the 20 test objects in `poses` poses each, with the default sensor noise, on one core.
+def run(quick: bool = False) -> dict[str, Any]:
+    """Plan for the 20 test objects in five poses each, with the default sensor noise, on one core.
 
     Args:
         quick: five objects, two poses.
-        poses: for each object.
-        seed: of the scenes.
     """
-    names = OBJECT_SETS["all20"]
-    if quick:
-        names, poses = names[::4], 2
+    names, poses = (OBJECT_SETS["all20"][::4], 2) if quick else (OBJECT_SETS["all20"], 5)
     agent, rows = BilevelAgent(), []
     with tqdm(total=len(names) * poses, desc="planning", unit="grasp") as bar:
         for name in names:
             env = gym.make("DexGrasp/Lift-v2", objects=name, **agent.env_settings)
             for pose in range(poses):
-                rows.append(_one(env, agent, name, seed + pose))
+                rows.append(_one(env, agent, name, pose))
                 bar.update()
             env.close()
     return _figures(rows)

@@ -22,8 +22,7 @@ from dexgrasp.planning.proposals import LEAST_DISTANCE
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
-from dexgrasp.runs.shards import make_missing, write_shard
-from dexgrasp_env.errors import InputError
+from dexgrasp.runs.shards import check_names, make_missing, write_shard
 from dexgrasp_env.files import content_hash, file_hash, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
@@ -100,12 +99,11 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
 
 def _identity(settings: DatasetSettings) -> dict[str, Any]:
     """Return all that the grasps depend on."""
+    check_names(settings.objects)
     objects = {}
     for target in settings.objects:
-        model, name = model_of(target, settings), object_name(target)
-        if name in objects:
-            raise InputError(f"two objects are called {name!r}: rename one of the files")
-        objects[name] = {
+        model = model_of(target, settings)
+        objects[object_name(target)] = {
             "content_hash": model.content_hash,
             "rest_poses": len(rest_poses(model)),
             "mass": model.mass,

@@ -2,7 +2,7 @@
 
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -32,7 +32,7 @@ def summary(folder: Path) -> dict[str, Any]:
     feasible = sum(int(p.scene["triples"][1]) for p in poses)
     margin = _joined(poses, "margin")
     return {
-        "schema": 1, "cell": manifest.get("cell", "not stated"),
+        "schema": 1, "cell": manifest.get("cell"),
         "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
         "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
         "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
@@ -101,8 +101,7 @@ def check_sample(folder: Path, count: int, robot: str | None = None) -> dict[str
 def _cell(folder: Path, robot: str | None) -> Cell:
     manifest = read_manifest(folder)
     cell = make_cell(robot or manifest["settings"].get("robot"))
-    made = manifest.get("cell", cell.version)  # older datasets state none
-    if made != cell.version:
+    if (made := manifest.get("cell")) != cell.version:
         raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its --cell")
     return cell
 
@@ -135,14 +134,14 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings, cell: Cell) -> 
     forces = g["forces"] @ R.T
     borne = float(forces[:, 2].sum()) / GRAVITY if g["load"] >= 0 else target.mass
     # Most claims are not made here.
-    claims: dict[str, Any] = dict.fromkeys((f.name for f in fields(Certificate)), np.nan)
-    claims |= {
-        "distances_cm": tuple(100.0 * g["distances"]),
-        "closure_margin": float(g["margin"]),
-        "mass": borne,
-    }
+    claims = replace(
+        Certificate.unclaimed(len(forces)),
+        distances_cm=tuple(100.0 * g["distances"]),
+        closure_margin=float(g["margin"]),
+        mass=borne,
+    )
     grasp = Grasp(
-        g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, Certificate(**claims),
+        g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, claims,
         GraspMotion(g["q"], g["q"], g["q"]), cell,
     )  # fmt: skip
     return planned_record(pose.name, grasp, target, settings)

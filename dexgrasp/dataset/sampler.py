@@ -53,11 +53,6 @@ class Found:
     counts: Counter[str] = field(default_factory=Counter)
     log: SearchLog = field(default_factory=SearchLog)
 
-    @property
-    def blocked(self) -> Counter[str]:
-        """How often each reason blocked."""
-        return self.log.totals()
-
     def add(self, **values: NDArray[Any] | float) -> None:
         """Append one grasp."""
         for name, value in values.items():

@@ -37,7 +37,7 @@ def shard_arrays(found: Found, joints: int) -> Arrays:
         for name, words in fields_of(joints).items()
     }
     arrays["counts"] = np.array([found.counts[name] for name in COUNTS], dtype=np.int64)
-    arrays["blocked"] = bytes_of(json.dumps(dict(sorted(found.blocked.items()))))
+    arrays["blocked"] = bytes_of(json.dumps(dict(sorted(found.log.totals().items()))))
     return arrays
 
 

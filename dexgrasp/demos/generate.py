@@ -17,7 +17,7 @@ from dexgrasp.demos.settings import SCHEMA, DemoSettings
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
-from dexgrasp.runs.shards import is_shard, make_missing, write_shard
+from dexgrasp.runs.shards import check_names, is_shard, make_missing, write_shard
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
@@ -60,7 +60,10 @@ def generate(
         InputError: other settings or another process in `folder`, an unknown format, two objects of one name, no
             cluster.
     """
-    _check(settings, formats)
+    for name in formats:
+        if name not in FORMATS:
+            raise InputError(f"format {name!r}: valid are {', '.join(FORMATS)}")
+    check_names(settings.objects)
     key = content_hash(json.dumps(settings.as_json(), sort_keys=True))
     about = {"schema": SCHEMA, "settings": settings.as_json(), "formats": list(formats)}
     with RunFolder(folder, ABOUT, "set of demonstrations").claim(about, complete=False):
@@ -103,16 +106,6 @@ def read_about(folder: Path) -> dict[str, Any]:
     if about.get("schema") != SCHEMA or not isinstance(about.get("settings"), dict):
         raise InputError(f"{path} is damaged, or of another schema than {SCHEMA}")
     return about
-
-
-def _check(settings: DemoSettings, formats: tuple[str, ...]) -> None:
-    for name in formats:
-        if name not in FORMATS:
-            raise InputError(f"format {name!r}: valid are {', '.join(FORMATS)}")
-    names = Counter(object_name(target) for target in settings.objects)
-    twice = [name for name, count in names.items() if count > 1]
-    if twice:
-        raise InputError(f"two objects are called {twice[0]!r}: rename one of the files")
 
 
 def _converted(

@@ -6,7 +6,7 @@
 
 import json
 import shutil
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -50,7 +50,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     for file in (_DATA, _EPISODES):
         (making / file).parent.mkdir(parents=True)
     writer: Any = None
-    spread: dict[str, _Spread] = {}
+    parts: dict[str, list[tuple[Any, ...]]] = {}
     rows: list[dict[str, Any]] = []
     tasks: dict[str, int] = {}
     start = 0
@@ -60,9 +60,9 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         table = pa.table({name: _array(pa, values) for name, values in columns.items()})
         writer = writer or pq.ParquetWriter(making / _DATA, table.schema)
         writer.write_table(table)
-        own = {name: _Spread().with_rows(values) for name, values in columns.items()}
         for name, values in columns.items():
-            spread.setdefault(name, _Spread()).with_rows(values)
+            parts.setdefault(name, []).append(_part(values))
+        own = {name: _spread(each[-1:]) for name, each in parts.items()}
         rows.append(_episode_row(episode, number, start, task, own))
         start += len(episode)
     writer.close()
@@ -70,7 +70,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
     names = pa.table({"task_index": list(tasks.values()), "task": list(tasks)})
     names = names.replace_schema_metadata({"pandas": json.dumps(_TASKS)})
     pq.write_table(names, making / "meta" / "tasks.parquet")
-    write_json(making / "meta" / "stats.json", {name: s.as_json() for name, s in spread.items()})
+    write_json(making / "meta" / "stats.json", {name: _spread(each) for name, each in parts.items()})
     write_json(making / "meta" / "info.json", _info(columns, len(rows), start, len(tasks), robot))
     shutil.rmtree(folder / FOLDER, ignore_errors=True)
     making.rename(folder / FOLDER)
@@ -102,7 +102,7 @@ def _array(pa: Any, values: NDArray[Any]) -> Any:
 
 
 def _episode_row(
-    episode: Episode, number: int, start: int, task: str, spread: "dict[str, _Spread]"
+    episode: Episode, number: int, start: int, task: str, spread: dict[str, dict[str, Any]]
 ) -> dict[str, Any]:
     row = {
         "episode_index": number, "tasks": [task], "length": len(episode),
@@ -113,7 +113,7 @@ def _episode_row(
     }  # fmt: skip
     row |= {f"once/{key}": np.ravel(array).tolist() for key, array in episode.once.items()}
     return row | {
-        f"stats/{name}/{kind}": value for name, s in spread.items() for kind, value in s.as_json().items()
+        f"stats/{name}/{kind}": value for name, own in spread.items() for kind, value in own.items()
     }
 
 
@@ -133,36 +133,24 @@ def _feature(name: str, values: NDArray[Any], joints: Names) -> dict[str, Any]:
     return {"dtype": str(values.dtype), "shape": [width], "names": list(joints) if named else None}
 
 
-class _Spread:
-    """Running least, greatest, mean, standard deviation and quantiles of the columns of rows.
+def _part(values: NDArray[Any]) -> tuple[Any, ...]:
+    """Return what rows (n,) or (n, m) add to a `_spread`: count, extremes, sums, of squares too, and quantiles."""
+    x = values.reshape(len(values), -1).astype(float)
+    quantiles = len(x) * np.quantile(x, _QUANTILES, axis=0)
+    return len(x), x.min(0), x.max(0), x.sum(0), (x**2).sum(0), quantiles
+
+
+def _spread(parts: Sequence[tuple[Any, ...]]) -> dict[str, list[float] | list[int]]:
+    """Return least, greatest, mean, standard deviation and quantiles of episodes' columns, as LeRobot names them.
 
     Quantiles of several episodes are the means of theirs, by length, as LeRobot has them.
     """
-
-    def __init__(self) -> None:
-        self._count = 0
-        self._low: Any = np.inf
-        self._high: Any = -np.inf
-        self._sum: Any = 0.0
-        self._squares: Any = 0.0
-        self._quantiles: Any = 0.0
-
-    def with_rows(self, values: NDArray[Any]) -> "_Spread":
-        """Take rows (n,) or (n, m) into account."""
-        x = values.reshape(len(values), -1).astype(float)
-        self._low, self._high = np.minimum(self._low, x.min(0)), np.maximum(self._high, x.max(0))
-        self._sum, self._squares = self._sum + x.sum(0), self._squares + (x**2).sum(0)
-        self._quantiles = self._quantiles + len(x) * np.quantile(x, _QUANTILES, axis=0)
-        self._count += len(x)
-        return self
-
-    def as_json(self) -> dict[str, list[float] | list[int]]:
-        """Return the figures as LeRobot names them."""
-        mean = self._sum / self._count
-        std = np.sqrt(np.maximum(self._squares / self._count - mean**2, 0.0))
-        return {
-            "min": self._low.tolist(), "max": self._high.tolist(), "mean": mean.tolist(), "std": std.tolist(),
-            "count": [self._count],
-            **{f"q{round(100 * q):02d}": (row / self._count).tolist()
-               for q, row in zip(_QUANTILES, self._quantiles, strict=True)},
-        }  # fmt: skip
+    counts, low, high, *sums = zip(*parts, strict=True)
+    count = sum(counts)
+    mean, square, quantiles = (sum(each) / count for each in sums)
+    std = np.sqrt(np.maximum(square - mean**2, 0.0))
+    return {
+        "min": np.min(low, axis=0).tolist(), "max": np.max(high, axis=0).tolist(), "mean": mean.tolist(),
+        "std": std.tolist(), "count": [count],
+        **{f"q{round(100 * q):02d}": row.tolist() for q, row in zip(_QUANTILES, quantiles, strict=True)},
+    }  # fmt: skip

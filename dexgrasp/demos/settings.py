@@ -4,8 +4,8 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
+from dexgrasp.evaluation.settings import versions
 from dexgrasp.registry import check_name
-from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.robot.cell import make_cell
@@ -17,7 +17,6 @@ SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v2"
 CAMERA_KEYS = ("cloud", "cloud_normals", "cloud_mask", "table_plane", "depth", "rgb")
 """Observations of cameras; with `observe="reset"` they are the same all episode long and are stored once."""
-_PACKAGES = ("dexgrasp", "mujoco", "numpy", "gymnasium")
 
 
 def _agent(name: str) -> str:
@@ -91,7 +90,7 @@ class DemoSettings:
 
     def as_json(self) -> dict[str, Any]:
         """Return the settings as JSON holds them, with the cell and the versions that they rest on."""
-        rest = {"cell": make_cell(self.robot).version, "versions": package_versions(_PACKAGES)}
+        rest = {"cell": make_cell(self.robot).version, "versions": versions()}
         return asdict(self) | {"objects": list(self.objects)} | rest
 
     @classmethod
@@ -103,7 +102,6 @@ class DemoSettings:
         """
         saved = {**saved, "robot": robot or saved.get("robot")}
         here = make_cell(saved["robot"]).version
-        cell = saved.get("cell", here)  # before 0.2.0 none was stated
-        if cell != here:
+        if (cell := saved.get("cell")) != here:
             raise InputError(f"demonstrations of cell {cell!r}: this is {here!r}, give their --cell")
         return read(cls, saved, "settings of the demonstrations:", more=True)

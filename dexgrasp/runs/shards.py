@@ -1,6 +1,7 @@
 """Finished pieces as files of arrays: npz without pickle, sealed with a hash, each written whole or not at all."""
 
 import io
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_npz, write_atomically
+from dexgrasp_env.objects.load import object_name
 
 T = TypeVar("T")
 Arrays = dict[str, NDArray[Any]]
@@ -34,6 +36,17 @@ def make_missing(
     for done, _ in enumerate(run_pool(work, left, backend), start=len(pieces) - len(left) + 1):
         show(done, len(pieces))
     return bool(left)
+
+
+def check_names(targets: Sequence[str]) -> None:
+    """Refuse objects whose files would have the same names.
+
+    Raises:
+        InputError: naming one.
+    """
+    for name, count in Counter(map(object_name, targets)).items():
+        if count > 1:
+            raise InputError(f"two objects are called {name!r}: rename one of the files")
 
 
 def write_shard(path: Path, arrays: Mapping[str, NDArray[Any]], key: str) -> None:

@@ -30,9 +30,6 @@ class Physics:
         servo_kp: Nm/rad of the servos of robots' hands; hands by path of an MJCF keep their own.
         timestep: s.
         impratio: friction-to-normal impedance.
-        noslip: iterations.
-        hand_solimp: of the hand's geoms.
-        hand_solref: of the hand's geoms.
     """
 
     friction: tuple[float, float] = (0.6, 0.02)
@@ -40,9 +37,6 @@ class Physics:
     servo_kp: float = 5.0
     timestep: float = 0.004
     impratio: float = 10.0
-    noslip: int = 2
-    hand_solimp: tuple[float, float, float] = (0.5, 0.99, 0.0001)
-    hand_solref: tuple[float, float] = (0.005, 1.0)
 
 
 def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoco.MjModel:
@@ -66,7 +60,7 @@ def build_model(hand: HandModel, target: ObjectModel, physics: Physics) -> mujoc
 def _set_options(spec: mujoco.MjSpec, physics: Physics) -> None:
     option = spec.option
     option.timestep, option.impratio = physics.timestep, physics.impratio
-    option.noslip_iterations, option.tolerance, option.gravity = physics.noslip, 1e-8, [0.0, 0.0, 0.0]
+    option.noslip_iterations, option.tolerance, option.gravity = 2, 1e-8, [0.0, 0.0, 0.0]
     option.integrator, option.cone = mujoco.mjtIntegrator.mjINT_IMPLICITFAST, mujoco.mjtCone.mjCONE_ELLIPTIC
 
 
@@ -74,8 +68,8 @@ def _add_hand(spec: mujoco.MjSpec, hand: HandModel, physics: Physics) -> None:
     child = hand.spec(physics.servo_kp)
     _set_options(child, physics)  # differing ones draw a warning
     for geom in child.geoms:
-        geom.solimp[:3] = physics.hand_solimp
-        geom.solref[:2] = physics.hand_solref
+        geom.solimp[:3] = 0.5, 0.99, 0.0001
+        geom.solref[:2] = 0.005, 1.0
     base = spec.worldbody.add_body(name=BASE)
     base.add_freejoint(name=BASE)
     spec.attach(child, frame=base.add_frame(), prefix=_PREFIX)

@@ -26,9 +26,8 @@ def page(films: Sequence[Film]) -> str:
     """Return one page with the films side by side, played from approach to hold with a slider; nothing is fetched."""
     server = start_server(port=0, quiet=True)
     try:
-        stages = [Stage(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
+        stages, count = _staged(server, films)
         recording = server.get_scene_serializer()
-        count = max(len(film.states) for film in films)
         every = max(1, -(-count // _FRAMES))
         for index in range(0, count, every):
             for stage in stages:
@@ -44,8 +43,7 @@ def page(films: Sequence[Film]) -> str:
 def serve(films: Sequence[Film], port: int = 8080) -> None:
     """Show the films on a local server until interrupted: a slider for the time, the certificates beside it."""
     server = start_server(port=port, quiet=False)
-    stages = [Stage(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
-    count = max(len(film.states) for film in films)
+    stages, count = _staged(server, films)
     slider: Any = server.gui.add_slider("step", min=0, max=count - 1, step=1, initial_value=0)
     playing = server.gui.add_checkbox("play", initial_value=True)
     for film in films:
@@ -57,6 +55,12 @@ def serve(films: Sequence[Film], port: int = 8080) -> None:
         time.sleep(CONTROL_PERIOD)
         if playing.value:
             slider.value = (int(slider.value) + 1) % count
+
+
+def _staged(server: "viser.ViserServer", films: Sequence[Film]) -> tuple[list[Stage], int]:
+    """Return the films side by side, and how many states the longest has."""
+    stages = [Stage(server, film, f"film {k}", -_APART * k) for k, film in enumerate(films)]
+    return stages, max(len(film.states) for film in films)
 
 
 def start_server(port: int, quiet: bool) -> "viser.ViserServer":

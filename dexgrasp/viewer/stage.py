@@ -25,18 +25,18 @@ _VISUAL = 2  # group of the geoms that are shown
 class Stage:
     """One film in a scene, at an offset so that several stand side by side."""
 
-    def __init__(self, server: "viser.ViserServer", film: Film, name: str = "", offset: float = 0.0) -> None:
+    def __init__(self, server: "viser.ViserServer", film: Film, name: str, offset: float) -> None:
         """Draw everything at the film's first state.
 
         Args:
             server: where to draw.
             film: what.
-            name: prefix of the nodes, for several films on one server.
+            name: of the film's nodes.
             offset: m along y.
         """
         import mujoco
 
-        self.film, self._scene, self._root = film, server.scene, f"/{name or 'grasp'}"
+        self.film, self._scene, self._root = film, server.scene, f"/{name}"
         self._model = compiled_robot(film.record.here)
         self._data = mujoco.MjData(self._model)
         self._scene.add_frame(self._root, show_axes=False, position=(0.0, offset, 0.0))
