@@ -88,9 +88,6 @@ def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, An
     return known | {key: value for key, value in info.items() if key.startswith("perception")}
 
 
-_MEMBERS = ("reset", "act")
-
-
 def complete(name: str, agent: Any) -> Any:
     """Check a user's object for what every agent needs, and give it what it may leave out.
 
@@ -103,22 +100,18 @@ def complete(name: str, agent: Any) -> Any:
     Raises:
         InputError: if it is no agent.
     """
-    for member in _MEMBERS:
+    for member in ("reset", "act"):
         if not callable(getattr(agent, member, None)):
             raise InputError(f"agent {name!r} has no method {member}(): valid agents have reset() and act()")
     if isinstance(agent, Agent):
         return agent
-    for member, default in {"env_settings": {}, "seed": _no_seed, "report": Report()}.items():
+    for member, default in {"env_settings": {}, "seed": lambda seed: None, "report": Report()}.items():
         if not hasattr(agent, member):
             try:
                 setattr(agent, member, default)
             except (AttributeError, TypeError):
                 raise InputError(f"agent {name!r} has no {member}, and cannot be given one") from None
     return agent
-
-
-def _no_seed(seed: int) -> None:
-    """Stand in for `Agent.seed` of agents without randomness."""
 
 
 def renew_report(agent: Agent) -> None:

@@ -122,11 +122,12 @@ def agent_source(name: str) -> Path | None:
 
 def _load(spec: str) -> Any:
     module_name, _, attribute = spec.partition(":")
+    _look_here()
     try:
-        module = _import(module_name)
+        module = importlib.import_module(module_name)
     except InputError:  # it needs an extra, and says which
         raise
-    except Exception as error:  # whatever the module does when it is imported
+    except Exception as error:  # an empty or relative name, or whatever the module does when it is imported
         raise InputError(f"agent {spec!r}: module {module_name!r} cannot be imported ({error})") from error
     if not callable(getattr(module, attribute, None)):
         raise InputError(f"agent {spec!r}: module {module_name!r} has no class {attribute!r}")
@@ -141,16 +142,6 @@ def _made(spec: str, kwargs: dict[str, Any]) -> Any:
         raise
     except Exception as error:
         raise InputError(f"agent {spec!r} cannot be made: {type(error).__name__}: {error}") from error
-
-
-def _import(module_name: str) -> Any:
-    _look_here()
-    try:
-        return importlib.import_module(module_name)
-    except InputError:  # a ValueError as well
-        raise
-    except ValueError as error:  # an empty or relative name
-        raise ImportError(str(error)) from error
 
 
 def _look_here() -> None:

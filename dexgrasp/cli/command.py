@@ -139,6 +139,5 @@ class Scene(InCell):
     @property
     def env_settings(self) -> dict[str, Any]:
         """What `gym.make` is called with."""
-        chosen = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
-        given = {name: value for name, value in chosen.items() if value is not None}
-        return {"mesh_scale": self.mesh_scale, "mesh_mass": self.mesh_mass} | given
+        names = ("robot", "mount", "friction", "mesh_scale", "mesh_mass")
+        return {name: getattr(self, name) for name in names}

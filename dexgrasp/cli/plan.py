@@ -16,6 +16,8 @@ if TYPE_CHECKING:
     from dexgrasp.planning.look import Look, Subject
     from dexgrasp.planning.result import PlanResult, Progress
     from dexgrasp_env.perception.cloud import Cloud
+    from dexgrasp_env.perception.scene import Scene as PerceivedScene
+    from dexgrasp_env.perception.segment import Seen
 
 
 class Plan(Command, Scan, Scene):
@@ -138,14 +140,12 @@ class Plan(Command, Scan, Scene):
 
     def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
-        from dexgrasp.planning.seen import default_planner, plan_scene, scene_of
+        from dexgrasp.planning.seen import default_planner, plan_scene
         from dexgrasp.planning.settings import PlannerSettings
         from dexgrasp_env.perception.recorded import SEVERAL
-        from dexgrasp_env.perception.segment import listed
 
         planner = default_planner(self.cell, PlannerSettings.of(self.friction, self.at_least))
-        scene, home = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell), self.cell.robot.home
-        seen = listed(scene, self.cell.base)
+        scene, seen = self._look(scan)
         if scene.reason == SEVERAL:
             stand = "; ".join(line.strip() for line in list_lines(seen))
             raise InputError(
@@ -156,18 +156,29 @@ class Plan(Command, Scan, Scene):
         if scene.reason is None:
             note(chosen_line(seen))
         found = plan_scene(
-            planner, scene, self.seed, home, mass=self.mass, count=self.count, progress=progress
+            planner,
+            scene,
+            self.seed,
+            self.cell.robot.home,
+            mass=self.mass,
+            count=self.count,
+            progress=progress,
         )
         return found, found.as_json(scan_name(Path(str(self.cloud)))) | {"seen": as_json(seen)}
 
-    def _list(self, scan: "Cloud") -> Answer:
-        """Say which objects are seen, with a picture where there is a folder for it."""
+    def _look(self, scan: "Cloud") -> "tuple[PerceivedScene, list[Seen]]":
+        """Return the scene of a cloud, and the objects that are seen there."""
         from dexgrasp.planning.seen import scene_of
-        from dexgrasp_env.perception.picture import objects_picture
         from dexgrasp_env.perception.segment import listed
 
         scene = scene_of(scan, self.pointing(), seed=self.seed, cell=self.cell)
-        seen = listed(scene, self.cell.base)
+        return scene, listed(scene, self.cell.base)
+
+    def _list(self, scan: "Cloud") -> Answer:
+        """Say which objects are seen, with a picture where there is a folder for it."""
+        from dexgrasp_env.perception.picture import objects_picture
+
+        scene, seen = self._look(scan)
         lines = [f"{len(seen)} objects (middles in the frame of the robot's base, m):", *list_lines(seen)]
         if not seen:
             lines = [f"no object: {scene.sentence or scene.reason}"]

@@ -120,11 +120,9 @@ def _in_processes(packed: bytes, tasks: Sequence[Any], workers: int) -> Iterator
             waiting.add(pool.submit(_do, packed, task))
             while waiting and (len(waiting) >= 2 * workers or number == len(tasks)):
                 done, waiting = wait(waiting, return_when=FIRST_COMPLETED)
-                yield from (future.result() for future in sorted(done, key=_failed))
-
-
-def _failed(future: Future[Any]) -> bool:
-    return future.exception() is not None
+                yield from (
+                    future.result() for future in sorted(done, key=lambda own: own.exception() is not None)
+                )
 
 
 def _do(packed: bytes, task: Any) -> Any:
