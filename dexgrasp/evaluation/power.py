@@ -24,7 +24,10 @@ def unpaired_trials(rate: float, difference: float) -> int:
     Raises:
         InputError: unless 0 < difference < rate <= 1.
     """
-    _check(rate, difference)
+    if not 0.0 < difference < rate <= 1.0:
+        raise InputError(
+            f"difference {difference:g} below rate {rate:g}: valid is 0 < difference < rate <= 1"
+        )
     a, b = rate, rate - difference
     mean = 0.5 * (a + b)
     null = ndtri(1 - _LEVEL / 2) * np.sqrt(2 * mean * (1 - mean))
@@ -73,14 +76,14 @@ def power_figures(difference: float, rate: float, agents: int, objects: int) -> 
     Raises:
         InputError: unless 0 < difference < rate <= 1.
     """
-    _check(rate, difference)
+    unpaired = unpaired_trials(rate, difference)
     worst = paired_trials(difference, independent_discordance(rate, difference))
     return {
         "difference": difference,
         "rate": rate,
         "power": _POWER,
         "level": _LEVEL,
-        "unpaired_trials_an_agent": unpaired_trials(rate, difference),
+        "unpaired_trials_an_agent": unpaired,
         "paired_scenes_at_most": worst,
         "paired_scenes_at_least": paired_trials(difference, difference),
         "objects": objects,
@@ -100,13 +103,6 @@ def power_sentences(figures: Mapping[str, Any]) -> list[str]:
         f"  so --trials {figures['trials_an_object']} on {objects} object{'s' * (objects != 1)}: "
         f"{figures['trials_in_all']} trials in all",
     ]
-
-
-def _check(rate: float, difference: float) -> None:
-    if not 0.0 < difference < rate <= 1.0:
-        raise InputError(
-            f"difference {difference:g} below rate {rate:g}: valid is 0 < difference < rate <= 1"
-        )
 
 
 def _least(enough: Callable[[int], bool]) -> int:

@@ -90,7 +90,6 @@ def _begin(
     _note_neighbours(outcome, info)
     _ask(agent.seed, seeds.agent)
     _ask(agent.reset, observation, public_info(env, info))
-    outcome.reason = _given_up(agent)
     return observation, subject
 
 
@@ -111,9 +110,8 @@ def _given_up(agent: Agent) -> str | None:
 def _go_on(
     env: gym.Env[Any, Any], agent: Agent, observation: Any, outcome: Outcome, frames: FrameSink | None
 ) -> None:
-    if outcome.reason is not None:
-        return
-    over, total = False, 0.0
+    outcome.reason, total = _given_up(agent), 0.0
+    over = outcome.reason is not None
     while not over:
         action = _ask(agent.act, observation)
         outcome.reason = _given_up(agent)

@@ -68,7 +68,6 @@ def read_arrays(path: Path) -> dict[str, Any]:
     """
     with readable(path):
         try:
-            arrays = dict(read_npz(path))
+            return read_npz(path)
         except ValueError as error:
             raise InputError(f"{path} is no .npz file of plain arrays ({error})") from None
-    return arrays
