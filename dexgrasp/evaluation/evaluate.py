@@ -33,6 +33,7 @@ def evaluate(
     backend: Backend = Backend(),
     videos: int | Literal["failures"] = 0,
     film: Film = Film(),
+    progress: bool = True,
     stop_level: float | None = None,
 ) -> dict[str, Any]:
     """Run an evaluation, or what is missing of it, and return its summary (also `summary.json` in the folder).
@@ -44,6 +45,7 @@ def evaluate(
         videos: how many trials of each agent and object are recorded, or "failures" for what fell short; recording
             makes a trial again, so that it may be asked for after the fact.
         film: what videos are taken with.
+        progress: whether to say on standard error how far it is.
         stop_level: end as soon as every pair of agents is told apart at this level, by the test of `sequential`; the
             summary then is of the whole rounds up to there. None runs every trial.
 
@@ -63,7 +65,7 @@ def evaluate(
         check_rendering()
     if stop_level is not None:  # round by round, so that it can stop between rounds
         planned.sort(key=lambda spec: spec.trial)
-    run = _Run(planned, TrialStore(folder, identity), runner, backend, stop_level)
+    run = _Run(planned, TrialStore(folder, identity), runner, backend, progress, stop_level)
     run.check_rows()
     try:
         with kept():
@@ -93,6 +95,7 @@ class _Run:
     store: TrialStore
     runner: TrialRunner
     backend: Backend
+    progress: bool
     stop_level: float | None
     summary: dict[str, Any] = field(default_factory=dict)
 
@@ -115,7 +118,7 @@ class _Run:
             return
         left = [spec for spec in self.planned if spec.key not in self.store.finished]
         told: set[tuple[str, str]] = set()
-        with progress_bar("trial", "evaluate") as show:
+        with progress_bar("trial", "evaluate", shown=self.progress) as show:
             for row, grasp in run_pool(self.runner.run, left, self.backend):
                 with held():
                     self.store.append(row, grasp)
@@ -135,7 +138,7 @@ class _Run:
             for row in self.store.rows
             if (fell_short(row) if videos == "failures" else row["trial"] < int(videos))
         ]
-        with progress_bar("video", "videos", shown=bool(chosen)) as show:
+        with progress_bar("video", "videos", shown=self.progress and bool(chosen)) as show:
             record(self.runner, chosen, self.store.folder, film, self.backend, show)
 
     def close(self) -> None:
