@@ -242,7 +242,7 @@ def lock(file: IO[bytes], busy: str | None = None) -> None:
         busy: the error's message; None waits for its turn.
 
     Raises:
-        InputError: `busy`, if another process holds it.
+        InputError: `busy`, if another process holds it; or where nothing can be locked.
     """
     try:
         import fcntl
@@ -250,9 +250,9 @@ def lock(file: IO[bytes], busy: str | None = None) -> None:
         return
     try:
         fcntl.flock(file, fcntl.LOCK_EX | (fcntl.LOCK_NB if busy else 0))
-    except OSError:
+    except OSError as error:
         file.close()
-        raise InputError(busy) from None
+        raise InputError(busy or f"{file.name} cannot be locked: {error.strerror}") from None
 
 
 def expand(path: str | os.PathLike[str]) -> Path:

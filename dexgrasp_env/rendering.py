@@ -135,12 +135,13 @@ def _use(backend: str) -> None:
     """Have MuJoCo draw with a backend, unless it does; where it cannot, the environment stays as it was."""
     if os.environ.get("MUJOCO_GL"):
         return
-    os.environ["MUJOCO_GL"] = backend
-    os.environ.setdefault("PYOPENGL_PLATFORM", backend)
+    added = [name for name in ("MUJOCO_GL", "PYOPENGL_PLATFORM") if not os.environ.get(name)]
+    os.environ.update(dict.fromkeys(added, backend))
     try:
         _reload_context_module()
     except BaseException:
-        del os.environ["MUJOCO_GL"], os.environ["PYOPENGL_PLATFORM"]
+        for name in added:
+            del os.environ[name]
         raise
 
 
