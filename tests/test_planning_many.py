@@ -145,4 +145,4 @@ def test_an_atlas_is_made_again_where_its_postures_would_be_others():
         tree._replace(pairs=tree.pairs[1:]),
         tree._replace(sphere_radius=0.9 * tree.sphere_radius),
     )
-    assert len({_key(CELL.robot, own, 0) for own in (tree, fewer, thinner)}) == 3
+    assert len({_key(CELL.robot, own) for own in (tree, fewer, thinner)}) == 3
