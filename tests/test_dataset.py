@@ -204,7 +204,9 @@ def test_a_cell_is_found_from_anywhere_and_no_other_is_taken_for_it(made, tmp_pa
         check_sample(folder, 1)
     with refused("cell: mine-.* there, mine-.* now"):
         generate(settings, folder)
+    del manifest["cell"]
     (folder / "manifest.json").write_text(json.dumps(manifest))
+    assert summary(folder)["cell"] == "not stated"
     assert check_sample(folder, 1, robot=str(asset_path("robot", "cell.yaml")))["passed"] == 1
 
 

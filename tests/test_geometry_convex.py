@@ -156,3 +156,8 @@ def test_simplified_hull_keeps_its_stated_error():
 def test_points_without_a_volume_are_refused(points):
     with refused("convex hull"):
         ConvexDistance.from_points(points)
+
+
+def test_too_few_faces_are_refused():
+    with refused("max_faces"):
+        ConvexDistance.from_points(np.random.default_rng(0).normal(size=(50, 3)), max_faces=3)

@@ -79,6 +79,7 @@ def test_ferrari_canny():
     assert 0 < epsilon < ferrari_canny(p, n, 0.8) < 1
     assert ferrari_canny(p, np.tile(n[:1], (3, 1)), 0.5) == 0.0  # all push one way
     assert ferrari_canny(p[:2], n[:2], 0.5) == 0.0  # two points resist no torque about their line
+    assert ferrari_canny(p, n, 0.5, torque_scale=0.3) < epsilon
     with refused("at least 2"):
         ferrari_canny(p[:1], n[:1], 0.5)
 

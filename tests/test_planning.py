@@ -138,10 +138,10 @@ def test_every_proposed_triple_has_closure_by_other_solvers(name, proposals):
     closed, known = [], margins(found.contacts, found.normals, SETTINGS.friction)
     for k in range(0, len(found.contacts), 5 if len(found.contacts) > 20 else 1):
         p, n = found.contacts[k], found.normals[k]
-        assert solve_wrench_qp(p, n, SETTINGS.friction).residual < 1e-6
+        assert solve_wrench_qp(p, n, SETTINGS.friction, solver="daqp").residual < 1e-6
         margin = conic_margin(p, n, SETTINGS.friction)
         assert abs(margin - known[k]) < 1e-5
-        closed.append(conic_residual(p, n, SETTINGS.friction) < 1e-6)
+        closed.append(conic_residual(p, n, SETTINGS.friction).upper < 1e-6)
         assert closed[-1] == (margin > 0) or abs(margin) < 1e-3
     assert np.mean(closed) > 0.95 or name == "tetrahedron"
     assert closed[0]  # the best first
@@ -189,7 +189,7 @@ def test_uniform_proposals_are_not_judged():
     assert found.contacts.shape == (SETTINGS.triples, 3, 3)
     assert all(len(np.unique(triple, axis=0)) == 3 for triple in found.contacts)
     closed = [
-        conic_residual(p, n, SETTINGS.friction) < 1e-6
+        conic_residual(p, n, SETTINGS.friction).upper < 1e-6
         for p, n in zip(found.contacts, found.normals, strict=True)
     ]
     assert 0 < np.mean(closed) < 0.9

@@ -51,13 +51,13 @@ def test_slope_of_the_residual_is_that_of_the_lower_level():
 
     def least(p, n):
         n = n / np.linalg.norm(n, axis=1, keepdims=True)
-        return solve_wrench_qp(p, n, 0.5, length_scale=0.05).residual
+        return solve_wrench_qp(p, n, 0.5, length_scale=0.05, center=np.zeros(3)).residual
 
     rng, errors = np.random.default_rng(4), []
     for points, normals in zip(*contacts(30, seed=4), strict=True):
         p, n = points.detach().requires_grad_(), torch.nn.functional.normalize(normals.detach(), dim=-1)
         n.requires_grad_()
-        wrench_layer(p[None], n[None], 0.5, regulariser=1e-7)[1].sum().backward()
+        wrench_layer(p[None], n[None], 0.5, center=torch.zeros(3), regulariser=1e-7)[1].sum().backward()
         arrays = p.detach().numpy(), n.detach().numpy()
         moves = 0.05 * rng.normal(size=(3, 3)), np.cross(rng.normal(size=(3, 3)), arrays[1])
         errors.append(directional_error(least, arrays, (p.grad.numpy(), n.grad.numpy()), moves, 1e-5))

@@ -139,5 +139,6 @@ class Scene(InCell):
     @property
     def env_settings(self) -> dict[str, Any]:
         """What `gym.make` is called with."""
-        names = ("robot", "mount", "friction", "mesh_scale", "mesh_mass")
-        return {name: getattr(self, name) for name in names}
+        chosen = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
+        given = {name: value for name, value in chosen.items() if value is not None}
+        return {"mesh_scale": self.mesh_scale, "mesh_mass": self.mesh_mass} | given

@@ -32,7 +32,7 @@ def summary(folder: Path) -> dict[str, Any]:
     feasible = sum(int(p.scene["triples"][1]) for p in poses)
     margin = _joined(poses, "margin")
     return {
-        "schema": 1, "cell": manifest.get("cell"),
+        "schema": 1, "cell": manifest.get("cell", "not stated"),
         "grasps": len(margin), "objects": len(manifest["objects"]), "rest_poses": len(poses),
         "triples_decided": decided, "triples_feasible": feasible, "share_feasible": feasible / max(decided, 1),
         "ik_success": totals["feasible"] / max(totals["placed_by_atlas"], 1),
@@ -101,7 +101,7 @@ def check_sample(folder: Path, count: int, robot: str | None = None) -> dict[str
 def _cell(folder: Path, robot: str | None) -> Cell:
     manifest = read_manifest(folder)
     cell = make_cell(robot or manifest["settings"].get("robot"))
-    if (made := manifest.get("cell")) != cell.version:
+    if (made := manifest.get("cell", cell.version)) != cell.version:  # older datasets state none
         raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its --cell")
     return cell
 

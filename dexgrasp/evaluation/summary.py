@@ -44,7 +44,7 @@ def summarise(
     """
     rows = judged([row for row in rows if stopped_after is None or row["trial"] < stopped_after])
     place = {name: k for k, name in enumerate(settings.parts)}
-    ordered = sorted(rows, key=lambda row: (place[row["protocol"]], row["object"], row["trial"]))
+    ordered = sorted(rows, key=lambda row: (place.get(row["protocol"], 0), row["object"], row["trial"]))
     by_agent = {agent: [row for row in ordered if row["agent"] == agent] for agent in settings.agents}
     asked = len(settings.agents) * len(settings.objects) * len(settings.parts) * settings.trials
     sequential = {"sequential": {"level": stop_level, "stopped_after": stopped_after}}

@@ -2,9 +2,12 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
 from dexgrasp.grasp.certificate import Certificate
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, array
 from dexgrasp_env.robot.cell import Cell
+from dexgrasp_env.valid import check
 
 RAISED = 0.14
 """m that what is grasped is lifted."""
@@ -23,6 +26,12 @@ class GraspMotion:
     pregrasp: Array
     grasp: Array
     squeeze: Array
+
+    def __post_init__(self) -> None:
+        """Check shapes and numbers."""
+        size = array(np.size(self.pregrasp))
+        for name, value in vars(self).items():
+            object.__setattr__(self, name, check(f"{name} of a grasp motion, rad", value, size))
 
 
 @dataclass(frozen=True)

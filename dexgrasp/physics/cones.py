@@ -13,6 +13,7 @@ import numpy as np
 from dexgrasp.physics.checks import Numbers, check_array, check_positive, check_unit
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.compiled import njit
+from dexgrasp_env.errors import InputError
 
 _S14, _S10, _S140 = 14.0**0.5, 10.0**0.5, 140.0**0.5
 C = (1.0 / _S14, 2.0 / _S14, 3.0 / _S14)
@@ -51,7 +52,7 @@ def tangent_basis(normals: Numbers) -> tuple[Array, Array]:
     return t1, t2
 
 
-def cone_edges(normals: Numbers, mu: float, edges: int) -> Array:
+def cone_edges(normals: Numbers, mu: float, edges: int = 4) -> Array:
     """Return the edges (N, edges, 3) of pyramids inside the exact cones, each with a pressing force of 1.
 
     Args:
@@ -59,6 +60,8 @@ def cone_edges(normals: Numbers, mu: float, edges: int) -> Array:
         mu: friction coefficient.
         edges: how many, at least 3; the first lies along t1.
     """
+    if edges < 3:
+        raise InputError(f"edges must be at least 3, got {edges}")
     t1, t2 = tangent_basis(normals)
     angle = 2.0 * np.pi * np.arange(edges) / edges
     radius = check_positive("mu", mu)

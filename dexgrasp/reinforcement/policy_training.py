@@ -11,7 +11,7 @@ from dexgrasp.demos.resets import DemoResets
 from dexgrasp.imitation.policy import Scaling
 from dexgrasp.reinforcement.actor import Acting, Actor
 from dexgrasp.reinforcement.grasp_space import FARTHEST
-from dexgrasp.reinforcement.rounds import Rounds
+from dexgrasp.reinforcement.rounds import Rounds, mean_action
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.checkpoint import Parts
 from dexgrasp.runs.training import Course, Row
@@ -101,7 +101,7 @@ class PolicyTraining(Rounds):
     def build(self) -> None:
         """As every round's, with the mean of the policies of the last rounds."""
         super().build()
-        layers = torch.nn.ModuleList(super().layers())
+        layers = torch.nn.ModuleList(mean_action(self.model))
         self._mean = AveragedModel(
             layers, multi_avg_fn=get_ema_multi_avg_fn(1.0 - 1.0 / self.settings.average)
         )
@@ -121,7 +121,7 @@ class PolicyTraining(Rounds):
         if self.settings.settle is not None:
             self._settle(self.settings.settle)
         row = super().learn()
-        self._mean.update_parameters(torch.nn.ModuleList(super().layers()))
+        self._mean.update_parameters(torch.nn.ModuleList(mean_action(self.model)))
         rate = {"rate": self._rate.now} if self.settings.adaptive else {}
         return row | rate | ({"front": self._resets.front} if self._resets else {})
 

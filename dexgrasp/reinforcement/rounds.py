@@ -97,16 +97,12 @@ class Rounds(Training):
         self.open.callback(self.envs.close)
         self.model = self.learner()
         if self.base is not None:
-            for tensor in Rounds.layers(self)[-1].parameters():
+            for tensor in mean_action(self.model)[-1].parameters():
                 torch.nn.init.zeros_(tensor)
 
     def layers(self) -> Sequence[Any]:
-        """Return the linear layers from features to the mean action."""
-        if isinstance(self.model, PPO):
-            parts = [*self.model.policy.mlp_extractor.policy_net, self.model.policy.action_net]
-        else:
-            parts = [*self.model.actor.latent_pi, self.model.actor.mu]
-        return [part for part in parts if isinstance(part, torch.nn.Linear)]
+        """Return the layers that are written, from features to the mean action."""
+        return mean_action(self.model)
 
     def parts(self) -> Parts:
         """Return networks, optimisers and single tensors of the learner, and what it remembers."""
@@ -164,3 +160,12 @@ class Rounds(Training):
     @property
     def _buffer(self) -> Any:
         return getattr(self.model, "replay_buffer", None)
+
+
+def mean_action(model: Any) -> list[torch.nn.Linear]:
+    """Return a learner's layers from features to the mean action."""
+    if isinstance(model, PPO):
+        parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
+    else:
+        parts = [*model.actor.latent_pi, model.actor.mu]
+    return [part for part in parts if isinstance(part, torch.nn.Linear)]

@@ -7,7 +7,7 @@ file is the code that they go through as well.
 import io
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import islice
 from pathlib import Path
 from typing import IO, Annotated, Any
@@ -289,6 +289,7 @@ def _read_xyz(path: Path) -> Array:
 
 
 READERS: dict[str, Callable[[Path], NDArray[Any]]] = {
-    ".ply": _read_ply, ".pcd": read_pcd, ".xyz": _read_xyz, ".npy": np.load, ".npz": _read_npz,
+    ".ply": _read_ply, ".pcd": read_pcd, ".xyz": _read_xyz,
+    ".npy": partial(np.load, allow_pickle=False), ".npz": _read_npz,
 }  # fmt: skip
 """What reads clouds, by the ending of their files."""
