@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any, ClassVar, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dexgrasp.agent import Agent, Observation, cell_of
 from dexgrasp.motion.aside import SettingAside, WayAside
 from dexgrasp.motion.carrying import GuardedCarry
@@ -22,7 +19,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.seen import default_planner, plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import Cell, default_cell
@@ -137,7 +134,7 @@ class BilevelAgent(Agent):
             )
             self.report.again, self.report.planning_seconds = self._state is not None, plan.planning_seconds
 
-    def act(self, observation: Observation) -> NDArray[np.float32]:
+    def act(self, observation: Observation) -> Single:
         """Return the next set-points."""
         if self._state is None:
             raise InputError("this agent has no plan: reset() says why in report.failure")

@@ -9,9 +9,9 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand, read_json_object
@@ -55,7 +55,7 @@ class CheckpointAgent(Agent):
         """Forget the last episode."""
         self.report = Report()
 
-    def act(self, observation: Observation) -> NDArray[np.float32]:
+    def act(self, observation: Observation) -> Single:
         """Return the policy's mean action."""
         seen = dict(observation) if self._counted is None else self._counted.normalize_obs(dict(observation))
         action, _ = self._policy.predict(seen, deterministic=True)
@@ -116,7 +116,7 @@ def _open(path: Path, algorithm: str) -> Any:
     return policy
 
 
-def _told(policy: Any) -> dict[str, Any]:
+def _told(policy: Any) -> Fields:
     """Return what the spaces of a policy say of its environment."""
     keys = policy.observation_space.keys()
     seen = [
@@ -129,7 +129,7 @@ def _told(policy: Any) -> dict[str, Any]:
     }
 
 
-def _sidecar(path: Path) -> dict[str, Any]:
+def _sidecar(path: Path) -> Fields:
     settings = path.with_suffix(".json")
     if not settings.is_file():
         return {}

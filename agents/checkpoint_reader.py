@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.runs.pickles import unpickle
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_archive, check_bytes, read_file
 
@@ -35,7 +36,7 @@ _NAMES = {
 }  # fmt: skip
 
 
-def read_settings(path: Path) -> dict[str, Any]:
+def read_settings(path: Path) -> Fields:
     """Return the settings of a checkpoint as JSON holds them, pickled ones still as text.
 
     Raises:
@@ -67,7 +68,7 @@ def _check_layout(archive: zipfile.ZipFile) -> None:
             raise ValueError(f"entry {name[:60]!r} is none of theirs")
 
 
-def harmless_objects(path: Path, settings: dict[str, Any]) -> dict[str, Any]:
+def harmless_objects(path: Path, settings: Fields) -> Fields:
     """Return what stands for each pickled setting: Stable-Baselines3 then unpickles nothing.
 
     Raises:

@@ -5,7 +5,6 @@ from collections.abc import Mapping
 from typing import Any, ClassVar
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.geometry.samples import triangle_samples
@@ -19,7 +18,7 @@ from dexgrasp.planning.seen import start_of
 from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp.shape.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.shape.hull import standing_hull
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
@@ -91,7 +90,7 @@ class HardcodedAgent(Agent):
             self.report.details = {"detail": blocked.detail}
         self.report.planning_seconds = time.perf_counter() - began
 
-    def act(self, observation: Observation) -> NDArray[np.float32]:
+    def act(self, observation: Observation) -> Single:
         """Return the next action of the script."""
         if self._script is None:
             return self._rest
@@ -103,7 +102,7 @@ class HardcodedAgent(Agent):
         """Return the points (N, 3) m that stand for the object: those that are seen."""
         return scene.target.points
 
-    def _action(self, targets: Array) -> NDArray[np.float32]:
+    def _action(self, targets: Array) -> Single:
         return normalise(targets, self._cell.robot).astype(np.float32)
 
     def _plan(self, start: Array, points: Array) -> ActionScript:

@@ -4,9 +4,6 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, ClassVar
 
-import numpy as np
-from numpy.typing import NDArray
-
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.imitation.grasper import Grasper
@@ -14,6 +11,7 @@ from dexgrasp.imitation.policy import Policy, PolicyRun
 from dexgrasp.reinforcement.actor import Actor
 from dexgrasp.reinforcement.grip import Grip
 from dexgrasp.runs.policy_folder import read_policy
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
@@ -53,7 +51,7 @@ class LearnedAgent(Agent):
         except InputError as error:
             self.report.failure = str(error)
 
-    def act(self, observation: Observation) -> NDArray[np.float32]:
+    def act(self, observation: Observation) -> Single:
         """Return the next action."""
         if self._run is None:
             raise InputError("this agent has nothing to look at: reset() says why in report.failure")

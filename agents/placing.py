@@ -4,14 +4,13 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.carried import STILL, carried, let_go
 from dexgrasp.motion.motion import arm_and_hand
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import normalise
@@ -60,7 +59,7 @@ class PlacingAgent(Agent):
         self._way: Iterator[Array] = iter(())
         self._last: Array | None = None
 
-    def act(self, observation: Observation) -> NDArray[np.float32]:
+    def act(self, observation: Observation) -> Single:
         """Return the agent's action, or from the end of its lift on the next on the way to the goal."""
         targets = np.asarray(observation["joint_targets"], dtype=float)
         if self._last is None and self._lifted(

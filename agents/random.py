@@ -5,9 +5,9 @@ from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Agent, Observation, Report
+from dexgrasp_env.arrays import Single
 
 
 class RandomAgent(Agent):
@@ -28,7 +28,7 @@ class RandomAgent(Agent):
         self._space = info.get("action_space", self._space)
         self.report = Report()
 
-    def act(self, observation: Observation) -> NDArray[np.float32]:
+    def act(self, observation: Observation) -> Single:
         """Draw an action."""
         low, high = self._space.low, self._space.high
         return self._rng.uniform(low, high).astype(np.float32)

@@ -8,9 +8,9 @@ from functools import cached_property
 from typing import Any, ClassVar
 
 import gymnasium as gym
-import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -32,7 +32,7 @@ class Report:
     failure: str | None = None
     again: bool = False
     planning_seconds: float | None = None
-    details: dict[str, Any] = field(default_factory=dict)
+    details: Fields = field(default_factory=dict)
 
 
 class Agent(ABC):
@@ -63,7 +63,7 @@ class Agent(ABC):
         """
 
     @abstractmethod
-    def act(self, observation: Observation) -> NDArray[np.float32]:
+    def act(self, observation: Observation) -> Single:
         """Return the next action, within the environment's action space."""
 
 
@@ -73,7 +73,7 @@ def cell_of(info: Mapping[str, Any], default: Cell) -> Cell:
     return cell if isinstance(cell, Cell) else default.mounted(info.get("mount"))
 
 
-def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> dict[str, Any]:
+def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> Fields:
     """Return what an agent may know at reset: nothing of the object but what perception says."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     known = {

@@ -9,6 +9,7 @@ from typing import Any
 
 from dexgrasp.agent import Agent, complete
 from dexgrasp.runs.policy_folder import is_policy, policy_files
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 
 AGENTS: dict[str, str] = {
@@ -134,7 +135,7 @@ def _load(spec: str) -> Any:
     return getattr(module, attribute)
 
 
-def _made(spec: str, kwargs: dict[str, Any]) -> Any:
+def _made(spec: str, kwargs: Fields) -> Any:
     """Make an object of a user's class; that it cannot be made is the user's to mend."""
     try:
         return _load(spec)(**kwargs)

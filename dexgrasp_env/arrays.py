@@ -1,4 +1,4 @@
-"""The array types of this project: metres, radians, whatever shape the docstring says; and a few arrays."""
+"""The types of this project: arrays in metres, radians and whatever shape the docstring says, and values by name."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,6 +12,9 @@ Array = NDArray[np.float64]
 Index = NDArray[np.int64]
 Mask = NDArray[np.bool_]
 Single = NDArray[np.float32]
+Arrays = dict[str, NDArray[Any]]
+Fields = dict[str, Any]
+"""By name: a row of a table, an object of JSON, an `info`."""
 LARGEST = 1e6
 """In SI units: no number that somebody states is nearly as large, and squares of larger ones overflow."""
 

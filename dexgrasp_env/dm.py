@@ -13,12 +13,11 @@ from typing import Any
 
 import gymnasium as gym
 import mujoco
-import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp_env import rendering
+from dexgrasp_env.arrays import Array, Arrays, Fields, Single
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.tasks.lift import LiftEnv
@@ -75,7 +74,7 @@ class Physics(dm_mujoco.Physics):
     """
 
     warnings = 0  # of the last control step, one bit each
-    _rows: NDArray[np.float64] | None = None
+    _rows: Array | None = None
 
     def __init__(self, simulation: Simulation) -> None:
         super().__init__(MjData(simulation.data))
@@ -88,7 +87,7 @@ class Physics(dm_mujoco.Physics):
             self._shown = shown
             self._reload_from_data(MjData(simulation.data))
 
-    def give(self, rows: NDArray[np.float64]) -> None:
+    def give(self, rows: Array) -> None:
         """Set what the servos are told in the next control step: (1, frame_skip, n) rad."""
         self._rows = rows
 
@@ -114,9 +113,9 @@ class Task(control.Task):
         self.inner, self._seed = inner, seed
         self._limit = env.spec.max_episode_steps if env.spec is not None else None
         self._steps = 0
-        self._seen: dict[str, NDArray[Any]] = {}
+        self._seen: Arrays = {}
         self._reward, self._terminated, self._truncated = 0.0, False, False
-        self.info: dict[str, Any] = {}
+        self.info: Fields = {}
         """What Gymnasium's `info` says of the last step: is_success, failure, reward_terms, ..."""
 
     def initialize_episode(self, physics: Physics) -> None:
@@ -126,7 +125,7 @@ class Task(control.Task):
         self._steps, self._terminated, self._truncated = 0, False, False
         physics.show(self.inner.simulation)
 
-    def before_step(self, action: NDArray[np.float32], physics: Physics) -> None:
+    def before_step(self, action: Single, physics: Physics) -> None:
         """Move the set-points."""
         physics.give(self.inner.start_step(action))
 
@@ -136,7 +135,7 @@ class Task(control.Task):
         self._seen, self._reward, self._terminated, self._truncated, self.info = told
         self._steps += 1
 
-    def get_observation(self, physics: Physics) -> dict[str, NDArray[Any]]:
+    def get_observation(self, physics: Physics) -> Arrays:
         """Return Gymnasium's observation."""
         return dict(self._seen)
 

@@ -20,9 +20,9 @@ from typing import IO, Any
 import numpy as np
 import platformdirs
 
+from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 
-Arrays = dict[str, np.ndarray]
 _MIB = 1 << 20
 _LARGEST = {
     "": 128, ".yaml": 1, "ascii .ply": 24, ".json": 64, ".obj": 64, ".jsonl": 256, ".npz": 512, ".zip": 512,
@@ -282,7 +282,7 @@ def parse_json(text: str | bytes) -> Any:
         raise ValueError("nested too deeply") from None
 
 
-def read_json_object(path: Path, remedy: str, missing: str | None = None) -> dict[str, Any]:
+def read_json_object(path: Path, remedy: str, missing: str | None = None) -> Fields:
     """Read a file that holds a JSON object.
 
     Args:

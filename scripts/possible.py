@@ -19,13 +19,14 @@ import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.cli.command import Argument, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.report.tables import rate_words
-from dexgrasp.evaluation.store import Row, read_rows
+from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped, summarise_agent
 from dexgrasp.planning.planner import Planner
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.lines import Lines
 from dexgrasp.runs.progress import progress_bar
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.robot.cell import make_cell
@@ -34,7 +35,7 @@ from dexgrasp_env.valid import Count
 _CONVEX = 0.97  # of the hull's volume that a surface encloses, from where the hull stands for it
 
 
-def true_target(row: Row) -> GraspTarget:
+def true_target(row: Fields) -> GraspTarget:
     """Return the object of a trial as it lies, nothing of it guessed."""
     env = gym.make(**row["env"], disable_env_checker=True)
     env.reset(seed=row["scene_seed"])
@@ -47,7 +48,7 @@ def true_target(row: Row) -> GraspTarget:
     return GraspTarget.of_corners(corners, model.mass, pose[:3])
 
 
-def most_borne(row: Row, rounds: int) -> float:
+def most_borne(row: Fields, rounds: int) -> float:
     """Return the `load` of the best grasp that was found; below 1 it does not bear the weight."""
     cell = make_cell(row["env"].get("robot"), row["env"].get("mount"))
     planner = Planner(replace(PlannerSettings(), patience=rounds), cell=cell)
@@ -92,7 +93,7 @@ def _fault(line: Any) -> str | None:
     return None if isinstance(line, dict) and {"scene", "load"} <= line.keys() else "it has scene and load"
 
 
-def scene_of(row: Row) -> tuple[Any, ...]:
+def scene_of(row: Fields) -> tuple[Any, ...]:
     """Return what tells a scene from the others of its evaluation."""
     return row["protocol"], row["object"], row["trial"]
 

@@ -38,8 +38,8 @@ from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
-from dexgrasp.runs.shards import Arrays, bytes_of, is_shard, make_missing, write_shard
-from dexgrasp_env.arrays import Array
+from dexgrasp.runs.shards import bytes_of, is_shard, make_missing, write_shard
+from dexgrasp_env.arrays import Array, Arrays
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import resolve_targets
 from dexgrasp_env.objects.sets import is_set, set_member

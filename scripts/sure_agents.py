@@ -14,10 +14,11 @@ from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.command import Argument, Folder, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.report.tables import rate_words
-from dexgrasp.evaluation.store import Row, read_rows
+from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped, summarise_agent
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.planning.sure import UNSURE
+from dexgrasp_env.arrays import Fields
 
 
 class Unsure(BilevelAgent):
@@ -44,7 +45,7 @@ class SureSlippery(Sure):
     friction = 0.35
 
 
-def summary(rows: list[Row]) -> str:
+def summary(rows: list[Fields]) -> str:
     """Return a line: how many scenes, how many answered, how many of these held, and what was said of them."""
     answered = [row for row in rows if "holds_probability" in row["details"]]
     said = [row["details"]["holds_probability"]["lifted"]["value"] for row in answered]

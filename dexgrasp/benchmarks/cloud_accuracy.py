@@ -1,12 +1,12 @@
 """How good a segmented cloud is, judged by what only the simulation knows."""
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial import ConvexHull
 
 from dexgrasp.shape.hull import cloud_corners
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.perception.cloud import cells_of, gather
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.poses import pose_matrix
@@ -24,7 +24,7 @@ COVER_RADIUS = 0.006  # m: a visible place is covered by a point this near
 
 def measure_accuracy(
     scene: Scene, perception: Perception, data: "mujoco.MjData", mesh: "trimesh.Trimesh"
-) -> dict[str, Any]:
+) -> Fields:
     """Judge what was seen of the body `object`.
 
     Args:

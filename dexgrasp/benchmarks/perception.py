@@ -10,6 +10,7 @@ import numpy as np
 from dexgrasp.benchmarks.cloud_accuracy import measure_accuracy
 from dexgrasp.benchmarks.timing import clocks, seconds_of
 from dexgrasp.shape.hull import cloud_corners
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import load_object
 from dexgrasp_env.objects.model import ObjectModel
@@ -33,7 +34,7 @@ BUDGET_MS = 60.0
 """For four 160 x 120 depth images and the cloud, one core, no GL."""
 
 
-def run(quick: bool = False) -> dict[str, Any]:
+def run(quick: bool = False) -> Fields:
     """Return the cost of each step [ms, medians], the ray rates, and the total against the budget.
 
     `ray_rate_ratio` is the rate of the depth images over that of `mj_multiRay` alone on the same rays,
@@ -65,7 +66,7 @@ def run(quick: bool = False) -> dict[str, Any]:
     }
 
 
-def accuracy(poses: int = 5) -> dict[str, Any]:
+def accuracy(poses: int = 5) -> Fields:
     """Return the measures of `cloud_accuracy` by object of the test set (medians over poses) and over all observations.
 
     Args:
@@ -79,7 +80,7 @@ def accuracy(poses: int = 5) -> dict[str, Any]:
     return {"by_object": {name: _summary(group) for name, group in rows.items()}, "all": _summary(everything)}
 
 
-def _observation(name: str, pose: int, seed: int) -> dict[str, Any]:
+def _observation(name: str, pose: int, seed: int) -> Fields:
     rng = np.random.default_rng((seed, pose))
     model, data, shape = _scene(name, rng, pose)
     perception = Perception(model, default_cell().make_cameras())
@@ -87,9 +88,9 @@ def _observation(name: str, pose: int, seed: int) -> dict[str, Any]:
     return measure_accuracy(perception.observe(data, rng), perception, data, shape.mesh)
 
 
-def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _summary(rows: list[Fields]) -> Fields:
     seen = [row for row in rows if row["reason"] is None]
-    out: dict[str, Any] = {"observations": len(rows), "failures": [r["reason"] for r in rows if r["reason"]]}
+    out: Fields = {"observations": len(rows), "failures": [r["reason"] for r in rows if r["reason"]]}
     if not seen:
         return out
     column = {name: np.array([row[name] for row in seen], float) for name in seen[0] if name != "reason"}

@@ -18,13 +18,14 @@ from dexgrasp.benchmarks.timing import spread_of
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.grasp.file import record_of
 from dexgrasp.verify.verify import verify
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
 PAPER_SECONDS = 14.40
 _LIMIT = 2.0  # s
 
 
-def run(quick: bool = False) -> dict[str, Any]:
+def run(quick: bool = False) -> Fields:
     """Plan for the 20 test objects in five poses each, with the default sensor noise, on one core.
 
     Args:
@@ -42,14 +43,14 @@ def run(quick: bool = False) -> dict[str, Any]:
     return _figures(rows)
 
 
-def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> dict[str, Any]:
+def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> Fields:
     observation, info = env.reset(seed=seed)
     agent.seed(seed)
     cpu = time.process_time()
     agent.reset(observation, {"perception_failure": info["perception_failure"]})
     cpu = time.process_time() - cpu
     report, plan = agent.report, agent.result
-    row: dict[str, Any] = {
+    row: Fields = {
         "object": name, "seconds": report.planning_seconds, "cpu": cpu, "failure": report.failure,
         "stages": report.details.get("stages", {}),
     }  # fmt: skip
@@ -60,7 +61,7 @@ def _one(env: gym.Env[Any, Any], agent: BilevelAgent, name: str, seed: int) -> d
     return row
 
 
-def _figures(rows: list[dict[str, Any]]) -> dict[str, Any]:
+def _figures(rows: list[Fields]) -> Fields:
     found = [row for row in rows if row["failure"] is None]
     good = [row for row in found if not row["broken"] and row["seconds"] <= _LIMIT]
     seconds = [row["seconds"] for row in rows]

@@ -6,7 +6,7 @@ Every source serves the same planner on the same perceived hulls, without planni
 import time
 from dataclasses import replace
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -30,6 +30,7 @@ from dexgrasp.planning.sqp import solve
 from dexgrasp.shape.completion import NoTarget, target_of
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp.verify.verify import UNEXECUTED, verify
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
@@ -63,7 +64,7 @@ class Attempt(NamedTuple):
     verified: bool
 
 
-def run(quick: bool = False) -> dict[str, Any]:
+def run(quick: bool = False) -> Fields:
     """Measure all sources on seen, familiar and novel objects.
 
     Returns:
@@ -79,7 +80,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         PlannerSettings(), candidates=1, firm_load=0.0
     )  # the first grasp, not the best of several
     planners = {name: Planner(first, source()) for name, source in SOURCES.items()}
-    figures: dict[str, Any] = {}
+    figures: Fields = {}
     for group in SETS:
         subjects = [
             (f"{name}-{k}", target)
@@ -133,7 +134,7 @@ def _attempt(planner: Planner, scene: str, target: GraspTarget, seed: int) -> At
     return Attempt(scene, plan, seconds, bool(found) and all(check.holds for check in found))
 
 
-def _figures(attempts: list[Attempt]) -> dict[str, Any]:
+def _figures(attempts: list[Attempt]) -> Fields:
     good, mu = [a for a in attempts if a.verified], PlannerSettings().friction
     grasps = [grasp for a in good for grasp in a.plan.grasps]
     between = [_between(a, b) for a, b in combinations(good, 2) if a.scene == b.scene]

@@ -1,8 +1,8 @@
 """The benchmarks by name; each module has `run(quick: bool) -> dict`."""
 
 import importlib
-from typing import Any
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import unknown_name
 
 BENCHMARKS = {
@@ -15,7 +15,7 @@ BENCHMARKS = {
 """Name, which is that of its module -> what it measures."""
 
 
-def run_benchmark(name: str, *, quick: bool = False) -> dict[str, Any]:
+def run_benchmark(name: str, *, quick: bool = False) -> Fields:
     """Run a benchmark and return its figures.
 
     Raises:

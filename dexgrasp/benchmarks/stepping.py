@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.benchmarks.timing import seconds_of
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS
@@ -55,7 +55,7 @@ class Recording:
     contacts: float
 
 
-def run(quick: bool = False) -> dict[str, Any]:
+def run(quick: bool = False) -> Fields:
     """Return raw / environment time by object and motion, of the vector environment, and beside Gymnasium's.
 
     `random` moves all joints at random; `grasp` reaches for the object, closes the hand on it and lifts.
@@ -69,7 +69,7 @@ def run(quick: bool = False) -> dict[str, Any]:
         else ("sugar_box", "tomato_soup_can", "mustard_bottle", "massage_ball", "castle")
     )
     rounds, steps = (3, 60) if quick else (15, 150)
-    cases: dict[str, Any] = {}
+    cases: Fields = {}
     for name in objects:
         for motion, record in (("random", _record_random), ("grasp", _record_grasp)):
             recording = record(name, steps)

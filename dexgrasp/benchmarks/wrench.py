@@ -2,7 +2,6 @@
 
 import platform
 from functools import partial
-from typing import Any
 
 import numpy as np
 import trimesh
@@ -12,13 +11,13 @@ from dexgrasp.physics.checks import rms_radius
 from dexgrasp.physics.closure import closure_sweep
 from dexgrasp.physics.margin import margins
 from dexgrasp.physics.wrench import solve_wrench_qp
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 
 MU = 0.5
 POINTS = 256
 
 
-def speed(points: Array, normals: Array, quick: bool, rng: np.random.Generator) -> dict[str, Any]:
+def speed(points: Array, normals: Array, quick: bool, rng: np.random.Generator) -> Fields:
     """Time the sweep, the margin and the solvers on one shape, one core, one after the other; the best of each."""
     scale, repeats = rms_radius(points), 2 if quick else 5
     feasible = len(closure_sweep(points, normals, MU, 0.0))
@@ -46,7 +45,7 @@ def _solve(P: Array, N: Array, scale: float, solver: str) -> None:
         solve_wrench_qp(points, normals, MU, length_scale=scale, solver=solver)
 
 
-def run(quick: bool = False, seed: int = 0) -> dict[str, Any]:
+def run(quick: bool = False, seed: int = 0) -> Fields:
     """Run the benchmark.
 
     Args:
@@ -60,7 +59,7 @@ def run(quick: bool = False, seed: int = 0) -> dict[str, Any]:
         "box": trimesh.creation.box((0.06, 0.16, 0.21)),
         "can": trimesh.creation.cylinder(radius=0.033, height=0.1),
     }
-    rng, figures = np.random.default_rng(seed), dict[str, Any]()
+    rng, figures = np.random.default_rng(seed), Fields()
     for name, mesh in shapes.items():
         points, faces = trimesh.sample.sample_surface(mesh, POINTS, seed=rng)
         figures[name] = speed(np.asarray(points), mesh.face_normals[faces], quick, rng)

@@ -1,11 +1,12 @@
 """`dexgrasp benchmark`: speed as ratios measured side by side in one run."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from dexgrasp.benchmarks.registry import BENCHMARKS, run_benchmark
 from dexgrasp.cli.command import Answer, Argument, Command
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import note
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import one_of
 
@@ -36,7 +37,7 @@ class Benchmark(Command):
         content = {"benchmark": self.name, "quick": self.quick, "figures": figures}
         return Answer(content, tables(figures))
 
-    def _accuracy(self) -> dict[str, Any]:
+    def _accuracy(self) -> Fields:
         from dexgrasp.benchmarks.perception import accuracy
 
         if self.name != "perception":

@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.valid import CellFile, Friction, Mass, Mount, Natural, Positive
@@ -137,7 +138,7 @@ class Scene(InCell):
     mesh_mass: Annotated[Mass | None, "KG"] = None
 
     @property
-    def env_settings(self) -> dict[str, Any]:
+    def env_settings(self) -> Fields:
         """What `gym.make` is called with."""
         chosen = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
         given = {name: value for name, value in chosen.items() if value is not None}

@@ -6,7 +6,7 @@ examples:
 """
 
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, InCell, check_mesh_options
 from dexgrasp.cli.figures import tables
@@ -14,6 +14,7 @@ from dexgrasp.cli.output import resumable
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import progress_bar
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.valid import Count
 
 _OPTIONS = ("objects", "grasps_per_pose", "seed", "chunk", "tries", "mesh_scale", "mesh_mass", "robot")
@@ -77,12 +78,12 @@ class Info(Command, InCell):
         return Answer(figures, describe(figures), code)
 
 
-def describe(figures: dict[str, Any]) -> str:
+def describe(figures: Fields) -> str:
     """Return the figures of a dataset as tables: its poses, the loose ones, counts, what blocked, distributions."""
     from dexgrasp.evaluation.reasons import sentence
 
     edges, counts = (figures["margin_histogram"][key] for key in ("edges", "counts"))
-    readable: dict[str, Any] = {
+    readable: Fields = {
         "blocked": {sentence(reason): count for reason, count in figures["blocked"].items()},
         "margin_histogram": {
             f"{low:.2f} .. {high:.2f}": n for low, high, n in zip(edges, edges[1:], counts, strict=False)

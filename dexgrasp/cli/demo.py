@@ -9,6 +9,7 @@ from dexgrasp.cli.command import Answer, Command, Folder, Scene
 from dexgrasp.cli.output import make_folder, note
 from dexgrasp.cli.plan import check_target
 from dexgrasp.evaluation.video import Film
+from dexgrasp_env.arrays import Fields
 
 if TYPE_CHECKING:
     from dexgrasp.agent import Agent
@@ -89,13 +90,13 @@ def _result(agent: "Agent") -> "PlanResult":
     return PlanResult(shortfall=report.failure, planning_seconds=report.planning_seconds or 0.0)
 
 
-def _execute(agent: "Agent", seen: "Look", folder: Path) -> dict[str, Any]:
+def _execute(agent: "Agent", seen: "Look", folder: Path) -> Fields:
     """Carry the plan out; record a video and the moments of the episode where rendering works."""
     from dexgrasp.evaluation.video import Video
     from dexgrasp.runs.progress import progress_bar
 
     env, observation = seen.env, seen.observation
-    frames, info, steps, over = list[Any](), dict[str, Any](), 0, False
+    frames, info, steps, over = list[Any](), Fields(), 0, False
     with (
         progress_bar("step", "executing", leave=False) as bar,
         Video(folder / "demo.mp4") if env.unwrapped.render_mode else nullcontext() as video,
@@ -135,7 +136,7 @@ def _cloud_picture(path: Path, seen: "Look", found: "PlanResult") -> None:
         cloud_picture(path, points, planned, mesh, title)
 
 
-def _sentence(outcome: dict[str, Any]) -> str:
+def _sentence(outcome: Fields) -> str:
     if not outcome["is_success"]:
         return f"NOT lifted: {outcome['failure'] or outcome.get('stage')}"
     stable = "firmly" if outcome["is_stable"] else "but it moved in the hand"

@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dexgrasp.runs.text import text_table
+from dexgrasp_env.arrays import Fields
 
 
 def shown(value: Any) -> str:
@@ -32,7 +33,7 @@ def record_table(rows: Sequence[Mapping[str, Any]]) -> str:
 
 def tables(figures: Mapping[str, Any]) -> str:
     """Return nested figures as tables: the loose ones; mappings, those with the same keys as rows of one; records."""
-    loose, groups = dict[str, Any](), dict[tuple[str, ...], list[dict[str, Any]]]()
+    loose, groups = Fields(), dict[tuple[str, ...], list[Fields]]()
     parts = list[str]()
     for name, value in figures.items():
         if isinstance(value, Mapping):
@@ -53,8 +54,8 @@ def tables(figures: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def _flat(case: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    flat: dict[str, Any] = {}
+def _flat(case: Mapping[str, Any], prefix: str = "") -> Fields:
+    flat: Fields = {}
     for key, value in case.items():
         flat |= _flat(value, f"{prefix}{key} ") if isinstance(value, Mapping) else {f"{prefix}{key}": value}
     return flat

@@ -4,12 +4,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell
 from dexgrasp.cli.figures import columns, record_table
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.valid import one_of
 
 if TYPE_CHECKING:
     from dexgrasp_env.robot.robot import Robot
 
-Rows = list[dict[str, Any]]
+Rows = list[Fields]
 
 
 def list_objects() -> Rows:
@@ -51,7 +52,7 @@ def list_envs() -> Rows:
     ]  # fmt: skip
 
 
-def robot_of_envs(robot: "Robot") -> dict[str, Any]:
+def robot_of_envs(robot: "Robot") -> Fields:
     """Return what a robot makes of actions and observations: joints in their order, and how many numbers each has."""
     from dexgrasp_env.tasks.control import CONTROL_MODES, action_size
     from dexgrasp_env.tasks.observations import key_sizes
@@ -85,7 +86,7 @@ def list_protocols() -> Rows:
     ]
 
 
-def _describe(spec: str) -> dict[str, Any]:
+def _describe(spec: str) -> Fields:
     from pkgutil import resolve_name
 
     try:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin
 
 from dexgrasp.cli.command import POSITIONAL, Command, Script
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import TEXT, Hint, Rule, hint_of, hints, read
 
@@ -38,7 +39,7 @@ def build(kind: type[C], args: argparse.Namespace) -> C:
     Raises:
         InputError: for settings that are not valid.
     """
-    given: dict[str, Any] = {}
+    given: Fields = {}
     for path, value in vars(args).items():
         *within, name = path.split(".")
         place = given
@@ -102,11 +103,11 @@ def _help(line: str, default: Any) -> str:
     return text.replace("%", "%%")
 
 
-def _value(name: str, hint: Hint) -> dict[str, Any]:
+def _value(name: str, hint: Hint) -> Fields:
     """Return what argparse is told of a value."""
     if hint.kind is bool:
         return {"action": "store_true"}
-    found: dict[str, Any] = {}
+    found: Fields = {}
     words = [mark for mark in hint.marks if isinstance(mark, str) and not mark.startswith("--")]
     if get_origin(hint.kind) is tuple and (hint.rule is None or hint.rule.parse is str):
         first, *rest = get_args(hint.kind)

@@ -4,11 +4,12 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, Folder, Scene, check_mesh_options
 from dexgrasp.cli.output import make_folder, note
 from dexgrasp.cli.scan import Scan, as_json, chosen_line, list_lines, tilt_line
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count, Share, check
 
@@ -109,7 +110,7 @@ class Plan(Command, Scan, Scene):
 
         return read_scan(self.cloud, self.unit)
 
-    def _plan(self, progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
+    def _plan(self, progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan for the named object; return what came of it, and the same as JSON."""
         if self.floating:
             subject, found = self._plan_floating(progress)
@@ -138,7 +139,7 @@ class Plan(Command, Scan, Scene):
             progress=progress,
         )
 
-    def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, dict[str, Any]]":
+    def _plan_scan(self, scan: "Cloud", progress: "Progress") -> "tuple[PlanResult, Fields]":
         """Plan on a cloud; return what came of it, and the same as JSON."""
         from dexgrasp.planning.seen import default_planner, plan_scene
         from dexgrasp.planning.settings import PlannerSettings

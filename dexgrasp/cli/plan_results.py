@@ -1,11 +1,12 @@
 """What `dexgrasp plan` found: as files, and as people read it."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dexgrasp.cli.figures import columns, record_table
 from dexgrasp.cli.output import coloured
 from dexgrasp.evaluation.reasons import explain
+from dexgrasp_env.arrays import Fields
 
 if TYPE_CHECKING:
     from dexgrasp.planning.result import PlanResult
@@ -31,7 +32,7 @@ _SET = {
 }
 
 
-def write_results(folder: Path, found: "PlanResult", content: dict[str, Any]) -> str:
+def write_results(folder: Path, found: "PlanResult", content: Fields) -> str:
     """Write grasp.json and grasp.png, or the files of a set; return a line that says so."""
     from dexgrasp.grasp.file import write_grasp
     from dexgrasp.grasp.picture import grasp_picture
@@ -50,7 +51,7 @@ def write_results(folder: Path, found: "PlanResult", content: dict[str, Any]) ->
     return line + (f"; {older} grasp files there are of an earlier run" if older else "")
 
 
-def describe(result: dict[str, Any], unseen: str = "") -> str:
+def describe(result: Fields, unseen: str = "") -> str:
     """Return the outcome as people read it; `unseen` says why no object was."""
     if "asked" in result:
         return _describe_set(result)
@@ -70,7 +71,7 @@ def describe(result: dict[str, Any], unseen: str = "") -> str:
     return "\n  ".join([f"{name}: {found} in {seconds}", *columns(figures)])
 
 
-def _describe_set(result: dict[str, Any]) -> str:
+def _describe_set(result: Fields) -> str:
     """Return the outcome as people read it: a line, a table, and why there are fewer than asked."""
     asked, count, seconds = result["asked"], result["count"], result["planning_seconds"] or 0.0
     found = coloured(f"{count} of {asked} grasps", "good" if count == asked else "bad")
@@ -89,7 +90,7 @@ def _describe_set(result: dict[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _figures(certificate: dict[str, Any], formats: dict[str, str]) -> dict[str, str]:
+def _figures(certificate: Fields, formats: dict[str, str]) -> dict[str, str]:
     shown = certificate | {
         "distances": " ".join(f"{d:.2f}" for d in certificate["distances_cm"]),
         "clearance_mm": 1000 * certificate["min_clearance_m"],
@@ -98,7 +99,7 @@ def _figures(certificate: dict[str, Any], formats: dict[str, str]) -> dict[str, 
     return {name: form.format(**shown) for name, form in formats.items()}
 
 
-def _sure(grasp: dict[str, Any]) -> dict[str, str]:
+def _sure(grasp: Fields) -> dict[str, str]:
     known = grasp["holds_probability"]
     return {} if known is None else {"holds": _chance(known["lifted"])}
 
@@ -107,5 +108,5 @@ def _chance(chance: dict[str, float]) -> str:
     return f"{chance['value']:.2f} [{chance['low']:.2f}, {chance['high']:.2f}]"
 
 
-def _why(result: dict[str, Any]) -> str:
+def _why(result: Fields) -> str:
     return explain(result["reason"], result["blocked"], result["violations"])

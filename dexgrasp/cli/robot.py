@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from dexgrasp.cli.command import Answer, Argument, Command, Scene
 from dexgrasp.cli.doctor import finding_line
 from dexgrasp.cli.figures import record_table
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.findings import Finding
 
@@ -33,7 +34,7 @@ class ListRobots(Command):
         return Answer({"robots": rows}, record_table(rows))
 
     @staticmethod
-    def _row(name: str, robot: Any) -> dict[str, Any]:
+    def _row(name: str, robot: Any) -> Fields:
         return {
             "name": name, "arm": robot.arm.name, "hand": robot.hand.name, "joints": robot.dof,
             "fingers": len(robot.hand.fingers), "mount": robot.mount.name,
@@ -114,7 +115,7 @@ def _draw(cell: Any, path: Path) -> list[str]:
     from dexgrasp.kinematics.robot_check import closed_posture
 
     postures = {"open": cell.robot.home, "closed": closed_posture(cell)[0]}
-    grasps, missed = dict[str, Any](), list[str]()
+    grasps, missed = Fields(), list[str]()
     for name in _SHOWN:
         plan = plan_target(name, "bilevel", Scene(robot=cell))[1]
         if plan.grasp is None:

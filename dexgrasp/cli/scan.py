@@ -1,9 +1,10 @@
 """Options of `dexgrasp plan --cloud`: a scene of one's own, and what of it is meant."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from dexgrasp.cli.command import File, Options
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Positive
 
@@ -102,7 +103,7 @@ def chosen_line(seen: "list[Seen]") -> str:
     return line + f"\nwarning: object 1 {_DOUBT}: a --mask tells for certain" * first.doubtful
 
 
-def as_json(seen: "list[Seen]") -> list[dict[str, Any]]:
+def as_json(seen: "list[Seen]") -> list[Fields]:
     """Return the objects as JSON has them, m, frame of the robot's base."""
     return [
         {

@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, File, Folder, InCell
 from dexgrasp.cli.figures import tables
 from dexgrasp.cli.output import note
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import write_json
 from dexgrasp_env.valid import Count, Natural, Positive
 
@@ -59,9 +60,9 @@ class Score(Command, InCell):
         return Answer(content, render_scores(content), int(not held))
 
 
-def render_scores(content: dict[str, Any]) -> str:
+def render_scores(content: Fields) -> str:
     """Return the scores as tables for a terminal."""
-    rows, grasps = content["rows"], dict[str, dict[str, Any]]()
+    rows, grasps = content["rows"], dict[str, Fields]()
     labels = short_names(list(dict.fromkeys(row["grasp"] for row in rows)))
     for row in rows:
         verdict = grasps.setdefault(row["grasp"], {"grasp": labels[row["grasp"]], "object": row["object"]})

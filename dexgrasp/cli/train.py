@@ -21,6 +21,7 @@ from dexgrasp.cli.training import Device, PolicyCommand, TrainingCommand
 from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.reinforcement.settings import GripSettings, RlSettings
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.valid import Count, Positive, one_of
 
 _CVAE = ("epochs", "seed", "threads", "latent", "kl_weight", "held_out_object")
@@ -74,7 +75,7 @@ class Cvae(TrainingCommand):
         epoch = f"epoch {training.best} of {state.epochs}, {state.seconds:.0f} s"
         return Answer(figures, "\n".join([*lines, f"{epoch}; weights in {figures['weights']}"]))
 
-    def figures(self, row: Mapping[str, Any]) -> dict[str, Any]:
+    def figures(self, row: Mapping[str, Any]) -> Fields:
         """Return the losses."""
         return {"train": row["train"]["total"], "test_cm": row["test"]["fingertip_cm"]}
 

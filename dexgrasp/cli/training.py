@@ -10,6 +10,7 @@ from dexgrasp.cli.command import Answer, Command, Folder, Options
 from dexgrasp.cli.figures import shown
 from dexgrasp.cli.output import resumable
 from dexgrasp.runs.progress import progress_bar
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.valid import Count, Natural, one_of
 
@@ -76,7 +77,7 @@ class TrainingCommand(Command):
         draw_curves(training.state.curve, folder / "curves.png", training.best)
         return training
 
-    def figures(self, row: Mapping[str, Any]) -> dict[str, Any]:
+    def figures(self, row: Mapping[str, Any]) -> Fields:
         """Return what the bar shows of the line of an epoch."""
         return {key: value for key, value in row.items() if key != "epoch" and value is not None}
 
@@ -123,7 +124,7 @@ class PolicyCommand(TrainingCommand, Tried):
             settings: of the training, the seed apart.
             **course: what the course has beside device and trials.
         """
-        policies, seeds = list[dict[str, Any]](), dict.fromkeys(self.seeds)
+        policies, seeds = list[Fields](), dict.fromkeys(self.seeds)
         for seed in seeds:
             out = self.out if len(seeds) == 1 else self.out / f"seed-{seed}"
             seeded = partial(make, settings=replace(settings, seed=seed))

@@ -1,10 +1,11 @@
 """`dexgrasp verify`: every constraint of a grasp checked again, independently of the planner."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 from dexgrasp.cli.command import Answer, Argument, Command, InCell
 from dexgrasp.cli.output import check_lines, mark
+from dexgrasp_env.arrays import Fields
 
 if TYPE_CHECKING:
     from dexgrasp.verify.check import Check
@@ -48,11 +49,11 @@ class Verify(Command, InCell):
         return Answer({"holds": not code, "grasps": found}, "\n".join(lines), code)
 
 
-def _verdict(checks: "list[Check]") -> dict[str, Any]:
+def _verdict(checks: "list[Check]") -> Fields:
     return {"holds": all(check.holds for check in checks), "checks": checks}
 
 
-def _sentence(found: dict[str, Any]) -> str:
+def _sentence(found: Fields) -> str:
     failed = [check.name for check in found["checks"] if not check.holds]
     return f"NOT verified: {', '.join(failed)}" if failed else "every constraint holds"
 

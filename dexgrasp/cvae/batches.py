@@ -4,11 +4,10 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.dataset.dataset import PoseGrasps
 from dexgrasp.planning.decoder import CROPPED, SCALE, centre_of
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index, Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import about_z, quat_to_matrix
 
@@ -41,9 +40,9 @@ class PoseSplit:
 class Batch(NamedTuple):
     """Arrays in network units: clouds (C, N, 6), grasps (C, G, 18), latent noise (C, G, latent); float32."""
 
-    cloud: NDArray[np.float32]
-    grasp: NDArray[np.float32]
-    noise: NDArray[np.float32]
+    cloud: Single
+    grasp: Single
+    noise: Single
 
 
 def split(
@@ -86,7 +85,7 @@ def split(
     return out
 
 
-def _tested(pose: PoseGrasps, seed: int) -> NDArray[np.bool_]:
+def _tested(pose: PoseGrasps, seed: int) -> Mask:
     """Which grasps have a contact triple of the test split, regardless of which finger takes which contact."""
     triples = np.sort(pose.grasps["triple"].astype(np.int64), axis=1)
     code = (triples[:, 0] << 20) + (triples[:, 1] << 10) + triples[:, 2]
@@ -94,7 +93,7 @@ def _tested(pose: PoseGrasps, seed: int) -> NDArray[np.bool_]:
     return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < _TESTED)[inverse]
 
 
-def _take(pose: PoseGrasps, mask: NDArray[np.bool_]) -> PoseSplit:
+def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
     g, cloud = pose.grasps, pose.scene["cloud"].astype(float)
     return PoseSplit(
         cloud[cloud[:, 2] > CROPPED], g["contacts"][mask].astype(float), g["palm_position"][mask].astype(float),
@@ -143,7 +142,7 @@ def _augmented(pose: PoseSplit, rng: np.random.Generator, grasps: int, points: i
     return cloud, grasp
 
 
-def _visible(cloud: Array, rng: np.random.Generator) -> NDArray[np.int64]:
+def _visible(cloud: Array, rng: np.random.Generator) -> Index:
     """Leave out, in half of the cases, up to a quarter of the points on one side."""
     if rng.random() < 0.5:
         return np.arange(len(cloud))
@@ -152,9 +151,7 @@ def _visible(cloud: Array, rng: np.random.Generator) -> NDArray[np.int64]:
     return order[: int(len(cloud) * rng.uniform(0.75, 1.0))]
 
 
-def _made(
-    pose: PoseSplit, at: NDArray[np.int64], chosen: NDArray[np.int64], R: Array, stretch: Array
-) -> tuple[Array, Array]:
+def _made(pose: PoseSplit, at: Index, chosen: Index, R: Array, stretch: Array) -> tuple[Array, Array]:
     points = (pose.cloud[chosen, :3] * stretch) @ R.T
     normals = pose.cloud[chosen, 3:] / stretch
     normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)) @ R.T

@@ -12,7 +12,8 @@ from dexgrasp.dataset.shards import read_manifest
 from dexgrasp.planning.decoder import SCHEMA
 from dexgrasp.runs.checkpoint import write_tensors
 from dexgrasp.runs.step_training import StepTraining
-from dexgrasp.runs.training import CHECKPOINT, Course, Row
+from dexgrasp.runs.training import CHECKPOINT, Course
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
@@ -51,7 +52,7 @@ class CvaeTraining(StepTraining):
             name: test_batches(poses, settings.seed, net.points, net.latent) for name, poses in parts.items()
         }
 
-    def identity(self) -> Row:
+    def identity(self) -> Fields:
         """Return the dataset's key."""
         return {"dataset": self._dataset}
 
@@ -69,7 +70,7 @@ class CvaeTraining(StepTraining):
         batch = training_batch(self._poses, step, s.seed, s.clouds, s.grasps, net.points, net.latent)
         return _losses(self.net, batch, s.kl_weight * min(1.0, done / s.warm_up), self.place)
 
-    def learn(self) -> Row:
+    def learn(self) -> Fields:
         """Do an epoch; return the losses of every split."""
         trained = dict(zip(Losses._fields, self.epoch_losses(), strict=True))
         tested = {
@@ -94,7 +95,7 @@ class CvaeTraining(StepTraining):
             }  # fmt: skip
             write_tensors(self.out / WEIGHTS, self.net.state_dict(), about)
 
-    def begin(self) -> Row | None:
+    def begin(self) -> Fields | None:
         """As every training.
 
         Raises:

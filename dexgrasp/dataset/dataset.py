@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from dexgrasp.dataset.sampler import COUNTS
 from dexgrasp.dataset.shards import FIELDS, read_arrays, read_manifest
-from dexgrasp.runs.shards import Arrays, text_of
+from dexgrasp.runs.shards import text_of
+from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
 
 Array = NDArray[Any]

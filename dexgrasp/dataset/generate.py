@@ -4,7 +4,6 @@ import json
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.dataset.rest_scene import model_of, rest_scene
 from dexgrasp.dataset.sampler import REACH, sample_shard
@@ -23,6 +22,7 @@ from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
 from dexgrasp.runs.shards import check_names, make_missing, write_shard
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import content_hash, file_hash, write_json
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.objects.rest_poses import rest_poses
@@ -45,7 +45,7 @@ class Job:
 
 def generate(
     settings: DatasetSettings, folder: Path, backend: Backend = Backend(), progress: Show = silent
-) -> dict[str, Any]:
+) -> Fields:
     """Make a dataset, or what is missing of it; the files do not depend on the backend or on interruptions.
 
     Args:
@@ -97,7 +97,7 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
     write_shard(folder / job.file, arrays, key)
 
 
-def _identity(settings: DatasetSettings) -> dict[str, Any]:
+def _identity(settings: DatasetSettings) -> Fields:
     """Return all that the grasps depend on."""
     check_names(settings.objects)
     objects = {}

@@ -13,6 +13,7 @@ from dexgrasp.dataset.rest_scene import placed
 from dexgrasp.dataset.shards import read_manifest
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.cell import Cell, make_cell
@@ -21,7 +22,7 @@ _BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
 _PARTS = ("thresholds", "contacts", "limits", "clearance", "closure")
 
 
-def summary(folder: Path) -> dict[str, Any]:
+def summary(folder: Path) -> Fields:
     """Return counts and histograms of a dataset, as JSON holds them."""
     manifest, poses = read_manifest(folder), read_dataset(folder)
     totals, blocked = Counter[str](), Counter[str]()
@@ -66,7 +67,7 @@ def _approach(poses: Sequence[PoseGrasps]) -> np.ndarray:
     return np.degrees(np.arccos(np.clip(-R[:, 2, 0], -1.0, 1.0)))
 
 
-def check_sample(folder: Path, count: int, robot: str | None = None) -> dict[str, Any]:
+def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
     """Check a random sample by `verify`'s independent means.
 
     Grasps in the dataset are of a hand that is there already: nothing is checked of how it came there, and nothing of

@@ -31,7 +31,7 @@ from dexgrasp.planning.postures import Posture, loads_on
 from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import SearchLog
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import about_z, matrix_to_quat
 
@@ -163,9 +163,7 @@ class _Sampler:
         )  # fmt: skip
 
 
-def _draw(
-    own: NDArray[np.int32], left: NDArray[np.bool_], use: Array, rng: np.random.Generator
-) -> NDArray[np.int64]:
+def _draw(own: NDArray[np.int32], left: Mask, use: Array, rng: np.random.Generator) -> Index:
     """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
     ids = np.flatnonzero(left)
     uses = sum(use[own[:, corner][ids]] for corner in range(3))

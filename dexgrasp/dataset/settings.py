@@ -7,6 +7,7 @@ from typing import Annotated, Any
 
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.runs.versions import package_versions
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import expand
 from dexgrasp_env.objects.load import Objects, object_name
 from dexgrasp_env.robot.cell import Cell, make_cell, robot_files
@@ -83,7 +84,7 @@ class DatasetSettings:
         """Grasps asked for of a shard."""
         return min(self.chunk, self.grasps_per_pose - chunk * self.chunk)
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Fields:
         """Return the settings as JSON holds them; meshes by their file name (their content is hashed apart)."""
         return asdict(self) | {"objects": [object_name(name) for name in self.objects]}
 

@@ -3,7 +3,6 @@
 import json
 import re
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import yaml
@@ -11,18 +10,19 @@ import yaml
 from dexgrasp.dataset.rest_scene import RestScene
 from dexgrasp.dataset.sampler import COUNTS, Found
 from dexgrasp.dataset.settings import SCHEMA
-from dexgrasp.runs.shards import Arrays, bytes_of, read_shard
+from dexgrasp.runs.shards import bytes_of, read_shard
+from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import file_hash, read_json_object
 
 MANIFEST = "manifest.json"
 _FILE_NAME = re.compile(r"(poses|grasps)/[^/\0]+-pose\d+[^/\0]*\.npz")
 
-FIELDS: dict[str, dict[str, Any]] = yaml.safe_load(Path(__file__).with_name("fields.yaml").read_text())
+FIELDS: dict[str, Fields] = yaml.safe_load(Path(__file__).with_name("fields.yaml").read_text())
 """Field -> shape of one grasp, type, meaning, from fields.yaml."""
 
 
-def fields_of(joints: int) -> dict[str, dict[str, Any]]:
+def fields_of(joints: int) -> dict[str, Fields]:
     """Return the fields, with their shapes for a robot with so many joints."""
     return {
         name: words | {"shape": [joints if size == "joints" else size for size in words["shape"]]}
@@ -81,7 +81,7 @@ def complete(path: Path, key: str, hashed: str | None = None) -> bool:
         return False
 
 
-def read_manifest(folder: Path) -> dict[str, Any]:
+def read_manifest(folder: Path) -> Fields:
     """Read manifest.json.
 
     Raises:
@@ -98,7 +98,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     return manifest
 
 
-def _manifest_fault(manifest: dict[str, Any]) -> str | None:
+def _manifest_fault(manifest: Fields) -> str | None:
     """Return what is wrong with a manifest; its files lie in its folder, whatever it says."""
     kinds = {"key": str, "settings": dict, "objects": dict, "complete": bool}
     for name, kind in kinds.items():

@@ -1,12 +1,11 @@
 """Set-points as the actions that would have commanded them in each control mode."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
 from dexgrasp_env.tasks.control import max_step, normalise
@@ -14,9 +13,7 @@ from dexgrasp_env.tasks.control import max_step, normalise
 _PALM = 6  # entries of an `ee_delta` action that are the palm's
 
 
-def to_action(
-    control_mode: str, now: Array, wanted: Array, tree: RobotTree, scale: float = 1.0
-) -> NDArray[np.float32]:
+def to_action(control_mode: str, now: Array, wanted: Array, tree: RobotTree, scale: float = 1.0) -> Single:
     """Return the action that takes the set-points to `wanted`, or as near as one control step of 50 ms can.
 
     Args:

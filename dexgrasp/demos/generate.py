@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.demos.lerobot_format import write_lerobot
 from dexgrasp.demos.minari_format import write_minari
@@ -18,6 +17,7 @@ from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
 from dexgrasp.runs.shards import check_names, is_shard, make_missing, write_shard
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
@@ -43,7 +43,7 @@ class Job:
 def generate(
     settings: DemoSettings, folder: Path, formats: tuple[str, ...] = ("minari",), backend: Backend = Backend(),
     progress: Show = silent,
-) -> dict[str, Any]:  # fmt: skip
+) -> Fields:  # fmt: skip
     """Make demonstrations, or what is missing of them; they do not depend on the backend or on interruptions.
 
     Args:
@@ -94,7 +94,7 @@ def make(job: Job, settings: DemoSettings, folder: Path, key: str) -> None:
     write_shard(folder / job.file, part_arrays(episodes, failures), key)
 
 
-def read_about(folder: Path) -> dict[str, Any]:
+def read_about(folder: Path) -> Fields:
     """Read `demos.json`.
 
     Raises:
@@ -110,7 +110,7 @@ def read_about(folder: Path) -> dict[str, Any]:
 
 def _converted(
     settings: DemoSettings, folder: Path, formats: tuple[str, ...], parts: list[Path], key: str
-) -> dict[str, Any]:
+) -> Fields:
     """Write the data sets anew from the parts; return what is said of them."""
     failures: Counter[str] = Counter()
     kept: Counter[str] = Counter()

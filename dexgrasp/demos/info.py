@@ -12,11 +12,12 @@ from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.rollout import Episode
 from dexgrasp.demos.settings import ENV_ID, DemoSettings
 from dexgrasp.runs.progress import Show, silent
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
 
-def summary(folder: Path) -> dict[str, Any]:
+def summary(folder: Path) -> Fields:
     """Return counts and settings of the demonstrations in a folder.
 
     Raises:
@@ -24,7 +25,7 @@ def summary(folder: Path) -> dict[str, Any]:
     """
     about = read_about(folder)
     settings = about["settings"]
-    figures: dict[str, Any] = {
+    figures: Fields = {
         "schema": about["schema"],
         "complete": bool(about.get("complete")),
         **{key: settings[key] for key in ("agent", "seed", "obs_mode", "control_mode", "observe", "noise")},
@@ -41,7 +42,7 @@ def summary(folder: Path) -> dict[str, Any]:
 
 def replay_all(
     folder: Path, number: int | None = None, progress: Show = silent, robot: str | None = None
-) -> dict[str, Any]:
+) -> Fields:
     """Play recorded actions again from their scenes; one that succeeds again, at whichever step, is as good as it was.
 
     Args:
@@ -58,7 +59,7 @@ def replay_all(
         raise InputError(f"{folder} is not complete: the same `dexgrasp demos generate` command goes on")
     settings = DemoSettings.of_json(about["settings"], robot)
     total = min(number or about["episodes"], about["episodes"])
-    failed: list[dict[str, Any]] = []
+    failed: list[Fields] = []
     done = 0
     for target, episodes in groupby(islice(read_episodes(folder), total), lambda e: e.about["target"]):
         env = gym.make(ENV_ID, objects=[target], **settings.env_arguments, disable_env_checker=True)

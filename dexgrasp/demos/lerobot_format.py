@@ -13,8 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.demos.rollout import Arrays, Episode
+from dexgrasp.demos.rollout import Episode
 from dexgrasp.demos.settings import DemoSettings
+from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_json
 from dexgrasp_env.robot.cell import make_cell
@@ -51,7 +52,7 @@ def write_lerobot(folder: Path, settings: DemoSettings, episodes: Iterable[Episo
         (making / file).parent.mkdir(parents=True)
     writer: Any = None
     parts: dict[str, list[tuple[Any, ...]]] = {}
-    rows: list[dict[str, Any]] = []
+    rows: list[Fields] = []
     tasks: dict[str, int] = {}
     start = 0
     for number, episode in enumerate(episodes):
@@ -101,9 +102,7 @@ def _array(pa: Any, values: NDArray[Any]) -> Any:
     return pa.FixedSizeListArray.from_arrays(pa.array(values.ravel()), values.shape[1])
 
 
-def _episode_row(
-    episode: Episode, number: int, start: int, task: str, spread: dict[str, dict[str, Any]]
-) -> dict[str, Any]:
+def _episode_row(episode: Episode, number: int, start: int, task: str, spread: dict[str, Fields]) -> Fields:
     row = {
         "episode_index": number, "tasks": [task], "length": len(episode),
         "data/chunk_index": 0, "data/file_index": 0,
@@ -117,7 +116,7 @@ def _episode_row(
     }
 
 
-def _info(columns: Arrays, episodes: int, frames: int, tasks: int, robot: Robot) -> dict[str, Any]:
+def _info(columns: Arrays, episodes: int, frames: int, tasks: int, robot: Robot) -> Fields:
     return {
         "codebase_version": _VERSION, "robot_type": robot.name, "total_episodes": episodes,
         "total_frames": frames, "total_tasks": tasks, "chunks_size": _CHUNK, "data_files_size_in_mb": _DATA_MB,
@@ -127,7 +126,7 @@ def _info(columns: Arrays, episodes: int, frames: int, tasks: int, robot: Robot)
     }  # fmt: skip
 
 
-def _feature(name: str, values: NDArray[Any], joints: Names) -> dict[str, Any]:
+def _feature(name: str, values: NDArray[Any], joints: Names) -> Fields:
     width = 1 if values.ndim == 1 else values.shape[1]
     named = width == len(joints) and name not in _INDEX
     return {"dtype": str(values.dtype), "shape": [width], "names": list(joints) if named else None}

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 from gymnasium import spaces
 
-from dexgrasp.demos.rollout import Arrays, Episode
+from dexgrasp.demos.rollout import Episode
 from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
+from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import require_extra
 

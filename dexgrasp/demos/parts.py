@@ -4,9 +4,10 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
-from dexgrasp.demos.rollout import Arrays, Episode
+from dexgrasp.demos.rollout import Episode
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.shards import bytes_of, read_shard, text_of
+from dexgrasp_env.arrays import Arrays
 
 
 def part_arrays(episodes: Sequence[Episode], failures: Sequence[str]) -> Arrays:

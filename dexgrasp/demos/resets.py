@@ -16,7 +16,7 @@ from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.rollout import Episode, follow
 from dexgrasp.demos.settings import ENV_ID, DemoSettings
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
@@ -95,7 +95,7 @@ class DemoResets:
         return self
 
     @property
-    def progress(self) -> dict[str, Any]:
+    def progress(self) -> Fields:
         """What `go_on` takes."""
         return {"front": self.front, "recent": list(self._recent)}
 
@@ -103,7 +103,7 @@ class DemoResets:
         """Take up `progress`; episodes that run count no more."""
         self.front, self._recent, self._near = front, deque(recent, maxlen=_OF), {}
 
-    def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> dict[str, Any]:
+    def __call__(self, slot: int, rng: Generator, record: NDArray[np.void]) -> Fields:
         """Note how the last episode of a slot went, and return the options of its next reset."""
         if self._near.pop(slot, False):
             name, least = self._won
@@ -125,7 +125,7 @@ class DemoResets:
         target = demo.about["target"]
         if target not in env.settings.objects:
             return []
-        where: dict[str, Any] = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
+        where: Fields = {"object": target, "object_pose": self._pose(demo) + _ABOVE}
         if isinstance(env, PlaceEnv):
             where["goal"] = self._end(demo)
         env.reset(seed=demo.about["scene_seed"], options=where)

@@ -6,7 +6,6 @@ from typing import Any
 
 import gymnasium as gym
 import numpy as np
-from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import public_info, renew_report, report_of
@@ -16,7 +15,7 @@ from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
 from dexgrasp.runs.arrays import below
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Arrays, Fields, Mask, Single
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.load import object_name
 from dexgrasp_env.robot.cell import Cell
@@ -27,8 +26,6 @@ _LINGER = 10  # control steps that a replay goes on after the rollout
 NOT_REPLAYED = "not_replayed"
 
 _STEPS = ("actions", "rewards", "terminations", "truncations")
-
-Arrays = dict[str, NDArray[Any]]
 
 
 @dataclass
@@ -46,12 +43,12 @@ class Episode:
     """
 
     observations: Arrays
-    actions: NDArray[np.float32]
+    actions: Single
     rewards: Array
-    terminations: NDArray[np.bool_]
-    truncations: NDArray[np.bool_]
+    terminations: Mask
+    truncations: Mask
     once: Arrays = field(default_factory=dict)
-    about: dict[str, Any] = field(default_factory=dict)
+    about: Fields = field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.actions)
@@ -64,13 +61,13 @@ class Episode:
         return whole
 
     @classmethod
-    def of_arrays(cls, arrays: Arrays, about: dict[str, Any]) -> "Episode":
+    def of_arrays(cls, arrays: Arrays, about: Fields) -> "Episode":
         """Return the demonstration that has such arrays, among others.
 
         Raises:
             KeyError: if some are missing.
         """
-        steps: dict[str, Any] = {name: arrays[name] for name in _STEPS}
+        steps: Fields = {name: arrays[name] for name in _STEPS}
         return cls(below(arrays, "observations/"), **steps, once=below(arrays, "once/"), about=about)
 
 
@@ -86,7 +83,7 @@ class Recorder:
         self._settings, self._target = settings, target
         self._agent: Any = make_agent(settings.agent)
         asked = agent_settings(settings.agent, self._agent)
-        scene = {
+        scene: Fields = {
             "objects": [target],
             "robot": settings.robot,
             "mount": settings.mount,
@@ -187,7 +184,7 @@ def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> E
     return episode
 
 
-def follow(env: gym.Env[Any, Any], path: Array, tree: RobotTree) -> Iterator[tuple[NDArray[np.float32], Any]]:
+def follow(env: gym.Env[Any, Any], path: Array, tree: RobotTree) -> Iterator[tuple[Single, Any]]:
     """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while.
 
     Yields:

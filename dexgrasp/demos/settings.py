@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 from dexgrasp.evaluation.settings import versions
 from dexgrasp.registry import check_name
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.robot.cell import make_cell
@@ -76,7 +77,7 @@ class DemoSettings:
         return read(cls, {"objects": objects, **rest})
 
     @property
-    def env_arguments(self) -> dict[str, Any]:
+    def env_arguments(self) -> Fields:
         """What `gym.make` is called with for the demonstrations, objects apart."""
         looks = {} if self.obs_mode == "state" else {"observe": self.observe}
         return {
@@ -88,7 +89,7 @@ class DemoSettings:
             **looks,
         }
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Fields:
         """Return the settings as JSON holds them, with the cell and the versions that they rest on."""
         rest = {"cell": make_cell(self.robot).version, "versions": versions()}
         return asdict(self) | {"objects": list(self.objects)} | rest

@@ -12,6 +12,7 @@ from dexgrasp.evaluation.statistics import compared, object_difference_interval
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import grouped, object_counts, present_sets
 from dexgrasp.runs.text import text_table
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 
 Row = Mapping[str, Any]
@@ -24,7 +25,7 @@ _PLAYED = ("success", "steps", "total_reward", "height", "slip", "tilt")
 """What two trials of an agent on the same object and seed have in common if their protocols changed nothing for it."""
 
 
-def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[str] = ()) -> dict[str, Any]:
+def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[str] = ()) -> Fields:
     """Compare two agents of evaluations on the scenes that both have tried.
 
     Args:
@@ -73,7 +74,7 @@ def _under(
     return kept, names
 
 
-def compare_rows(rows: Sequence[Row], a: str, b: str, alike: bool = True) -> dict[str, Any]:
+def compare_rows(rows: Sequence[Row], a: str, b: str, alike: bool = True) -> Fields:
     """Return the comparison of two agents from the trials of both.
 
     Args:
@@ -119,7 +120,7 @@ def _world(row: Row) -> str:
     return json.dumps(own, sort_keys=True)
 
 
-def _each(groups: Mapping[Any, Pairs]) -> dict[Any, dict[str, Any]]:
+def _each(groups: Mapping[Any, Pairs]) -> dict[Any, Fields]:
     return {name: _statistics(pairs) for name, pairs in groups.items()}
 
 
@@ -134,7 +135,7 @@ def _trial(row: Row) -> tuple[object, ...]:
     return _scene(row) if None in played or row["steps"] == 0 else (*_scene(row)[1:], *played)
 
 
-def _statistics(pairs: Pairs) -> dict[str, Any]:
+def _statistics(pairs: Pairs) -> Fields:
     """Return counts, rates, difference with intervals, the exact test and the sequential test's capital."""
     others, n = [row["other"] for row in pairs], max(len(pairs), 1)
     counts = compared((scene_of(row), row["success"], row["other"]["success"]) for row in pairs)
@@ -147,7 +148,7 @@ def _statistics(pairs: Pairs) -> dict[str, Any]:
     }
 
 
-def _discordant(x: Row, y: Row) -> dict[str, Any]:
+def _discordant(x: Row, y: Row) -> Fields:
     """One scene that one alone solved, and why the other did not."""
     solved, failed = (x, y) if x["success"] else (y, x)
     scene = {key: failed[key] for key in _SCENE}

@@ -3,19 +3,20 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from dexgrasp.evaluation.replay import record
 from dexgrasp.evaluation.rows import fell_short
 from dexgrasp.evaluation.sequential import decided_after
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
-from dexgrasp.evaluation.store import Row, TrialStore, check_folder
+from dexgrasp.evaluation.store import TrialStore, check_folder
 from dexgrasp.evaluation.summary import summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
 from dexgrasp.runs.interrupt import held, kept
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import progress_bar, warn
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_json
 from dexgrasp_env.objects.catalogue import CATALOGUE
@@ -35,7 +36,7 @@ def evaluate(
     film: Film = Film(),
     progress: bool = True,
     stop_level: float | None = None,
-) -> dict[str, Any]:
+) -> Fields:
     """Run an evaluation, or what is missing of it, and return its summary (also `summary.json` in the folder).
 
     Args:
@@ -97,7 +98,7 @@ class _Run:
     backend: Backend
     progress: bool
     stop_level: float | None
-    summary: dict[str, Any] = field(default_factory=dict)
+    summary: Fields = field(default_factory=dict)
 
     def check_rows(self) -> None:
         """Refuse trials of something else.
@@ -159,13 +160,13 @@ class _Run:
         return decided_after(keys, self.store.rows, self.runner.settings.agents, self.stop_level)
 
 
-def _successes(rows: Sequence[Row]) -> dict[str, str]:
+def _successes(rows: Sequence[Fields]) -> dict[str, str]:
     agents = dict.fromkeys(row["agent"] for row in rows)
     counts = {agent: [row["success"] for row in rows if row["agent"] == agent] for agent in agents}
     return {agent: f"{sum(won)}/{len(won)}" for agent, won in counts.items()}
 
 
-def _warn_once(row: Row, told: set[tuple[str, str]]) -> None:
+def _warn_once(row: Fields, told: set[tuple[str, str]]) -> None:
     """Print an agent's error the first time that it comes up; all of them are in trials.jsonl."""
     kind = (row["agent"], row["reason"] or "")
     if row["error"] and kind not in told:

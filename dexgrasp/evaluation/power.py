@@ -8,6 +8,7 @@ import numpy as np
 from scipy.special import ndtri
 from scipy.stats import binom
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
 _SCENES = tuple(2**k for k in range(3, 18))
@@ -70,7 +71,7 @@ def independent_discordance(rate: float, difference: float) -> float:
     return max(share, difference)  # equal at a rate of 1, where rounding would make it less
 
 
-def power_figures(difference: float, rate: float, agents: int, objects: int) -> dict[str, Any]:
+def power_figures(difference: float, rate: float, agents: int, objects: int) -> Fields:
     """Return what `evaluate --power` says: the trials needed, by design, at 80 % power and the 5 % level.
 
     Raises:

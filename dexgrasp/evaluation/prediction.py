@@ -4,10 +4,9 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.stats import rankdata
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 
 PREDICTORS = {
     "load": "load, in weights",
@@ -67,7 +66,7 @@ def _field(row: Mapping[str, Any], name: str) -> float | None:
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
 
 
-def auc(values: Array, successes: NDArray[np.bool_]) -> float:
+def auc(values: Array, successes: Mask) -> float:
     """Return the area under the ROC curve: the Mann-Whitney statistic, ties counted half; 0.5 for one class."""
     wins = int(successes.sum())
     losses = len(successes) - wins
@@ -76,14 +75,14 @@ def auc(values: Array, successes: NDArray[np.bool_]) -> float:
     return float((rankdata(values)[successes].sum() - 0.5 * wins * (wins + 1)) / (wins * losses))
 
 
-def _interval(values: Array, successes: NDArray[np.bool_]) -> tuple[float, float]:
+def _interval(values: Array, successes: Mask) -> tuple[float, float]:
     rng = np.random.default_rng(0)
     draws = rng.integers(len(values), size=(_RESAMPLES, len(values)))
     low, high = np.quantile([auc(values[at], successes[at]) for at in draws], [0.025, 0.975])
     return float(low), float(high)
 
 
-def _bins(values: Array, successes: NDArray[np.bool_]) -> tuple[Bin, ...]:
+def _bins(values: Array, successes: Mask) -> tuple[Bin, ...]:
     count = max(1, min(_BINS, len(values) // _LEAST))
     parts = np.array_split(np.argsort(values, kind="stable"), count)
     return tuple(Bin(float(np.median(values[at])), int(successes[at].sum()), len(at)) for at in parts)

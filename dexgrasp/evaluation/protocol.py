@@ -9,6 +9,7 @@ import numpy as np
 import yaml
 
 from dexgrasp.agent import Agent
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import seed_name
@@ -43,7 +44,7 @@ DEFAULT_PROTOCOL = "lift"
 OTHER_PHYSICS = "lift@warp"
 """Stands beside the others' figures, and is averaged into none."""
 
-_CONTENT: dict[str, Any] = yaml.safe_load(asset_path("protocols.yaml").read_text())
+_CONTENT: Fields = yaml.safe_load(asset_path("protocols.yaml").read_text())
 
 PROTOCOLS: dict[str, Protocol] = {
     name: Protocol(name, **words) for name, words in _CONTENT["protocols"].items()
@@ -105,7 +106,7 @@ def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
     return TrialSeeds(int(scene), int(agent))
 
 
-def agent_settings(name: str, agent: Agent) -> dict[str, Any]:
+def agent_settings(name: str, agent: Agent) -> Fields:
     """Return the environment settings that an agent asks for.
 
     Raises:

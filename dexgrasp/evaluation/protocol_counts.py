@@ -5,6 +5,7 @@ from typing import Any
 
 from dexgrasp.evaluation.protocol import GROUPS
 from dexgrasp.evaluation.statistics import scattered_interval
+from dexgrasp_env.arrays import Fields
 
 Row = Mapping[str, Any]
 _WEAKER, _STRONGER = "pushed@0.5", "pushed@1"
@@ -31,7 +32,7 @@ def scene_of(row: Row) -> tuple[Any, ...]:
     return row["object"], row["trial"], row.get("scene_seed")
 
 
-def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, Any]]:
+def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, Fields]:
     """Return trials, successes, rate and 95 % interval of each protocol, and of those made of them that are whole."""
     weights = {name: {name: 1.0} for name in rows}
     for group, names in GROUPS.items():
@@ -44,7 +45,7 @@ def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, dict[str, An
     }
 
 
-def pooled(parts: Sequence[Sequence[Row]], weights: Sequence[float] = (1.0,)) -> dict[str, Any]:
+def pooled(parts: Sequence[Sequence[Row]], weights: Sequence[float] = (1.0,)) -> Fields:
     """Return trials, successes and 95 % interval of parts, which may meet the same scenes, and their mean rate."""
     total, wins, rate = 0, 0, 0.0
     scatter: dict[Any, float] = {}

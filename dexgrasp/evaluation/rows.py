@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Natural, Rule, number, read
 
@@ -57,7 +58,7 @@ class Outcome:
     planning_seconds: float | None = None
     seconds: float = 0.0
     warnings: list[str] = field(default_factory=list)
-    details: dict[str, Any] = field(default_factory=dict)
+    details: Fields = field(default_factory=dict)
     error: str | None = None
 
 
@@ -72,9 +73,7 @@ def _certificate(value: Any) -> None:
     _are_numbers(each for name, each in value.items() if name.endswith(_UNITS))
 
 
-_Stages = Annotated[
-    dict[str, Any] | None, Rule("numbers by stage", lambda value: _are_numbers(value.values()))
-]
+_Stages = Annotated[Fields | None, Rule("numbers by stage", lambda value: _are_numbers(value.values()))]
 
 
 @dataclass(frozen=True)
@@ -83,7 +82,7 @@ class _Details:
 
     stage_seconds: _Stages = None
     stage_repeats: _Stages = None
-    certificate: Annotated[dict[str, Any] | None, Rule("an object of numbers", _certificate)] = None
+    certificate: Annotated[Fields | None, Rule("an object of numbers", _certificate)] = None
 
 
 @dataclass(kw_only=True)
@@ -101,7 +100,7 @@ class _Row(Outcome):
     reason: str | None = field()
     planning_seconds: float | None = field()
     details: _Details = field()  # type: ignore[assignment]
-    env: dict[str, Any] = field(default_factory=dict)
+    env: Fields = field(default_factory=dict)
     grasp: str = ""
 
 

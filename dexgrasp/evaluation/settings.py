@@ -12,6 +12,7 @@ from dexgrasp.evaluation.rows import Key
 from dexgrasp.evaluation.video import Film
 from dexgrasp.registry import agent_files, agent_source
 from dexgrasp.runs.versions import package_versions
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, expand, file_hash, jsonable, readable
@@ -112,7 +113,7 @@ class EvaluationSettings:
         """The protocols that trials are run under: the named ones, or what they are made of."""
         return tuple(dict.fromkeys(part for name in self.protocols for part in parts(name)))
 
-    def scene(self, protocol: str) -> dict[str, Any]:
+    def scene(self, protocol: str) -> Fields:
         """Settings of `gym.make` that make the scenes of a protocol."""
         given = {"robot": self.robot, "mount": self.mount, "friction": self.friction}
         chosen = {key: value for key, value in given.items() if value is not None}
@@ -123,7 +124,7 @@ class EvaluationSettings:
             "mesh_mass": self.mesh_mass,
         }
 
-    def identity(self) -> dict[str, Any]:
+    def identity(self) -> Fields:
         """Return the settings with the versions and contents they rest on, as JSON can hold them."""
         settings = jsonable(asdict(self))
         settings["protocol"] = "+".join(settings.pop("protocols"))

@@ -7,13 +7,12 @@ unit of intervals and tests, however many conditions it is met under.
 
 from collections import Counter
 from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from scipy.special import comb
 from scipy.stats import binomtest, bootstrap, norm
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 
 Counts = Mapping[str, tuple[int, int]]
 """Object -> (successes, trials)."""
@@ -85,7 +84,7 @@ def _sign_test(a: int, b: int) -> float:
     return float(binomtest(a, a + b, 0.5).pvalue) if a + b else 1.0
 
 
-def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> dict[str, Any]:
+def compared(outcomes: Iterable[tuple[Hashable, bool, bool]]) -> Fields:
     """Compare two agents on the same scenes, each met under one condition or several.
 
     Args:

@@ -11,10 +11,10 @@ from typing import Any
 from dexgrasp.evaluation.rows import Key, fell_short, row_fault, row_key, trial_name
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.lines import Lines, read_lines
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object, readable, write_json
 
-Row = dict[str, Any]
 _RUN, _TRIALS = "run.json", "trials.jsonl"
 
 
@@ -42,7 +42,7 @@ class TrialStore:
         """The trials that are there."""
         return {row_key(row) for row in self.rows}
 
-    def append(self, row: Row, grasp: Mapping[str, Any] | None = None) -> None:
+    def append(self, row: Fields, grasp: Mapping[str, Any] | None = None) -> None:
         """Add a finished trial and its grasp; both are in their files when this returns."""
         if grasp is not None:
             row["grasp"] = f"grasps/{trial_name(row)}.json"
@@ -65,7 +65,7 @@ def check_folder(folder: Path, identity: Mapping[str, Any]) -> None:
     _run_folder(folder).check(identity)
 
 
-def read_rows(folder: Path) -> list[Row]:
+def read_rows(folder: Path) -> list[Fields]:
     """Read the finished trials of a folder without touching it, each once.
 
     Raises:
@@ -97,7 +97,7 @@ def kept_grasps(folder: Path) -> list[Path]:
     return found
 
 
-def read_run(folder: Path) -> dict[str, Any]:
+def read_run(folder: Path) -> Fields:
     """Read what the trials of a folder are of.
 
     Raises:
@@ -110,9 +110,9 @@ def _run_folder(folder: Path) -> RunFolder:
     return RunFolder(folder, _RUN, "evaluation", pieces=_TRIALS)
 
 
-def _once_each(rows: Iterable[Row]) -> list[Row]:
+def _once_each(rows: Iterable[Fields]) -> list[Fields]:
     """Copies of a line, as merged files have them, count once: the first."""
-    found: dict[Key, Row] = {}
+    found: dict[Key, Fields] = {}
     for row in rows:
         found.setdefault(row_key(row), row)
     return list(found.values())

@@ -15,6 +15,7 @@ from dexgrasp.evaluation.statistics import (
     quantiles,
     success_within,
 )
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
 Row = Mapping[str, Any]
@@ -33,7 +34,7 @@ def summarise(
     *,
     stopped_after: int | None = None,
     stop_level: float | None = None,
-) -> dict[str, Any]:
+) -> Fields:
     """Return the summary of the trials that are there; `complete` says whether these are all.
 
     Args:
@@ -72,7 +73,7 @@ def _paired(a: Sequence[Row], b: Sequence[Row]) -> Iterator[tuple[Any, bool, boo
             yield scene_of(row), row["success"], others[condition]
 
 
-def summarise_agent(rows: Sequence[Row]) -> dict[str, Any]:
+def summarise_agent(rows: Sequence[Row]) -> Fields:
     """Return one agent's part of the summary; trials in other physics than MuJoCo's are in `by_protocol` alone."""
     by_protocol = grouped(rows, "protocol")
     rows = [row for row in rows if row["protocol"] != OTHER_PHYSICS] or rows
@@ -114,7 +115,7 @@ def grouped(rows: Sequence[Row], key: str) -> dict[Any, list[Row]]:
     return found
 
 
-def _neighbours(rows: Sequence[Row]) -> dict[str, Any]:
+def _neighbours(rows: Sequence[Row]) -> Fields:
     """Return how many trials were clean lifts and in how many a neighbour was hit; {} where there were none."""
     among = [row for row in rows if row.get("clean") is not None]
     if not among:
@@ -147,7 +148,7 @@ def object_counts(rows: Sequence[Row]) -> Counts:
     }
 
 
-def count(rows: Sequence[Row]) -> dict[str, Any]:
+def count(rows: Sequence[Row]) -> Fields:
     """Return trials, successes, rate and its 95 % intervals: of these objects, and of objects like these."""
     return {**pooled([rows]), "ci95_objects": list(object_interval(object_counts(rows)))}
 
@@ -169,7 +170,7 @@ def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
     return {name: members for name, members in sets.items() if members}
 
 
-def _constraints(rows: Sequence[Row]) -> dict[str, Any]:
+def _constraints(rows: Sequence[Row]) -> Fields:
     """Return what the grasps' certificates say (Tables 4 and 5); {} without certificates."""
     certificates = [own for row in rows if (own := row["details"].get("certificate"))]
     if not certificates:
@@ -192,7 +193,7 @@ def _constraints(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def _stages(rows: Sequence[Row]) -> dict[str, Any]:
+def _stages(rows: Sequence[Row]) -> Fields:
     """Return times and repeats of the stages (Table 6): quartiles of what the agent reports."""
     found = {}
     for key in ("stage_seconds", "stage_repeats"):

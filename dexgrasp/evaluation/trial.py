@@ -13,6 +13,7 @@ from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.rows import Outcome
 from dexgrasp.planning.look import Subject, subject_of
 from dexgrasp.planning.result import PlansGrasps
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 
@@ -38,7 +39,7 @@ class AgentError(Exception):
 
 def run_trial(
     env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, name: str = "", frames: FrameSink | None = None
-) -> tuple[Outcome, dict[str, Any] | None]:
+) -> tuple[Outcome, Fields | None]:
     """Run one episode; stops as soon as it is decided.
 
     An agent's exception or a wrong action fails the trial, not the evaluation.
@@ -93,7 +94,7 @@ def _begin(
     return observation, subject
 
 
-def _certified(agent: Agent, name: str, subject: Subject) -> dict[str, Any] | None:
+def _certified(agent: Agent, name: str, subject: Subject) -> Fields | None:
     """Return the grasp that an agent has planned as a grasp file holds it, None for one that certifies nothing."""
     if not isinstance(agent, PlansGrasps) or agent.result is None:
         return None

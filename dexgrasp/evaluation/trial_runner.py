@@ -13,6 +13,7 @@ from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
 from dexgrasp.evaluation.trial import run_trial
 from dexgrasp.evaluation.video import Film, Video
 from dexgrasp.registry import make_agent, placing_agent
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 
@@ -27,7 +28,7 @@ class TrialRunner:
         self._agents: dict[tuple[str, bool], Any] = {}
         self._envs: dict[tuple[str, str, str, Film | None], gym.Env[Any, Any]] = {}
 
-    def run(self, spec: TrialSpec) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    def run(self, spec: TrialSpec) -> tuple[Fields, Fields | None]:
         """Run one trial; return its line of `trials.jsonl` and the certified grasp, for agents that have one.
 
         Line, grasp and versions are all that it takes to make the trial again.
@@ -70,7 +71,7 @@ class TrialRunner:
         render = spec.film.env_settings if spec.video else {}
         return gym.make(**self._env_arguments(spec), disable_env_checker=True, **render)
 
-    def _env_arguments(self, spec: TrialSpec) -> dict[str, Any]:
+    def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
         chosen: Mapping[str, Any] = agent_settings(spec.agent, self.agent(spec))
         scene = self.settings.scene(spec.protocol)
@@ -87,7 +88,7 @@ class TrialRunner:
         return _runner_elsewhere, (self.settings, self.settings.identity())
 
 
-def _runner_elsewhere(settings: EvaluationSettings, identity: dict[str, Any]) -> TrialRunner:
+def _runner_elsewhere(settings: EvaluationSettings, identity: Fields) -> TrialRunner:
     """Return a runner in another process.
 
     Raises:

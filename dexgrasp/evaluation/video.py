@@ -8,6 +8,7 @@ import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.valid import Rule
@@ -43,7 +44,7 @@ class Film:
     size: Annotated[tuple[int, int], _SIZE, "WxH"] = (480, 640)
 
     @property
-    def env_settings(self) -> dict[str, Any]:
+    def env_settings(self) -> Fields:
         """Arguments of `gym.make`."""
         return {"render_mode": "rgb_array", "render_camera": self.camera, "render_size": self.size}
 

@@ -3,12 +3,11 @@
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dexgrasp.export.trajectory import ARM_TICK, HAND_EVERY, Trajectory
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.valid import Names
 
@@ -16,7 +15,7 @@ SCHEMA = 1
 _ROS_EVERY = {"arm": 10, "hand": 5}  # rows to a point of a ROS trajectory: its controllers interpolate
 
 
-def write_csv(folder: Path, trajectory: Trajectory, facts: dict[str, Any]) -> list[Path]:
+def write_csv(folder: Path, trajectory: Trajectory, facts: Fields) -> list[Path]:
     """Write `arm.csv` (1 kHz), `hand.csv` (333 Hz), s and rad with 17 digits, and `segments.json` with the rest."""
     tables = [
         _write(folder / f"{name}.csv", _table(joints, period, rows))
@@ -25,7 +24,7 @@ def write_csv(folder: Path, trajectory: Trajectory, facts: dict[str, Any]) -> li
     return [*tables, _write(folder / "segments.json", json.dumps(_head(trajectory, facts), indent=1))]
 
 
-def write_json(folder: Path, trajectory: Trajectory, facts: dict[str, Any]) -> list[Path]:
+def write_json(folder: Path, trajectory: Trajectory, facts: Fields) -> list[Path]:
     """Write `trajectory.json`: names, units, segments, the squeeze, and the rows of arm and hand."""
     content = _head(trajectory, facts) | {
         name: {"joints": list(joints), "period": period, "positions": rows.tolist()}
@@ -34,7 +33,7 @@ def write_json(folder: Path, trajectory: Trajectory, facts: dict[str, Any]) -> l
     return [_write(folder / "trajectory.json", json.dumps(content))]
 
 
-def write_ros2(folder: Path, trajectory: Trajectory, facts: dict[str, Any]) -> list[Path]:
+def write_ros2(folder: Path, trajectory: Trajectory, facts: Fields) -> list[Path]:
     """Write `arm.yaml` and `hand.yaml` (trajectory_msgs/JointTrajectory) and `grasp.yaml` (moveit_msgs/Grasp)."""
     base = trajectory.robot.arm.bodies[0]
     messages = {"grasp": moveit_grasp(facts, base, trajectory.robot.hand.joints.names)}
@@ -53,7 +52,7 @@ def _parts(trajectory: Trajectory) -> Iterator[tuple[str, Names, float, Array]]:
     yield "hand", robot.hand.joints.names, ARM_TICK * HAND_EVERY, trajectory.hand
 
 
-def joint_trajectory(joints: Names, rows: Array, period: float, base: str) -> dict[str, Any]:
+def joint_trajectory(joints: Names, rows: Array, period: float, base: str) -> Fields:
     """Return a trajectory_msgs/JointTrajectory: positions (T, n) rad with velocities by central differences."""
     velocities = np.gradient(rows, period, axis=0) if len(rows) > 1 else np.zeros_like(rows)
     velocities[0] = velocities[-1] = 0.0
@@ -61,15 +60,15 @@ def joint_trajectory(joints: Names, rows: Array, period: float, base: str) -> di
     return {"header": _header(base), "joint_names": list(joints), "points": points}
 
 
-def moveit_grasp(facts: dict[str, Any], base: str, joints: Names) -> dict[str, Any]:
+def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
     """Return a moveit_msgs/Grasp; `grasp_pose` is of the palm frame in the robot base frame."""
     palm = facts["palm"]
 
-    def posture(hand: list[float], torque: list[float]) -> dict[str, Any]:
+    def posture(hand: list[float], torque: list[float]) -> Fields:
         point = _point(0.0, np.array(hand), effort=torque)
         return {"header": _header(base), "joint_names": list(joints), "points": [point]}
 
-    def translation(z: float, distance: float) -> dict[str, Any]:
+    def translation(z: float, distance: float) -> Fields:
         return {
             "direction": {"header": _header(base), "vector": {"x": 0.0, "y": 0.0, "z": z}},
             "desired_distance": distance,
@@ -98,7 +97,7 @@ def moveit_grasp(facts: dict[str, Any], base: str, joints: Names) -> dict[str, A
 
 def _point(
     seconds: float, positions: Array, velocities: Array | None = None, effort: list[float] | None = None
-) -> dict[str, Any]:
+) -> Fields:
     nanoseconds = round(seconds * 1e9)
     return {
         "positions": positions.tolist(),
@@ -109,11 +108,11 @@ def _point(
     }
 
 
-def _header(base: str) -> dict[str, Any]:
+def _header(base: str) -> Fields:
     return {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": base}
 
 
-def _head(trajectory: Trajectory, facts: dict[str, Any]) -> dict[str, Any]:
+def _head(trajectory: Trajectory, facts: Fields) -> Fields:
     return {
         "schema": SCHEMA,
         "frame": trajectory.robot.arm.bodies[0],
@@ -129,7 +128,7 @@ def _table(joints: Names, period: float, rows: Array) -> str:
     return "\n".join(lines)
 
 
-def _yaml(content: dict[str, Any]) -> str:
+def _yaml(content: Fields) -> str:
     import yaml
 
     return str(yaml.safe_dump(content, sort_keys=False, default_flow_style=None, width=10**6)).rstrip()

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -13,7 +12,7 @@ from dexgrasp.grasp.record import GraspRecord
 from dexgrasp.kinematics.forward import hand_contact_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.objects.model import ObjectModel, centred_model
@@ -77,7 +76,7 @@ def trajectory_of(record: GraspRecord, robot: Robot) -> Trajectory:
     return make_trajectory(Waypoints(approach.setpoints, record.grasp, record.squeeze, lift.setpoints), robot)
 
 
-def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> dict[str, Any]:
+def grasp_facts(record: GraspRecord, cell: Cell, stiffness: float) -> Fields:
     """Return what the files say beside the rows: postures, palm, the squeeze; positions from the robot's base."""
     base, tree, hand = cell.base, robot_tree(cell), slice(cell.robot.arm_dof, None)
     R, p = palm_frame(record.q, tree)

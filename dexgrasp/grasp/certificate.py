@@ -2,9 +2,9 @@
 
 import math
 from dataclasses import asdict, dataclass, fields
-from typing import Any
 
 from dexgrasp.grasp.values import Number, Numbers, Positive
+from dexgrasp_env.arrays import Fields
 
 
 @dataclass(frozen=True)
@@ -48,9 +48,9 @@ class Certificate:
     @classmethod
     def unclaimed(cls, contacts: int) -> "Certificate":
         """Return one that claims nothing of a grasp with so many contacts."""
-        numbers: dict[str, Any] = {field.name: math.nan for field in fields(cls)}
+        numbers: Fields = {field.name: math.nan for field in fields(cls)}
         return cls(**numbers | {"distances_cm": (math.nan,) * contacts, "holds": False})
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Fields:
         """Return the certificate as JSON holds it."""
         return asdict(self) | {"distances_cm": list(self.distances_cm)}

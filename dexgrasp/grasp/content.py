@@ -18,7 +18,7 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.shape.target import GraspTarget, assumed_mass, hull_volume, volume_centre
 from dexgrasp_env import __version__
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.objects.model import Solid
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
@@ -92,7 +92,7 @@ def planned_record(
     return replace(record, holds_probability=probability_of(record, target.guessed(grasp.normals)))
 
 
-def grasp_json(record: GraspRecord) -> dict[str, Any]:
+def grasp_json(record: GraspRecord) -> Fields:
     """Return the JSON object of a grasp (lengths m, angles rad, forces N, frame of the robot's base)."""
     made = {"version": __version__, "created": datetime.now(UTC).isoformat(timespec="seconds")}
     return as_json(record) | made

@@ -1,8 +1,8 @@
 """What every grasp file states in the same words: frame, units, phases without a certificate, cell and robot."""
 
 from dataclasses import dataclass
-from typing import Any
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.robot.cell import Cell
 
 
@@ -14,7 +14,7 @@ class RobotName:
     hash: str
 
 
-def conventions(cell: Cell) -> dict[str, Any]:
+def conventions(cell: Cell) -> Fields:
     """Return what a grasp file states for a cell, by field."""
     return {
         "frame": "robot_base",

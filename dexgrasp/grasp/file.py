@@ -5,13 +5,14 @@ from typing import Any
 
 from dexgrasp.grasp.older import of_schema_2
 from dexgrasp.grasp.record import SCHEMA, GraspRecord
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object, write_json
 from dexgrasp_env.robot.cell import Cell, default_cell
 from dexgrasp_env.valid import read
 
 
-def write_grasp(path: Path, content: dict[str, Any]) -> None:
+def write_grasp(path: Path, content: Fields) -> None:
     """Write a grasp file, whole or not at all."""
     write_json(path, content)
 

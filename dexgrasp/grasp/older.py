@@ -5,12 +5,13 @@ from typing import Any
 
 from dexgrasp.grasp.conventions import RobotName, conventions
 from dexgrasp.grasp.record import APPROACH, LIFT
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.robot.cell import SIMULATED, Cell
 
 _CONTACT = ("finger", "point", "normal", "force")
 
 
-def of_schema_2(old: dict[str, Any], cell: Cell) -> dict[str, Any]:
+def of_schema_2(old: Fields, cell: Cell) -> Fields:
     """Return the content of a file of schema 2 in schema 3, for a grasp in a cell.
 
     A file without a cell, or its table, was written before there were others. One for the simulated cell states no
@@ -33,7 +34,7 @@ def of_schema_2(old: dict[str, Any], cell: Cell) -> dict[str, Any]:
     }
 
 
-def _script(approach: dict[str, Any], lift: dict[str, Any]) -> dict[str, Any]:
+def _script(approach: Fields, lift: Fields) -> Fields:
     first, last = {"name": APPROACH, "measure": approach["bend"]}, {"name": LIFT, "measure": lift["stray"]}
     return {"lift_height": lift["height"], "phases": [approach | first, lift | last]}
 

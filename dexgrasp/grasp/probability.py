@@ -9,14 +9,14 @@ fitted on it says nothing.
 import json
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
 from dexgrasp.grasp.features import features_of
 from dexgrasp.grasp.record import Chance, GraspRecord, HoldsProbability
 from dexgrasp.grasp.thresholds import HOLD_SHARE
-from dexgrasp_env.arrays import Array, Index
+from dexgrasp_env.arrays import Array, Fields, Index
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_file
@@ -122,7 +122,7 @@ def read_model(path: Path) -> Model:
         raise InputError(f"{path} holds no model of probabilities of schema {SCHEMA}") from None
 
 
-def _outcome(stated: dict[str, Any]) -> tuple[Trees, tuple[float, float]]:
+def _outcome(stated: Fields) -> tuple[Trees, tuple[float, float]]:
     whole = ("feature", "left", "right", "roots", "member")
     columns = {name: np.array(stated[name], dtype=int if name in whole else float) for name in Trees._fields}
     offset, slope = stated["calibration"]

@@ -4,7 +4,7 @@ A record is checked for shape and sense when it is read, not yet for truth.
 """
 
 from dataclasses import dataclass, replace
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from dexgrasp.grasp.conventions import RobotName, conventions
 from dexgrasp.grasp.identity import ObjectIdentity
 from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp.grasp.values import LIFT_HEIGHT, Number, Parts, Pose, Positive, Row, Share, Vector, Word
-from dexgrasp_env.arrays import Array, array
+from dexgrasp_env.arrays import Array, Fields, array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import jsonable
 from dexgrasp_env.poses import shifted
@@ -257,7 +257,7 @@ class GraspRecord:
         )
 
 
-def as_json(record: GraspRecord) -> dict[str, Any]:
+def as_json(record: GraspRecord) -> Fields:
     """Return a record as schema 3 holds it (lengths m, angles rad, forces N, frame of the robot's base)."""
     stated = vars(record.moved(record.table_height)) | {"schema": SCHEMA}
     del stated["here"]

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
 from dexgrasp.demos.convert import to_action
@@ -12,8 +11,8 @@ from dexgrasp.imitation.features import entry, features, first_look
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.runs.arrays import relu
-from dexgrasp.runs.policy_folder import Arrays
-from dexgrasp_env.arrays import Array
+from dexgrasp.runs.policy_folder import Weights
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
@@ -25,7 +24,7 @@ class Clone(Policy):
 
     kind = "clone"
 
-    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
         self.chunk, self.execute = int(about["chunk"]), int(about["execute"])
         if not 1 <= self.execute <= self.chunk:
             raise InputError(f"the policy executes {self.execute} of {self.chunk} steps: valid are 1 to all")
@@ -76,7 +75,7 @@ class CloneRun:
         self._step += 1
         return self._wanted[at]
 
-    def action(self, observation: Observation) -> NDArray[np.float32]:
+    def action(self, observation: Observation) -> Single:
         """Return the next action, in the clone's control mode."""
         now = entry(observation, "joint_targets")
         return to_action(self._clone.env["control_mode"], now, self.set_points(observation), self._tree)

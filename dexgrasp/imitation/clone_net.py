@@ -3,11 +3,11 @@
 from collections.abc import Iterable
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.imitation.policy import FARTHEST
 from dexgrasp.imitation.settings import CloneNetwork, GraspNetwork
 from dexgrasp.runs.step_training import perceptron
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -18,7 +18,7 @@ with from_extra():
 class CloneNet(nn.Module):
     """Features to the set-points of the next steps, in units of their spread."""
 
-    def __init__(self, sizes: CloneNetwork, mean: NDArray[np.float32], scale: NDArray[np.float32]) -> None:
+    def __init__(self, sizes: CloneNetwork, mean: Single, scale: Single) -> None:
         """Prepare.
 
         Args:
@@ -37,7 +37,7 @@ class CloneNet(nn.Module):
         """Return (E, R, chunk * 23) for features (E, R, F) of E episodes."""
         return self.trunk(((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST))
 
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
+    def arrays(self) -> dict[str, Single]:
         """Return the arrays as `clone` reads them."""
         out = {"mean": self.mean.cpu().numpy(), "scale": self.scale.cpu().numpy()}
         return out | layer_arrays("trunk", self.trunk)
@@ -46,7 +46,7 @@ class CloneNet(nn.Module):
 class GraspNet(nn.Module):
     """Objects seen along grips, to the merit of each grip and to ways to take hold along it."""
 
-    def __init__(self, sizes: GraspNetwork, numbers: NDArray[np.float32], rows: NDArray[np.float32]) -> None:
+    def __init__(self, sizes: GraspNetwork, numbers: Single, rows: Single) -> None:
         """Prepare.
 
         Args:
@@ -75,13 +75,13 @@ class GraspNet(nn.Module):
         out = self.trunk(torch.cat([code, scaled], dim=-1)).unflatten(-1, (self.modes, -1))
         return out[..., 0], self.row_mean + self.row_scale * out[..., 1:]
 
-    def arrays(self) -> dict[str, NDArray[np.float32]]:
+    def arrays(self) -> dict[str, Single]:
         """Return the arrays as `grasper` reads them."""
         out = {name: buffer.cpu().numpy() for name, buffer in self.named_buffers()}
         return out | layer_arrays("encoder", self.encoder) | layer_arrays("trunk", self.trunk)
 
 
-def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, NDArray[np.float32]]:
+def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, Single]:
     """Return weights and biases of the linear ones of `layers`, as `policy.Mlp` reads them."""
     linear = enumerate(layer for layer in layers if isinstance(layer, nn.Linear))
     return {

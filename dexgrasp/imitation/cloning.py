@@ -18,8 +18,9 @@ from dexgrasp.imitation.taken import sizes
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp.runs.step_training import StepTraining
-from dexgrasp.runs.training import Course, Row
+from dexgrasp.runs.training import Course
 from dexgrasp.runs.versions import package_versions
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.robot.cell import default_cell
 
@@ -73,10 +74,10 @@ class Cloning(StepTraining):
         """Return the loss of a batch."""
 
     @abstractmethod
-    def policy(self) -> tuple[Row, dict[str, Any]]:
+    def policy(self) -> tuple[Fields, Fields]:
         """Return what is said of the policy, and arrays beside the network's."""
 
-    def identity(self) -> Row:
+    def identity(self) -> Fields:
         """Return what the demonstrations are."""
         return {"data": self._rows.key}
 
@@ -92,7 +93,7 @@ class Cloning(StepTraining):
     def _loss(self, batch: Any) -> torch.Tensor:
         return self.loss(*(torch.from_numpy(array).to(self.place) for array in batch))
 
-    def learn(self) -> Row:
+    def learn(self) -> Fields:
         """Do an epoch; return its loss, and that on demonstrations that were kept apart, where there are any."""
         (loss,) = self.epoch_losses()
         return {"loss": loss, "test_loss": self._test()}
@@ -145,7 +146,7 @@ class StateCloning(Cloning):
         wanted = chunks.flatten(start_dim=2) / self._unit
         return torch.nn.functional.smooth_l1_loss(self.net(looks), wanted, beta=_BEND)
 
-    def policy(self) -> tuple[Row, dict[str, Any]]:
+    def policy(self) -> tuple[Fields, Fields]:
         """Return what a `Clone` reads."""
         mode = self._rows.control_mode
         env = {"obs_mode": "state", "control_mode": mode if mode.startswith("joint") else "joint_position"}
@@ -190,7 +191,7 @@ class CloudCloning(Cloning):
         likely = merits.flatten(1).log_softmax(dim=1).unflatten(1, merits.shape[1:])
         return -torch.logsumexp(likely[:, 0] - far, dim=1).mean()
 
-    def policy(self) -> tuple[Row, dict[str, Any]]:
+    def policy(self) -> tuple[Fields, Fields]:
         """Return what a `Grasper` reads."""
         env = {"obs_mode": "pointcloud", "control_mode": "joint_position", "observe": "reset"}
         return {"kind": Grasper.kind, "modes": self.settings.grasps.modes, "env": env}, {}

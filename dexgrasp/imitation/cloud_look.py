@@ -8,11 +8,10 @@ along x, and how.
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
 from dexgrasp.imitation.features import METRES, axes_along, entry
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 
 POINTS = 192
@@ -36,7 +35,7 @@ class CloudLook(NamedTuple):
 
     points: Array
     middle: Array
-    seen: NDArray[np.float32]
+    seen: Single
 
 
 def look_at(first: Observation) -> CloudLook:

@@ -6,21 +6,20 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.demos.generate import read_about
 from dexgrasp.demos.minari_format import read_episodes
-from dexgrasp.demos.rollout import Arrays, Episode, intended
+from dexgrasp.demos.rollout import Episode, intended
 from dexgrasp.imitation.cloud_look import CloudLook, along, look_at
 from dexgrasp.imitation.features import entry, features, first_look
 from dexgrasp.imitation.settings import BcSettings
 from dexgrasp.imitation.taken import as_row, taken
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Arrays, Index, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.cell import default_cell, make_cell
 
-Floats = NDArray[np.float32]
+Floats = Single
 _TESTED = 16  # rows of each held-out episode
 
 
@@ -48,33 +47,33 @@ class Rows:
     looks: Floats
     targets: Floats
     meant: Floats
-    first: NDArray[np.int64]
-    steps: NDArray[np.int64]
+    first: Index
+    steps: Index
     control_mode: str
     key: str
 
     def __len__(self) -> int:
         return len(self.steps)
 
-    def chunks(self, episodes: NDArray[np.int64], rows: NDArray[np.int64], length: int) -> Floats:
+    def chunks(self, episodes: Index, rows: Index, length: int) -> Floats:
         """Return the set-points that follow rows (E, R) of episodes (E,), relative to those now, (E, R, length, 23)."""
         # Beyond the end they stand still.
         ahead = np.minimum(rows[..., None] + np.arange(length), self.steps[episodes][:, None, None] - 1)
         first = self.first[episodes][:, None]
         return self.meant[first[..., None] + ahead] - self.targets[first + rows][:, :, None]
 
-    def batch(self, episodes: NDArray[np.int64], rows: NDArray[np.int64], length: int) -> Batch:
+    def batch(self, episodes: Index, rows: Index, length: int) -> Batch:
         """Return rows (E, R) of episodes (E,)."""
         return Batch(self.looks[self.first[episodes][:, None] + rows], self.chunks(episodes, rows, length))
 
-    def draw(self, rng: np.random.Generator, among: NDArray[np.int64], settings: BcSettings) -> Batch:
+    def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> Batch:
         """Draw a batch; long episodes come as often as short ones."""
         s = settings
         chosen = rng.choice(among, s.episodes, replace=len(among) < s.episodes)
         at = (rng.random((s.episodes, s.rows)) * self.steps[chosen][:, None]).astype(int)
         return self.batch(chosen, at, s.network.chunk)
 
-    def tested(self, among: NDArray[np.int64], settings: BcSettings) -> Batch:
+    def tested(self, among: Index, settings: BcSettings) -> Batch:
         """Return some rows of each of some episodes."""
         at = (np.linspace(0.0, 1.0, _TESTED, endpoint=False) * self.steps[among][:, None]).astype(int)
         return self.batch(among, at, settings.network.chunk)
@@ -142,16 +141,16 @@ class Grips:
     def __len__(self) -> int:
         return len(self.looks)
 
-    def draw(self, rng: np.random.Generator, among: NDArray[np.int64], settings: BcSettings) -> GripBatch:
+    def draw(self, rng: np.random.Generator, among: Index, settings: BcSettings) -> GripBatch:
         """Draw a batch; of each cloud other points come every time."""
         size = settings.episodes
         return self._batch(rng, rng.choice(among, size, replace=len(among) < size), settings.grips)
 
-    def tested(self, among: NDArray[np.int64], settings: BcSettings) -> GripBatch:
+    def tested(self, among: Index, settings: BcSettings) -> GripBatch:
         """Return a batch of some episodes, each time the same."""
         return self._batch(np.random.default_rng(0), among, settings.grips)
 
-    def _batch(self, rng: np.random.Generator, episodes: NDArray[np.int64], grips: int) -> GripBatch:
+    def _batch(self, rng: np.random.Generator, episodes: Index, grips: int) -> GripBatch:
         apart = 2 * np.pi / grips
         others = (np.arange(1, grips) + rng.uniform(-0.4, 0.4, (len(episodes), 1))) * apart
         azimuths = self.azimuths[episodes][:, None] + np.pad(others, ((0, 0), (1, 0)))

@@ -11,10 +11,9 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix
 
@@ -76,7 +75,7 @@ def first_look(first: Observation) -> Scene:
     return Scene(azimuth, pose[:3], np.array(numbers))
 
 
-def features(scene: Scene, observation: Observation, step: NDArray[np.int64] | int) -> Array:
+def features(scene: Scene, observation: Observation, step: Index | int) -> Array:
     """Return features (..., F) of observations (..., n) of one episode at control steps (...).
 
     A scene of N episodes, `side_by_side`, has observations (N, n) of each at one control step.

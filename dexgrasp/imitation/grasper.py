@@ -8,7 +8,6 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
 from dexgrasp.grasp.certificate import Certificate
@@ -25,9 +24,9 @@ from dexgrasp.motion.guarded import TIP_DEPTH, lag_of, pressing_torques
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
 from dexgrasp.runs.arrays import relu
-from dexgrasp.runs.policy_folder import Arrays
+from dexgrasp.runs.policy_folder import Weights
 from dexgrasp.shape.hull import standing_hull
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
@@ -41,7 +40,7 @@ class Grasper(Policy):
 
     kind = "grasper"
 
-    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
         self._modes = int(about["modes"])
         self._scaling = Scaling(arrays["mean"], arrays["scale"])
         self._rows = Scaling(arrays["row_mean"], arrays["row_scale"])
@@ -95,7 +94,7 @@ class GrasperRun:
         script, grasp = _first(grasper.grasps(look, tree), look, start, cell)
         self._motion = PickUp(script, grasp)
 
-    def action(self, observation: Observation) -> NDArray[np.float32]:
+    def action(self, observation: Observation) -> Single:
         """Return the next action, of `joint_position`."""
         return self._motion.action(observation["joint_positions"])
 

@@ -5,12 +5,11 @@ from collections.abc import Callable, Mapping
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
 from dexgrasp.runs.arrays import through
-from dexgrasp.runs.policy_folder import Arrays
-from dexgrasp_env.arrays import Array
+from dexgrasp.runs.policy_folder import Weights
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell, default_cell
 
@@ -21,7 +20,7 @@ FARTHEST = 6.0
 class PolicyRun(Protocol):
     """A policy in one episode."""
 
-    def action(self, observation: Observation) -> NDArray[np.float32]:
+    def action(self, observation: Observation) -> Single:
         """Return the next action."""
 
 
@@ -36,7 +35,7 @@ class Policy(ABC):
 
     kind: ClassVar[str]
 
-    def __init__(self, about: Mapping[str, Any], arrays: Arrays) -> None:
+    def __init__(self, about: Mapping[str, Any], arrays: Weights) -> None:
         """Take what `read_policy` returns.
 
         Raises:
@@ -65,7 +64,7 @@ class Policy(ABC):
             )
 
     @abstractmethod
-    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
         """Take what there is; return whether it fits together."""
 
     @abstractmethod
@@ -83,7 +82,7 @@ class Scaling(NamedTuple):
     mean: Any
     scale: Any
 
-    def __call__(self, looks: Array) -> NDArray[np.float32]:
+    def __call__(self, looks: Array) -> Single:
         """Return features (..., F) as networks are given them."""
         return np.clip((looks - self.mean) / self.scale, -FARTHEST, FARTHEST).astype(np.float32)
 
@@ -91,7 +90,7 @@ class Scaling(NamedTuple):
 class Mlp:
     """Linear layers with an activation between them, float32."""
 
-    def __init__(self, arrays: Arrays, name: str, activation: Callable[[Any], Any]) -> None:
+    def __init__(self, arrays: Weights, name: str, activation: Callable[[Any], Any]) -> None:
         """Take the layers `name.K.weight` (out, in) and `name.K.bias` (out,).
 
         Raises:
@@ -104,6 +103,6 @@ class Mlp:
         self.inputs = len(self._layers[0][0])
         self.outputs = self(np.zeros(self.inputs, np.float32)).size
 
-    def __call__(self, x: NDArray[np.float32]) -> NDArray[np.float32]:
+    def __call__(self, x: Single) -> Single:
         """Return what comes out (..., outputs) for inputs (..., inputs)."""
         return through(self._layers, x, self._activation)

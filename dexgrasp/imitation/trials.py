@@ -5,7 +5,8 @@ from pathlib import Path
 
 from dexgrasp.evaluation.settings import EvaluationSettings, plan_trials
 from dexgrasp.evaluation.trial_runner import TrialRunner
-from dexgrasp.runs.training import Progress, Row, Tester
+from dexgrasp.runs.training import Progress, Tester
+from dexgrasp_env.arrays import Fields
 
 
 @dataclass(frozen=True)
@@ -24,7 +25,7 @@ class Trials(Tester):
     seed: int = 0
     every: int = 5
 
-    def after(self, folder: Path, state: Progress) -> Row:
+    def after(self, folder: Path, state: Progress) -> Fields:
         """Return the share of trials that succeeded, after an epoch that is due; nothing after others."""
         if state.epoch % self.every and state.epoch != state.epochs:
             return {}

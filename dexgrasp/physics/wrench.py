@@ -8,7 +8,7 @@ rms radius, and taken about c, the contacts' centroid unless given. A zero resid
 """
 
 import warnings
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import daqp
 import numpy as np
@@ -16,12 +16,12 @@ import numpy as np
 from dexgrasp.physics.checks import Numbers, check_array, check_contacts, check_positive, rms_radius
 from dexgrasp.physics.cones import tangent_basis
 from dexgrasp.physics.equilibrium import grasp_map
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError, unknown_name
 
 REGULARISER = 1e-9
 """Added to the Hessian for the QP solvers, which want one; the residual returned is computed without it."""
-_OPTIONS: dict[str, dict[str, Any]] = {"osqp": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 40000}}
+_OPTIONS: dict[str, Fields] = {"osqp": {"eps_abs": 1e-7, "eps_rel": 1e-7, "max_iter": 40000}}
 
 
 class WrenchSolution(NamedTuple):

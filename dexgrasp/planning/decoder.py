@@ -2,12 +2,11 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dexgrasp.runs.arrays import Layer, layers_of, read_arrays, relu, through
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.valid import Count
 
@@ -44,7 +43,7 @@ class NetworkSettings:
     cloud: Count = 256
     hidden: Count = 320
 
-    def as_json(self) -> dict[str, Any]:
+    def as_json(self) -> Fields:
         """Return the settings as JSON holds them."""
         return asdict(self)
 

@@ -8,6 +8,7 @@ import dexgrasp_env  # noqa: F401  (registers the environment)
 from dexgrasp.agent import Agent, Observation, public_info
 from dexgrasp.grasp.content import ObjectPose
 from dexgrasp.grasp.identity import ObjectIdentity
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.poses import pose_matrix
 
 
@@ -23,7 +24,7 @@ class Look(NamedTuple):
 
     env: gym.Env[Any, Any]
     observation: Observation
-    info: dict[str, Any]
+    info: Fields
     subject: Subject
 
 

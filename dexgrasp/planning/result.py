@@ -17,6 +17,7 @@ from dexgrasp.grasp.script import ActionScript
 from dexgrasp.grasp.variety import component_shares, grasp_features
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp.shape.target import GraspTarget
+from dexgrasp_env.arrays import Fields
 
 Item = TypeVar("Item")
 Progress = Callable[[int, int], None]
@@ -161,7 +162,7 @@ class PlanResult:
     def report(self) -> Report:
         """Return what an agent says that carries the grasp out."""
         seconds, tried = self.log.seconds, self.log.tried
-        details: dict[str, Any] = {
+        details: Fields = {
             "stages": seconds,
             # The columns of Table 6: where contacts come from, how a hand gets there, what makes it feasible.
             "stage_seconds": {
@@ -182,7 +183,7 @@ class PlanResult:
 
     def contents(
         self, name: str | ObjectIdentity, agent: str = "bilevel", pose: ObjectPose | None = None
-    ) -> list[dict[str, Any]]:
+    ) -> list[Fields]:
         """Return the grasps as grasp files hold them, firmest first.
 
         Args:
@@ -204,7 +205,7 @@ class PlanResult:
 
     def as_json(
         self, name: str | ObjectIdentity, agent: str = "bilevel", pose: ObjectPose | None = None
-    ) -> dict[str, Any]:
+    ) -> Fields:
         """Return the object that `dexgrasp plan --json` prints; `grasp` is the firmest. Arguments as in `contents`."""
         contents = self.contents(name, agent, pose)
         first = contents[0] if contents else None

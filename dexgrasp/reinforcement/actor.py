@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone, CloneRun
@@ -12,8 +11,8 @@ from dexgrasp.imitation.features import Scene, features, first_look, side_by_sid
 from dexgrasp.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.reinforcement.grasp_space import FARTHEST, SIZE, GraspSpace
 from dexgrasp.runs.arrays import below, relu
-from dexgrasp.runs.policy_folder import Arrays
-from dexgrasp_env.arrays import Array
+from dexgrasp.runs.policy_folder import Weights
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.robot.cell import Cell
 
 
@@ -53,7 +52,7 @@ class Actor(Policy):
 
     kind = "actor"
 
-    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
         scaling, self._squashed = Scaling(arrays["mean"], arrays["scale"]), bool(about["squashed"])
         clone = Clone(about["base"], below(arrays, "base.")) if about.get("base") else None
         hold, grasps, chunk = int(about.get("hold", 1)), bool(about.get("grasps")), int(about.get("chunk", 1))
@@ -71,7 +70,7 @@ class Actor(Policy):
         """Start an episode in a cell."""
         return ActorRun(self, first, cell)
 
-    def correction(self, looks: NDArray[np.float32]) -> Array:
+    def correction(self, looks: Single) -> Array:
         """Return the network's output (..., m) for what `Eyes.look` returns: in [-1, 1], or for a `GraspSpace`."""
         x = self._actor(looks)
         farthest = FARTHEST if self.acting.grasps else 1.0
@@ -110,7 +109,7 @@ class Eyes:
         clone = self._acting.clone
         return None if clone is None else clone.begin(first, self._cell)
 
-    def look(self, observations: Observation) -> NDArray[np.float32]:
+    def look(self, observations: Observation) -> Single:
         """Return what the network is given now, (N, F): scaled features, and the clones' actions."""
         looks = self._see(self._scenes, observations, slice(None))
         self._steps += self._acting.span
@@ -120,20 +119,20 @@ class Eyes:
         self._cloned = np.stack(acted)
         return np.concatenate([looks, self._cloned], axis=-1)
 
-    def last(self, i: int, observation: Observation) -> NDArray[np.float32]:
+    def last(self, i: int, observation: Observation) -> Single:
         """Return what the network would be given of the observation that episode `i` ended with, (F,)."""
         scene = Scene(*(values[i : i + 1] for values in vars(self._scenes).values()))
         looks = self._see(scene, _alone(observation), slice(i, i + 1))[0]
         clone = self._clones[i]
         return looks if clone is None else np.concatenate([looks, clone.action(observation)])
 
-    def _see(self, scenes: Scene, observations: Observation, rows: slice) -> NDArray[np.float32]:
+    def _see(self, scenes: Scene, observations: Observation, rows: slice) -> Single:
         seen = features(scenes, observations, self._steps[rows])
         if self._space:
             seen = np.concatenate([seen, self._space.look(observations, rows)], axis=-1)
         return self._acting.scaling(seen)
 
-    def carried_out(self, actions: Array, observations: Observation) -> NDArray[np.float32]:
+    def carried_out(self, actions: Array, observations: Observation) -> Single:
         """Return the actions (N, m) of a control step: a share of the network's, on the clones' where they are."""
         if self._space:
             return self._space.carried_out(actions, observations)
@@ -148,7 +147,7 @@ class ActorRun(Eyes):
         self._actor, self._step = actor, 0
         self._answer = np.zeros(0)
 
-    def action(self, observation: Observation) -> NDArray[np.float32]:
+    def action(self, observation: Observation) -> Single:
         """Return the next action."""
         span = self._acting.span
         step = min(self._step, span - 1) if self._acting.once else self._step % span

@@ -10,6 +10,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from dexgrasp.imitation.policy import Scaling
 from dexgrasp.reinforcement.actor import Acting, Eyes, one
 from dexgrasp.reinforcement.grasp_space import SIZE
+from dexgrasp_env.arrays import Fields, Single
 
 
 class FeatureVecEnv(VecEnvWrapper):
@@ -47,7 +48,7 @@ class FeatureVecEnv(VecEnvWrapper):
         self._returns = np.zeros(self.num_envs)
         self.finished: list[tuple[float, bool]] = []
 
-    def reset(self) -> NDArray[np.float32]:
+    def reset(self) -> Single:
         """Start all episodes."""
         self._now = self.venv.reset()
         self._eyes = Eyes(self._acting, self._now, self._cell)
@@ -67,7 +68,7 @@ class FeatureVecEnv(VecEnvWrapper):
         eyes = self._eyes
         assert eyes is not None
         rewards, ended = np.zeros(self.num_envs, np.float32), np.zeros(self.num_envs, bool)
-        told: list[dict[str, Any]] = []
+        told: list[Fields] = []
         for step in range(self._acting.span):
             actions = eyes.carried_out(self._acting.action(self._answers, step), self._now)
             self._now, gained, dones, infos = self.venv.step(actions)

@@ -9,12 +9,11 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from dexgrasp.agent import Observation
 from dexgrasp.imitation.features import entry
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
@@ -128,7 +127,7 @@ class GraspSpace:
             [(places - self._middles[rows]) / self._spans[rows], 2.0 * closed - 1.0], axis=1
         )
 
-    def carried_out(self, actions: Array, observations: Observation) -> NDArray[np.float32]:
+    def carried_out(self, actions: Array, observations: Observation) -> Single:
         """Return the environments' actions (N, m), which go a control step towards the set-points (N, SIZE)."""
         actions = _folded(actions)
         along, across, above, turned, tilted = (self._middles + self._spans * actions[:, : len(_PALM)]).T

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
 from dexgrasp.demos.convert import to_action
@@ -22,8 +21,8 @@ from dexgrasp.kinematics.palm_ik import TURN_SCALE, palm_jacobian
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.reinforcement.grasp_space import bends
 from dexgrasp.runs.arrays import below
-from dexgrasp.runs.policy_folder import Arrays
-from dexgrasp_env.arrays import Array
+from dexgrasp.runs.policy_folder import Weights
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.control import max_step
@@ -49,7 +48,7 @@ class Grip(Policy):
 
     kind = "grip"
 
-    def _read(self, about: Mapping[str, Any], arrays: Arrays) -> bool:
+    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
         base = below(arrays, "base.")
         self.clone, self._actor = Clone(about["base"], base), Mlp(arrays, "actor", np.tanh)
         sized = self._actor.inputs == len(self.clone.scaling.mean) and self._actor.outputs == SIZE
@@ -59,7 +58,7 @@ class Grip(Policy):
         """Decide on the correction and start an episode in a cell."""
         return GripRun(self.clone, first, self.correction(look(self.clone, first)), cell)
 
-    def correction(self, looks: NDArray[np.float32]) -> Array:
+    def correction(self, looks: Single) -> Array:
         """Return the correction (SIZE,) for what `look` returns."""
         return np.clip(self._actor(looks), -1.0, 1.0).astype(float)
 
@@ -84,7 +83,7 @@ class GripRun:
         self._palm[list(axes)] = correction[: len(_PALM)] * sizes
         self._fingers = correction[len(_PALM) :] @ bends(cell.robot, _FINGERS)
 
-    def action(self, observation: Observation) -> NDArray[np.float32]:
+    def action(self, observation: Observation) -> Single:
         """Return the next action."""
         wanted = self._run.set_points({**observation, "joint_targets": self._own})
         robot, most = self._robot, max_step(self._robot)
@@ -97,7 +96,7 @@ class GripRun:
         return to_action("joint_delta", now, corrected, self._tree)
 
 
-def look(clone: Clone, first: Observation) -> NDArray[np.float32]:
+def look(clone: Clone, first: Observation) -> Single:
     """Return what the network is given: the first observation's features (F,), scaled as the clone's."""
     return clone.scaling(features(first_look(first), first, 0))
 

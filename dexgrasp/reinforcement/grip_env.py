@@ -4,14 +4,13 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
 from dexgrasp.agent import Observation
 from dexgrasp.imitation.clone import Clone
 from dexgrasp.reinforcement.actor import one
 from dexgrasp.reinforcement.grip import SIZE, GripRun, look
 from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask, Single
 
 
 class GripVecEnv(SB3VecEnv):
@@ -42,7 +41,7 @@ class GripVecEnv(SB3VecEnv):
         self._now: Observation = {}
         self.finished: list[tuple[float, bool]] = []
 
-    def reset(self) -> NDArray[np.float32]:
+    def reset(self) -> Single:
         """Start all episodes; `finished` then holds return, and whether the object is held at the end, of each."""
         self.finished.clear()
         if self._seeds[0] is not None:
@@ -66,7 +65,7 @@ class GripVecEnv(SB3VecEnv):
         infos = [{"terminal_observation": last} for last in seen]
         return self._looks(), rewards.astype(np.float32), np.ones(self.num_envs, bool), infos
 
-    def _play(self) -> tuple[Array, NDArray[np.bool_]]:
+    def _play(self) -> tuple[Array, Mask]:
         runs = [
             GripRun(self._clone, one(self._now, i), correction, self._cell)
             for i, correction in enumerate(np.clip(self._actions, -1.0, 1.0).astype(float))
@@ -83,5 +82,5 @@ class GripVecEnv(SB3VecEnv):
                 now, _ = self.envs.reset(options={"reset_mask": terminated})
         return returns / self._length, held
 
-    def _looks(self) -> NDArray[np.float32]:
+    def _looks(self) -> Single:
         return np.stack([look(self._clone, one(self._now, i)) for i in range(self.num_envs)])

@@ -1,10 +1,8 @@
 """Teaching a clone a firmer grip by reinforcement."""
 
-from typing import Any
-
 from dexgrasp.reinforcement.grip import Grip
 from dexgrasp.reinforcement.rounds import Rounds
-from dexgrasp.runs.training import Row
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -37,6 +35,6 @@ class GripTraining(Rounds):
             device=self.place,
         )  # fmt: skip
 
-    def policy(self) -> tuple[Row, dict[str, Any]]:
+    def policy(self) -> tuple[Fields, Fields]:
         """Return what a `Grip` reads."""
         return {}, {}

@@ -14,7 +14,8 @@ from dexgrasp.reinforcement.grasp_space import FARTHEST
 from dexgrasp.reinforcement.rounds import Rounds, mean_action
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.checkpoint import Parts
-from dexgrasp.runs.training import Course, Row
+from dexgrasp.runs.training import Course
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -72,7 +73,7 @@ class PolicyTraining(Rounds):
     def learner(self) -> BaseAlgorithm:
         """Make the learner."""
         s = self.settings
-        common: dict[str, Any] = {
+        common: Fields = {
             "learning_rate": s.rate, "gamma": s.discount, "seed": s.seed, "device": self.place,
         }  # fmt: skip
         width = {"net_arch": list(s.hidden)}
@@ -114,7 +115,7 @@ class PolicyTraining(Rounds):
         """Return those of the mean."""
         return list(self._mean.module.children())
 
-    def learn(self) -> Row:
+    def learn(self) -> Fields:
         """As every round, with the rate where it changes, and from where along demonstrations episodes begin."""
         if self._resets:
             self._resets.go_on(**self._resets.progress)
@@ -138,11 +139,11 @@ class PolicyTraining(Rounds):
         s = self.settings
         return spread - (0.5 * math.log(s.hidden[-1]) if s.noise == "rollout" else 0.0)
 
-    def note(self) -> Row:
+    def note(self) -> Fields:
         """As every round's, with where resets are."""
         return super().note() | {"resets": self._resets and self._resets.progress}
 
-    def begin(self) -> Row | None:
+    def begin(self) -> Fields | None:
         """As every training, with where resets were."""
         note = super().begin()
         if note and self._resets:
@@ -153,7 +154,7 @@ class PolicyTraining(Rounds):
         """As every learner's, with the rate."""
         return [*super().counters(), (self._rate, "now")]
 
-    def policy(self) -> tuple[Row, dict[str, Any]]:
+    def policy(self) -> tuple[Fields, Fields]:
         """Return what an `Actor` reads."""
         is_sac = self.settings.algorithm == "sac"
         about = {

@@ -17,8 +17,9 @@ from dexgrasp.imitation.clone import Clone
 from dexgrasp.reinforcement.settings import GRASPS
 from dexgrasp.runs.checkpoint import Parts, damaged
 from dexgrasp.runs.policy_folder import read_policy, write_policy
-from dexgrasp.runs.training import CHECKPOINT, Course, Row, Training
+from dexgrasp.runs.training import CHECKPOINT, Course, Training
 from dexgrasp.runs.versions import package_versions
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import content_hash
@@ -74,7 +75,7 @@ class Rounds(Training):
                 f"reinforcement starts from a clone of {self.env}: this one is of {self.clone.env}, clone another"
             )
 
-    def identity(self) -> Row:
+    def identity(self) -> Fields:
         """Return what the clone is."""
         arrays = self.base and self.base[1]
         return {"clone": arrays and content_hash(*(arrays[name] for name in sorted(arrays)))}
@@ -88,7 +89,7 @@ class Rounds(Training):
         """Make the learner in `envs`, with nothing learned."""
 
     @abstractmethod
-    def policy(self) -> tuple[Row, dict[str, Any]]:
+    def policy(self) -> tuple[Fields, Fields]:
         """Return what is said of the policy, and its arrays, but for the actor's and the clone's."""
 
     def build(self) -> None:
@@ -111,7 +112,7 @@ class Rounds(Training):
         kept = _BUFFER if self._buffer else ()
         return learned | {f"buffer.{name}": torch.from_numpy(getattr(self._buffer, name)) for name in kept}
 
-    def learn(self) -> Row:
+    def learn(self) -> Fields:
         """Learn from a round's episodes, begun anew from the round's seed."""
         words = np.random.SeedSequence([self.settings.seed, 1, self.state.epoch]).generate_state(1)
         self.model.set_random_seed(int(words[0]) >> 1)
@@ -138,11 +139,11 @@ class Rounds(Training):
             arrays |= {f"base.{name}": array for name, array in self.base[1].items()}
         write_policy(self.out, about, arrays)
 
-    def note(self) -> Row:
+    def note(self) -> Fields:
         """Return the learner's counters."""
         return {"counters": [getattr(owner, name) for owner, name in self.counters()]}
 
-    def begin(self) -> Row | None:
+    def begin(self) -> Fields | None:
         """As every training, with the counters."""
         note = super().begin()
         try:

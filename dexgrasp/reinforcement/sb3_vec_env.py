@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from stable_baselines3.common.vec_env import VecEnv
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp_env.arrays import Fields
 
 
 class SB3VecEnv(VecEnv):
@@ -72,7 +73,7 @@ class SB3VecEnv(VecEnv):
             }
         return observation, rewards.astype(np.float32), done, told
 
-    def _one(self, infos: dict[str, Any], i: int) -> dict[str, Any]:
+    def _one(self, infos: Fields, i: int) -> Fields:
         """Return the infos of environment `i`, without Gymnasium's masks."""
         return {
             key: self._one(value, i) if isinstance(value, dict) else value[i]

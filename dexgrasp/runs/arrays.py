@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Single
+from dexgrasp_env.arrays import Arrays, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, write_atomically
 
@@ -17,7 +17,7 @@ Layer = tuple[Single, Single]
 """Weights (in, out) and biases (out,) of a linear layer."""
 
 
-def read_arrays(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+def read_arrays(path: Path) -> tuple[Arrays, Fields]:
     """Return the arrays of a safetensors file of ours and what it says of itself.
 
     Raises:
@@ -64,7 +64,7 @@ def relu(x: Single) -> Single:
     return np.maximum(x, 0.0, out=x)
 
 
-def layers_of(arrays: dict[str, NDArray[Any]], name: str) -> tuple[Layer, ...]:
+def layers_of(arrays: Arrays, name: str) -> tuple[Layer, ...]:
     """Weights, transposed, and biases of the linear layers of a module, in their order."""
     keys = sorted(
         {key.rpartition(".")[0] for key in below(arrays, f"{name}.")}, key=lambda key: int(key or 0)

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dexgrasp.runs.arrays import below, read_arrays, write_arrays
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
@@ -29,7 +30,7 @@ def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], note: Mapping
     write_arrays(path, {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}, note)
 
 
-def read_state(path: Path, parts: Parts) -> dict[str, Any] | None:
+def read_state(path: Path, parts: Parts) -> Fields | None:
     """Fill parts from what `write_state` wrote; return its note, None where there is no file.
 
     Raises:

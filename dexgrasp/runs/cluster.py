@@ -6,6 +6,7 @@ import socket
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeVar
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
 T = TypeVar("T")
@@ -77,7 +78,7 @@ def _connect(address: str | None, workers: int) -> bool:
         return False
     if address not in (None, "auto"):
         _check_reachable(str(address))
-    local: dict[str, Any] = {} if address else {"num_cpus": workers, "include_dashboard": False}
+    local: Fields = {} if address else {"num_cpus": workers, "include_dashboard": False}
     try:
         ray.init(address=address or "local", log_to_driver=False, logging_level=logging.ERROR, **local)
     except (ConnectionError, ValueError, RuntimeError) as error:

@@ -25,6 +25,7 @@ from numba.core.typing.templates import fold_arguments
 from dexgrasp.runs.pool import WorkerDiedError, processes
 from dexgrasp.runs.progress import Show, progress_bar
 from dexgrasp_env import __version__, compiled
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.files import content_hash, lock
@@ -160,7 +161,7 @@ class _Rehearsed:
                     Task(self.function.__module__, self.function.__name__, kinds, frozenset(self.calls()))
                 )
 
-    def _kinds(self, args: tuple[Any, ...], kwargs: dict[str, Any]) -> tuple[Any, ...]:
+    def _kinds(self, args: tuple[Any, ...], kwargs: Fields) -> tuple[Any, ...]:
         """Return the types of a call as numba sees them."""
         folded: tuple[Any, ...] = fold_arguments(
             self._signature, args, kwargs, lambda _, __, value: numba.typeof(value),

@@ -3,12 +3,11 @@
 import json
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, parse_json, read_file
 
-Row = dict[str, Any]
 Fault = Callable[[object], str | None]
 """Returns what is wrong with a line as it was parsed, None where nothing is."""
 
@@ -29,7 +28,7 @@ class Lines:
         self._file.truncate(whole[-1][1] if whole else 0)
         self.rows = [row for row, _ in whole]
 
-    def append(self, row: Row) -> None:
+    def append(self, row: Fields) -> None:
         """Add a line; it is in the file when this returns."""
         self._file.write((json.dumps(row, allow_nan=False) + "\n").encode())
         self._file.flush()
@@ -40,7 +39,7 @@ class Lines:
         self._file.close()
 
 
-def read_lines(path: Path, kind: str, fault: Fault) -> list[Row]:
+def read_lines(path: Path, kind: str, fault: Fault) -> list[Fields]:
     """Read the lines of a file, as `Lines` does, without touching it.
 
     Raises:
@@ -50,7 +49,7 @@ def read_lines(path: Path, kind: str, fault: Fault) -> list[Row]:
     return [row for row, _ in _whole(read_file(path), path, kind, fault)]
 
 
-def _whole(content: bytes, path: Path, kind: str, fault: Fault) -> Iterator[tuple[Row, int]]:
+def _whole(content: bytes, path: Path, kind: str, fault: Fault) -> Iterator[tuple[Fields, int]]:
     """Yield the lines with the offsets of their ends."""
     end = 0
     for number, line in enumerate(content.split(b"\n")[:-1], start=1):

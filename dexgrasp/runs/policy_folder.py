@@ -14,7 +14,7 @@ from dexgrasp_env.files import expand, read_json_object, write_json
 SCHEMA = 1
 ABOUT, WEIGHTS = "policy.json", "policy.safetensors"
 ENV_KEYS = ("obs_mode", "control_mode", "observe")
-Arrays = dict[str, Single]
+Weights = dict[str, Single]
 
 
 def is_policy(name: str) -> bool:
@@ -27,14 +27,14 @@ def policy_files(name: str) -> list[Path]:
     return [expand(name) / ABOUT, expand(name) / WEIGHTS]
 
 
-def write_policy(folder: Path, about: Mapping[str, Any], arrays: Arrays) -> None:
+def write_policy(folder: Path, about: Mapping[str, Any], arrays: Weights) -> None:
     """Write a policy; weights first, so that what is there is whole."""
     single = {name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()}
     write_arrays(folder / WEIGHTS, single, {"schema": SCHEMA})
     write_json(folder / ABOUT, {"schema": SCHEMA, **about})
 
 
-def read_policy(folder: Path) -> tuple[dict[str, Any], Arrays]:
+def read_policy(folder: Path) -> tuple[dict[str, Any], Weights]:
     """Return what a folder says of its policy, and its arrays.
 
     Raises:

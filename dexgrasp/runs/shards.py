@@ -10,12 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dexgrasp.runs.pool import Backend, run_pool
+from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_npz, write_atomically
 from dexgrasp_env.objects.load import object_name
 
 T = TypeVar("T")
-Arrays = dict[str, NDArray[Any]]
 
 
 def make_missing(

@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 
 from dexgrasp.runs.checkpoint import Parts
-from dexgrasp.runs.training import Row, Training
+from dexgrasp.runs.training import Training
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 
 with from_extra():
@@ -60,7 +61,7 @@ class StepTraining(Training):
         """Return network and optimiser."""
         return {"net": self.net, "adam": self.adam}
 
-    def begin(self) -> Row | None:
+    def begin(self) -> Fields | None:
         """As every training; one that is told in minutes has as many epochs as fit, by the speed of some steps.
 
         What these steps learn is dropped.

@@ -13,6 +13,7 @@ from dexgrasp.runs.checkpoint import Parts, damaged, read_state, write_state
 from dexgrasp.runs.curves import Board
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.files import write_atomically
@@ -21,7 +22,6 @@ from dexgrasp_env.valid import check, one_of
 with from_extra():
     import torch
 
-Row = dict[str, Any]
 CHECKPOINT, CURVE = "checkpoint.safetensors", "curve.jsonl"
 _DEVICES = one_of(("auto", "cpu", "cuda"))
 
@@ -33,7 +33,7 @@ class Progress:
     epoch: int = 0
     epochs: int = 0
     seconds: float = 0.0
-    curve: list[Row] = field(default_factory=list)
+    curve: list[Fields] = field(default_factory=list)
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Tester(ABC):
     """Tries what is learned while it learns."""
 
     @abstractmethod
-    def after(self, folder: Path, state: Progress) -> Row:
+    def after(self, folder: Path, state: Progress) -> Fields:
         """Return figures that join the row of the epoch that ended, or none."""
 
 
@@ -101,7 +101,7 @@ class Training(ABC):
         """Closes what is open when the training ends."""
 
     @abstractmethod
-    def identity(self) -> Row:
+    def identity(self) -> Fields:
         """Return what it is trained on; the settings are added."""
 
     @abstractmethod
@@ -113,7 +113,7 @@ class Training(ABC):
         """Return what learns."""
 
     @abstractmethod
-    def learn(self) -> Row:
+    def learn(self) -> Fields:
         """Do an epoch; return its row of the curve."""
 
     @abstractmethod
@@ -125,7 +125,7 @@ class Training(ABC):
         """The epoch that is kept where it is not the last, else 0."""
         return 0
 
-    def note(self) -> Row:
+    def note(self) -> Fields:
         """Return what a checkpoint holds beside the parts."""
         return {}
 
@@ -149,7 +149,7 @@ class Training(ABC):
             self._go_on(progress, stop_after)
         return self.state
 
-    def begin(self) -> Row | None:
+    def begin(self) -> Fields | None:
         """Make what learns, and go on from the checkpoint, where there is one; return its note.
 
         Raises:

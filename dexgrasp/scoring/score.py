@@ -18,6 +18,7 @@ from dexgrasp.scoring.candidate import Candidate
 from dexgrasp.scoring.metrics import contact_metrics, diversity
 from dexgrasp.scoring.protocols import get_grasp_protocol
 from dexgrasp.scoring.readers import ReadOptions, read_candidates
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
 SCHEMA = 1
@@ -26,8 +27,8 @@ SCHEMA = 1
 class Scored(NamedTuple):
     """What came of one grasp: a row for each protocol, and its metrics."""
 
-    rows: list[dict[str, Any]]
-    metrics: dict[str, Any]
+    rows: list[Fields]
+    metrics: Fields
 
 
 def score_files(
@@ -37,7 +38,7 @@ def score_files(
     *,
     seed: int = 0,
     workers: int = 1,
-) -> dict[str, Any]:
+) -> Fields:
     """Score every grasp of the files; what comes out does not depend on the number of workers.
 
     Args:
@@ -101,7 +102,7 @@ def score_grasp(
     return grasp, Scored(rows, {**about, **contact_metrics(candidate)})
 
 
-def _summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+def _summary(rows: Sequence[Mapping[str, Any]]) -> Fields:
     """Return counts, rate, intervals, the mean score and the reasons of one protocol."""
     return {
         **count([{**row, "trial": number} for number, row in enumerate(rows)]),  # each grasp for itself
@@ -111,6 +112,6 @@ def _summary(rows: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     }
 
 
-def _means(metrics: Sequence[dict[str, Any]]) -> dict[str, float]:
+def _means(metrics: Sequence[Fields]) -> dict[str, float]:
     keys = [key for key, value in metrics[0].items() if isinstance(value, float)]
     return {key: float(np.mean([row[key] for row in metrics])) for key in keys}

@@ -17,10 +17,10 @@ import numpy as np
 import yaml
 from numpy.random import Generator
 
-from dexgrasp_env.arrays import divided, joined
+from dexgrasp_env.arrays import Arrays, Fields, divided, joined
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cached_arrays, content_hash
+from dexgrasp_env.files import cached_arrays, content_hash
 from dexgrasp_env.objects import bottles, loft, model, parts, shapes
 from dexgrasp_env.objects.model import ObjectModel, Solid, centred_model
 from dexgrasp_env.objects.parts import ContactPart
@@ -51,7 +51,7 @@ class ObjectSpec:
     fixed_pose: Sequence[float] | None = None
 
     @property
-    def look(self) -> dict[str, Any]:
+    def look(self) -> Fields:
         """The attributes of its `ObjectModel` that do not follow from shape and mass."""
         guess = "size and mass approximate the everyday object: the paper published none"
         return {
@@ -150,7 +150,7 @@ def varied_object(target: str) -> ObjectModel:
     return centred_model(target, shape.mesh, shape.parts, mass, rgba=_RGBA, notes=notes)
 
 
-_KINDS: tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], dict[str, Any]]], ...] = (
+_KINDS: tuple[tuple[float, Callable[..., shapes.Shape], Callable[[Generator], Fields]], ...] = (
     (4.0, shapes.box, lambda rng: {"size": rng.uniform((0.025, 0.045, 0.05), (0.085, 0.16, 0.21))}),
     (2.0, shapes.rounded_box, lambda rng: {
         "size": (size := rng.uniform((0.035, 0.05, 0.05), (0.08, 0.13, 0.16))),

@@ -8,9 +8,8 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, fibonacci_directions
+from dexgrasp_env.arrays import Array, Index, fibonacci_directions
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.objects.parts import ContactPart
@@ -31,7 +30,7 @@ class Solid:
     """
 
     vertices: Array
-    faces: NDArray[np.int64]
+    faces: Index
     corners: Array
     hull_centre: Array
 

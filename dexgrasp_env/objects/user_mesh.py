@@ -14,8 +14,9 @@ from typing import Any
 import numpy as np
 import trimesh
 
+from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import Arrays, cached_arrays, content_hash, printable_stem, read_file
+from dexgrasp_env.files import cached_arrays, content_hash, printable_stem, read_file
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
 from dexgrasp_env.objects.model import ObjectModel, centred_model
@@ -114,7 +115,7 @@ def read_mesh(path: Path) -> trimesh.Trimesh:
 def _parsed(path: Path) -> trimesh.Trimesh:
     """Read a file with the mesh library, whose many errors become one."""
     kind = path.suffix.lower()[1:]
-    options: dict[str, Any] = {"skip_materials": True} if kind == "obj" else {}
+    options: Fields = {"skip_materials": True} if kind == "obj" else {}
     try:
         loaded = trimesh.load(io.BytesIO(read_file(path)), file_type=kind, process=False, **options)
         _check_faces(loaded, path.name)

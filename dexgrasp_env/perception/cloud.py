@@ -7,7 +7,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import ArrayLike, NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields, Index, Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
 
@@ -51,7 +51,7 @@ class Cloud:
     @classmethod
     def join(cls, clouds: list["Cloud"]) -> "Cloud":
         """Return all rows of several clouds of the same images."""
-        rows: dict[str, Any] = {name: np.concatenate([getattr(c, name) for c in clouds]) for name in _ROWS}
+        rows: Fields = {name: np.concatenate([getattr(c, name) for c in clouds]) for name in _ROWS}
         return replace(clouds[0], **rows)
 
 
@@ -64,7 +64,7 @@ def check_count(points: int, source: str) -> None:
         raise InputError(f"{source} has {points:,} points, more than {_MOST_POINTS:,}: keep one in each 2 mm")
 
 
-def is_valid(depth: NDArray[Any]) -> NDArray[np.bool_]:
+def is_valid(depth: NDArray[Any]) -> Mask:
     """Return where a depth image holds a measurement: finite and positive."""
     with np.errstate(invalid="ignore"):
         return np.isfinite(depth) & (depth > 0)
@@ -108,7 +108,7 @@ def crop(cloud: Cloud, low: ArrayLike, high: ArrayLike) -> Cloud:
     return cloud.select(np.flatnonzero(keep))
 
 
-def remove_flying(depths: NDArray[Any]) -> NDArray[np.float32]:
+def remove_flying(depths: NDArray[Any]) -> Single:
     """Return depth images without pixels that hang in the air between two surfaces.
 
     A pixel needs three of the eight around it within 15 mm of its depth.
@@ -140,7 +140,7 @@ def remove_outliers(cloud: Cloud, radius: float = 0.012, least: int = 4) -> Clou
     return cloud.select(count_neighbours(np.ascontiguousarray(cloud.points), radius) >= least)
 
 
-def clusters(cloud: Cloud, link: float) -> NDArray[np.int64]:
+def clusters(cloud: Cloud, link: float) -> Index:
     """Return a number for each point (M,), from 0 on; points linked by steps of at most `link` metres share it."""
     if not len(cloud):
         return np.zeros(0, np.int64)
@@ -149,7 +149,7 @@ def clusters(cloud: Cloud, link: float) -> NDArray[np.int64]:
     return cluster(np.ascontiguousarray(cloud.points), link)
 
 
-def downsample(points: Array, count: int, rng: Generator) -> NDArray[np.int64]:
+def downsample(points: Array, count: int, rng: Generator) -> Index:
     """Return the indices of an even subset: farthest point sampling in a random pool of `3 * count` points.
 
     Args:
@@ -172,7 +172,7 @@ def downsample(points: Array, count: int, rng: Generator) -> NDArray[np.int64]:
     return candidates[farthest_points(np.ascontiguousarray(points[candidates]), count, first)]
 
 
-def cells_of(points: Array, side: float) -> NDArray[np.int64]:
+def cells_of(points: Array, side: float) -> Index:
     """Return the number of the cell, `side` m wide, that each of points (M, n) lies in; they sort as cells do."""
     cells = np.floor(points / side).astype(np.int64)
     if not len(cells):

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array, unit
+from dexgrasp_env.arrays import Array, Index, Mask, unit
 from dexgrasp_env.perception.cloud import Cloud, cells_of, clusters, smooth
 from dexgrasp_env.perception.plane import Plane
 
@@ -46,10 +46,10 @@ class Parting(NamedTuple):
         doubtful: (K,) whether a thing may be two, or a part of the next.
     """
 
-    labels: NDArray[np.int64]
-    doubtful: NDArray[np.bool_]
+    labels: Index
+    doubtful: Mask
 
-    def with_marked(self, marked: NDArray[np.bool_]) -> tuple["Parting", int]:
+    def with_marked(self, marked: Mask) -> tuple["Parting", int]:
         """Return it with the points of a mask (M,) as one more thing, which is beyond doubt, and its number."""
         number = len(self.doubtful)
         return Parting(np.where(marked, number, self.labels), np.append(self.doubtful, False)), number
@@ -84,7 +84,7 @@ def _cell_of(points: Array) -> float:
     return float(np.clip(_SPACINGS * spacing, *_CELLS))
 
 
-def _means(which: NDArray[np.int64], rows: Array) -> Array:
+def _means(which: Index, rows: Array) -> Array:
     """Return the mean row of each number."""
     sums = [np.bincount(which, column) for column in rows.T]
     return np.stack(sums, axis=1) / np.maximum(np.bincount(which), 1)[:, None]
@@ -108,7 +108,7 @@ def _to_the_air(points: Array, normals: Array, cell: float) -> Array:
     return np.where(inwards[:, None], -normals, normals)
 
 
-def _patches(points: Array, normals: Array, cell: float) -> NDArray[np.int64]:
+def _patches(points: Array, normals: Array, cell: float) -> Index:
     """Return a number for each point (N,): of a small patch of one side (Papon et al. 2013, without their octree)."""
     from scipy.spatial import cKDTree
 
@@ -124,7 +124,7 @@ def _patches(points: Array, normals: Array, cell: float) -> NDArray[np.int64]:
 
 
 def _seams(
-    points: Array, normals: Array, patches: NDArray[np.int64], plane: Plane, cell: float
+    points: Array, normals: Array, patches: Index, plane: Plane, cell: float
 ) -> tuple[NDArray[Any], Array, NDArray[Any]]:
     """Return pairs of patches (S, 2) that lie close, the sum of what parts them, and over how many pairs of points."""
     from scipy.spatial import cKDTree
@@ -152,13 +152,13 @@ def _seams(
 
 
 def _join(
-    sizes: NDArray[np.int64],
+    sizes: Index,
     points: Array,
-    patches: NDArray[np.int64],
+    patches: Index,
     pairs: NDArray[Any],
     parts: Array,
     links: NDArray[Any],
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+) -> tuple[Index, Mask]:
     """Join patches; return which thing each is of (K,), and whether thing k is doubtful (K,).
 
     Things that hang together by a few links that say little stay two: points that fly in a gap are such a bridge. The
@@ -211,7 +211,7 @@ def _join(
     return things, doubtful
 
 
-def _with_crumbs(points: Array, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def _with_crumbs(points: Array, labels: Index) -> Index:
     """Return labels (M,) in which what is no object by itself is of what it is near."""
     from scipy.spatial import cKDTree
 
@@ -227,7 +227,7 @@ def _with_crumbs(points: Array, labels: NDArray[np.int64]) -> NDArray[np.int64]:
     return _with_shared(points, labels)
 
 
-def _with_shared(points: Array, labels: NDArray[np.int64]) -> NDArray[np.int64]:
+def _with_shared(points: Array, labels: Index) -> Index:
     """Return labels (M,) in which things whose hulls share space are one: the inside of a cup is seen apart from it."""
     numbers = [k for k in np.unique(labels) if (labels == k).sum() >= _FEW]
     hulls = {k: _hull(points[labels == k]) for k in sorted(numbers, key=lambda k: -(labels == k).sum())}
@@ -244,7 +244,7 @@ def _with_shared(points: Array, labels: NDArray[np.int64]) -> NDArray[np.int64]:
     return labels
 
 
-def _with_walls(labels: NDArray[np.int64], cloud: Cloud, link: float) -> NDArray[np.int64]:
+def _with_walls(labels: Index, cloud: Cloud, link: float) -> Index:
     """Return labels (M,) in which upright sheets that stand in one row, longer than an object, are one thing."""
     rows = clusters(cloud, link)
     for row in range(rows.max() + 1):

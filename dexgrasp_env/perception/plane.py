@@ -7,7 +7,6 @@ each camera follow from it; x, y and yaw cannot.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.perception.cloud import Cloud
@@ -142,7 +141,7 @@ def table_clearance(plane: Plane, depth: Array, reference: float, sigmas: float)
     return np.maximum(_LEAST_CLEARANCE, sigmas * plane.rms * (depth / reference) ** 2)
 
 
-def view_corrections(cloud: Cloud, plane: Plane, views: int) -> NDArray[np.float64]:
+def view_corrections(cloud: Cloud, plane: Plane, views: int) -> Array:
     """Return the transform that lays each view's own table into the common plane, (views, 4, 4).
 
     Args:
@@ -162,7 +161,7 @@ def view_corrections(cloud: Cloud, plane: Plane, views: int) -> NDArray[np.float
     return corrections
 
 
-def level_views(cloud: Cloud, corrections: NDArray[np.float64]) -> Cloud:
+def level_views(cloud: Cloud, corrections: Array) -> Cloud:
     """Return the cloud with every point moved by the correction of its view."""
     points = cloud.points.copy()
     for k, T in enumerate(corrections):

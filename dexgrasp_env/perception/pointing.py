@@ -5,9 +5,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import check_file
 from dexgrasp_env.perception.cloud import Cloud, deproject
@@ -26,7 +25,7 @@ class Pointing:
 
     near: Array | None = None
     box: Array | None = None
-    mask: NDArray[np.bool_] | None = None
+    mask: Mask | None = None
 
     def __post_init__(self) -> None:
         if sum(value is not None for value in (self.near, self.box, self.mask)) > 1:
@@ -50,7 +49,7 @@ class Pointing:
             mask[cloud.pixel[self.marks(cloud)]] = True
         return Pointing(near, None, mask)
 
-    def marks(self, cloud: Cloud) -> NDArray[np.bool_] | None:
+    def marks(self, cloud: Cloud) -> Mask | None:
         """Return which points of a cloud are marked by box or mask (M,); None where neither is given.
 
         Raises:
@@ -68,7 +67,7 @@ class Pointing:
         return None
 
 
-def mask_of(values: Any, label: int | None = None) -> NDArray[np.bool_]:
+def mask_of(values: Any, label: int | None = None) -> Mask:
     """Return where a mask says that the object is.
 
     Args:
@@ -95,7 +94,7 @@ def mask_of(values: Any, label: int | None = None) -> NDArray[np.bool_]:
     return np.asarray(array == label)
 
 
-def read_mask(path: Path, label: int | None = None) -> NDArray[np.bool_]:
+def read_mask(path: Path, label: int | None = None) -> Mask:
     """Read a mask from an npy file; see `mask_of`."""
     try:
         check_file(path)

@@ -4,9 +4,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index, Mask
 from dexgrasp_env.robot.hulls import mesh_of
 
 if TYPE_CHECKING:
@@ -15,7 +14,7 @@ if TYPE_CHECKING:
 
 _FOOT = 0.04  # m around what no joint moves: its covers stand out of the geoms, and nothing is grasped there
 
-Own = Callable[[Array], NDArray[np.bool_]]
+Own = Callable[[Array], Mask]
 """Tells which of points (M, 3) m, world frame, are the robot's own."""
 
 
@@ -42,7 +41,7 @@ class RobotShape:
         """
         return lambda points: self._contains(points, data, margin)
 
-    def _contains(self, points: Array, data: "mujoco.MjData", margin: float) -> NDArray[np.bool_]:
+    def _contains(self, points: Array, data: "mujoco.MjData", margin: float) -> Mask:
         inside = np.zeros(len(points), bool)
         if not len(points):
             return inside
@@ -78,7 +77,7 @@ class RobotShape:
         return (p @ facets[:, :3].T + facets[:, 3]).max(-1)
 
 
-def robot_geoms(model: "mujoco.MjModel") -> NDArray[np.int64]:
+def robot_geoms(model: "mujoco.MjModel") -> Index:
     """Return the collision geoms of bodies that are moved by joints, and of what such bodies are mounted on.
 
     What stands on the table moves freely or not at all.

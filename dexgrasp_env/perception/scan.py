@@ -15,7 +15,7 @@ from typing import IO, Annotated, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_bytes, check_file, read_npz, read_yaml
 from dexgrasp_env.perception.cloud import Cloud, check_count, gather, remove_flying
@@ -137,7 +137,7 @@ class DepthImage:
         lens = CameraIntrinsics(int(self.width), int(self.height), self.fx, self.fy, self.cx, self.cy)
         return Camera(self.name or self.depth, self.T_base_camera, lens)
 
-    def read(self, folder: Path) -> NDArray[np.float32]:
+    def read(self, folder: Path) -> Single:
         """Return the depth (H, W) m."""
         path, lens = folder / self.depth, self.camera.intrinsics
         check_scan(path)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.cloud import pad
 from dexgrasp_env.perception.plane import Plane
@@ -112,7 +112,7 @@ class Scene:
             cameras=np.asarray(known.get("perception_T_world_camera", np.zeros((0, 4, 4))), dtype=float),
         )
 
-    def as_observation(self, count: int, around: int = 0) -> dict[str, NDArray[Any]]:
+    def as_observation(self, count: int, around: int = 0) -> Arrays:
         """Return the arrays that `of_observation` reads.
 
         Args:
@@ -120,7 +120,7 @@ class Scene:
             around: rows of points of what stands around it, labels saying of what: a neighbour's number, from 1 on,
                 `REST` for the rest, 0 for no point. None where it is 0.
         """
-        target: dict[str, NDArray[Any]] = {
+        target: Arrays = {
             "cloud": pad(self.target.points.astype(np.float32), count),
             "cloud_normals": pad(self.target.normals.astype(np.float32), count),
             "cloud_mask": (np.arange(count) < len(self.target)).astype(np.int8),
@@ -128,7 +128,7 @@ class Scene:
         }
         return target | self._around(around) if around else target
 
-    def _around(self, count: int) -> dict[str, NDArray[Any]]:
+    def _around(self, count: int) -> Arrays:
         """Points of neighbours and rest, thinned evenly where there are more than `count`."""
         clouds = [*self.neighbours, self.rest]
         points, normals = (

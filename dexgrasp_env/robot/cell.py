@@ -14,7 +14,7 @@ from typing import Annotated, Any
 
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import content_hash, expand
@@ -62,9 +62,9 @@ class _CellFile:
     table_height: Annotated[float, number(ge=-0.15, le=0.15)]  # m above the robot's base
     image: CameraIntrinsics
     cameras: Annotated[tuple[CellCamera, ...], Rule("a list of 1 to 8 cameras", _cameras)]
-    mounts: dict[str, dict[str, Any]] = field(default_factory=dict)
-    arm: dict[str, Any] = field(default_factory=dict)
-    hand: dict[str, Any] = field(default_factory=dict)
+    mounts: dict[str, Fields] = field(default_factory=dict)
+    arm: Fields = field(default_factory=dict)
+    hand: Fields = field(default_factory=dict)
 
 
 def _mounts(hand: Hand, given: Mapping[str, Mapping[str, Any]]) -> tuple[Mount, ...]:

@@ -12,7 +12,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.hulls import cut, hull_of, mesh_of
@@ -157,7 +157,7 @@ class _Rebuilt(Description):
         return W
 
     def _add_bodies(self, names: tuple[str, ...]) -> None:
-        built: dict[str, Any] = {}
+        built: Fields = {}
         for name in names:
             above = self._above(name)
             parent = built[above] if above else self.spec.worldbody
@@ -280,7 +280,7 @@ class _Rebuilt(Description):
             self.spec.add_exclude(name=f"{a}_{b}", bodyname1=a, bodyname2=b)
 
 
-_LOOK: dict[bool, dict[str, Any]] = {
+_LOOK: dict[bool, Fields] = {
     True: {
         "group": 3,
         "contype": 1,
@@ -294,7 +294,7 @@ _LOOK: dict[bool, dict[str, Any]] = {
 """Of what collides, and of what is seen."""
 
 
-def add_mesh_geom(spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, look: dict[str, Any]) -> Array:
+def add_mesh_geom(spec: mujoco.MjSpec, body: Any, points: Array, faces: Any, look: Fields) -> Array:
     """Add a mesh of points (n, 3) m in the frame of a body, named like its geom; return them as it keeps them."""
     mesh = spec.add_mesh(name=look["name"], uservert=points.ravel(), userface=np.asarray(faces).ravel())
     mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_CONVEX

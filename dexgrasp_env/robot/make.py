@@ -1,13 +1,12 @@
 """A robot file made of somebody else's MJCF: what can be derived is, and what cannot is assumed and said."""
 
 from pathlib import Path
-from typing import Any
 
 import mujoco
 import numpy as np
 import yaml
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import write_atomically
 from dexgrasp_env.robot.foreign import FLANGE, about, described, placed
@@ -116,7 +115,7 @@ class HandMaker(Part):
         T[:3, 3] = base + (depth - base @ T[:3, 0]) * T[:3, 0]
         return T
 
-    def entry(self) -> dict[str, Any]:
+    def entry(self) -> Fields:
         """Return what the hand's file says."""
         near = self._beside_thumb()
         names = [*(f"finger_{k + 1}" for k in range(len(self.chains) - 1)), "thumb"]
@@ -124,7 +123,7 @@ class HandMaker(Part):
         for k, chain in enumerate(self.chains):
             bodies, own = self.names(chain)
             joints += own
-            entry: dict[str, Any] = {
+            entry: Fields = {
                 "name": names[k],
                 "joints": own,
                 "bodies": bodies,
@@ -155,7 +154,7 @@ class HandMaker(Part):
         straight[spreads] += np.sign(moves[spreads]) * _SPREAD
         return np.clip(straight, low, high).round(6).tolist()
 
-    def _driven(self, joints: list[str]) -> dict[str, Any]:
+    def _driven(self, joints: list[str]) -> Fields:
         """Return limits, gains and tendons as the file says them."""
         limits, m = self.limits(joints, "hand"), self.model
         tendons = [
@@ -194,7 +193,7 @@ class HandMaker(Part):
         return {"position": np.round(position, 6).tolist(), "quat_wxyz": list(_PALM_DOWN)}
 
 
-def hand_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
+def hand_entry(path: Path) -> tuple[Fields, list[str]]:
     """Return what a hand's file says of an MJCF, and what was assumed.
 
     Raises:
@@ -210,7 +209,7 @@ def hand_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
     return entry | {"open": open_posture(value, described(value).compile())}, maker.notes
 
 
-def arm_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
+def arm_entry(path: Path) -> tuple[Fields, list[str]]:
     """Return what an arm's file says of an MJCF, and what was assumed.
 
     Raises:
@@ -237,7 +236,7 @@ def arm_entry(path: Path) -> tuple[dict[str, Any], list[str]]:
     else:
         part.notes.append("arm frame: no site at the flange, the last body's frame assumed")
     second = data.xanchor[m.joint(joints[1]).id]
-    entry: dict[str, Any] = {
+    entry: Fields = {
         **part.head(), "bodies": [m.body(base).name, *bodies], "joints": joints,
         "frame": frame_entry(part.pose(chain[-1]), flange),
         **part.limits(joints, "arm"), "shoulder": np.round([0.0, 0.0, second[2]], 4).tolist(),
@@ -278,7 +277,7 @@ def make_robot(hand: Path | None, arm: Path | None, out: Path) -> list[str]:
     Raises:
         InputError: for a description that no file can be made of.
     """
-    files, notes = dict[str, dict[str, Any]](), list[str]()
+    files, notes = dict[str, Fields](), list[str]()
     robot = {"name": out.stem, "arm": "panda.yaml", "hand": "allegro.yaml"}
     for kind, path, entry_of in (("hand", hand, hand_entry), ("arm", arm, arm_entry)):
         if path is not None and path.suffix in _FILES:

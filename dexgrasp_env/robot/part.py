@@ -6,7 +6,7 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.foreign import Description
 
@@ -115,7 +115,7 @@ class Part(Description):
             body = int(self.model.body_parentid[body])
         return body == other
 
-    def limits(self, joints: list[str], kind: str) -> dict[str, Any]:
+    def limits(self, joints: list[str], kind: str) -> Fields:
         """Return the limits and gains of joints as files state them; what the MJCF does not say is noted."""
         numbers = [self.model.joint(name).id for name in joints]
         servos = self._servos()

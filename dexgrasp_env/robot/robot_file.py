@@ -6,6 +6,7 @@ from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.files import check_file, expand, read_yaml
@@ -84,7 +85,7 @@ class _RobotFile:
     mount: Word
 
 
-def read_content(path: Path, what: str) -> dict[str, Any]:
+def read_content(path: Path, what: str) -> Fields:
     """Return what a YAML file of schema 1 says, nulls left out.
 
     Raises:
@@ -136,11 +137,11 @@ def find_beside(folder: Path, name: str) -> Path:
     raise InputError(f"{path} does not exist: name a file relative to {folder}")
 
 
-def _body(path: Path) -> dict[str, Any]:
+def _body(path: Path) -> Fields:
     return {key: value for key, value in read_content(path, "robot file").items() if key not in _HEAD}
 
 
-def _in(folder: Path, name: str, make: "Callable[[dict[str, Any]], Any]") -> Any:
+def _in(folder: Path, name: str, make: "Callable[[Fields], Any]") -> Any:
     """Return what is made of a file and its description in MJCF."""
     path = find_beside(folder, name)
     with said_of(path):
@@ -149,13 +150,13 @@ def _in(folder: Path, name: str, make: "Callable[[dict[str, Any]], Any]") -> Any
         return make(entry | {"mjcf": mjcf})
 
 
-def _split(entry: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any]]:
+def _split(entry: Fields) -> tuple[Fields, Fields]:
     """Return the limits and gains of a part, and the rest."""
     limits = {key: entry[key] for key in SETTINGS if key in entry}
     return limits, {key: value for key, value in entry.items() if key not in limits}
 
 
-def make_arm(entry: dict[str, Any]) -> Arm:
+def make_arm(entry: Fields) -> Arm:
     """Return an arm of what its file says.
 
     Raises:
@@ -176,7 +177,7 @@ def make_arm(entry: dict[str, Any]) -> Arm:
     return arm
 
 
-def make_hand(entry: dict[str, Any]) -> Hand:
+def make_hand(entry: Fields) -> Hand:
     """Return a hand of what its file says.
 
     Raises:

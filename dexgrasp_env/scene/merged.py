@@ -11,6 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Arrays, Index
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.parts import ContactPart
 from dexgrasp_env.robot.cell import Cell
@@ -29,8 +30,8 @@ class _Places(NamedTuple):
     """Of an object's parts: names in a scene of its own after that of its body, slots of a body, and meshes."""
 
     parts: list[str]
-    slots: NDArray[np.int64]
-    meshes: NDArray[np.int64]
+    slots: Index
+    meshes: Index
 
 
 class MergedScene:
@@ -72,7 +73,7 @@ class MergedScene:
         # Objects that are loaded again are others, but of the same parts.
         self._places = {model.contact_hash: self._find(number, model) for number, model in enumerate(every)}
 
-    def fields(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> dict[str, NDArray[Any]]:
+    def fields(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> Arrays:
         """Return what a world has of its own, by the names of the model's fields.
 
         Those of which `first_column` is not 0 are of the geoms of objects alone.
@@ -100,7 +101,7 @@ class MergedScene:
         values = getattr(self.model, field)
         return self.first_slot * (values.size // len(values))
 
-    def _fill(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> dict[str, NDArray[Any]]:
+    def _fill(self, objects: Sequence[ObjectModel], scene: mujoco.MjModel) -> Arrays:
         written = {name: self._unused(name) for name in _GEOM_FIELDS}
         for k, model in enumerate(objects):
             body = f"neighbour_{k - 1}" if k else "object"

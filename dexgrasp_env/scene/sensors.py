@@ -5,8 +5,8 @@ All of them live in `sensordata`, so that one environment and a batch read the s
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Index
 from dexgrasp_env.robot.robot import Robot
 
 _OBJ = mujoco.mjtObj
@@ -60,7 +60,7 @@ READINGS = {
 """What is read, with the sensor that each begins at: that of the first finger where there is one for each."""
 
 
-def reading_columns(model: mujoco.MjModel, robot: Robot) -> NDArray[np.int64]:
+def reading_columns(model: mujoco.MjModel, robot: Robot) -> Index:
     """Return the first column of each of `READINGS` in `sensordata`, (7,)."""
     first = robot.hand.fingers[0]
     names = [name.format(tip=first.tip, finger=first.name) for name in READINGS.values()]

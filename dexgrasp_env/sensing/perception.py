@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.perception.cloud import deproject, is_valid
 from dexgrasp_env.perception.pointing import Pointing
 from dexgrasp_env.perception.robot import RobotShape
@@ -50,7 +50,7 @@ class Perception:
         """Calibrate the cameras anew; once an episode."""
         self.believed = self.sensor.calibrate(self.cameras, rng)
 
-    def measure(self, data: "mujoco.MjData", rng: Generator) -> NDArray[np.float32]:
+    def measure(self, data: "mujoco.MjData", rng: Generator) -> Single:
         """Return the measured depth images, (cameras, H, W) m. `data` needs current kinematics."""
         return self.sensor.measure(self.rays.render(data), self.cameras, rng)
 
@@ -67,7 +67,7 @@ class Perception:
         pointed = None if pointing is None else self._point(data, depths, pointing == "true")
         return segment(depths, self.believed, rng, self.robot.at(data), pointed)
 
-    def _point(self, data: "mujoco.MjData", depths: NDArray[np.float32], masked: bool) -> Pointing:
+    def _point(self, data: "mujoco.MjData", depths: Single, masked: bool) -> Pointing:
         """Point at the object by its mask, or by the middle pixel of where it is seen best."""
         shown = self.rays.segment(data)
         mask = (shown >= 0) & (self._bodies[shown] == self._object)

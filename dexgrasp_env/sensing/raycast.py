@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.camera import Camera
 
@@ -40,7 +41,7 @@ class RayCameras:
         self._distance = np.empty((len(self.cameras), i.height * i.width))
         self._geom = np.empty((len(self.cameras), i.height * i.width), np.int32)
 
-    def render(self, data: "mujoco.MjData") -> NDArray[np.float32]:
+    def render(self, data: "mujoco.MjData") -> Single:
         """Return depth, (cameras, H, W) metres, inf where nothing; `data` needs current kinematics."""
         self._cast(data)
         depth = self._distance.astype(np.float32)

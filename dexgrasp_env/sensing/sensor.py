@@ -13,7 +13,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import quat_to_matrix, rigid
 from dexgrasp_env.robot.camera import Camera
@@ -49,7 +49,7 @@ class Calibration:
         return rigid(R, np.array(PIVOT) - R @ PIVOT + self.position * shift)
 
 
-Depth = NDArray[np.float32]
+Depth = Single
 
 
 @dataclass(frozen=True)

@@ -5,8 +5,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.robot.camera import Camera
 from dexgrasp_env.sensing.raycast import SEEN, RayCameras
@@ -39,7 +39,7 @@ class WarpCameras(RayCameras):
                 enabled_geom_groups=np.flatnonzero(SEEN).tolist(),
             )
 
-    def render(self, data: mujoco.MjData) -> NDArray[np.float32]:
+    def render(self, data: mujoco.MjData) -> Single:
         """Return depth, (cameras, H, W) metres, inf where nothing."""
         model, there, context = self._scene, self._data, self._context
         there.qpos.assign(data.qpos[None].astype(np.float32))
@@ -48,5 +48,5 @@ class WarpCameras(RayCameras):
             mjw.camlight(model, there)
             mjw.refit_bvh(model, there, context)
             mjw.render(model, there, context)
-        depth: NDArray[np.float32] = context.depth_data.numpy().reshape(-1, *self._shape)
+        depth: Single = context.depth_data.numpy().reshape(-1, *self._shape)
         return np.where(depth > 0.0, depth, np.float32(np.inf))

@@ -10,7 +10,7 @@ import numpy as np
 from mujoco.batch import Batch
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.tasks.simulation import Arrays, Moment, Simulation
 
@@ -108,7 +108,7 @@ class BatchPhysics:
         group = self._groups[self._scenes[i]]
         return group.batch.state[i - group.first].copy()
 
-    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> NDArray[np.int64]:
+    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
         """Advance environments by one control step.
 
         Args:
@@ -129,9 +129,7 @@ class BatchPhysics:
             warnings[ids] = bits
         return warnings
 
-    def _advance(
-        self, rows: Array, push: Array | None, scene: Simulation, ids: NDArray[np.intp]
-    ) -> NDArray[np.int64]:
+    def _advance(self, rows: Array, push: Array | None, scene: Simulation, ids: NDArray[np.intp]) -> Index:
         group, batch = self._groups[scene], self._groups[scene].batch
         own = ids - group.first
         if group.changed:

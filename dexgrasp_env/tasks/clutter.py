@@ -5,9 +5,8 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask
 from dexgrasp_env.poses import rotate
 from dexgrasp_env.scene.constants import CONTROL_STEPS, TIMESTEP
 from dexgrasp_env.tasks.constants import (
@@ -126,7 +125,7 @@ def _slide(shape: Array, standing: Sequence[Array], gap: float, way: tuple[Array
     return None
 
 
-def _on_table(points: Array) -> NDArray[np.bool_]:
+def _on_table(points: Array) -> Mask:
     return ((points >= _LOW) & (points <= _HIGH)).all(axis=-1)
 
 
@@ -199,7 +198,7 @@ def _drop(simulation: Simulation, pose: Array, rng: Generator) -> Array | None:
     return None
 
 
-def _lay(simulation: Simulation, which: NDArray[np.bool_], centre: Array, rng: Generator) -> None:
+def _lay(simulation: Simulation, which: Mask, centre: Array, rng: Generator) -> None:
     """Lay those of the objects (k,) down about `centre` (2,) m, turned at random, in a drawn order, some at a time."""
     data, dof, hulls = simulation.data, simulation.cell.robot.dof, _hulls(simulation)
     for k in np.flatnonzero(which).tolist():
@@ -219,7 +218,7 @@ def _lay(simulation: Simulation, which: NDArray[np.bool_], centre: Array, rng: G
     _calm(simulation, HEAP_REST_STEPS, np.zeros_like(which), centre)
 
 
-def _calm(simulation: Simulation, steps: int, drawn: NDArray[np.bool_], centre: Array) -> None:
+def _calm(simulation: Simulation, steps: int, drawn: Mask, centre: Array) -> None:
     """Let things come to lie as if in honey, those of a mask (k,) drawn together about `centre` (2,) m."""
     model, data, dof = simulation.model, simulation.data, simulation.cell.robot.dof
     bodies = simulation.body + np.flatnonzero(drawn)
@@ -235,7 +234,7 @@ def _calm(simulation: Simulation, steps: int, drawn: NDArray[np.bool_], centre: 
     data.xfrc_applied[bodies] = 0.0
 
 
-def _strays(simulation: Simulation) -> tuple[NDArray[np.bool_], Array]:
+def _strays(simulation: Simulation) -> tuple[Mask, Array]:
     """Return which objects (k,) of a heap do not come to rest where they may, and all poses (k, 7) much later.
 
     That is as an episode ends in which the robot stays home, where all rest; the heap is then left as it begins.
@@ -276,7 +275,7 @@ def _rests(simulation: Simulation) -> bool:
     return False
 
 
-def _misplaced(simulation: Simulation) -> NDArray[np.bool_]:
+def _misplaced(simulation: Simulation) -> Mask:
     """Return which objects (k,) are off the table, at the robot, sunk, or pierce another."""
     data, poses = simulation.data, simulation.poses()
     low = [rotate(p[3:], c)[:, 2].min() + p[2] for c, p in zip(_hulls(simulation), poses, strict=True)]

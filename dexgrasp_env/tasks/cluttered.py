@@ -8,7 +8,7 @@ from gymnasium import spaces
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Arrays, Fields, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects, object_name
@@ -104,7 +104,7 @@ class ClutterEpisodes(Episodes):
             parts["around_labels"] = spaces.Box(-1, np.iinfo(np.int16).max, (AROUND_POINTS,), np.int16)
         return spaces.Dict(parts)
 
-    def _of(self) -> dict[str, Any]:
+    def _of(self) -> Fields:
         return super()._of() | {
             "neighbours": self.neighbours,
             "mask": self.settings.pointing,
@@ -140,9 +140,7 @@ class ClutterEpisodes(Episodes):
         for k, model in enumerate(simulation.neighbours):
             record["neighbour_size"][k] = model.extents
 
-    def _finish(
-        self, part: slice, moment: Moment, judge: bool, state: dict[str, NDArray[Any]]
-    ) -> dict[str, NDArray[Any]]:
+    def _finish(self, part: slice, moment: Moment, judge: bool, state: Arrays) -> Arrays:
         """Look what became of the neighbours, and observe them in `state`."""
         records, (positions, sensors) = self.records[part], self._alone
         poses = moment.qpos[:, positions:].reshape(len(records), -1, 7)
@@ -157,7 +155,7 @@ class ClutterEpisodes(Episodes):
             state = dict(sorted((state | more).items()))
         return state
 
-    def more_infos(self) -> dict[str, NDArray[Any]]:
+    def more_infos(self) -> Arrays:
         """Return what `info` has more than that of `Episodes`, of all episodes."""
         moved, hit = self.records["neighbours_moved"], self.records["neighbour_hit"]
         return {
@@ -174,7 +172,7 @@ class ClutterEpisodes(Episodes):
         return " ".join(object_name(self.slots[i].neighbours[k]) for k in hit)
 
 
-def _judge(records: NDArray[np.void], poses: Array, touched: NDArray[np.bool_]) -> None:
+def _judge(records: NDArray[np.void], poses: Array, touched: Mask) -> None:
     """Note how far neighbours (N, k) have moved, which have toppled and which the robot touches."""
     count = poses.shape[1]
     there = np.arange(count) < records["neighbours"][:, None]

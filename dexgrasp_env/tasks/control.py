@@ -6,7 +6,7 @@ import numpy as np
 from gymnasium import spaces
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -53,9 +53,9 @@ def normalise(q: Array, robot: Ranges) -> Array:
     return np.clip(2.0 * (q - robot.lower) / (robot.upper - robot.lower) - 1.0, -1.0, 1.0)
 
 
-def check_actions(action: NDArray[np.float32], shape: tuple[int, ...] | None) -> NDArray[np.float64]:
+def check_actions(action: Single, shape: tuple[int, ...] | None) -> Array:
     """Return a copy of actions of the right shape, in double precision; raises as `check_tensor`."""
-    own: NDArray[np.float64] = check_tensor(np.array(action, dtype=np.float64), shape)
+    own: Array = check_tensor(np.array(action, dtype=np.float64), shape)
     return own
 
 

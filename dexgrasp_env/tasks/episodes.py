@@ -12,7 +12,7 @@ from gymnasium import spaces
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Arrays, Fields, Index, Mask
 from dexgrasp_env.errors import InputError, unknown_name
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.objects.model import ObjectModel
@@ -136,7 +136,7 @@ class Episodes:
             self.settle(simulation)
         return simulation
 
-    def _check_options(self, options: Mapping[str, Any] | None, objects: list[str]) -> dict[str, Any]:
+    def _check_options(self, options: Mapping[str, Any] | None, objects: list[str]) -> Fields:
         options = dict(options or {})
         for key in options:
             if key not in self.options:
@@ -231,10 +231,10 @@ class Episodes:
         self,
         part: slice,
         moment: Moment,
-        warnings: NDArray[np.int64],
+        warnings: Index,
         rngs: Sequence[Generator | None],
         judge: bool = True,
-    ) -> dict[str, NDArray[Any]]:
+    ) -> Arrays:
         """Advance progress, terms and rewards of a part of the episodes to the moment, and observe it.
 
         Args:
@@ -260,9 +260,7 @@ class Episodes:
                 self.device.load(part.start, rows)
         return self._finish(part, moment, judge, cut(rows, self.layout))
 
-    def _finish(
-        self, part: slice, moment: Moment, judge: bool, state: dict[str, NDArray[Any]]
-    ) -> dict[str, NDArray[Any]]:
+    def _finish(self, part: slice, moment: Moment, judge: bool, state: Arrays) -> Arrays:
         """Do what a task does more than `conclude`, and return the observation with that."""
         return state
 
@@ -279,7 +277,7 @@ class Episodes:
         size, n = records["variation"][:, 5:], self._no_noise.shape[1]
         return size * np.array([np.zeros(n) if rng is None else rng.standard_normal(n) for rng in rngs])
 
-    def endings(self) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    def endings(self) -> tuple[Mask, Mask]:
         """Return which episodes a failure has terminated, and which it has truncated, (N,) each."""
         failures = self.records["failure"]
         truncated = self.truncating[failures]
@@ -287,7 +285,7 @@ class Episodes:
 
     # -- telling -------------------------------------------------------------------------------------------------
 
-    def info(self, i: int) -> dict[str, Any]:
+    def info(self, i: int) -> Fields:
         """Return the info of episode `i`, without cameras: the same keys and types at reset and at every step."""
         numbers = self.told[i].tolist()
         told = {
@@ -303,7 +301,7 @@ class Episodes:
             **{key: values[i : i + 1].tolist()[0] for key, values in self.more_infos().items()},
         }
 
-    def more_infos(self) -> dict[str, NDArray[Any]]:
+    def more_infos(self) -> Arrays:
         """Return what a task tells beside `TOLD`, arrays (N,) by key; `info` has the same."""
         return {}
 
@@ -329,7 +327,7 @@ class Episodes:
         if self.device:
             self.device.fetch()
 
-    def _of(self) -> dict[str, Any]:
+    def _of(self) -> Fields:
         """Return what a state has to agree with."""
         settings = self.settings
         keys = (

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 from gymnasium import spaces
-from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.perception.segment import COUNT
 from dexgrasp_env.robot.robot import Robot
 
@@ -34,7 +34,7 @@ def layout(obs_mode: str, robot: Robot) -> dict[str, slice]:
     return dict(sorted(columns.items()))  # as spaces have them
 
 
-def cut(rows: NDArray[np.float32], columns: dict[str, slice]) -> dict[str, NDArray[np.float32]]:
+def cut(rows: Single, columns: dict[str, slice]) -> dict[str, Single]:
     """Return the parts of rows (N, n) by key."""
     return {key: rows[:, part] for key, part in columns.items()}
 
@@ -64,7 +64,7 @@ def observation_space(obs_mode: str, image_shape: tuple[int, int, int], robot: R
     return spaces.Dict(parts)
 
 
-def _bounds(key: str, size: int, robot: Robot) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+def _bounds(key: str, size: int, robot: Robot) -> tuple[Single, Single]:
     low, high = np.full(size, -np.inf), np.full(size, np.inf)
     if key == "joint_targets":
         low, high = robot.lower.copy(), robot.upper.copy()

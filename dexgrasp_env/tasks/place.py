@@ -9,7 +9,7 @@ from gymnasium import spaces
 from numpy.random import Generator
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.constants import (
     GOAL_AWAY,
@@ -126,9 +126,7 @@ class PlaceEpisodes(Episodes):
         given: Array = check("goal", goal, Rule(words, admit))
         return given
 
-    def _finish(
-        self, part: slice, moment: Moment, judge: bool, state: dict[str, NDArray[Any]]
-    ) -> dict[str, NDArray[Any]]:
+    def _finish(self, part: slice, moment: Moment, judge: bool, state: Arrays) -> Arrays:
         """Make rewards, success and the observation those of the goal."""
         records, centres = self.records[part], moment.qpos[:, -7:-4]
         known = np.logical_and.reduce(np.isfinite(centres), axis=-1)
@@ -154,7 +152,7 @@ class PlaceEpisodes(Episodes):
             state["desired_goal"] = goals
         return state
 
-    def more_infos(self) -> dict[str, NDArray[Any]]:
+    def more_infos(self) -> Arrays:
         """Return what `info` has more than that of `Episodes`, of all episodes."""
         return {"goal_distance": self._distances.copy()}
 
@@ -218,14 +216,12 @@ class PlaceEnv(LiftEnv):
     episodes_type = PlaceEpisodes
     settings_type = PlaceSettings
 
-    def compute_reward(
-        self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
-    ) -> NDArray[np.float64]:
+    def compute_reward(self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any) -> Array:
         """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
 
-def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str) -> NDArray[np.float64]:
+def goal_rewards(achieved: NDArray[Any], desired: NDArray[Any], reward_mode: str) -> Array:
     """Return the rewards (...,) of goals (..., 4), or (..., 3) of version 1; see `PlaceEnv`."""
     achieved, desired = np.asarray(achieved), np.asarray(desired)
     distance = np.linalg.norm((achieved - desired)[..., :3], axis=-1)

@@ -6,7 +6,6 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -55,7 +54,7 @@ class Placement:
     yaw: _Range = PLACE_YAW
     rest_pose: Annotated[str | int, Rule("any, likely, or a whole number >= 0", _rest_pose)] = "any"
 
-    def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> NDArray[np.float64]:
+    def sample(self, model: ObjectModel, rng: Generator, presentation: str = "rest") -> Array:
         """Draw a pose (7,): position m and quaternion wxyz.
 
         Args:
@@ -69,7 +68,7 @@ class Placement:
         quat, height = upright or self._rest(model, u[3])
         return np.array([x, y, height + _CLEARANCE, *quat_multiply(yaw_quat(yaw), quat)])
 
-    def _rest(self, model: ObjectModel, u: float) -> tuple[NDArray[np.float64], float]:
+    def _rest(self, model: ObjectModel, u: float) -> tuple[Array, float]:
         if model.fixed_pose is not None:
             return fixed_rest(model)
         poses = rest_poses(model)
@@ -86,7 +85,7 @@ class Placement:
         return np.asarray(pose.quat_wxyz), float(pose.height)
 
 
-def fixed_rest(model: ObjectModel) -> tuple[NDArray[np.float64], float]:
+def fixed_rest(model: ObjectModel) -> tuple[Array, float]:
     """Return quaternion and centre height of the pose that the catalogue presents an object in."""
     quat = np.asarray(model.fixed_pose, dtype=float)
     return quat, float(-rotate(quat, model.solid.vertices)[:, 2].min())

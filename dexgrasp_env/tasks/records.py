@@ -5,6 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.tasks.constants import HOLD_STEPS, MOST_NEIGHBOURS, SHORTEST_SKIP, at_pace
 
 STAGES = ("untouched", "touched", "lifted", "dropped", "held")
@@ -72,7 +73,7 @@ COMMANDS = ("targets", "command", "before")
 """Set-points of the n joints beside a record, (3, n) rad: the agent's at the end of the control step, what the servos
 are told then (targets and the shaking), and the command before, for late ones."""
 
-TOLD_AS: dict[str, Any] = {
+TOLD_AS: Fields = {
     "is_success": bool, "is_stable": bool, "is_grasped": bool, "stage": STAGES, "failure": FAILURES,
     "object_height": float, "object_slip": float, "object_tilt": float, "object_shift": float, "held_seconds": float,
     "disturbance": PHASES, "mujoco_warnings": int,

@@ -7,9 +7,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import product_components, rotated_components
@@ -54,10 +53,10 @@ class Control(NamedTuple):
     mode: int
     chain: Array
     joints: Array
-    shaken: NDArray[np.int64]
+    shaken: Index
     kind: int
     size: float
-    push: NDArray[np.int64]
+    push: Index
     period: float
     scale: float
 

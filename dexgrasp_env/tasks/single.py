@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from gymnasium.utils import EzPickle
 from numpy.random import Generator
-from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array, Arrays, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 from dexgrasp_env.tasks.control import ActionSpace, check_actions
@@ -25,7 +25,7 @@ _ONLY = slice(None)
 NO_WARNINGS = np.zeros(1, np.int64)
 
 
-class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle):
+class SingleEnv(gym.Env[Arrays, Single], EzPickle):
     """What all tasks are as single environments.
 
     Attributes:
@@ -82,7 +82,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         return self.settings.period
 
     @property
-    def targets(self) -> NDArray[np.float64]:
+    def targets(self) -> Array:
         """Set-points of the servos as the agent has them, (n,) rad."""
         return self._episodes.commands[0, 0].copy()
 
@@ -91,9 +91,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         """Control steps that the disturbance takes: what a time limit should allow for."""
         return self.settings.disturbance_steps
 
-    def reset(
-        self, *, seed: int | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    def reset(self, *, seed: int | None = None, options: Fields | None = None) -> tuple[Arrays, Fields]:
         """Start an episode.
 
         Args:
@@ -115,7 +113,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         self._over = False
         return self._look(observation, at_reset=not (slot.resumed and slot.view.seen))
 
-    def observe(self) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    def observe(self) -> tuple[Arrays, Fields]:
         """Return observation and info of the present: those of the last reset or step, or of the state that was set.
 
         Nothing moves, and no camera looks again; where joint sensors are noisy, their noise is drawn anew.
@@ -129,9 +127,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         observation = dict(sorted((observation | copy.deepcopy(seen.seen)).items()))
         return observation, self._episodes.info(0) | copy.deepcopy(seen.info)
 
-    def step(
-        self, action: NDArray[np.float32]
-    ) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+    def step(self, action: Single) -> tuple[Arrays, float, bool, bool, Fields]:
         """Advance 50 ms.
 
         Raises:
@@ -141,14 +137,14 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
 
     def twin(self) -> Self:
         """Return another environment of the same settings, without an episode."""
-        kwargs: dict[str, Any] = self._ezpickle_kwargs
+        kwargs: Fields = self._ezpickle_kwargs
         return type(self)(**kwargs)
 
     def start_from(self, starts: Starts | None) -> None:
         """Have resets that are given no options take those that `starts` gives."""
         self._episodes.starts = starts
 
-    def start_step(self, action: NDArray[np.float32]) -> NDArray[np.float64]:
+    def start_step(self, action: Single) -> Array:
         """Do the first part of a step, before the physics: move the set-points, and push what is to be pushed.
 
         Args:
@@ -167,7 +163,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
             self._simulation.data.xfrc_applied[self._simulation.body, :3] = push[0]
         return rows
 
-    def finish_step(self, bits: int) -> tuple[dict[str, NDArray[Any]], float, bool, bool, dict[str, Any]]:
+    def finish_step(self, bits: int) -> tuple[Arrays, float, bool, bool, Fields]:
         """Do the last part of a step, after the physics: judge and observe.
 
         Args:
@@ -182,18 +178,14 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         observation, info = self._look(observation, at_reset=False)
         return observation, float(episodes.rewards[0]), terminated, truncated, info
 
-    def _conclude(
-        self, bits: int, rng: Generator | None = None, judge: bool = True
-    ) -> dict[str, NDArray[Any]]:
+    def _conclude(self, bits: int, rng: Generator | None = None, judge: bool = True) -> Arrays:
         warnings = np.array([bits]) if bits else NO_WARNINGS
         seen = self._episodes.conclude(
             _ONLY, self._simulation.moment, warnings, [rng or self.np_random], judge
         )
         return {key: values[0] for key, values in seen.items()}
 
-    def _look(
-        self, observation: dict[str, NDArray[Any]], at_reset: bool
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    def _look(self, observation: Arrays, at_reset: bool) -> tuple[Arrays, Fields]:
         episodes, simulation = self._episodes, self._simulation
         info = episodes.info(0)
         if self.settings.obs_mode != "state":
@@ -225,7 +217,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
         self._simulation = self._episodes.set_state(0, state, self.np_random)
         self._over = bool(state.record["failure"])
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> Fields:
         """The constructor's arguments and the episode: compiled models and windows are made anew."""
         episode = self.get_state() if self._episodes.slots[0].target else None
         return {
@@ -236,7 +228,7 @@ class SingleEnv(gym.Env[dict[str, NDArray[Any]], NDArray[np.float32]], EzPickle)
             "starts": self._episodes.starts,
         }
 
-    def __setstate__(self, kept: dict[str, Any]) -> None:
+    def __setstate__(self, kept: Fields) -> None:
         EzPickle.__setstate__(self, kept["made"])
         self.spec = kept["spec"]
         self._episodes.starts = kept["starts"]

@@ -12,6 +12,7 @@ from gymnasium.vector.utils import batch_space
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Array, Arrays, Fields, Mask
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.tasks.cluttered import ClutterEnv
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
@@ -29,11 +30,10 @@ from dexgrasp_env.tasks.slots import EpisodeState, Starts
 from dexgrasp_env.tasks.views import Views
 from dexgrasp_env.valid import COUNT, Rule, check, instance
 
-_Observations = dict[str, NDArray[Any]]
 _AUTORESET = Rule(", ".join(mode.value for mode in AutoresetMode), AutoresetMode)
 
 
-class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPickle):
+class LiftVectorEnv(VectorEnv[Arrays, NDArray[Any], NDArray[Any]], EzPickle):
     """N environments like `LiftEnv` that step together: `gym.make_vec("DexGrasp/Lift-v2", num_envs=N)`.
 
     Each has its own object, place, variation and random generator. Seeds, resets, time limits, autoreset and infos are
@@ -113,7 +113,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self.action_space = batch_space(self.single_action_space, num_envs)
         self.observation_space = batch_space(self.single_observation_space, num_envs)
         self._rngs: list[Generator | None] = [None] * num_envs
-        self._observation: _Observations = {
+        self._observation: Arrays = {
             key: np.zeros((num_envs, *(part.shape or ())), part.dtype)
             for key, part in self.single_observation_space.items()
             if not (tensors and key in self._episodes.layout)
@@ -122,7 +122,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._started = np.zeros(num_envs, bool)
 
     @property
-    def targets(self) -> NDArray[np.float64]:
+    def targets(self) -> Array:
         """Set-points of the servos as the agent has them, (N, n) rad."""
         self._episodes.fetch()
         return self._episodes.commands[:, 0].copy()
@@ -130,8 +130,8 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
     # -- Gymnasium -----------------------------------------------------------------------------------------------
 
     def reset(
-        self, *, seed: int | Sequence[int | None] | None = None, options: dict[str, Any] | None = None
-    ) -> tuple[_Observations, dict[str, Any]]:
+        self, *, seed: int | Sequence[int | None] | None = None, options: Fields | None = None
+    ) -> tuple[Arrays, Fields]:
         """Start episodes.
 
         Args:
@@ -162,9 +162,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         infos = self._infos()
         return self._observations(), infos if mask.all() else masked(infos, mask)
 
-    def step(
-        self, actions: NDArray[Any]
-    ) -> tuple[_Observations, NDArray[Any], NDArray[Any], NDArray[Any], dict[str, Any]]:
+    def step(self, actions: NDArray[Any]) -> tuple[Arrays, NDArray[Any], NDArray[Any], NDArray[Any], Fields]:
         """Advance every environment by 50 ms; those that ended are reset as `autoreset_mode` says.
 
         Raises:
@@ -234,14 +232,14 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
 
     def twin(self) -> LiftEnv:
         """Return a single environment of the same settings, without an episode."""
-        kwargs: dict[str, Any] = self._ezpickle_kwargs
+        kwargs: Fields = self._ezpickle_kwargs
         return self._env_type(**kwargs)
 
     def start_from(self, starts: Starts | None) -> None:
         """Have resets that are given no options, those within `step` too, take those that `starts` gives."""
         self._episodes.starts = starts
 
-    def __getstate__(self) -> dict[str, Any]:
+    def __getstate__(self) -> Fields:
         """The constructor's arguments and the episodes: compiled models and threads are made anew."""
         return {
             "made": EzPickle.__getstate__(self),
@@ -253,7 +251,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
             "starts": self._episodes.starts,
         }
 
-    def __setstate__(self, kept: dict[str, Any]) -> None:
+    def __setstate__(self, kept: Fields) -> None:
         EzPickle.__setstate__(self, kept["made"])
         self.spec, self._episodes.starts = kept["spec"], kept["starts"]
         self._rngs, self._observation = copy.deepcopy(kept["rngs"]), copy.deepcopy(kept["observation"])
@@ -270,7 +268,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
             self._rngs[i] = rng
         return rng
 
-    def _reset_one(self, i: int, options: dict[str, Any] | None = None) -> None:
+    def _reset_one(self, i: int, options: Fields | None = None) -> None:
         self._started[i], self._ended[i] = False, True  # options may be refused
         simulation = self._episodes.begin(i, self._rng(i), options)
         self._physics.load(i, simulation)
@@ -282,7 +280,7 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         self._look(i, simulation if due else None, at_reset=fresh)
         self._started[i], self._ended[i] = True, False
 
-    def _advance(self, actions: NDArray[np.float64], running: NDArray[np.intp]) -> None:
+    def _advance(self, actions: Array, running: NDArray[np.intp]) -> None:
         """Step those that run; the kernel passes over all rows, and what it makes of the others is overwritten."""
         episodes, physics = self._episodes, self._physics
         everything = slice(None)
@@ -295,9 +293,9 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
                 due = self._views.due(physics.qpos[i])
                 self._look(i, self.simulation(i) if due else None, at_reset=False)
 
-    def _finish(self) -> dict[str, Any]:
+    def _finish(self) -> Fields:
         """Return the last observations and infos of those that ended, and reset them."""
-        final: dict[str, Any] = {}
+        final: Fields = {}
         now = self._observations() if self._tensors else self._observation
         for i in np.flatnonzero(self._ended).tolist():
             last = {
@@ -321,22 +319,22 @@ class LiftVectorEnv(VectorEnv[_Observations, NDArray[Any], NDArray[Any]], EzPick
         simulation.data.qpos[:] = self._physics.qpos[i, : simulation.base.nq]
         return simulation
 
-    def _note(self, part: slice | int, seen: _Observations) -> None:
+    def _note(self, part: slice | int, seen: Arrays) -> None:
         for key, values in seen.items():
             if key in self._observation:
                 self._observation[key][part] = values
 
-    def _observations(self) -> _Observations:
+    def _observations(self) -> Arrays:
         copies = {key: values.copy() for key, values in self._observation.items()}
         if not self._tensors:
             return copies
         return cut(self._episodes.device.rows(), self._episodes.layout) | copies
 
-    def _infos(self) -> dict[str, Any]:
+    def _infos(self) -> Fields:
         """Return what `Episodes.info` says of every environment, as arrays by key with their masks."""
         episodes = self._episodes
         drawn = [slot.variation for slot in episodes.slots]
-        infos: dict[str, Any] = {}
+        infos: Fields = {}
         for (key, kind), numbers in zip(TOLD_AS.items(), episodes.told.T, strict=False):
             named = isinstance(kind, tuple)
             infos[key] = np.array(kind, object)[numbers.astype(int)] if named else numbers.astype(kind)
@@ -374,9 +372,7 @@ class PlaceVectorEnv(LiftVectorEnv):
 
     _env_type = PlaceEnv
 
-    def compute_reward(
-        self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any
-    ) -> NDArray[np.float64]:
+    def compute_reward(self, achieved_goal: NDArray[Any], desired_goal: NDArray[Any], info: Any) -> Array:
         """Return the rewards (...,) of goals as of `PlaceEnv`; `info` is not used."""
         return goal_rewards(achieved_goal, desired_goal, self.settings.reward_mode)
 
@@ -391,7 +387,7 @@ def _seeds(seed: Any, number: int) -> list[int | None]:
     return seeds
 
 
-def _check_mask(mask: Any, number: int) -> NDArray[np.bool_]:
+def _check_mask(mask: Any, number: int) -> Mask:
     if not (
         isinstance(mask, np.ndarray) and mask.shape == (number,) and mask.dtype == np.bool_ and mask.any()
     ):

@@ -9,9 +9,8 @@ from weakref import WeakKeyDictionary
 import mujoco
 import numpy as np
 from numpy.random import Generator
-from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.segment import COUNT
 from dexgrasp_env.rendering import ColourCameras
@@ -38,8 +37,8 @@ class View:
 
     cameras: tuple[str, ...] = ()
     believed: tuple[Camera, ...] = ()
-    seen: dict[str, NDArray[Any]] = field(default_factory=dict)
-    info: dict[str, Any] = field(default_factory=dict)
+    seen: Arrays = field(default_factory=dict)
+    info: Fields = field(default_factory=dict)
 
 
 class Views:
@@ -59,7 +58,7 @@ class Views:
 
     def observe(
         self, view: View, simulation: Simulation | None, rng: Generator, at_reset: bool
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    ) -> tuple[Arrays, Fields]:
         """Return the camera part of an observation and of the info.
 
         Between looks the last views are repeated.
@@ -106,10 +105,8 @@ class Views:
             return names
         return tuple(names[k] for k in sorted(rng.permutation(len(names))[:views]))
 
-    def _look(
-        self, perception: Perception, simulation: Simulation, rng: Generator
-    ) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-        info: dict[str, Any] = _calibration(perception.believed) | {"perception_failure": ""}
+    def _look(self, perception: Perception, simulation: Simulation, rng: Generator) -> tuple[Arrays, Fields]:
+        info: Fields = _calibration(perception.believed) | {"perception_failure": ""}
         if self._settings.obs_mode.endswith("pointcloud"):
             pointing = self._settings.pointing
             scene = perception.observe(simulation.data, rng, pointing)
@@ -118,9 +115,7 @@ class Views:
                 info["perception_doubtful"] = scene.target.doubtful
             return scene.as_observation(COUNT, AROUND_POINTS if pointing else 0), info
         depth = perception.measure(simulation.data, rng)
-        views: dict[str, NDArray[Any]] = {
-            "depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)
-        }
+        views: Arrays = {"depth": np.where(np.isfinite(depth), depth, 0.0).astype(np.float32)}
         if self._settings.obs_mode.endswith("rgbd"):
             names = self._settings.cell.camera_names
             views["rgb"] = self._colour(simulation).render_rgb(simulation.data)[
@@ -178,7 +173,7 @@ class Views:
             self._contexts.popitem()[1][1].close()
 
 
-def _calibration(cameras: tuple[Camera, ...]) -> dict[str, Any]:
+def _calibration(cameras: tuple[Camera, ...]) -> Fields:
     """Return what an agent needs to use depth images: poses as calibrated and pinhole parameters in pixels."""
     lenses = [camera.intrinsics for camera in cameras]
     return {

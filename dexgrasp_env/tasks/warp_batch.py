@@ -7,7 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.objects.model import ObjectModel
@@ -226,7 +226,7 @@ class WarpPhysics:
         data.sensordata[:] = self.sensors[0, : len(data.sensordata)]
         return int(bits[0])
 
-    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> NDArray[np.int64]:
+    def step(self, rows: Array, push: Array | None, which: NDArray[np.intp]) -> Index:
         """Advance all by one control step, as `rows` and `push` of the device say, whatever is given here.
 
         Returns:

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Mask, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.tasks import kernel, set_points
@@ -100,7 +100,7 @@ class WarpEpisodes:
         whole = columns(self._rows, offset // 4, kind.itemsize // 4, wp.dtype_from_numpy(kind.base))
         return whole if kind.shape else whole[:, 0]
 
-    def load(self, i: int, seen: NDArray[np.float32] | None = None) -> None:
+    def load(self, i: int, seen: Single | None = None) -> None:
         """Tell the device of episode `i` as the host has it, and of what is observed in it, by default nothing."""
         host = self._host
         seen = np.zeros(self.seen.shape[1], np.float32) if seen is None else seen
@@ -157,7 +157,7 @@ class WarpEpisodes:
         self.send()
         return wp.to_torch(self.seen) if self._tensors else self.seen.numpy()
 
-    def told_tensors(self, waiting: NDArray[np.intp], *flags: NDArray[np.bool_]) -> tuple[Any, ...]:
+    def told_tensors(self, waiting: NDArray[np.intp], *flags: Mask) -> tuple[Any, ...]:
         """Return rewards (N,) that share memory, none of those that waited for a reset, and flags, as tensors."""
         rewards = wp.to_torch(self.rewards)
         rewards[waiting] = 0.0

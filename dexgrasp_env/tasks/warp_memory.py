@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
 
@@ -73,7 +74,7 @@ def numbers_of(kind: np.dtype[Any]) -> type[np.float32] | type[np.int32]:
     return np.float32 if kind.base.kind == "f" else np.int32
 
 
-def as_struct(name: str, values: dict[str, Any]) -> Any:
+def as_struct(name: str, values: Fields) -> Any:
     """Return what compiled functions are told, by name, as a struct of the device in scope.
 
     Args:

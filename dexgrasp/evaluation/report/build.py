@@ -5,7 +5,6 @@ import re
 from collections.abc import Sequence
 from itertools import chain
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.evaluation.pooling import rows_by_agent
 from dexgrasp.evaluation.prediction import predictions
@@ -16,12 +15,13 @@ from dexgrasp.evaluation.report.constraint_tables import constraint_tables
 from dexgrasp.evaluation.report.origin import commands, describe_run, replay_commands
 from dexgrasp.evaluation.store import read_rows
 from dexgrasp.evaluation.summary import summarise_agent
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.files import write_atomically
 
 _TEMPLATES = Path(__file__).parent / "templates"
 
 
-def read_agents(folders: Sequence[Path]) -> dict[str, Any]:
+def read_agents(folders: Sequence[Path]) -> Fields:
     """Return agents' summaries from the trials of every folder, pooled over seeds.
 
     Raises:
@@ -46,7 +46,7 @@ def write_report(folders: Sequence[Path], out: Path) -> str:
     return text
 
 
-def render(form: str, content: dict[str, Any]) -> str:
+def render(form: str, content: Fields) -> str:
     """Return a report as "html", one page with its plots in it, or "markdown"."""
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
@@ -59,7 +59,7 @@ def render(form: str, content: dict[str, Any]) -> str:
     return re.sub(r"\n{3,}", "\n\n", page.strip()) + "\n"
 
 
-def contents(folders: Sequence[Path]) -> dict[str, Any]:
+def contents(folders: Sequence[Path]) -> Fields:
     """Return what templates/report.j2 shows, by the names that it has there."""
     rows = rows_by_agent(folders)
     agents = {name: summarise_agent(own) for name, own in rows.items()}

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from dexgrasp.evaluation.store import read_run
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.sets import is_set, set_targets
@@ -27,7 +28,7 @@ class _Run:
     agents: _Names = ()
     objects: _Names = ()
     protocol: str = "?"
-    versions: dict[str, Any] = field(default_factory=dict)
+    versions: Fields = field(default_factory=dict)
     cell: Any = SIMULATED
     mount: Any = None
     friction: Any = None

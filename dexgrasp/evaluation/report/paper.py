@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import yaml
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
-_PRINTED: dict[str, Any] = yaml.safe_load(Path(__file__).with_name("paper.yaml").read_text())
+_PRINTED: Fields = yaml.safe_load(Path(__file__).with_name("paper.yaml").read_text())
 
 TABLES: Mapping[str, str] = _PRINTED["tables"]
 """Set -> the table that reports its successes."""

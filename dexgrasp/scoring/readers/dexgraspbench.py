@@ -14,7 +14,7 @@ import numpy as np
 from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
 from dexgrasp.scoring.readers.dictionary import read_dictionary
-from dexgrasp.scoring.readers.fields import Fields, as_pose
+from dexgrasp.scoring.readers.fields import FileFields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
 from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
@@ -31,7 +31,7 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
     Raises:
         InputError: if the file is unusable, asks for code, misses a key, or its object is not found.
     """
-    data, hand = Fields(read_dictionary(path), str(path)), find_hand(options.hand)
+    data, hand = FileFields(read_dictionary(path), str(path)), find_hand(options.hand)
     rows, to_hand = _configurations(data, hand)
     scale = data.numbers("obj_scale").item(0) if "obj_scale" in data else 1.0
     named = [
@@ -51,7 +51,7 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
     ]
 
 
-def _configurations(data: Fields, hand: HandModel) -> tuple[Array, Array]:
+def _configurations(data: FileFields, hand: HandModel) -> tuple[Array, Array]:
     """Return (N, 3, 7 + n) of the three stages, and the hand's frame in that of their poses."""
     width = 7 + len(hand.joint_names)
     if "robot_pose" in data:

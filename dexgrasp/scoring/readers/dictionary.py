@@ -3,18 +3,18 @@
 import io
 import pickle
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dexgrasp.runs.pickles import unpickle
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_file, readable
 
 _NPY = b"\x93NUMPY"
 
 
-def read_dictionary(path: Path) -> dict[str, Any]:
+def read_dictionary(path: Path) -> Fields:
     """Return the dictionary of arrays, numbers and texts that an .npy (or .pkl) file holds.
 
     Raises:

@@ -10,7 +10,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import pose_matrix
 
 
-class Fields:
+class FileFields:
     """The fields of a file, or of a grasp in it.
 
     Every method raises InputError, naming the source, for a field that is missing or not of its kind.

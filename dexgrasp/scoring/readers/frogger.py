@@ -7,15 +7,15 @@ object; `object`, a name. World: the arm's base, z up, the table's top at z = 0.
 """
 
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
 from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.closing import SERVO_KP, close_around
 from dexgrasp.scoring.hand import ALLEGRO, find_hand
-from dexgrasp.scoring.readers.fields import Fields, as_pose
+from dexgrasp.scoring.readers.fields import FileFields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
+from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_npz, readable
 from dexgrasp_env.poses import rigid
@@ -38,7 +38,7 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     Raises:
         InputError: if the file is unusable, misses a key, or its object is not found.
     """
-    data, hand = Fields(read_arrays(path), str(path)), find_hand(ALLEGRO)
+    data, hand = FileFields(read_arrays(path), str(path)), find_hand(ALLEGRO)
     names, q = data.words("joint_names"), data.numbers("q")
     joints = {JOINTS[name]: float(value) for name, value in zip(names, q, strict=False) if name in JOINTS}
     if len(names) != len(q) or len(joints) != len(JOINTS):
@@ -60,7 +60,7 @@ def read_frogger(path: Path, options: ReadOptions) -> list[Candidate]:
     return [Candidate(str(path), hand, target, T_world_object, pregrasp, grasp, squeeze, SERVO_KP)]
 
 
-def read_arrays(path: Path) -> dict[str, Any]:
+def read_arrays(path: Path) -> Arrays:
     """Return the arrays of an .npz file; pickled ones are not read.
 
     Raises:

@@ -1,7 +1,6 @@
 """Our own grasp files (`dexgrasp plan --out`): of arm and hand, the palm's pose and the hand's joints are kept."""
 
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.grasp.file import record_of
 from dexgrasp.kinematics.palm_ik import palm_frame
@@ -9,13 +8,13 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.hand import find_hand
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import rigid
 from dexgrasp_env.robot.cell import Cell, make_cell
 
 
-def read_ours(content: dict[str, Any], path: Path, options: ReadOptions) -> list[Candidate]:
+def read_ours(content: Fields, path: Path, options: ReadOptions) -> list[Candidate]:
     """Return the grasp that a file holds; the object's true pose must be in it.
 
     Raises:

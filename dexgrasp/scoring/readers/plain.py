@@ -1,33 +1,32 @@
 """A plain JSON file for grasps of any hand, documented in docs/scoring.md."""
 
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.scoring.candidate import Candidate, HandStage, joints_in_order
 from dexgrasp.scoring.closing import SERVO_KP, close_around
 from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
-from dexgrasp.scoring.readers.fields import Fields
+from dexgrasp.scoring.readers.fields import FileFields
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
 
 FORMAT = "dexgrasp-floating-grasps-1"
 
 
-def read_plain(content: dict[str, Any], path: Path, options: ReadOptions) -> list[Candidate]:
+def read_plain(content: Fields, path: Path, options: ReadOptions) -> list[Candidate]:
     """Return the grasps of what a file holds.
 
     Raises:
         InputError: if a field is missing or malformed, or an object is not found.
     """
-    file = Fields(content, str(path))
+    file = FileFields(content, str(path))
     hand = find_hand(_hand(file, path) if options.hand == ALLEGRO else options.hand)
     names, grasps = file.words("joint_names"), file.get("grasps")
     if not isinstance(grasps, list):
         raise InputError(f"{path} is not of format {FORMAT}: grasps must be a list")
     found = []
     for number, value in enumerate(grasps):
-        grasp = Fields(value, f"{path}[{number}]")
+        grasp = FileFields(value, f"{path}[{number}]")
         scale = grasp.numbers("object_scale").item(0) if "object_scale" in grasp else 1.0
         target = find_object(str(grasp.get("object")), scale, options, path)
         pose = pose_of_centre(grasp.pose("T_world_object"), target)
@@ -36,7 +35,7 @@ def read_plain(content: dict[str, Any], path: Path, options: ReadOptions) -> lis
     return found
 
 
-def _hand(content: Fields, path: Path) -> str:
+def _hand(content: FileFields, path: Path) -> str:
     """The hand's name, or its path, which may be relative to the file."""
     hand = str(content.get("hand")) if "hand" in content else ALLEGRO
     beside = path.parent / hand
@@ -44,12 +43,12 @@ def _hand(content: Fields, path: Path) -> str:
 
 
 def _stages(
-    grasp: Fields, hand: HandModel, names: list[str], centre: Array
+    grasp: FileFields, hand: HandModel, names: list[str], centre: Array
 ) -> tuple[HandStage, HandStage, HandStage, float | None]:
     """Pregrasp, grasp and squeeze, and the gain that the squeeze is meant for."""
 
     def stage(name: str) -> HandStage:
-        part = Fields(grasp.get(name), f"{grasp.source}.{name}")
+        part = FileFields(grasp.get(name), f"{grasp.source}.{name}")
         return HandStage(
             part.pose("T_world_hand"), joints_in_order(hand, names, part.numbers("joints"), part.source)
         )
