@@ -253,6 +253,23 @@ def test_weights_are_of_one_hand(made):
     assert type(make_source("auto", make_cell(made).robot)).__name__ == "SurfaceProposals"
 
 
+def test_what_a_description_includes_is_part_of_its_hash(made, tmp_path):
+    robot, outer, inner = make_cell(made).robot, tmp_path / "outer.xml", tmp_path / "inner.xml"
+    outer.write_text('<mujoco><include file="inner.xml"/></mujoco>')
+    found = []
+    for inside in (
+        "<mujoco/>",
+        "<mujoco/>",
+        '<mujoco model="other"/>',
+        '<mujoco><include file="inner.xml"/></mujoco>',
+    ):
+        inner.write_text(inside)
+        named = replace(robot, hand=replace(robot.hand, mjcf=outer))
+        found.append((named.hash, named.stamp))
+    assert found[0] == found[1]
+    assert len({name for name, _ in found}) == len({stamp for _, stamp in found}) == 3
+
+
 def test_policies_move_one_robot(made):
     env = gym.make("DexGrasp/Lift-v2", objects="pear", robot=str(made))
     observation, info = env.reset(seed=0)

@@ -3,6 +3,7 @@
 Vectors of joints have the arm's joints first, then the hand's, each in the order of its file.
 """
 
+import re
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import chain
@@ -36,6 +37,18 @@ Vector = Annotated[tuple[float, ...], several(number(), 3)]
 SLIDE = 0.1
 """m of a slide that count as much as a radian of a hinge."""
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
+_INCLUDED = re.compile(r"""<include\s+file\s*=\s*["']([^"']+)""")
+
+
+def described(mjcf: Path) -> str:
+    """Return what a description in MJCF says, then what it includes; MuJoCo says what is wrong with it."""
+    texts, left = dict[Path, str](), [mjcf]
+    while left:
+        path = left.pop()
+        if path not in texts and path.is_file():
+            texts[path] = path.read_text("utf-8", "replace")
+            left += [mjcf.parent / name for name in _INCLUDED.findall(texts[path])]
+    return "".join(texts.values())
 
 
 def _near(value: Any) -> Numbers:
@@ -242,7 +255,7 @@ class Hand:
     def stamp(self) -> str:
         """What learned parts call the hand: its name, and a hash of its shape; limits and gains do not count."""
         shape = repr([(f, f.frame) for f in self.fingers]), self.frame, self.grasp, self.tip_radius
-        return f"{self.name}-{content_hash(self.mjcf.read_text('utf-8', 'replace'), *shape)[:8]}"
+        return f"{self.name}-{content_hash(described(self.mjcf), *shape)[:8]}"
 
     def finger(self, name: str) -> Finger:
         """Return the finger of that name."""
@@ -345,7 +358,7 @@ class Robot:
     @cached_property
     def stamp(self) -> str:
         """What learned policies call the robot: names, and hashes of arm and hand; limits do not count."""
-        shape = content_hash(self.arm.mjcf.read_text("utf-8", "replace"), self.arm.frame)[:8]
+        shape = content_hash(described(self.arm.mjcf), self.arm.frame)[:8]
         return f"{self.arm.name}-{shape}-{self.hand.stamp}"
 
     @property
@@ -371,7 +384,7 @@ class Robot:
 
     @cached_property
     def hash(self) -> str:
-        """A hash of all that the files say, the descriptions in MJCF with their meshes' names among it."""
+        """A hash of all that the files say, descriptions in MJCF and what they include; of meshes the names alone."""
         parts: tuple[Any, ...] = (self.arm, self.hand, *self.hand.fingers)
         late = [
             (each.name, value)
@@ -379,10 +392,7 @@ class Robot:
             for each in fields(part)
             if not each.repr and (value := getattr(part, each.name)) != each.default and each.name != "mjcf"
         ]
-        described = [
-            part.mjcf.read_text("utf-8", "replace") for part in parts[:2]
-        ]  # MuJoCo says what is wrong
-        return content_hash(repr(self), *described, *late)[:8]
+        return content_hash(repr(self), *(described(part.mjcf) for part in parts[:2]), *late)[:8]
 
 
 def _fixed(*values: float) -> Array:
