@@ -3,7 +3,6 @@
 Vectors of joints have the arm's joints first, then the hand's, each in the order of its file.
 """
 
-import re
 from dataclasses import dataclass, field, fields
 from functools import cached_property
 from itertools import chain
@@ -16,6 +15,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import unknown_name
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.coupled import Coupling, Tendon
+from dexgrasp_env.robot.described import described
 from dexgrasp_env.valid import (
     NAMES,
     NATURAL,
@@ -37,18 +37,6 @@ Vector = Annotated[tuple[float, ...], several(number(), 3)]
 SLIDE = 0.1
 """m of a slide that count as much as a radian of a hinge."""
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
-_INCLUDED = re.compile(r"""<include\s+file\s*=\s*["']([^"']+)""")
-
-
-def described(mjcf: Path) -> str:
-    """Return what a description in MJCF says, then what it includes; MuJoCo says what is wrong with it."""
-    texts, left = dict[Path, str](), [mjcf]
-    while left:
-        path = left.pop()
-        if path not in texts and path.is_file():
-            texts[path] = path.read_text("utf-8", "replace")
-            left += [mjcf.parent / name for name in _INCLUDED.findall(texts[path])]
-    return "".join(texts.values())
 
 
 def _near(value: Any) -> Numbers:
