@@ -41,3 +41,14 @@ def test_a_source_that_fails_is_not_the_cheaper_for_it():
     assert (one["tried_each"], one["seconds_each"]) == (2.0, 1.0)
     assert (other["tried_each"], other["seconds_each"]) == (4.0, 2.0)
     assert proposals._figures([a._replace(verified=False) for a in sure])["seconds_each"] is None
+
+
+def test_seeds_of_a_scene_tell_less_than_scenes(monkeypatch):
+    monkeypatch.setattr(proposals, "_between", lambda a, b: (0.0, 0.0))  # there are no grasps here
+    plan = SimpleNamespace(log=SimpleNamespace(tried=2, seconds={}), grasps=[])
+    alone = [proposals.Attempt(str(k), plan, 1.0, k % 4 == 0) for k in range(16)]
+    shared = [
+        attempt._replace(scene=str(k % 4)) for k, attempt in enumerate(alone)
+    ]  # one of four scenes, always
+    (low, high), (lower, higher) = (proposals._figures(own)["verified_ci95"] for own in (alone, shared))
+    assert lower < low < high < higher
