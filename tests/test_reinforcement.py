@@ -14,15 +14,15 @@ from dexgrasp.registry import make_agent
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp_env.valid import read
 
-torch = pytest.importorskip("torch")
+pytest.importorskip("torch")
 pytest.importorskip("stable_baselines3")
-import gymnasium as gym  # noqa: E402
+import gymnasium as gym
 
-import dexgrasp_env  # noqa: E402, F401
-from dexgrasp.reinforcement import policy_training  # noqa: E402
-from dexgrasp.reinforcement.grasp_space import GraspSpace  # noqa: E402
-from dexgrasp.reinforcement.policy_training import PolicyTraining  # noqa: E402
-from dexgrasp.reinforcement.settings import RlSettings  # noqa: E402
+import dexgrasp_env  # noqa: F401
+from dexgrasp.reinforcement import policy_training
+from dexgrasp.reinforcement.grasp_space import GraspSpace
+from dexgrasp.reinforcement.policy_training import PolicyTraining
+from dexgrasp.reinforcement.settings import RlSettings
 
 
 @pytest.fixture(autouse=True)
@@ -215,19 +215,6 @@ def test_exploring_gets_less_as_told_and_goes_on_to_the_same_bits(tmp_path):
     assert work.model.policy.log_std.mean().item() == pytest.approx(
         -2.6, abs=0.05
     )  # of the last round's begin
-
-
-def test_a_policy_is_the_mean_over_rounds_and_goes_on_to_the_same_bits(tmp_path):
-    settings = settings_of("ppo", average=2)
-    goes_on_to_the_same_bits(partial(PolicyTraining, settings=settings), tmp_path)
-    last, mean = (PolicyTraining(tmp_path / str(k), settings_of("ppo", average=k)) for k in (1, 2))
-    weights = []
-    last.learn = lambda: [PolicyTraining.learn(last), weights.append(last.layers()[0].weight.clone())][0]
-    for work in (last, mean):
-        work.run()
-    expected = 0.5 * (0.5 * (weights[0] + weights[1]) + weights[2])
-    torch.testing.assert_close(mean.layers()[0].weight, expected)
-    assert not torch.allclose(weights[2], expected)
 
 
 def test_a_grasp_is_a_few_points_of_the_grasp_space():

@@ -29,7 +29,7 @@ _BC = ("epochs", "threads", "hidden", "chunk", "execute")
 _GRIP = ("objects", "episodes", "friction", "mass", "num_envs", "rate", "threads")
 _SAC = (
     "objects", "env_id", "control_mode", "hold", "chunk", "episode_steps", "backend", "randomise", "resets", "share",
-    "steps", "num_envs", "hidden", "rate", "discount", "reward_scale", "average", "threads",
+    "steps", "num_envs", "hidden", "rate", "discount", "reward_scale", "threads",
 )  # fmt: skip
 Minutes = Annotated[Positive | None, "M", {"instead_of": "settings.epochs"}]
 

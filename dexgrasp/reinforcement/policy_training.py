@@ -1,7 +1,6 @@
 """Training by PPO or SAC, from nothing or from a clone whose actions are corrected."""
 
 import math
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +10,8 @@ from dexgrasp.demos.resets import DemoResets
 from dexgrasp.imitation.policy import Scaling
 from dexgrasp.reinforcement.actor import Acting, Actor
 from dexgrasp.reinforcement.grasp_space import FARTHEST
-from dexgrasp.reinforcement.rounds import Rounds, mean_action
+from dexgrasp.reinforcement.rounds import Rounds
 from dexgrasp.reinforcement.settings import GRASPS, RlSettings
-from dexgrasp.runs.checkpoint import Parts
 from dexgrasp.runs.training import Course
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
@@ -22,7 +20,6 @@ with from_extra():
     import torch
     from stable_baselines3 import PPO, SAC
     from stable_baselines3.common.base_class import BaseAlgorithm
-    from torch.optim.swa_utils import AveragedModel, get_ema_multi_avg_fn
 
     from dexgrasp.reinforcement.adaptive_rate import AdaptiveRate
     from dexgrasp.reinforcement.feature_vec_env import FeatureVecEnv, measure
@@ -99,22 +96,6 @@ class PolicyTraining(Rounds):
         )  # fmt: skip
         return self._rate.model
 
-    def build(self) -> None:
-        """As every round's, with the mean of the policies of the last rounds."""
-        super().build()
-        layers = torch.nn.ModuleList(mean_action(self.model))
-        self._mean = AveragedModel(
-            layers, multi_avg_fn=get_ema_multi_avg_fn(1.0 - 1.0 / self.settings.average)
-        )
-
-    def parts(self) -> Parts:
-        """As every learner's, with the mean."""
-        return {**super().parts(), "mean": self._mean}
-
-    def layers(self) -> Sequence[Any]:
-        """Return those of the mean."""
-        return list(self._mean.module.children())
-
     def learn(self) -> Fields:
         """As every round, with the rate where it changes, and from where along demonstrations episodes begin."""
         if self._resets:
@@ -122,7 +103,6 @@ class PolicyTraining(Rounds):
         if self.settings.settle is not None:
             self._settle(self.settings.settle)
         row = super().learn()
-        self._mean.update_parameters(torch.nn.ModuleList(mean_action(self.model)))
         rate = {"rate": self._rate.now} if self.settings.adaptive else {}
         return row | rate | ({"front": self._resets.front} if self._resets else {})
 

@@ -5,7 +5,6 @@ same bits: nothing of the environments has to be kept.
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
 from dataclasses import asdict
 from operator import attrgetter
 from pathlib import Path
@@ -98,12 +97,8 @@ class Rounds(Training):
         self.open.callback(self.envs.close)
         self.model = self.learner()
         if self.base is not None:
-            for tensor in mean_action(self.model)[-1].parameters():
+            for tensor in _mean_action(self.model)[-1].parameters():
                 torch.nn.init.zeros_(tensor)
-
-    def layers(self) -> Sequence[Any]:
-        """Return the layers that are written, from features to the mean action."""
-        return mean_action(self.model)
 
     def parts(self) -> Parts:
         """Return networks, optimisers and single tensors of the learner, and what it remembers."""
@@ -127,7 +122,7 @@ class Rounds(Training):
     def write(self) -> None:
         """Write the policy."""
         own, arrays = self.policy()
-        arrays |= layer_arrays("actor", self.layers())
+        arrays |= layer_arrays("actor", _mean_action(self.model))
         about = {
             "kind": self.kind, "view": "state", "env": self.env, **own, "robot": default_cell().robot.stamp,
             "training": {
@@ -163,8 +158,8 @@ class Rounds(Training):
         return getattr(self.model, "replay_buffer", None)
 
 
-def mean_action(model: Any) -> list[torch.nn.Linear]:
-    """Return a learner's layers from features to the mean action."""
+def _mean_action(model: Any) -> list[torch.nn.Linear]:
+    """Return the layers from features to the mean action."""
     if isinstance(model, PPO):
         parts = [*model.policy.mlp_extractor.policy_net, model.policy.action_net]
     else:

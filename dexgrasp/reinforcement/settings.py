@@ -62,7 +62,6 @@ class RlSettings:
         buffer: actions that `sac` remembers.
         warm_up: random actions, of all environments together, before `sac` learns.
         updates: of `sac` after an action of every environment.
-        average: rounds that the policy is a mean over, later ones counting more (default: the last one's).
         threads: of torch on the CPU; results differ in the last bits with it.
     """
 
@@ -94,7 +93,6 @@ class RlSettings:
     buffer: Count = 200_000
     warm_up: Count = 5_000
     updates: Count = 1
-    average: Count = 1
     threads: Count = 1
 
     @property
