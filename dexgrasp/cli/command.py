@@ -9,10 +9,10 @@ a tuple names.
 """
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, TypeVar, dataclass_transform
+from typing import TYPE_CHECKING, Annotated, TypeVar, dataclass_transform
 
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
@@ -41,7 +41,7 @@ class Answer:
         failure: what went wrong afterwards, raised when the answer has been printed.
     """
 
-    content: Mapping[str, Any]
+    content: Fields
     text: str
     code: int = 0
     failure: OSError | None = None

@@ -20,18 +20,18 @@ def shown(value: Any) -> str:
     return "-" if value is None else str(value)
 
 
-def columns(figures: Mapping[str, Any]) -> list[str]:
+def columns(figures: Fields) -> list[str]:
     """Return a line for each figure, all values below each other."""
     width = max(map(len, figures))
     return [f"{name:<{width}}  {shown(value)}" for name, value in figures.items()]
 
 
-def record_table(rows: Sequence[Mapping[str, Any]]) -> str:
+def record_table(rows: Sequence[Fields]) -> str:
     """Return records with the same keys as a table."""
     return text_table(tuple(rows[0]), [list(map(shown, row.values())) for row in rows], words=True)
 
 
-def tables(figures: Mapping[str, Any]) -> str:
+def tables(figures: Fields) -> str:
     """Return nested figures as tables: the loose ones; mappings, those with the same keys as rows of one; records."""
     loose, groups = Fields(), dict[tuple[str, ...], list[Fields]]()
     parts = list[str]()

@@ -11,10 +11,9 @@ A run that was interrupted goes on when the same command is given again, on a CP
 policy is an agent by its path (JSON and safetensors); with several seeds it has a folder seed-S for each.
 """
 
-from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Annotated, Any
+from typing import Annotated
 
 from dexgrasp.cli.command import Answer, Folder
 from dexgrasp.cli.training import Device, PolicyCommand, TrainingCommand
@@ -75,7 +74,7 @@ class Cvae(TrainingCommand):
         epoch = f"epoch {training.best} of {state.epochs}, {state.seconds:.0f} s"
         return Answer(figures, "\n".join([*lines, f"{epoch}; weights in {figures['weights']}"]))
 
-    def figures(self, row: Mapping[str, Any]) -> Fields:
+    def figures(self, row: Fields) -> Fields:
         """Return the losses."""
         return {"train": row["train"]["total"], "test_cm": row["test"]["fingertip_cm"]}
 

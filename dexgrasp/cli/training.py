@@ -1,6 +1,6 @@
 """What the commands that train have in common: where, trials, a bar, curves."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -77,7 +77,7 @@ class TrainingCommand(Command):
         draw_curves(training.state.curve, folder / "curves.png", training.best)
         return training
 
-    def figures(self, row: Mapping[str, Any]) -> Fields:
+    def figures(self, row: Fields) -> Fields:
         """Return what the bar shows of the line of an epoch."""
         return {key: value for key, value in row.items() if key != "epoch" and value is not None}
 

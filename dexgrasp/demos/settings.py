@@ -1,6 +1,6 @@
 """What a set of demonstrations is made of."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from typing import Annotated, Any
 
@@ -95,7 +95,7 @@ class DemoSettings:
         return asdict(self) | {"objects": list(self.objects)} | rest
 
     @classmethod
-    def of_json(cls, saved: Mapping[str, Any], robot: str | None = None) -> "DemoSettings":
+    def of_json(cls, saved: Fields, robot: str | None = None) -> "DemoSettings":
         """Return the settings that `as_json` wrote, in the cell of a file where they name none that is here.
 
         Raises:

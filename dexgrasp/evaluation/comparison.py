@@ -15,8 +15,7 @@ from dexgrasp.runs.text import text_table
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError, unknown_name
 
-Row = Mapping[str, Any]
-Pairs = Sequence[Row]
+Pairs = Sequence[Fields]
 """Trials of one agent, each with that of another on the same scene as `other`."""
 
 _SCENE = ("protocol", "object", "trial", "scene_seed")
@@ -57,14 +56,14 @@ def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[
 
 
 def _under(
-    rows: Sequence[Row], agents: Sequence[str], protocols: Sequence[str]
-) -> tuple[list[Row], list[str]]:
+    rows: Sequence[Fields], agents: Sequence[str], protocols: Sequence[str]
+) -> tuple[list[Fields], list[str]]:
     """Return the trials of each agent under a protocol of its own, as of one protocol, and what the two are called."""
     if len(protocols) != 2:
         raise InputError(f"{len(protocols)} protocols given: valid are two, one for each agent")
     met = [(row["agent"], row["protocol"]) for row in rows]
     found = list(dict.fromkeys(protocol for _, protocol in met))
-    names, kept = [], list[Row]()
+    names, kept = [], list[Fields]()
     for agent, protocol in zip(agents, protocols, strict=True):
         if protocol not in found:
             raise unknown_name("protocol of the trials", protocol, found)
@@ -74,7 +73,7 @@ def _under(
     return kept, names
 
 
-def compare_rows(rows: Sequence[Row], a: str, b: str, alike: bool = True) -> Fields:
+def compare_rows(rows: Sequence[Fields], a: str, b: str, alike: bool = True) -> Fields:
     """Return the comparison of two agents from the trials of both.
 
     Args:
@@ -102,8 +101,8 @@ def compare_rows(rows: Sequence[Row], a: str, b: str, alike: bool = True) -> Fie
     }
 
 
-def _by_scene(rows: Sequence[Row], alike: bool) -> dict[tuple[object, ...], Row]:
-    found: dict[tuple[object, ...], Row] = {}
+def _by_scene(rows: Sequence[Fields], alike: bool) -> dict[tuple[object, ...], Fields]:
+    found: dict[tuple[object, ...], Fields] = {}
     for row in rows:
         key = (*_scene(row), _world(row) if alike else "")
         if found.setdefault(key, row)["success"] != row["success"]:
@@ -114,7 +113,7 @@ def _by_scene(rows: Sequence[Row], alike: bool) -> dict[tuple[object, ...], Row]
     return found
 
 
-def _world(row: Row) -> str:
+def _world(row: Fields) -> str:
     """Return the settings of a scene: friction, robot, disturbance, but not the files that meshes lie in."""
     own = {key: value for key, value in (row.get("env") or {}).items() if key not in (*AGENT_KEYS, "objects")}
     return json.dumps(own, sort_keys=True)
@@ -124,11 +123,11 @@ def _each(groups: Mapping[Any, Pairs]) -> dict[Any, Fields]:
     return {name: _statistics(pairs) for name, pairs in groups.items()}
 
 
-def _scene(row: Row) -> tuple[object, ...]:
+def _scene(row: Fields) -> tuple[object, ...]:
     return tuple(map(row.get, _SCENE))
 
 
-def _trial(row: Row) -> tuple[object, ...]:
+def _trial(row: Fields) -> tuple[object, ...]:
     """What makes two trials of an agent the same: the scene and, under any protocol, every number that came of it."""
     played = tuple(map(row.get, _PLAYED))
     # Who did not move played alike, whatever the protocol changed.
@@ -148,14 +147,14 @@ def _statistics(pairs: Pairs) -> Fields:
     }
 
 
-def _discordant(x: Row, y: Row) -> Fields:
+def _discordant(x: Fields, y: Fields) -> Fields:
     """One scene that one alone solved, and why the other did not."""
     solved, failed = (x, y) if x["success"] else (y, x)
     scene = {key: failed[key] for key in _SCENE}
     return scene | {"solved_by": solved["agent"], "reason_of_the_other": failed["reason"]}
 
 
-def render_comparison(content: Mapping[str, Any]) -> str:
+def render_comparison(content: Fields) -> str:
     """Return the comparison as tables for a terminal."""
     a, b = content["a"], content["b"]
     groups = [("all", content)]
@@ -181,13 +180,13 @@ def render_comparison(content: Mapping[str, Any]) -> str:
     return "\n\n".join(parts)
 
 
-def difference_words(cell: Mapping[str, Any]) -> tuple[str, str]:
+def difference_words(cell: Fields) -> tuple[str, str]:
     """Return a difference and its interval, points of a hundred, as people read them."""
     low, high = cell["ci95"]
     return f"{100 * cell['difference']:+.1f}", f"[{100 * low:+.0f}, {100 * high:+.0f}]"
 
 
-def test_words(cell: Mapping[str, Any]) -> str:
+def test_words(cell: Fields) -> str:
     """Return the test of a comparison, as people read it."""
     if cell["trials"] == cell["scenes"]:
         return f"Exact McNemar test, two-sided: p = {cell['p_value']:.3g}"
@@ -195,7 +194,7 @@ def test_words(cell: Mapping[str, Any]) -> str:
     return f"Exact sign test by scene, two-sided ({split}): p = {cell['p_value']:.3g}"
 
 
-def _sentence(content: Mapping[str, Any]) -> str:
+def _sentence(content: Fields) -> str:
     a, b, (low, high) = content["a"], content["b"], content["ci95_objects"]
     if not content["scenes"]:
         return f"{a} and {b} have no scene in common."

@@ -1,15 +1,16 @@
 """Trials of several evaluations by agent: those that differ in their seed alone are one sample."""
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from dexgrasp.evaluation.protocol_counts import judged
 from dexgrasp.evaluation.store import read_rows, read_run
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
-Rows = dict[str, list[Mapping[str, Any]]]
+Rows = dict[str, list[Fields]]
 """Agent, as a report calls it -> its trials."""
 
 _OWN = ("agents", "seed")  # what evaluations of one sample may differ in
@@ -44,7 +45,7 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
     return found
 
 
-def _legible(row: Mapping[str, Any]) -> Mapping[str, Any]:
+def _legible(row: Fields) -> Fields:
     """Make names text that can be drawn: those of files need not be."""
     names = {
         key: row[key].encode(errors="replace").decode() for key in _NAMES if isinstance(row.get(key), str)

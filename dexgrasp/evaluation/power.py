@@ -1,8 +1,7 @@
 """How many trials it takes to see a difference, before they are run."""
 
 from bisect import bisect_left
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
 
 import numpy as np
 from scipy.special import ndtri
@@ -93,7 +92,7 @@ def power_figures(difference: float, rate: float, agents: int, objects: int) -> 
     }
 
 
-def power_sentences(figures: Mapping[str, Any]) -> list[str]:
+def power_sentences(figures: Fields) -> list[str]:
     """Return the figures in words."""
     other, objects = figures["rate"] - figures["difference"], figures["objects"]
     return [

@@ -1,12 +1,12 @@
 """Certificates as predictions: do grasps with more to spare succeed more often?"""
 
-from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 from scipy.stats import rankdata
 
-from dexgrasp_env.arrays import Array, Mask
+from dexgrasp_env.arrays import Array, Fields, Mask
 
 PREDICTORS = {
     "load": "load, in weights",
@@ -46,7 +46,7 @@ class Prediction(NamedTuple):
     bins: tuple[Bin, ...]
 
 
-def predictions(rows: Sequence[Mapping[str, Any]]) -> dict[str, Prediction]:
+def predictions(rows: Sequence[Fields]) -> dict[str, Prediction]:
     """Return what each predictor says of trials with certificates; {} where all went well, or all failed."""
     found = {}
     for name in PREDICTORS:
@@ -60,7 +60,7 @@ def predictions(rows: Sequence[Mapping[str, Any]]) -> dict[str, Prediction]:
     return found
 
 
-def _field(row: Mapping[str, Any], name: str) -> float | None:
+def _field(row: Fields, name: str) -> float | None:
     chances = row["details"].get("holds_probability") or {}
     value = chances[name]["value"] if name in chances else (row["details"].get("certificate") or {}).get(name)
     return float(value) if isinstance(value, int | float) and np.isfinite(value) else None

@@ -1,9 +1,7 @@
 """Protocols: what every agent is scored on, and the seeds that give all of them the same scenes."""
 
 import hashlib
-from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 import yaml
@@ -31,7 +29,7 @@ class Protocol:
 
     name: str
     description: str
-    scene: Mapping[str, Any] = field(default_factory=dict)
+    scene: Fields = field(default_factory=dict)
     env_id: str = "DexGrasp/Lift-v2"
 
     @property

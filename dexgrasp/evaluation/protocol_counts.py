@@ -7,12 +7,11 @@ from dexgrasp.evaluation.protocol import GROUPS
 from dexgrasp.evaluation.statistics import scattered_interval
 from dexgrasp_env.arrays import Fields
 
-Row = Mapping[str, Any]
 _WEAKER, _STRONGER = "pushed@0.5", "pushed@1"
 NOT_HELD_BEFORE = "failed_pushed@0.5"
 
 
-def judged(rows: Sequence[Row]) -> list[Row]:
+def judged(rows: Sequence[Fields]) -> list[Fields]:
     """Return the trials with `pushed@1` a failure where the same scene was one under `pushed@0.5`."""
     lost = {_scene(row) for row in rows if row["protocol"] == _WEAKER and not row["success"]}
     return [
@@ -23,16 +22,16 @@ def judged(rows: Sequence[Row]) -> list[Row]:
     ]
 
 
-def _scene(row: Row) -> tuple[Any, ...]:
+def _scene(row: Fields) -> tuple[Any, ...]:
     return row["agent"], row["object"], row["trial"]
 
 
-def scene_of(row: Row) -> tuple[Any, ...]:
+def scene_of(row: Fields) -> tuple[Any, ...]:
     """Return what a trial shares with those of the same scene under other conditions."""
     return row["object"], row["trial"], row.get("scene_seed")
 
 
-def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, Fields]:
+def protocol_counts(rows: Mapping[str, Sequence[Fields]]) -> dict[str, Fields]:
     """Return trials, successes, rate and 95 % interval of each protocol, and of those made of them that are whole."""
     weights = {name: {name: 1.0} for name in rows}
     for group, names in GROUPS.items():
@@ -45,7 +44,7 @@ def protocol_counts(rows: Mapping[str, Sequence[Row]]) -> dict[str, Fields]:
     }
 
 
-def pooled(parts: Sequence[Sequence[Row]], weights: Sequence[float] = (1.0,)) -> Fields:
+def pooled(parts: Sequence[Sequence[Fields]], weights: Sequence[float] = (1.0,)) -> Fields:
     """Return trials, successes and 95 % interval of parts, which may meet the same scenes, and their mean rate."""
     total, wins, rate = 0, 0, 0.0
     scatter: dict[Any, float] = {}

@@ -1,10 +1,9 @@
 """Trials made again from what their lines say: to watch them, and to see that they come out the same."""
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.rows import Key, row_key, trial_name
@@ -14,9 +13,9 @@ from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
 from dexgrasp.runs.pool import Backend, run_pool
 from dexgrasp.runs.progress import Show, warn
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
-Row = Mapping[str, Any]
 _COMPARED = ("success", "stable", "reason", "stage", "steps", "height", "slip", "tilt")
 
 
@@ -33,9 +32,9 @@ class Replay:
         video: file, or None.
     """
 
-    row: Row
-    again: Row
-    grasp: Row | None
+    row: Fields
+    again: Fields
+    grasp: Fields | None
     changed: tuple[str, ...]
     stale: tuple[str, ...]
     video: Path | None
@@ -82,7 +81,7 @@ def replay(
 
 
 def record(
-    runner: TrialRunner, rows: Sequence[Row], folder: Path, film: Film, backend: Backend, show: Show
+    runner: TrialRunner, rows: Sequence[Fields], folder: Path, film: Film, backend: Backend, show: Show
 ) -> None:
     """Make trials again and record them, but for those whose videos are there; `show` is told how many are."""
     left = {row_key(row): row for row in rows if not video_path(folder, row).is_file()}
@@ -99,17 +98,17 @@ def record(
         show(done, len(specs))
 
 
-def video_path(folder: Path, row: Row) -> Path:
+def video_path(folder: Path, row: Fields) -> Path:
     """Return where the video of a trial is, if there is one."""
     return folder / "videos" / f"{trial_name(row)}.mp4"
 
 
-def changes(row: Row, again: Row) -> tuple[str, ...]:
+def changes(row: Fields, again: Fields) -> tuple[str, ...]:
     """Return what came out otherwise, to the last bit."""
     return tuple(key for key in _COMPARED if key in row and row[key] != again[key])
 
 
-def _find(rows: Sequence[Row], agent: str, target: str, trial: int, protocol: str | None) -> Row:
+def _find(rows: Sequence[Fields], agent: str, target: str, trial: int, protocol: str | None) -> Fields:
     wanted = {"agent": agent, "object": target, "trial": trial}
     found = rows
     for key, value in wanted.items():
@@ -124,7 +123,7 @@ def _find(rows: Sequence[Row], agent: str, target: str, trial: int, protocol: st
     return found[0]
 
 
-def _specs(rows: Sequence[Row], settings: EvaluationSettings) -> dict[Key, TrialSpec]:
+def _specs(rows: Sequence[Fields], settings: EvaluationSettings) -> dict[Key, TrialSpec]:
     """Return what the trials of lines are of, with the seeds that these hold."""
     planned = {spec.key: spec for spec in plan_trials(settings)}
     found = {}

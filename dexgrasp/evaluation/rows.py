@@ -2,7 +2,7 @@
 
 import hashlib
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Annotated, Any
 
@@ -113,17 +113,17 @@ def row_fault(row: object) -> str | None:
     return None
 
 
-def fell_short(row: Mapping[str, Any]) -> bool:
+def fell_short(row: Fields) -> bool:
     """Whether a trial failed, or lifted the object and moved what stood around it."""
     return not row["success"] or row.get("clean") is False
 
 
-def row_key(row: Mapping[str, Any]) -> Key:
+def row_key(row: Fields) -> Key:
     """Return what tells a trial from the others of its evaluation."""
     return row["protocol"], row["agent"], row["object"], row["trial"]
 
 
-def trial_name(row: Mapping[str, Any]) -> str:
+def trial_name(row: Fields) -> str:
     """Return the stem of the files of a trial: its protocol, agent, object and number, as any file system takes it."""
     whole = "-".join(map(str, row_key(row)))
     plain = re.sub(r"[^\w.@+-]", ".", whole)

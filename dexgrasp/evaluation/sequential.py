@@ -12,12 +12,13 @@ and safe anytime-valid inference"). No correction for looks is needed; the price
 later than the exact McNemar test would at the one right moment.
 """
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from itertools import combinations
-from typing import Any
 
 import numpy as np
 from scipy.special import betaln
+
+from dexgrasp_env.arrays import Fields
 
 Key = tuple[str, str, int]
 """Agent, object, trial."""
@@ -37,7 +38,7 @@ def is_decided(only_a: int, only_b: int, level: float = 0.05) -> bool:
 
 
 def decided_after(
-    planned: Iterable[Key], rows: Sequence[Mapping[str, Any]], agents: Sequence[str], level: float = 0.05
+    planned: Iterable[Key], rows: Sequence[Fields], agents: Sequence[str], level: float = 0.05
 ) -> int | None:
     """Return after how many trials of each agent on each object every pair of agents is decided; None if it is not.
 

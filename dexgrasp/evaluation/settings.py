@@ -1,7 +1,7 @@
 """What an evaluation is of: agents, objects, trials, seed and scene; a changed setting is another evaluation."""
 
 import hashlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -94,7 +94,7 @@ class EvaluationSettings:
         return read(cls, {"agents": agents, "objects": objects, **rest})
 
     @classmethod
-    def of_run(cls, run: Mapping[str, Any]) -> "EvaluationSettings":
+    def of_run(cls, run: Fields) -> "EvaluationSettings":
         """Return the settings that a run.json says.
 
         Raises:

@@ -4,9 +4,8 @@
 `summary.json` what comes out.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.evaluation.rows import Key, fell_short, row_fault, row_key, trial_name
 from dexgrasp.runs.folder import RunFolder
@@ -21,7 +20,7 @@ _RUN, _TRIALS = "run.json", "trials.jsonl"
 class TrialStore:
     """Finished trials of one evaluation; a second process on the same folder is refused."""
 
-    def __init__(self, folder: Path, identity: Mapping[str, Any]) -> None:
+    def __init__(self, folder: Path, identity: Fields) -> None:
         """Open or make the folder.
 
         Raises:
@@ -42,7 +41,7 @@ class TrialStore:
         """The trials that are there."""
         return {row_key(row) for row in self.rows}
 
-    def append(self, row: Fields, grasp: Mapping[str, Any] | None = None) -> None:
+    def append(self, row: Fields, grasp: Fields | None = None) -> None:
         """Add a finished trial and its grasp; both are in their files when this returns."""
         if grasp is not None:
             row["grasp"] = f"grasps/{trial_name(row)}.json"
@@ -56,7 +55,7 @@ class TrialStore:
         self._lock.close()
 
 
-def check_folder(folder: Path, identity: Mapping[str, Any]) -> None:
+def check_folder(folder: Path, identity: Fields) -> None:
     """Refuse a folder that holds another evaluation, without touching it: before anything that takes time.
 
     Raises:

@@ -1,7 +1,7 @@
 """The summary of an evaluation, as documented in docs: schema 1."""
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from itertools import combinations
 from typing import Any
 
@@ -18,7 +18,6 @@ from dexgrasp.evaluation.statistics import (
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import CATALOGUE, OBJECT_SETS
 
-Row = Mapping[str, Any]
 SCHEMA = 1
 _TRIES = (1, 2, 3)  # success within so many tries, each a fresh scene and a fresh plan
 TEST_SETS = ("seen", "familiar", "novel")
@@ -30,7 +29,7 @@ _QUARTILES = {"median": 0.5, "p25": 0.25, "p75": 0.75}
 
 def summarise(
     settings: EvaluationSettings,
-    rows: Sequence[Row],
+    rows: Sequence[Fields],
     *,
     stopped_after: int | None = None,
     stop_level: float | None = None,
@@ -64,7 +63,7 @@ def summarise(
     }
 
 
-def _paired(a: Sequence[Row], b: Sequence[Row]) -> Iterator[tuple[Any, bool, bool]]:
+def _paired(a: Sequence[Fields], b: Sequence[Fields]) -> Iterator[tuple[Any, bool, bool]]:
     """Yield scenes with the successes of two agents, of the conditions that both met, in MuJoCo's physics."""
     others = {(row["protocol"], *scene_of(row)): row["success"] for row in b}
     for row in a:
@@ -73,7 +72,7 @@ def _paired(a: Sequence[Row], b: Sequence[Row]) -> Iterator[tuple[Any, bool, boo
             yield scene_of(row), row["success"], others[condition]
 
 
-def summarise_agent(rows: Sequence[Row]) -> Fields:
+def summarise_agent(rows: Sequence[Fields]) -> Fields:
     """Return one agent's part of the summary; trials in other physics than MuJoCo's are in `by_protocol` alone."""
     by_protocol = grouped(rows, "protocol")
     rows = [row for row in rows if row["protocol"] != OTHER_PHYSICS] or rows
@@ -107,15 +106,15 @@ def _mean_chance(conditions: Sequence[Counts], tries: int) -> float | None:
     return sum(known) / len(known) if known and len(known) == len(chances) else None
 
 
-def grouped(rows: Sequence[Row], key: str) -> dict[Any, list[Row]]:
+def grouped(rows: Sequence[Fields], key: str) -> dict[Any, list[Fields]]:
     """Return value of `key` -> the trials that have it, in the order in which they come; None for those without."""
-    found: dict[Any, list[Row]] = {}
+    found: dict[Any, list[Fields]] = {}
     for row in rows:
         found.setdefault(row.get(key), []).append(row)
     return found
 
 
-def _neighbours(rows: Sequence[Row]) -> Fields:
+def _neighbours(rows: Sequence[Fields]) -> Fields:
     """Return how many trials were clean lifts and in how many a neighbour was hit; {} where there were none."""
     among = [row for row in rows if row.get("clean") is not None]
     if not among:
@@ -132,28 +131,28 @@ def _neighbours(rows: Sequence[Row]) -> Fields:
     }
 
 
-def _known(contents: Sequence[Mapping[str, Any]], key: str) -> list[float]:
+def _known(contents: Sequence[Fields], key: str) -> list[float]:
     return [content[key] for content in contents if content.get(key) is not None]
 
 
-def _mean(rows: Sequence[Row], key: str) -> float | None:
+def _mean(rows: Sequence[Fields], key: str) -> float | None:
     values = _known(rows, key)
     return float(sum(values)) / len(values) if values else None
 
 
-def object_counts(rows: Sequence[Row]) -> Counts:
+def object_counts(rows: Sequence[Fields]) -> Counts:
     """Return object -> (successes, trials)."""
     return {
         name: (sum(row["success"] for row in own), len(own)) for name, own in grouped(rows, "object").items()
     }
 
 
-def count(rows: Sequence[Row]) -> Fields:
+def count(rows: Sequence[Fields]) -> Fields:
     """Return trials, successes, rate and its 95 % intervals: of these objects, and of objects like these."""
     return {**pooled([rows]), "ci95_objects": list(object_interval(object_counts(rows)))}
 
 
-def bare_count(rows: Sequence[Row]) -> dict[str, int]:
+def bare_count(rows: Sequence[Fields]) -> dict[str, int]:
     """Return trials and successes."""
     return {"trials": len(rows), "successes": sum(row["success"] for row in rows)}
 
@@ -170,7 +169,7 @@ def present_sets(objects: Sequence[str]) -> dict[str, list[str]]:
     return {name: members for name, members in sets.items() if members}
 
 
-def _constraints(rows: Sequence[Row]) -> Fields:
+def _constraints(rows: Sequence[Fields]) -> Fields:
     """Return what the grasps' certificates say (Tables 4 and 5); {} without certificates."""
     certificates = [own for row in rows if (own := row["details"].get("certificate"))]
     if not certificates:
@@ -193,7 +192,7 @@ def _constraints(rows: Sequence[Row]) -> Fields:
     }
 
 
-def _stages(rows: Sequence[Row]) -> Fields:
+def _stages(rows: Sequence[Fields]) -> Fields:
     """Return times and repeats of the stages (Table 6): quartiles of what the agent reports."""
     found = {}
     for key in ("stage_seconds", "stage_repeats"):

@@ -2,7 +2,6 @@
 
 import time
 import traceback
-from collections.abc import Mapping
 from typing import Any, Protocol
 
 import gymnasium as gym
@@ -139,7 +138,7 @@ def _numbers(action: Any) -> Any:
         raise InputError(f"action is a {type(action).__name__} that is no array of numbers") from None
 
 
-def _note(outcome: Outcome, info: Mapping[str, Any]) -> None:
+def _note(outcome: Outcome, info: Fields) -> None:
     outcome.success, outcome.stable = bool(info["is_success"]), bool(info["is_stable"])
     outcome.stage = info["stage"]
     undone = NOT_HELD.get(outcome.stage, outcome.stage)
@@ -153,7 +152,7 @@ def _note(outcome: Outcome, info: Mapping[str, Any]) -> None:
     _note_neighbours(outcome, info)
 
 
-def _note_neighbours(outcome: Outcome, info: Mapping[str, Any]) -> None:
+def _note_neighbours(outcome: Outcome, info: Fields) -> None:
     if "is_clean" in info:
         outcome.clean, outcome.moved, outcome.hit = (
             jsonable(info[key]) for key in ("is_clean", "neighbours_moved", "neighbours_hit")

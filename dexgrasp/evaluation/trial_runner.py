@@ -1,6 +1,5 @@
 """A place to run trials at: makes agents and environments once and uses them again."""
 
-from collections.abc import Mapping
 from contextlib import nullcontext
 from dataclasses import asdict
 from typing import Any
@@ -73,7 +72,7 @@ class TrialRunner:
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
-        chosen: Mapping[str, Any] = agent_settings(spec.agent, self.agent(spec))
+        chosen: Fields = agent_settings(spec.agent, self.agent(spec))
         scene = self.settings.scene(spec.protocol)
         return {"id": get_protocol(spec.protocol).env_id, "objects": [spec.target], **scene, **chosen}
 

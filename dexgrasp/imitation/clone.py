@@ -1,8 +1,5 @@
 """A policy cloned from the state at work, in numpy: looks, predicts a chunk of set-points, carries out a part of it."""
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from dexgrasp.agent import Observation
@@ -12,7 +9,7 @@ from dexgrasp.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.runs.arrays import relu
 from dexgrasp.runs.policy_folder import Weights
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
@@ -24,7 +21,7 @@ class Clone(Policy):
 
     kind = "clone"
 
-    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
+    def _read(self, about: Fields, arrays: Weights) -> bool:
         self.chunk, self.execute = int(about["chunk"]), int(about["execute"])
         if not 1 <= self.execute <= self.chunk:
             raise InputError(f"the policy executes {self.execute} of {self.chunk} steps: valid are 1 to all")

@@ -4,8 +4,7 @@ The network weighs grips all around the object and says of each how the hand wou
 by inverse kinematics; approach, closing until contact and lift are those of every grasp here, felt through the joints.
 """
 
-from collections.abc import Iterator, Mapping
-from typing import Any
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -26,7 +25,7 @@ from dexgrasp.motion.script import make_script
 from dexgrasp.runs.arrays import relu
 from dexgrasp.runs.policy_folder import Weights
 from dexgrasp.shape.hull import standing_hull
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 
@@ -40,7 +39,7 @@ class Grasper(Policy):
 
     kind = "grasper"
 
-    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
+    def _read(self, about: Fields, arrays: Weights) -> bool:
         self._modes = int(about["modes"])
         self._scaling = Scaling(arrays["mean"], arrays["scale"])
         self._rows = Scaling(arrays["row_mean"], arrays["row_scale"])

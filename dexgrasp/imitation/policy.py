@@ -1,7 +1,7 @@
 """A learned policy at work, in numpy: what its folder says of it, and the perceptrons it is made of."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple, Protocol
 
 import numpy as np
@@ -9,7 +9,7 @@ import numpy as np
 from dexgrasp.agent import Observation
 from dexgrasp.runs.arrays import through
 from dexgrasp.runs.policy_folder import Weights
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell, default_cell
 
@@ -35,7 +35,7 @@ class Policy(ABC):
 
     kind: ClassVar[str]
 
-    def __init__(self, about: Mapping[str, Any], arrays: Weights) -> None:
+    def __init__(self, about: Fields, arrays: Weights) -> None:
         """Take what `read_policy` returns.
 
         Raises:
@@ -64,7 +64,7 @@ class Policy(ABC):
             )
 
     @abstractmethod
-    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
+    def _read(self, about: Fields, arrays: Weights) -> bool:
         """Take what there is; return whether it fits together."""
 
     @abstractmethod

@@ -1,6 +1,5 @@
 """A policy of reinforcement at work, in numpy: alone, or correcting a clone."""
 
-from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -12,7 +11,7 @@ from dexgrasp.imitation.policy import Mlp, Policy, Scaling
 from dexgrasp.reinforcement.grasp_space import FARTHEST, SIZE, GraspSpace
 from dexgrasp.runs.arrays import below, relu
 from dexgrasp.runs.policy_folder import Weights
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.robot.cell import Cell
 
 
@@ -52,7 +51,7 @@ class Actor(Policy):
 
     kind = "actor"
 
-    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
+    def _read(self, about: Fields, arrays: Weights) -> bool:
         scaling, self._squashed = Scaling(arrays["mean"], arrays["scale"]), bool(about["squashed"])
         clone = Clone(about["base"], below(arrays, "base.")) if about.get("base") else None
         hold, grasps, chunk = int(about.get("hold", 1)), bool(about.get("grasps")), int(about.get("chunk", 1))

@@ -5,9 +5,6 @@ hand takes hold, and in which posture: a few numbers an episode, which a thousan
 set-points of the clone, which goes on as if they were not there.
 """
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 
 from dexgrasp.agent import Observation
@@ -22,7 +19,7 @@ from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.reinforcement.grasp_space import bends
 from dexgrasp.runs.arrays import below
 from dexgrasp.runs.policy_folder import Weights
-from dexgrasp_env.arrays import Array, Single
+from dexgrasp_env.arrays import Array, Fields, Single
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.tasks.control import max_step
@@ -48,7 +45,7 @@ class Grip(Policy):
 
     kind = "grip"
 
-    def _read(self, about: Mapping[str, Any], arrays: Weights) -> bool:
+    def _read(self, about: Fields, arrays: Weights) -> bool:
         base = below(arrays, "base.")
         self.clone, self._actor = Clone(about["base"], base), Mlp(arrays, "actor", np.tanh)
         sized = self._actor.inputs == len(self.clone.scaling.mean) and self._actor.outputs == SIZE

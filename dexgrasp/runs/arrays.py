@@ -38,7 +38,7 @@ def read_arrays(path: Path) -> tuple[Arrays, Fields]:
         raise InputError(f"{path} is cut off or damaged, or no file of dexgrasp's") from None
 
 
-def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], note: Mapping[str, Any]) -> None:
+def write_arrays(path: Path, arrays: Mapping[str, NDArray[Any]], note: Fields) -> None:
     """Write arrays, and a note as JSON holds it."""
     from safetensors.numpy import save
 

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 from dexgrasp.runs.arrays import below, read_arrays, write_arrays
 from dexgrasp_env.arrays import Fields
@@ -18,14 +17,14 @@ Parts = Mapping[str, Part]
 """What learns: networks, optimisers, single tensors."""
 
 
-def write_state(path: Path, parts: Parts, note: Mapping[str, Any]) -> None:
+def write_state(path: Path, parts: Parts, note: Fields) -> None:
     """Write parts, and a note as JSON holds it."""
     write_tensors(
         path, {f"{name}/{key}": t for name, part in parts.items() for key, t in _tensors(part).items()}, note
     )
 
 
-def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], note: Mapping[str, Any]) -> None:
+def write_tensors(path: Path, tensors: Mapping[str, torch.Tensor], note: Fields) -> None:
     """Write tensors, and a note as JSON holds it."""
     write_arrays(path, {name: tensor.detach().cpu().numpy() for name, tensor in tensors.items()}, note)
 

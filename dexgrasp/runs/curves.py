@@ -4,7 +4,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-Row = Mapping[str, Any]
+from dexgrasp_env.arrays import Fields
+
 _PANELS = {
     "loss": ("loss", "test_loss", "total"),
     "fingertip reconstruction, cm": ("fingertip_cm",),
@@ -15,7 +16,7 @@ _PANELS = {
 _LOGARITHMIC = ("loss", "fingertip reconstruction, cm")
 
 
-def numbers(row: Row) -> Iterator[tuple[str, str, float]]:
+def numbers(row: Fields) -> Iterator[tuple[str, str, float]]:
     """Yield the numbers of a row as name, split and value; those that are of no split have the split ""."""
     for key, value in row.items():
         for name, number in value.items() if isinstance(value, Mapping) else [("", value)]:
@@ -23,7 +24,7 @@ def numbers(row: Row) -> Iterator[tuple[str, str, float]]:
                 yield (name, key, number) if name else (key, "", number)
 
 
-def draw_curves(curve: Sequence[Row], path: Path, best: int = 0) -> None:
+def draw_curves(curve: Sequence[Fields], path: Path, best: int = 0) -> None:
     """Draw what there is of losses, errors, returns and successes.
 
     Args:
@@ -62,7 +63,7 @@ class Board:
         self._folder = folder
         self._writer: Any = None
 
-    def add(self, row: Row, step: int) -> None:
+    def add(self, row: Fields, step: int) -> None:
         """Write the numbers of a row, those of splits as name/split."""
         self._writer = self._writer or _writer(self._folder)
         if self._writer is not None:

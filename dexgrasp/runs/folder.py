@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import IO, Any
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import lock, read_json_object, write_json
 
@@ -28,7 +29,7 @@ class RunFolder:
     kind: str
     pieces: str = "*"
 
-    def check(self, identity: Mapping[str, Any]) -> None:
+    def check(self, identity: Fields) -> None:
         """Refuse a folder that cannot be `identity`'s, without touching it: before anything that takes time.
 
         Args:
@@ -51,7 +52,7 @@ class RunFolder:
                 f"{self.path} is not empty and holds no {self.kind} (no {self.about}): choose another --out"
             )
 
-    def claim(self, identity: Mapping[str, Any], **beside: Any) -> IO[bytes]:
+    def claim(self, identity: Fields, **beside: Any) -> IO[bytes]:
         """Make the folder, lock it, and check or write what it is of.
 
         Args:

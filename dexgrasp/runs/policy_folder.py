@@ -1,13 +1,12 @@
 """A learned policy on disk: a folder of `policy.json` and `policy.safetensors`, nothing that runs when it is read."""
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from dexgrasp.runs.arrays import read_arrays, write_arrays
-from dexgrasp_env.arrays import Single
+from dexgrasp_env.arrays import Fields, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand, read_json_object, write_json
 
@@ -27,7 +26,7 @@ def policy_files(name: str) -> list[Path]:
     return [expand(name) / ABOUT, expand(name) / WEIGHTS]
 
 
-def write_policy(folder: Path, about: Mapping[str, Any], arrays: Weights) -> None:
+def write_policy(folder: Path, about: Fields, arrays: Weights) -> None:
     """Write a policy; weights first, so that what is there is whole."""
     single = {name: np.asarray(array, dtype=np.float32) for name, array in arrays.items()}
     write_arrays(folder / WEIGHTS, single, {"schema": SCHEMA})

@@ -3,11 +3,11 @@
 import time
 import zlib
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -102,7 +102,7 @@ def score_grasp(
     return grasp, Scored(rows, {**about, **contact_metrics(candidate)})
 
 
-def _summary(rows: Sequence[Mapping[str, Any]]) -> Fields:
+def _summary(rows: Sequence[Fields]) -> Fields:
     """Return counts, rate, intervals, the mean score and the reasons of one protocol."""
     return {
         **count([{**row, "trial": number} for number, row in enumerate(rows)]),  # each grasp for itself

@@ -1,6 +1,6 @@
 """Clips of failures in the page: what `evaluate --video failures` recorded."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import accumulate
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -9,6 +9,7 @@ from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.replay import video_path
 from dexgrasp.evaluation.rows import fell_short
 from dexgrasp.evaluation.store import read_rows
+from dexgrasp_env.arrays import Fields
 
 _MOST = 24
 _LARGEST = 12_000_000
@@ -36,11 +37,11 @@ def clips(folders: Sequence[Path]) -> Clips:
     return Clips(f"{len(shown)} of {len(failed)} failures.{more}", shown)
 
 
-def _rank(row: Mapping[str, Any]) -> tuple[Any, ...]:
+def _rank(row: Fields) -> tuple[Any, ...]:
     return row["trial"], row["agent"] != "bilevel", row["protocol"], row["object"]
 
 
-def _caption(row: Mapping[str, Any]) -> str:
+def _caption(row: Fields) -> str:
     why = sentence(row["reason"]) if row["reason"] else "lifted"
     hit = f"; hit {', '.join(row['hit_names'])}" if row.get("hit_names") else ""
     moved = f"; moved a neighbour by {100 * row['moved']:.0f} cm" if row.get("clean") is False else ""

@@ -1,17 +1,17 @@
 """Tables 4-6: constraints that grasps satisfy, and what planning takes, the paper's figures beside ours."""
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
 
 from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.report.tables import Table
 from dexgrasp.runs.text import seconds_words
+from dexgrasp_env.arrays import Fields
 
 PLANNER = "bilevel"
 """The agent whose times stand beside Table 6, which is of the paper's planner alone."""
 
 
-def constraint_tables(name: str, agent: Mapping[str, Any]) -> list[tuple[str, Table]]:
+def constraint_tables(name: str, agent: Fields) -> list[tuple[str, Table]]:
     """Return titles and tables of one agent's constraints and times; none where the data are not there."""
     constraints = agent["constraints"]
     groups = {**constraints.get("by_set", {}), "overall": constraints} if constraints else {}
@@ -27,7 +27,7 @@ def constraint_tables(name: str, agent: Mapping[str, Any]) -> list[tuple[str, Ta
     return tables
 
 
-def _distances(groups: Mapping[str, Any]) -> Table:
+def _distances(groups: Fields) -> Table:
     keys = ("median", "min", "max", "max_violation")
     rows = []
     for group, content in groups.items():
@@ -37,7 +37,7 @@ def _distances(groups: Mapping[str, Any]) -> Table:
     return Table(("set", "median", "min.", "max.", "max. violation", "paper"), rows)
 
 
-def _ratios(groups: Mapping[str, Any]) -> Table:
+def _ratios(groups: Fields) -> Table:
     rows = []
     for group, content in groups.items():
         printed = paper.RATIOS.get(group, {})
@@ -50,7 +50,7 @@ def _ratios(groups: Mapping[str, Any]) -> Table:
 
 def _times(
     total: Mapping[str, float],
-    stages: Mapping[str, Any],
+    stages: Fields,
     printed: Mapping[str, Mapping[str, Sequence[float]]],
 ) -> Table:
     whole = printed.get("overall", {}).get("total")

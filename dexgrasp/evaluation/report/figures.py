@@ -9,6 +9,7 @@ from dexgrasp.evaluation.report.constraint_tables import PLANNER
 from dexgrasp.evaluation.report.plots import SUCCESS, Figure, Points
 from dexgrasp.evaluation.report.tables import Agents
 from dexgrasp.evaluation.statistics import wilson_interval
+from dexgrasp_env.arrays import Fields
 
 CURVES: dict[str, tuple[str, dict[float, str]]] = {
     "friction": ("friction coefficient", {0.35: "slippery@0.35", 0.5: "slippery@0.5", 0.7: "lift"}),
@@ -86,7 +87,7 @@ def planning_times(agents: Agents) -> list[Figure]:
     return [Figure("planning_times", caption, label, shown, printed, rows, log=True)] if shown else []
 
 
-def _rates(cells: Mapping[Any, Mapping[str, Any]], keys: Iterable[Any]) -> Points:
+def _rates(cells: Mapping[Any, Fields], keys: Iterable[Any]) -> Points:
     """Return success rates with the ends of Wilson's interval, percent, of those cells that were tried."""
     counts = {key: (cells[key]["successes"], cells[key]["trials"]) for key in keys if key in cells}
     return {

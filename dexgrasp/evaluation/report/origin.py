@@ -1,6 +1,6 @@
 """Where figures come from: settings, versions, and the commands that make them again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Any
@@ -73,7 +73,7 @@ def commands(folder: Path) -> list[str]:
     return [" ".join([*map(str, words), "--out", str(folder)]), f"dexgrasp report {folder}"]
 
 
-def replay_commands(folder: Path, rows: Sequence[Mapping[str, Any]]) -> list[str]:
+def replay_commands(folder: Path, rows: Sequence[Fields]) -> list[str]:
     """Return the commands that show the first failures of an evaluation again."""
     return [
         f"dexgrasp replay {folder} --agent {row['agent']} --object {row['object']} --trial {row['trial']} --video"

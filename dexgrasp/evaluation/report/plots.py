@@ -6,6 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from dexgrasp_env.arrays import Fields
+
 Points = Mapping[Any, Sequence[float]]
 """Row's name, or value along the axis -> middle, low and high."""
 
@@ -63,7 +65,7 @@ class Figure(NamedTuple):
             axes.set_ylim(len(self.rows) - 0.45, -0.55)
         return _finished(figure, axes, kind)
 
-    def _add(self, axes: Any, k: int, label: str, points: Points, style: Mapping[str, Any]) -> None:
+    def _add(self, axes: Any, k: int, label: str, points: Points, style: Fields) -> None:
         offset = (k - 0.5 * (len(self.agents) - 1)) * _BESIDE / len(self.agents)
         places = {name: y + offset for y, name in enumerate(self.rows)}
         at = [places.get(key, key) for key in points]

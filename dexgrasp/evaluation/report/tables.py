@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from itertools import combinations
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from dexgrasp.evaluation.comparison import compare_rows, difference_words, test_words
 from dexgrasp.evaluation.pooling import Rows
@@ -11,9 +11,10 @@ from dexgrasp.evaluation.reasons import sentence
 from dexgrasp.evaluation.report import paper
 from dexgrasp.evaluation.summary import bare_count, grouped
 from dexgrasp.runs.text import seconds_words, text_table
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 
-Agents = Mapping[str, Mapping[str, Any]]
+Agents = Mapping[str, Fields]
 """Agent -> its part of the summary."""
 
 SETS = ("seen", "familiar", "novel", "ycb6", "meshes")
@@ -28,7 +29,7 @@ class Table(NamedTuple):
     rows: Sequence[Sequence[str]]
 
 
-def render_summary(summary: Mapping[str, Any]) -> str:
+def render_summary(summary: Fields) -> str:
     """Return the tables of one evaluation for a terminal."""
     agents = summary["agents"]
     parts = [text_table(*set_table(agents)), text_table(*object_table(agents))]
@@ -175,7 +176,7 @@ def prediction_table(found: Mapping[str, Mapping[str, Prediction]]) -> Table:
     return Table(("agent", "value", "trials", "area, 95 %"), rows)
 
 
-def rate_words(cell: Mapping[str, Any] | None) -> str:
+def rate_words(cell: Fields | None) -> str:
     """Return a success rate with its interval as people read it; "-" where nothing was tried."""
     return f"{100 * cell['rate']:.1f} % {_interval(cell['ci95'])}" if cell and cell["trials"] else "-"
 
