@@ -4,18 +4,14 @@ import json
 from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dexgrasp.dataset.sampler import COUNTS
 from dexgrasp.dataset.shards import FIELDS, read_arrays, read_manifest
 from dexgrasp.runs.shards import text_of
 from dexgrasp_env.arrays import Arrays
 from dexgrasp_env.errors import InputError
-
-Array = NDArray[Any]
 
 
 @dataclass(frozen=True, eq=False)

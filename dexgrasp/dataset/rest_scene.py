@@ -23,6 +23,8 @@ from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.objects.rest_poses import RestPose, rest_poses
 from dexgrasp_env.poses import about_z, pose_matrix
 
+Triples = NDArray[np.int32]
+"""Indices (..., 3) of contacts."""
 CLOUD = 2048
 """Points of the surface kept for training."""
 
@@ -51,7 +53,7 @@ class RestScene:
     points: Array
     normals: Array
     friction: Array
-    triples: NDArray[np.int32]
+    triples: Triples
     decided: int
     cloud: Array
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dexgrasp.dataset.rest_scene import RestScene, placed, rest_scene, rng_of
+from dexgrasp.dataset.rest_scene import RestScene, Triples, placed, rest_scene, rng_of
 from dexgrasp.dataset.settings import DatasetSettings
 from dexgrasp.kinematics.palm_ik import palm_frame, reach_palm
 from dexgrasp.physics.contacts import Contacts, Shape, shape_of
@@ -72,7 +72,7 @@ class Placed(Posture):
         placement: of the object: x m, y m, yaw rad.
     """
 
-    triple: NDArray[np.int32]
+    triple: Triples
     placement: Array
 
 
@@ -96,7 +96,7 @@ class _Sampler:
         self._problem = Problem(scene.grasp_target, self._planner.cell, self._planner.settings)
         self._use = np.zeros(len(scene.points))
 
-    def run(self, own: NDArray[np.int32], quota: int) -> Found:
+    def run(self, own: Triples, quota: int) -> Found:
         """Try triples (M, 3), the less used before the others, until there are enough grasps or tries."""
         left, found, tries = np.ones(len(own), bool), self._found, self._settings.tries * quota
         while left.any() and len(found) < quota and found.counts["placed_by_atlas"] < tries:
@@ -110,7 +110,7 @@ class _Sampler:
                     break
         return found
 
-    def _starts(self, triples: NDArray[np.int32]) -> Iterator[Placed]:
+    def _starts(self, triples: Triples) -> Iterator[Placed]:
         """Yield all six assignments of some triples where the hand is likely to bear the object and the arm reaches."""
         if not len(triples):
             return
@@ -163,7 +163,7 @@ class _Sampler:
         )  # fmt: skip
 
 
-def _draw(own: NDArray[np.int32], left: Mask, use: Array, rng: np.random.Generator) -> Index:
+def _draw(own: Triples, left: Mask, use: Array, rng: np.random.Generator) -> Index:
     """Draw triples without replacement, weight 1 / (1 + uses of its points)^2 (exponential keys)."""
     ids = np.flatnonzero(left)
     uses = sum(use[own[:, corner][ids]] for corner in range(3))
@@ -172,7 +172,7 @@ def _draw(own: NDArray[np.int32], left: Mask, use: Array, rng: np.random.Generat
     return ids[least[np.argsort(keys[least])]]
 
 
-def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSettings) -> NDArray[np.int32]:
+def bearable(scene: RestScene, triples: Triples, settings: DatasetSettings) -> Triples:
     """Return the triples that have the margin asked for, and at which some forces of `MOST_FORCE` bear the object."""
     target, least = scene.grasp_target, settings.least_load
     planner = settings.planner.for_hand(settings.cell.robot.hand)
@@ -186,7 +186,7 @@ def bearable(scene: RestScene, triples: NDArray[np.int32], settings: DatasetSett
 
 @njit
 def _free_loads(
-    points: Array, normals: Array, friction: Array, triples: NDArray[np.int32], centre: Array, gravity: Array,
+    points: Array, normals: Array, friction: Array, triples: Triples, centre: Array, gravity: Array,
     most: float, shape: Shape,
 ) -> Array:  # fmt: skip
     """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""

@@ -19,15 +19,14 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.cell import default_cell, make_cell
 
-Floats = Single
 _TESTED = 16  # rows of each held-out episode
 
 
 class Batch(NamedTuple):
     """Rows of some episodes: features (E, R, F), set-points to come (E, R, chunk, 23) rad."""
 
-    looks: Floats
-    chunks: Floats
+    looks: Single
+    chunks: Single
 
 
 @dataclass(frozen=True)
@@ -44,9 +43,9 @@ class Rows:
         key: hash of all that.
     """
 
-    looks: Floats
-    targets: Floats
-    meant: Floats
+    looks: Single
+    targets: Single
+    meant: Single
     first: Index
     steps: Index
     control_mode: str
@@ -55,7 +54,7 @@ class Rows:
     def __len__(self) -> int:
         return len(self.steps)
 
-    def chunks(self, episodes: Index, rows: Index, length: int) -> Floats:
+    def chunks(self, episodes: Index, rows: Index, length: int) -> Single:
         """Return the set-points that follow rows (E, R) of episodes (E,), relative to those now, (E, R, length, 23)."""
         # Beyond the end they stand still.
         ahead = np.minimum(rows[..., None] + np.arange(length), self.steps[episodes][:, None, None] - 1)
@@ -97,7 +96,7 @@ def read_rows(folders: Sequence[Path]) -> Rows:
     return Rows(*arrays, control_mode=mode, key=content_hash(*arrays))
 
 
-def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Floats, ...]:
+def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Single, ...]:
     seen = episode.observations
     _check(seen, "object_pose", folder)
     scene = first_look({key: array[0] for key, array in seen.items()})
@@ -117,9 +116,9 @@ class GripBatch(NamedTuple):
         rows: (E, R) of the grasps that were taken.
     """
 
-    points: Floats
-    numbers: Floats
-    rows: Floats
+    points: Single
+    numbers: Single
+    rows: Single
 
 
 @dataclass(frozen=True)
@@ -135,7 +134,7 @@ class Grips:
 
     looks: tuple[CloudLook, ...]
     azimuths: Array
-    rows: Floats
+    rows: Single
     key: str
 
     def __len__(self) -> int:
