@@ -15,6 +15,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.robot.cell import Cell
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
 
+Env = gym.Env[Any, Any]
 Observation = Mapping[str, NDArray[Any]]
 
 
@@ -73,7 +74,7 @@ def cell_of(info: Mapping[str, Any], default: Cell) -> Cell:
     return cell if isinstance(cell, Cell) else default.mounted(info.get("mount"))
 
 
-def public_info(env: gym.Env[Any, Any], info: Mapping[str, Any]) -> Fields:
+def public_info(env: Env, info: Mapping[str, Any]) -> Fields:
     """Return what an agent may know at reset: nothing of the object but what perception says."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     known = {

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.random import Generator
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Env
 from dexgrasp.demos.generate import read_about
 from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.rollout import Episode, follow
@@ -67,7 +68,7 @@ class DemoResets:
         self._won = "solved", 1  # what a record says of an episode that succeeded, at least
         self._near: dict[int, bool] = {}
 
-    def attach(self, env: gym.Env[Any, Any] | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
+    def attach(self, env: Env | gym.vector.VectorEnv[Any, Any, Any]) -> "DemoResets":
         """Follow the demonstrations in a copy of an environment, and give its episodes their beginnings.
 
         What its settings make fail (another friction, pushes) is left out.

@@ -8,7 +8,7 @@ import gymnasium as gym
 import numpy as np
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
-from dexgrasp.agent import public_info, renew_report, report_of
+from dexgrasp.agent import Env, public_info, renew_report, report_of
 from dexgrasp.demos.convert import to_action, with_noise
 from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
@@ -167,7 +167,7 @@ def _noise_rng(agent_seed: int) -> np.random.Generator:
     return np.random.default_rng([agent_seed, 1])
 
 
-def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> Episode | None:
+def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
     """Follow set-points (T + 1, n) in another mode from the same scene; None where that does not succeed."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     first, _ = env.reset(seed=seed)
@@ -184,7 +184,7 @@ def replay(env: gym.Env[Any, Any], seed: int, path: Array, tree: RobotTree) -> E
     return episode
 
 
-def follow(env: gym.Env[Any, Any], path: Array, tree: RobotTree) -> Iterator[tuple[Single, Any]]:
+def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[tuple[Single, Any]]:
     """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while.
 
     Yields:
@@ -208,5 +208,5 @@ def _episode(first: Arrays, steps: Sequence[tuple[Any, ...]], still: Sequence[st
     return Episode(moving, actions, rewards, terminated, truncated, once)
 
 
-def _targets(env: gym.Env[Any, Any]) -> Array:
+def _targets(env: Env) -> Array:
     return np.asarray(env.unwrapped.targets)  # type: ignore[attr-defined]

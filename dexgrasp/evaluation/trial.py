@@ -2,14 +2,14 @@
 
 import time
 import traceback
-from typing import Any, Protocol
+from typing import Any
 
-import gymnasium as gym
 import numpy as np
 
-from dexgrasp.agent import Agent, complete, public_info, renew_report, report_of
+from dexgrasp.agent import Agent, Env, complete, public_info, renew_report, report_of
 from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.rows import Outcome
+from dexgrasp.evaluation.video import Video
 from dexgrasp.planning.look import Subject, subject_of
 from dexgrasp.planning.result import PlansGrasps
 from dexgrasp_env.arrays import Fields
@@ -25,19 +25,12 @@ NOT_HELD = {
 """Stage at the end of the episode -> reason why the trial failed."""
 
 
-class FrameSink(Protocol):
-    """Takes pictures of the trial."""
-
-    def add(self, env: gym.Env[Any, Any]) -> object:
-        """Take one, where one is due after this control step."""
-
-
 class AgentError(Exception):
     """An exception of the agent's code; the cause is chained."""
 
 
 def run_trial(
-    env: gym.Env[Any, Any], agent: Any, seeds: TrialSeeds, *, name: str = "", frames: FrameSink | None = None
+    env: Env, agent: Any, seeds: TrialSeeds, *, name: str = "", frames: Video | None = None
 ) -> tuple[Outcome, Fields | None]:
     """Run one episode; stops as soon as it is decided.
 
@@ -80,7 +73,7 @@ def run_trial(
 
 
 def _begin(
-    env: gym.Env[Any, Any], agent: Agent, seeds: TrialSeeds, outcome: Outcome, frames: FrameSink | None
+    env: Env, agent: Agent, seeds: TrialSeeds, outcome: Outcome, frames: Video | None
 ) -> tuple[Any, Subject]:
     """Let the agent see the scene and plan; return the observation and the object as it lies."""
     observation, info = env.reset(seed=seeds.scene)
@@ -107,9 +100,7 @@ def _given_up(agent: Agent) -> str | None:
     return str(report.failure) if report.failure and not report.again else None
 
 
-def _go_on(
-    env: gym.Env[Any, Any], agent: Agent, observation: Any, outcome: Outcome, frames: FrameSink | None
-) -> None:
+def _go_on(env: Env, agent: Agent, observation: Any, outcome: Outcome, frames: Video | None) -> None:
     outcome.reason, total = _given_up(agent), 0.0
     over = outcome.reason is not None
     while not over:

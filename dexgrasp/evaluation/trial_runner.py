@@ -7,6 +7,7 @@ from typing import Any
 import gymnasium as gym
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.agent import Env
 from dexgrasp.evaluation.protocol import agent_settings, get_protocol, trial_seeds
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec
 from dexgrasp.evaluation.trial import run_trial
@@ -25,7 +26,7 @@ class TrialRunner:
     def __init__(self, settings: EvaluationSettings) -> None:
         self.settings = settings
         self._agents: dict[tuple[str, bool], Any] = {}
-        self._envs: dict[tuple[str, str, str, Film | None], gym.Env[Any, Any]] = {}
+        self._envs: dict[tuple[str, str, str, Film | None], Env] = {}
 
     def run(self, spec: TrialSpec) -> tuple[Fields, Fields | None]:
         """Run one trial; return its line of `trials.jsonl` and the certified grasp, for agents that have one.
@@ -53,7 +54,7 @@ class TrialRunner:
             self._agents[key] = placing_agent(spec.agent) if key[1] else make_agent(spec.agent)
         return self._agents[key]
 
-    def _env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
+    def _env(self, spec: TrialSpec) -> Env:
         key = (spec.protocol, spec.agent, spec.target, spec.film if spec.video else None)
         if key not in self._envs:
             while len(self._envs) >= _MOST_ENVS:
@@ -61,7 +62,7 @@ class TrialRunner:
             self._envs[key] = self.make_env(spec)
         return self._envs[key]
 
-    def make_env(self, spec: TrialSpec) -> gym.Env[Any, Any]:
+    def make_env(self, spec: TrialSpec) -> Env:
         """Return the protocol's environment with the agent's settings.
 
         Raises:

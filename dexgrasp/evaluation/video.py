@@ -4,10 +4,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-import gymnasium as gym
 import numpy as np
 from numpy.typing import NDArray
 
+from dexgrasp.agent import Env
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.scene.constants import CONTROL_PERIOD
@@ -61,7 +61,7 @@ class Video:
         self._writer: Any = None
         self._steps = 0
 
-    def add(self, env: gym.Env[Any, Any]) -> NDArray[np.uint8] | None:
+    def add(self, env: Env) -> NDArray[np.uint8] | None:
         """Take note of a control step; render, append and return a picture where one is due."""
         import imageio.v2 as imageio
 
