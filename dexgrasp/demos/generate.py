@@ -3,21 +3,29 @@
 import json
 import shutil
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
 from dexgrasp.demos.lerobot_format import write_lerobot
 from dexgrasp.demos.minari_format import write_minari
-from dexgrasp.demos.parts import part_arrays, read_part
 from dexgrasp.demos.rollout import Episode, Recorder
 from dexgrasp.demos.settings import SCHEMA, DemoSettings
+from dexgrasp.runs.arrays import below
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.pool import Backend
 from dexgrasp.runs.progress import Show, silent
-from dexgrasp.runs.shards import check_names, is_shard, make_missing, write_shard
-from dexgrasp_env.arrays import Fields
+from dexgrasp.runs.shards import (
+    bytes_of,
+    check_names,
+    is_shard,
+    make_missing,
+    read_shard,
+    text_of,
+    write_shard,
+)
+from dexgrasp_env.arrays import Arrays, Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import content_hash, read_json_object, write_json
 from dexgrasp_env.objects.load import object_name
@@ -91,7 +99,7 @@ def make(job: Job, settings: DemoSettings, folder: Path, key: str) -> None:
     recorder.close()
     episodes = [episode for episode, _ in outcomes if episode is not None]
     failures = [failure for episode, failure in outcomes if episode is None]
-    write_shard(folder / job.file, part_arrays(episodes, failures), key)
+    write_shard(folder / job.file, _part_arrays(episodes, failures), key)
 
 
 def read_about(folder: Path) -> Fields:
@@ -119,7 +127,7 @@ def _converted(
         failures.clear()
         kept.clear()
         for path in parts:
-            found, reasons = read_part(path, key)
+            found, reasons = _read_part(path, key)
             failures.update(reasons)
             for episode in found:
                 kept[episode.about["object"]] += 1
@@ -134,3 +142,24 @@ def _converted(
         "complete": True, "tried": len(settings.objects) * settings.episodes, "episodes": sum(kept.values()),
         "kept": dict(kept), "failures": dict(failures.most_common()),
     }  # fmt: skip
+
+
+def _part_arrays(episodes: Sequence[Episode], failures: Sequence[str]) -> Arrays:
+    """Return demonstrations, and why others failed, as `write_shard` takes them."""
+    note = {"about": [episode.about for episode in episodes], "failures": failures}
+    arrays: Arrays = {"note": bytes_of(json.dumps(note))}
+    for i, episode in enumerate(episodes):
+        arrays |= {f"{i}/{name}": array for name, array in episode.arrays().items()}
+    return arrays
+
+
+def _read_part(path: Path, key: str) -> tuple[list[Episode], list[str]]:
+    """Return demonstrations and failures of a file.
+
+    Raises:
+        InputError: missing, damaged, or of other settings.
+    """
+    arrays = read_shard(path, key)
+    note = json.loads(text_of(arrays["note"]))
+    episodes = [Episode.of_arrays(below(arrays, f"{i}/"), about) for i, about in enumerate(note["about"])]
+    return episodes, note["failures"]
