@@ -15,7 +15,31 @@ with from_extra():
     from torch import nn
 
 
-class CloneNet(nn.Module):
+class PolicyNet(nn.Module):
+    """A network that keeps how features are scaled."""
+
+    mean: torch.Tensor
+    scale: torch.Tensor
+
+    def __init__(self, **kept: Single) -> None:
+        """Keep arrays by name, `mean` and `scale` (F,) of the features among them."""
+        super().__init__()
+        for name, array in kept.items():
+            self.register_buffer(name, torch.from_numpy(array))
+
+    def scaled(self, looks: torch.Tensor) -> torch.Tensor:
+        """Return features (..., F) as layers are given them."""
+        return ((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
+
+    def arrays(self) -> dict[str, Single]:
+        """Return the arrays as policies read them."""
+        out = {name: buffer.cpu().numpy() for name, buffer in self.named_buffers()}
+        for name, layers in self.named_children():
+            out |= layer_arrays(name, layers.children())
+        return out
+
+
+class CloneNet(PolicyNet):
     """Features to the set-points of the next steps, in units of their spread."""
 
     def __init__(self, sizes: CloneNetwork, mean: Single, scale: Single) -> None:
@@ -26,25 +50,19 @@ class CloneNet(nn.Module):
             mean: (F,) of the features.
             scale: (F,) of the features.
         """
-        super().__init__()
-        self.mean: torch.Tensor
-        self.scale: torch.Tensor
-        self.register_buffer("mean", torch.from_numpy(mean))
-        self.register_buffer("scale", torch.from_numpy(scale))
+        super().__init__(mean=mean, scale=scale)
         self.trunk = perceptron([len(mean), *[sizes.hidden] * sizes.layers, 23 * sizes.chunk])
 
     def forward(self, looks: torch.Tensor) -> torch.Tensor:
         """Return (E, R, chunk * 23) for features (E, R, F) of E episodes."""
-        return self.trunk(((looks - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST))
-
-    def arrays(self) -> dict[str, Single]:
-        """Return the arrays as `clone` reads them."""
-        out = {"mean": self.mean.cpu().numpy(), "scale": self.scale.cpu().numpy()}
-        return out | layer_arrays("trunk", self.trunk)
+        return self.trunk(self.scaled(looks))
 
 
-class GraspNet(nn.Module):
+class GraspNet(PolicyNet):
     """Objects seen along grips, to the merit of each grip and to ways to take hold along it."""
+
+    row_mean: torch.Tensor
+    row_scale: torch.Tensor
 
     def __init__(self, sizes: GraspNetwork, numbers: Single, rows: Single) -> None:
         """Prepare.
@@ -54,16 +72,13 @@ class GraspNet(nn.Module):
             numbers: (M, F) of scenes, which give mean and scale.
             rows: (E, R) of grasps, which give mean and scale.
         """
-        super().__init__()
+        super().__init__(
+            mean=numbers.mean(0),
+            row_mean=rows.mean(0),
+            scale=np.maximum(numbers.std(0), 0.05),
+            row_scale=np.maximum(rows.std(0), 0.02),
+        )
         self.modes = sizes.modes
-        self.mean: torch.Tensor
-        self.scale: torch.Tensor
-        self.row_mean: torch.Tensor
-        self.row_scale: torch.Tensor
-        spreads = {"mean": numbers.mean(0), "row_mean": rows.mean(0)}
-        spreads |= {"scale": np.maximum(numbers.std(0), 0.05), "row_scale": np.maximum(rows.std(0), 0.02)}
-        for name, array in spreads.items():
-            self.register_buffer(name, torch.from_numpy(array))
         self.encoder = perceptron([6, sizes.local, sizes.cloud])
         inputs, outputs = sizes.cloud + numbers.shape[1], sizes.modes * (1 + rows.shape[1])
         self.trunk = perceptron([inputs, *[sizes.width] * sizes.depth, outputs])
@@ -71,14 +86,8 @@ class GraspNet(nn.Module):
     def forward(self, points: torch.Tensor, numbers: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Return merits (..., modes) and rows (..., modes, R) for points (..., N, 6) and numbers (..., F)."""
         code = torch.relu(self.encoder(points)).amax(dim=-2)
-        scaled = ((numbers - self.mean) / self.scale).clamp(-FARTHEST, FARTHEST)
-        out = self.trunk(torch.cat([code, scaled], dim=-1)).unflatten(-1, (self.modes, -1))
+        out = self.trunk(torch.cat([code, self.scaled(numbers)], dim=-1)).unflatten(-1, (self.modes, -1))
         return out[..., 0], self.row_mean + self.row_scale * out[..., 1:]
-
-    def arrays(self) -> dict[str, Single]:
-        """Return the arrays as `grasper` reads them."""
-        out = {name: buffer.cpu().numpy() for name, buffer in self.named_buffers()}
-        return out | layer_arrays("encoder", self.encoder) | layer_arrays("trunk", self.trunk)
 
 
 def layer_arrays(name: str, layers: Iterable[nn.Module]) -> dict[str, Single]:
