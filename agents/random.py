@@ -1,19 +1,18 @@
 """Uniform random actions: what an environment gives away for nothing."""
 
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 from gymnasium import spaces
 
 from dexgrasp.agent import Agent, Observation, Report
-from dexgrasp_env.arrays import Single
+from dexgrasp_env.arrays import Fields, Single
 
 
 class RandomAgent(Agent):
     """Draws every action evenly from the action space."""
 
-    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
+    env_settings: ClassVar[Fields] = {"obs_mode": "state", "control_mode": "joint_delta"}
 
     def __init__(self) -> None:
         self._rng = np.random.default_rng()
@@ -23,7 +22,7 @@ class RandomAgent(Agent):
         """Seed the draws."""
         self._rng = np.random.default_rng(seed)
 
-    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
+    def reset(self, observation: Observation, info: Fields) -> None:
         """Take the action space from `info`; one of 23 numbers in [-1, 1] without."""
         self._space = info.get("action_space", self._space)
         self.report = Report()
