@@ -10,7 +10,7 @@ from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.geometry.samples import triangle_samples
 from dexgrasp.grasp.grasp import GraspMotion
 from dexgrasp.grasp.script import ActionScript
-from dexgrasp.kinematics.palm_ik import solve_palm
+from dexgrasp.kinematics.palm_ik import hanging_palm, solve_palm
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.motion import NoPath
 from dexgrasp.motion.script import make_script
@@ -155,13 +155,10 @@ class HardcodedAgent(Agent):
 
     def _palm_goal(self, points: Array, axis: Array) -> tuple[Array, Array]:
         """Return rotation (3, 3) and position (3,) m of the palm frame for a grip along `axis` (3,)."""
-        down = np.array([0.0, 0.0, -1.0])
-        x = np.cos(_TILT) * down - np.sin(_TILT) * axis
-        z = np.sin(_TILT) * down + np.cos(_TILT) * axis
-        y = np.cross(z, x)
-        position = points.mean(axis=0) + _U * axis + _V * y
+        R = hanging_palm(axis, _TILT)
+        position = points.mean(axis=0) + _U * axis + _V * R[:, 1]
         position[2] = max(points[:, 2].max() + _ABOVE, _LEAST_Z)
-        return np.stack([x, y, z], axis=1), position
+        return R, position
 
 
 class HardcodedCompletedAgent(HardcodedAgent):

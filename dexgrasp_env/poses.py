@@ -123,10 +123,11 @@ def rigid(R: Array, position: ArrayLike) -> Array:
     return T
 
 
-def about_z(angle: float) -> Array:
-    """Return the matrix (3, 3) of a turn about z by `angle` rad."""
+def about_z(angle: Array | float) -> Array:
+    """Return the matrices (..., 3, 3) of turns about z by `angle` (...) rad."""
     c, s = np.cos(angle), np.sin(angle)
-    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+    zero, one = np.zeros_like(c), np.ones_like(c)
+    return np.moveaxis(np.array([[c, -s, zero], [s, c, zero], [zero, zero, one]]), (0, 1), (-2, -1))
 
 
 def shifted(T: Array, offset: Array) -> Array:

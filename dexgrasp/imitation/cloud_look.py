@@ -10,9 +10,10 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dexgrasp.agent import Observation
-from dexgrasp.imitation.features import METRES, axes_along, entry
+from dexgrasp.imitation.features import METRES, entry
 from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.poses import about_z
 
 POINTS = 192
 """Points of a cloud that the network is given."""
@@ -67,7 +68,7 @@ def along(look: CloudLook, azimuths: Array, rng: np.random.Generator | None = No
         chosen = np.linspace(0, _KEPT - 1, POINTS).round().astype(int)
     else:
         chosen = rng.integers(_KEPT, size=POINTS)
-    turns = axes_along(azimuths)
+    turns = about_z(-azimuths)
     halves = look.seen[chosen].reshape(POINTS * 2, 3) @ turns.swapaxes(-1, -2)
     points = halves.reshape(len(turns), POINTS, 6)
     base = np.arctan2(look.middle[1], look.middle[0]) - azimuths

@@ -15,7 +15,7 @@ import numpy as np
 from dexgrasp.agent import Observation
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import about_z, quat_to_matrix
 
 _LEVEL = np.linspace(0.0, np.pi, 12, endpoint=False)
 _DIRECTIONS = np.stack([np.cos(_LEVEL), np.sin(_LEVEL)])  # (2, 12)
@@ -65,7 +65,7 @@ def first_look(first: Observation) -> Scene:
     pose = entry(first, "object_pose")
     size = entry(first, "object_size")
     azimuth = float(np.arctan2(pose[1], pose[0]))
-    R = axes_along(azimuth) @ quat_to_matrix(pose[3:])
+    R = about_z(-azimuth) @ quat_to_matrix(pose[3:])
     reach = np.abs(_DIRECTIONS.T @ R[:2]) @ (0.5 * size)
     top = pose[2] + np.abs(R[2]) @ (0.5 * size)
     numbers = [
@@ -80,7 +80,7 @@ def features(scene: Scene, observation: Observation, step: Index | int) -> Array
 
     A scene of N episodes, `side_by_side`, has observations (N, n) of each at one control step.
     """
-    turned = axes_along(scene.azimuth)
+    turned = about_z(-scene.azimuth)
     targets = np.array(observation["joint_targets"], dtype=float)
     targets[..., 0] -= scene.azimuth
     shape = targets.shape[:-1]
@@ -113,10 +113,3 @@ def _turn(vectors: Array, turned: Array) -> Array:
     if turned.ndim == 2:
         return vectors @ turned.T
     return (turned @ vectors[..., None])[..., 0]
-
-
-def axes_along(azimuth: Array | float) -> Array:
-    """Return the rotations (..., 3, 3) from the world's axes to those whose x is level and has an azimuth (...) rad."""
-    c, s = np.cos(azimuth), np.sin(azimuth)
-    zero, one = np.zeros_like(c), np.ones_like(c)
-    return np.moveaxis(np.array([[c, s, zero], [-s, c, zero], [zero, zero, one]]), (0, 1), (-2, -1))

@@ -6,12 +6,13 @@ from typing import NamedTuple
 import numpy as np
 
 from dexgrasp.demos.rollout import Episode, intended
-from dexgrasp.imitation.features import METRES, axes_along, entry
+from dexgrasp.imitation.features import METRES, entry
 from dexgrasp.kinematics.forward import fingertips, hand_contact_jacobian
 from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.motion.guarded import TIP_DEPTH
 from dexgrasp_env.arrays import Array
+from dexgrasp_env.poses import about_z
 from dexgrasp_env.robot.cell import Cell
 
 _STILL = 1e-6  # rad of the arm in a control step
@@ -89,7 +90,7 @@ def out_of(forces: Array) -> Array:
 
 def as_row(grasp: Taken, middle: Array) -> Array:
     """Return a grasp of an object whose cloud has this middle (3,) m as numbers (F,) in the frame of its grip."""
-    turn = axes_along(grasp.azimuth)
+    turn = about_z(-grasp.azimuth)
     parts = [
         METRES * (grasp.tips - middle) @ turn.T, METRES * turn @ (grasp.palm - middle), (turn @ grasp.turn)[:, :2],
         grasp.closed, grasp.opened, grasp.forces @ turn.T / _NEWTONS,
@@ -106,7 +107,7 @@ def sizes(tree: RobotTree) -> tuple[int, ...]:
 def of_row(row: Array, middle: Array, azimuth: float, tree: RobotTree) -> Taken:
     """Return the grasp that a row stands for, along a grip of an azimuth, rad."""
     tips, palm, axes, closed, opened, forces = np.split(row, np.cumsum(sizes(tree))[:-1])
-    back = axes_along(azimuth).T
+    back = about_z(-azimuth).T
     x, y = axes.reshape(3, 2).T
     x = x / np.linalg.norm(x)
     y = y - (x @ y) * x

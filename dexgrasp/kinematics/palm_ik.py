@@ -121,3 +121,14 @@ def palm_of(frames: Frames, tree: RobotTree) -> tuple[Array, Array]:
     """Return rotation (3, 3) and position (3,) m of the palm frame from the bodies' frames."""
     R, p = frames.R[tree.palm], frames.p[tree.palm]
     return R @ tree.palm_rotation, p + R @ tree.palm_offset
+
+
+def hanging_palm(axis: Array, tilt: Array | float) -> Array:
+    """Return the rotations (..., 3, 3) of palms that face along level axes (..., 3), fingers hanging down.
+
+    The thumb is tilted up by `tilt` (...) rad.
+    """
+    c, s = np.cos(tilt)[..., None], np.sin(tilt)[..., None]
+    down = np.array([0.0, 0.0, -1.0])
+    x, z = c * down - s * axis, s * down + c * axis
+    return np.stack([x, np.cross(z, x), z], axis=-1)

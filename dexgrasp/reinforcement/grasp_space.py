@@ -13,8 +13,9 @@ from scipy.spatial.transform import Rotation
 
 from dexgrasp.agent import Observation
 from dexgrasp.imitation.features import entry
+from dexgrasp.kinematics.palm_ik import hanging_palm
 from dexgrasp_env.arrays import Array, Single
-from dexgrasp_env.poses import quat_to_matrix
+from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.robot import Robot
 from dexgrasp_env.tasks.constants import PALM_STEP, PALM_TURN
 from dexgrasp_env.tasks.control import normalise
@@ -138,7 +139,8 @@ class GraspSpace:
         bent = self._open + 0.5 * (actions[:, len(_PALM) :] + 1.0) @ self._closing
         targets = np.array(observations["joint_targets"], dtype=float)
         targets[:, self._robot.arm_dof :] = now + np.clip(bent - now, -_CLOSING, _CLOSING)
-        turned_by = _hanging(self._axes + turned, tilted) @ quat_to_matrix(palm[:, 3:]).swapaxes(1, 2)
+        wanted = hanging_palm(about_z(self._axes + turned)[..., 0], tilted)
+        turned_by = wanted @ quat_to_matrix(palm[:, 3:]).swapaxes(1, 2)
         turn = Rotation.from_matrix(turned_by).as_rotvec()
         hand = normalise(targets, self._robot)[:, self._robot.arm_dof :]
         moves = [_step((goals - palm[:, :3]) / PALM_STEP), _step(turn / PALM_TURN), hand]
@@ -162,15 +164,6 @@ def _yaw(observations: Observation) -> Array:
 def _half_turn(angles: Array) -> Array:
     """Return angles to +-90 degrees, as grips are alike that are turned by 180."""
     return (angles + 0.5 * np.pi) % np.pi - 0.5 * np.pi
-
-
-def _hanging(yaw: Array, tilt: Array) -> Array:
-    """Return rotations (N, 3, 3) of palms whose fingers point down, thumb tilted up, facing `yaw`."""
-    c, s, zero = np.cos(yaw), np.sin(yaw), np.zeros_like(yaw)
-    axis, down = np.stack([c, s, zero], axis=1), np.array([0.0, 0.0, -1.0])
-    x = np.cos(tilt)[:, None] * down - np.sin(tilt)[:, None] * axis
-    z = np.sin(tilt)[:, None] * down + np.cos(tilt)[:, None] * axis
-    return np.stack([x, np.cross(z, x), z], axis=2)
 
 
 def _step(left: Array) -> Array:
