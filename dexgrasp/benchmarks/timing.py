@@ -1,6 +1,7 @@
 """How long calls take, and how figures spread."""
 
 import time
+import timeit
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, contextmanager
 from functools import wraps
@@ -14,12 +15,7 @@ from dexgrasp_env.arrays import Array
 
 def seconds_of(call: Callable[[], object], repeats: int) -> Array:
     """Return the wall time (repeats,) [s] of a call, one after another."""
-    times = np.empty(repeats)
-    for k in range(repeats):
-        start = time.perf_counter()
-        call()
-        times[k] = time.perf_counter() - start
-    return times
+    return np.array(timeit.repeat(call, number=1, repeat=repeats))
 
 
 @contextmanager

@@ -7,7 +7,7 @@ import numpy as np
 
 from dexgrasp.dataset.dataset import PoseGrasps
 from dexgrasp.planning.decoder import CROPPED, SCALE, centre_of
-from dexgrasp_env.arrays import Array, Index, Mask, Single
+from dexgrasp_env.arrays import Array, Index, Mask, Single, unit
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import about_z, quat_to_matrix
 
@@ -153,8 +153,7 @@ def _visible(cloud: Array, rng: np.random.Generator) -> Index:
 
 def _made(pose: PoseSplit, at: Index, chosen: Index, R: Array, stretch: Array) -> tuple[Array, Array]:
     points = (pose.cloud[chosen, :3] * stretch) @ R.T
-    normals = pose.cloud[chosen, 3:] / stretch
-    normals = (normals / np.linalg.norm(normals, axis=1, keepdims=True)) @ R.T
+    normals = unit(pose.cloud[chosen, 3:] / stretch) @ R.T
     centre = centre_of(points)
     tips = (pose.tips[at] * stretch) @ R.T - centre
     # The palm keeps its distance to the fingertips: the hand does not stretch.

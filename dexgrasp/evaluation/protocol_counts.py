@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dexgrasp.evaluation.protocol import GROUPS
+from dexgrasp.evaluation.rows import row_key
 from dexgrasp.evaluation.statistics import scattered_interval
 from dexgrasp_env.arrays import Fields
 
@@ -13,17 +14,13 @@ NOT_HELD_BEFORE = "failed_pushed@0.5"
 
 def judged(rows: Sequence[Fields]) -> list[Fields]:
     """Return the trials with `pushed@1` a failure where the same scene was one under `pushed@0.5`."""
-    lost = {_scene(row) for row in rows if row["protocol"] == _WEAKER and not row["success"]}
+    lost = {row_key(row)[1:] for row in rows if row["protocol"] == _WEAKER and not row["success"]}
     return [
         {**row, "success": False, "reason": NOT_HELD_BEFORE}
-        if row["protocol"] == _STRONGER and row["success"] and _scene(row) in lost
+        if row["protocol"] == _STRONGER and row["success"] and row_key(row)[1:] in lost
         else row
         for row in rows
     ]
-
-
-def _scene(row: Fields) -> tuple[Any, ...]:
-    return row["agent"], row["object"], row["trial"]
 
 
 def scene_of(row: Fields) -> tuple[Any, ...]:
