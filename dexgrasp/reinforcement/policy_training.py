@@ -21,12 +21,37 @@ with from_extra():
     from stable_baselines3 import PPO, SAC
     from stable_baselines3.common.base_class import BaseAlgorithm
 
-    from dexgrasp.reinforcement.adaptive_rate import AdaptiveRate
     from dexgrasp.reinforcement.feature_vec_env import FeatureVecEnv, measure
     from dexgrasp.reinforcement.sb3_vec_env import SB3VecEnv
 
+_FACTOR, _LEAST, _MOST, _AIM = 1.5, 1e-5, 1e-2, 0.01  # of a rate that follows a divergence
 _BATCHES = 4  # that a rollout is cut into
 _MEASURED = 100  # control steps of random actions that features are scaled by, where no clone says how
+
+
+class AdaptiveRate:
+    """A schedule of Stable-Baselines3, a rate of Adam that follows how far updates change a policy, as RSL-RL has it.
+
+    It goes up after updates below half of a KL divergence, down after those past twice. The first update
+    after `learn` has begun keeps the rate: nothing but `now` has to be kept between rounds.
+    """
+
+    model: PPO | None = None
+    """That learns with it, once it is made."""
+
+    def __init__(self, first: float, aim: float | None) -> None:
+        """Begin with a rate; `aim` is the divergence that an update should come to."""
+        self.now, self._aim = first, aim or _AIM
+
+    def __call__(self, left: float) -> float:
+        """Return the rate of the next update; `left`, the share of the training that is left, plays no part."""
+        # It is asked more than once an update: what an update came to counts once.
+        known = self.model.logger.name_to_value.pop("train/approx_kl", None) if self.model else None
+        if known and known > 2.0 * self._aim:
+            self.now = max(self.now / _FACTOR, _LEAST)
+        elif known and 0.0 < known < 0.5 * self._aim:
+            self.now = min(self.now * _FACTOR, _MOST)
+        return self.now
 
 
 class PolicyTraining(Rounds):
