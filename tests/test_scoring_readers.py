@@ -16,13 +16,13 @@ from robots import CELL, HAND_JOINTS, TIPS
 
 from dexgrasp.cli.main import main
 from dexgrasp.cli.score import short_names
-from dexgrasp.scoring.candidate import HandStage, joints_in_order
+from dexgrasp.scoring.candidate import HandStage
 from dexgrasp.scoring.closing import PRESS, balanced_forces, close_around
 from dexgrasp.scoring.hand import find_hand
 from dexgrasp.scoring.metrics import diversity
 from dexgrasp.scoring.readers import ReadOptions, ours, read_candidates
-from dexgrasp.scoring.readers.dictionary import read_dictionary
-from dexgrasp.scoring.readers.plain import FORMAT
+from dexgrasp.scoring.readers.dexgraspbench import read_dictionary
+from dexgrasp.scoring.readers.plain import FORMAT, joints_in_order
 from dexgrasp_env.poses import pose_matrix
 from dexgrasp_env.robot.model import robot_spec
 

@@ -1,11 +1,9 @@
 """A grasp of a floating hand, as every protocol takes it, whatever file it came from."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from dexgrasp.scoring.hand import HandModel
 from dexgrasp_env.arrays import Array
-from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.model import ObjectModel
 from dexgrasp_env.poses import shifted
 
@@ -68,21 +66,3 @@ class Candidate:
         return replace(
             self, pregrasp=moved(self.pregrasp), grasp=moved(self.grasp), squeeze=moved(self.squeeze)
         )
-
-
-def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source: str) -> Array:
-    """Return joint values (..., n) in the hand's order from values named otherwise ordered.
-
-    Raises:
-        InputError: if names are missing, unknown or doubled.
-    """
-    if values.shape[-1] != len(names):
-        raise InputError(f"{source}: joints must be {len(names)} numbers, one for each joint name")
-    if sorted(names) != sorted(hand.joint_names):
-        strange = sorted(set(names) ^ set(hand.joint_names))
-        raise InputError(
-            f"{source}: joint names do not fit hand {hand.name} (differing: {', '.join(strange[:4])} "
-            f"...): valid are {', '.join(hand.joint_names)}"
-        )
-    order = [list(names).index(name) for name in hand.joint_names]
-    return values[..., order]

@@ -7,19 +7,23 @@ Joints are in the order of the hand's file; for the Allegro: index, middle, ring
 used.
 """
 
+import io
+import pickle
 from pathlib import Path
 
 import numpy as np
 
+from dexgrasp.runs.pickles import unpickle
 from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
-from dexgrasp.scoring.readers.dictionary import read_dictionary
 from dexgrasp.scoring.readers.fields import FileFields, as_pose
 from dexgrasp.scoring.readers.objects import ReadOptions, find_object, pose_of_centre
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.errors import InputError
+from dexgrasp_env.files import read_file, readable
 from dexgrasp_env.poses import pose_matrix
 
+_NPY = b"\x93NUMPY"
 STAGES = ("pregrasp", "grasp", "squeeze")
 _ROOT_TO_PALM = pose_matrix(np.zeros(3), np.array([0.0, 0.5**0.5, 0.0, 0.5**0.5]))
 """The palm in the root frame of its Allegro file; the poses in BODex's own layout are the palm's."""
@@ -74,3 +78,38 @@ def _configurations(data: FileFields, hand: HandModel) -> tuple[Array, Array]:
     if len({len(stage) for stage in stages}) > 1:
         raise InputError(f"{data.source}: pregrasp, grasp and squeeze are of different numbers of grasps")
     return np.stack(stages, axis=1), _ROOT_TO_PALM if hand.name == ALLEGRO else np.eye(4)
+
+
+def read_dictionary(path: Path) -> Fields:
+    """Return the dictionary of arrays, numbers and texts that an .npy (or .pkl) file holds.
+
+    Raises:
+        InputError: if the file is missing or damaged, holds something else, or asks for anything but arrays.
+    """
+    with readable(path):
+        data = read_file(path)
+    try:
+        content = unpickle(_pickled(data))
+    except pickle.UnpicklingError as error:
+        raise InputError(
+            f"{path} is not read ({str(error) or 'damaged'}): valid are dictionaries of arrays, numbers and text"
+        ) from None
+    except Exception as error:  # a damaged pickle fails in any way it likes, none of them ours to run into
+        raise InputError(f"{path} is damaged or no pickled dictionary ({type(error).__name__})") from None
+    if isinstance(content, np.ndarray) and content.shape == () and content.dtype == object:
+        content = content.item()
+    if not isinstance(content, dict) or not all(isinstance(key, str) for key in content):
+        raise InputError(
+            f"{path} holds no dictionary: valid are dictionaries of arrays as np.save writes them"
+        )
+    return content
+
+
+def _pickled(data: bytes) -> bytes:
+    """The pickle that an .npy file of an object holds; None's where it holds plain numbers."""
+    if not data.startswith(_NPY):
+        return data
+    file = io.BytesIO(data)
+    major, _ = np.lib.format.read_magic(file)
+    read = np.lib.format.read_array_header_1_0 if major == 1 else np.lib.format.read_array_header_2_0
+    return file.read() if read(file)[2].hasobject else pickle.dumps(None)

@@ -1,8 +1,9 @@
 """A plain JSON file for grasps of any hand, documented in docs/scoring.md."""
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from dexgrasp.scoring.candidate import Candidate, HandStage, joints_in_order
+from dexgrasp.scoring.candidate import Candidate, HandStage
 from dexgrasp.scoring.closing import SERVO_KP, close_around
 from dexgrasp.scoring.hand import ALLEGRO, HandModel, find_hand
 from dexgrasp.scoring.readers.fields import FileFields
@@ -59,3 +60,21 @@ def _stages(
         return stage("pregrasp"), middle, stage("squeeze"), kp
     first, last = close_around(hand, middle, grasp.vectors("contacts"), grasp.vectors("normals_in"), centre)
     return first, middle, last, SERVO_KP
+
+
+def joints_in_order(hand: HandModel, names: Sequence[str], values: Array, source: str) -> Array:
+    """Return joint values (..., n) in the hand's order from values named otherwise ordered.
+
+    Raises:
+        InputError: if names are missing, unknown or doubled.
+    """
+    if values.shape[-1] != len(names):
+        raise InputError(f"{source}: joints must be {len(names)} numbers, one for each joint name")
+    if sorted(names) != sorted(hand.joint_names):
+        strange = sorted(set(names) ^ set(hand.joint_names))
+        raise InputError(
+            f"{source}: joint names do not fit hand {hand.name} (differing: {', '.join(strange[:4])} "
+            f"...): valid are {', '.join(hand.joint_names)}"
+        )
+    order = [list(names).index(name) for name in hand.joint_names]
+    return values[..., order]
