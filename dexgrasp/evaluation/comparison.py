@@ -44,7 +44,7 @@ def compare_agents(folders: Sequence[Path], a: str, b: str, protocols: Sequence[
             given.
     """
     rows = [row for folder in folders for row in judged(read_rows(folder))]
-    run, names = " ".join(map(str, folders)), list(dict.fromkeys(row["agent"] for row in rows))
+    run, names = " ".join(map(str, folders)), list(grouped(rows, "agent"))
     for name in (a, b):
         if name not in names:
             raise unknown_name(f"agent of {run}", name, names)

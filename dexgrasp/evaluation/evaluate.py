@@ -10,7 +10,7 @@ from dexgrasp.evaluation.rows import fell_short
 from dexgrasp.evaluation.sequential import decided_after
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
 from dexgrasp.evaluation.store import TrialStore, check_folder
-from dexgrasp.evaluation.summary import summarise
+from dexgrasp.evaluation.summary import bare_count, grouped, summarise
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
 from dexgrasp.runs.interrupt import held, kept
@@ -161,9 +161,8 @@ class _Run:
 
 
 def _successes(rows: Sequence[Fields]) -> dict[str, str]:
-    agents = dict.fromkeys(row["agent"] for row in rows)
-    counts = {agent: [row["success"] for row in rows if row["agent"] == agent] for agent in agents}
-    return {agent: f"{sum(won)}/{len(won)}" for agent, won in counts.items()}
+    counts = {agent: bare_count(own) for agent, own in grouped(rows, "agent").items()}
+    return {agent: f"{own['successes']}/{own['trials']}" for agent, own in counts.items()}
 
 
 def _warn_once(row: Fields, told: set[tuple[str, str]]) -> None:

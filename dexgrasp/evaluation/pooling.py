@@ -7,6 +7,7 @@ from typing import Any
 
 from dexgrasp.evaluation.protocol_counts import judged
 from dexgrasp.evaluation.store import read_rows, read_run
+from dexgrasp.evaluation.summary import grouped
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 
@@ -34,14 +35,14 @@ def rows_by_agent(folders: Sequence[Path]) -> Rows:
         if not rows:
             raise InputError(f"{folder} holds no finished trial yet")
         sample, seed = _sample(folder)
-        for name in dict.fromkeys(row["agent"] for row in rows):
+        for name, own in grouped(rows, "agent").items():
             another = samples.get(name, sample) != sample or (name, seed) in seeds
             label = f"{name} ({folder.name})" if another else name
             if another and label in samples:
                 label = f"{name} ({folder})"
             samples[label] = sample
             seeds.add((label, seed))
-            found.setdefault(label, []).extend(judged([row for row in rows if row["agent"] == name]))
+            found.setdefault(label, []).extend(judged(own))
     return found
 
 

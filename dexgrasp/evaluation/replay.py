@@ -9,6 +9,7 @@ from dexgrasp.evaluation.protocol import TrialSeeds
 from dexgrasp.evaluation.rows import Key, row_key, trial_name
 from dexgrasp.evaluation.settings import EvaluationSettings, TrialSpec, plan_trials
 from dexgrasp.evaluation.store import read_rows, read_run
+from dexgrasp.evaluation.summary import grouped
 from dexgrasp.evaluation.trial_runner import TrialRunner
 from dexgrasp.evaluation.video import Film, check_rendering
 from dexgrasp.runs.pool import Backend, run_pool
@@ -112,10 +113,10 @@ def _find(rows: Sequence[Fields], agent: str, target: str, trial: int, protocol:
     wanted = {"agent": agent, "object": target, "trial": trial}
     found = rows
     for key, value in wanted.items():
-        valid = list(dict.fromkeys(row[key] for row in found))
-        found = [row for row in found if row[key] == value]
-        if not found:
+        valid = grouped(found, key)
+        if value not in valid:
             raise InputError(f"no finished trial of {key} {value!r}: valid are {', '.join(map(str, valid))}")
+        found = valid[value]
     names = [row["protocol"] for row in found]
     found = [row for row in found if protocol in (None, row["protocol"])]
     if len(found) != 1:

@@ -15,7 +15,7 @@ from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
-from dexgrasp_env.files import check_file, expand, file_hash, jsonable, readable
+from dexgrasp_env.files import check_file, content_hash, expand, file_hash, jsonable, readable
 from dexgrasp_env.objects.catalogue import CATALOGUE
 from dexgrasp_env.objects.load import Objects, object_name, target_files
 from dexgrasp_env.robot.cell import make_cell
@@ -144,7 +144,7 @@ class EvaluationSettings:
 
     def default_folder(self) -> Path:
         """Return runs/<protocol>-<agents>-seed<seed>-<hash>: the same command finds its own results again."""
-        digest = hashlib.sha256(repr(sorted(self.identity().items())).encode()).hexdigest()[:8]
+        digest = content_hash(sorted(self.identity().items()))[:8]
         agents = "+".join(Path(agent).stem.replace(":", ".") for agent in self.agents)[:60]
         return Path("runs") / f"{self.protocol[:40]}-{agents}-seed{self.seed}-{digest}"
 
