@@ -72,7 +72,10 @@ class GraspProtocol(ABC):
         """Score a grasp; `seed` is of the protocol's own draws."""
 
     def _scene(self, candidate: Candidate) -> FloatingScene:
-        return FloatingScene(candidate, self.physics, self.mass(candidate))
+        """Return the scene, in the pregrasp."""
+        scene = FloatingScene(candidate, self.physics, self.mass(candidate))
+        scene.reset(candidate.pregrasp)
+        return scene
 
     def _close(self, scene: FloatingScene, to_grasp: float, to_squeeze: float) -> HandStage:
         """Close from the pregrasp, which the scene is in, and return the squeeze (times in s)."""

@@ -67,7 +67,6 @@ class DexGraspBenchTabletop(DexGraspBench):
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Close under the object's weight and lift."""
         scene = self._scene(candidate)
-        scene.reset(candidate.pregrasp)
         failed = self._penetrates(scene)
         if failed is not None:
             return failed

@@ -21,7 +21,6 @@ class Dro(GraspProtocol):
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Close, then push; judged at the end against where the closed hand had it."""
         scene = self._scene(candidate)
-        scene.reset(candidate.pregrasp)
         self._close(scene, 0.5, 0.5)
         start = scene.pose()
         for name in ("+x", "+y", "+z", "-x", "-y", "-z"):

@@ -29,7 +29,6 @@ class FroggerPick(GraspProtocol):
     def judge(self, candidate: Candidate, seed: int) -> Verdict:
         """Lift and hold; judged all the way."""
         scene = self._scene(candidate)
-        scene.reset(candidate.pregrasp)
         scene.push(GRAVITY * scene.mass * AXES["-z"])
         squeeze = self._close(scene, 0.25, 0.25)
         scene.run(self._wait)
