@@ -60,9 +60,9 @@ class CvaeTraining(StepTraining):
         """Make the network."""
         return Cvae(self.settings.network)
 
-    def rate(self, done: float) -> float:
-        """Return Adam's rate."""
-        return float(self.settings.rate * max(0.02, min(1.0, 2.0 * (1.0 - done))))
+    def fall(self, done: float) -> float:
+        """Return 1 for the first half, then a straight line."""
+        return min(1.0, 2.0 * (1.0 - done))
 
     def losses(self, step: int, done: float) -> Losses:
         """Return the losses of a step."""

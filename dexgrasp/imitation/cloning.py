@@ -29,7 +29,6 @@ with from_extra():
 
 _BEND = 0.1
 """Of the loss: beyond it a row counts by its distance, so that of two ways to do it one is learned."""
-_LAST_RATE = 0.02
 _LEAST_UNIT = 0.005  # rad: joints that hardly move need not be predicted better
 _OFF = 0.15, 0.15, 0.15, 0.15, 0.15, 0.3
 """Network units that tips, palm, its turn, hand closed and opened, and forces are off by before distance counts."""
@@ -81,9 +80,9 @@ class Cloning(StepTraining):
         """Return what the demonstrations are."""
         return {"data": self._rows.key}
 
-    def rate(self, done: float) -> float:
-        """Return Adam's rate."""
-        return float(self.settings.rate * max(_LAST_RATE, 0.5 * (1.0 + np.cos(np.pi * done))))
+    def fall(self, done: float) -> float:
+        """Return a cosine."""
+        return float(0.5 * (1.0 + np.cos(np.pi * done)))
 
     def losses(self, step: int, done: float) -> Sequence[torch.Tensor]:
         """Return the loss of a step."""

@@ -16,6 +16,7 @@ from dexgrasp_env.extras import from_extra
 with from_extra():
     import torch
 
+_LAST_RATE = 0.02
 _MEASURED = 20  # steps that tell how many epochs fit into the minutes
 
 
@@ -44,8 +45,8 @@ class StepTraining(Training):
         """Make the network."""
 
     @abstractmethod
-    def rate(self, done: float) -> float:
-        """Return the rate of Adam when a share of all steps is done."""
+    def fall(self, done: float) -> float:
+        """Return the share of its first rate that Adam has when a share of all steps is done, `_LAST_RATE` at least."""
 
     @abstractmethod
     def losses(self, step: int, done: float) -> Sequence[torch.Tensor]:
@@ -87,7 +88,7 @@ class StepTraining(Training):
     def _step(self, number: int) -> list[float]:
         done = number / (self.state.epochs * self.steps)
         for group in self.adam.param_groups:
-            group["lr"] = self.rate(done)
+            group["lr"] = float(self.settings.rate * max(_LAST_RATE, self.fall(done)))
         losses = self.losses(number, done)
         self.adam.zero_grad(set_to_none=True)
         losses[0].backward()
