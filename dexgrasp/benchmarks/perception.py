@@ -129,10 +129,7 @@ def _times(perception: Perception, data: mujoco.MjData, rng: np.random.Generator
 
 
 def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Callable[[], None]:
-    casts = [
-        (c.position, (c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel())
-        for c in perception.cameras
-    ]
+    casts = [(c.position, rays) for c, rays in zip(perception.cameras, perception.rays.rays, strict=True)]
     n = len(casts[0][1]) // 3
     geom, distance = np.empty(n, np.int32), np.empty(n)
 

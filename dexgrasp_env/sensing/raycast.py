@@ -37,7 +37,7 @@ class RayCameras:
         i = cameras[0].intrinsics
         self._shape = (i.height, i.width)
         # With rays scaled to z = 1 in the optical frame the ray parameter is the depth.
-        self._rays = [(c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel() for c in self.cameras]
+        self.rays = [(c.intrinsics.directions().reshape(-1, 3) @ c.rotation.T).ravel() for c in self.cameras]
         self._distance = np.empty((len(self.cameras), i.height * i.width))
         self._geom = np.empty((len(self.cameras), i.height * i.width), np.int32)
 
@@ -59,7 +59,7 @@ class RayCameras:
         n = self._distance.shape[1]
         for k, camera in enumerate(self.cameras):
             mujoco.mj_multiRay(
-                self._model, data, camera.position, self._rays[k], SEEN, True, -1,
+                self._model, data, camera.position, self.rays[k], SEEN, True, -1,
                 self._geom[k], self._distance[k], None, n, MAX_DEPTH,
             )  # fmt: skip
 
