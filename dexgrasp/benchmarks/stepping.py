@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.benchmarks.timing import seconds_of
+from dexgrasp.motion.timing import ramp
 from dexgrasp_env.arrays import Array, Fields
 from dexgrasp_env.extras import usable_cores
 from dexgrasp_env.poses import rotate
@@ -149,7 +150,7 @@ def _states(env: Any, count: int) -> list[Array]:
 
 def _ramp(start: Array, end: Array) -> Array:
     """Return the set-points (25, 23) of the physics steps in a control step."""
-    rows = start + np.arange(1, CONTROL_STEPS + 1)[:, None] / CONTROL_STEPS * (end - start)
+    rows = ramp(start, end, CONTROL_STEPS)
     rows[-1] = end
     return rows
 

@@ -29,8 +29,7 @@ def summary(folder: Path) -> Fields:
     for pose in poses:
         totals.update(pose.counts)
         blocked.update(pose.blocked)
-    decided = sum(int(p.scene["triples"][0]) for p in poses)
-    feasible = sum(int(p.scene["triples"][1]) for p in poses)
+    decided, feasible = np.sum([p.scene["triples"] for p in poses], axis=0).tolist()
     margin = _joined(poses, "margin")
     return {
         "schema": 1, "cell": manifest.get("cell", "not stated"),
