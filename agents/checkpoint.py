@@ -11,7 +11,7 @@ from gymnasium import spaces
 
 from dexgrasp.agent import Agent, Observation, Report
 from dexgrasp_env.arrays import Fields, Single
-from dexgrasp_env.errors import InputError, unknown_name
+from dexgrasp_env.errors import InputError, first_line, unknown_name
 from dexgrasp_env.extras import require_extra
 from dexgrasp_env.files import expand, read_json_object
 
@@ -104,7 +104,7 @@ def _open(path: Path, algorithm: str) -> Any:
             path, device="cpu", custom_objects=objects
         )
     except Exception as error:
-        why = (str(error).strip().splitlines() or [type(error).__name__])[0][:160]
+        why = first_line(error)[:160]
         raise InputError(f"{path} cannot be opened as a {algorithm} checkpoint: {why}") from error
     if not isinstance(policy.observation_space, spaces.Dict):
         raise InputError(

@@ -17,3 +17,8 @@ def unknown_name(kind: str, name: object, valid: object) -> InputError:
         valid: an iterable of the valid names.
     """
     return InputError(f"unknown {kind} {name!r}: valid are {', '.join(map(str, valid))}")  # type: ignore[call-overload]
+
+
+def first_line(error: Exception) -> str:
+    """Return the first line of what an error says, its kind where it says nothing."""
+    return (str(error).strip().splitlines() or [type(error).__name__])[0]

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import mujoco
 
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import check_file, expand
 from dexgrasp_env.robot.cell import default_cell, make_cell
 from dexgrasp_env.robot.foreign import described
@@ -56,9 +56,7 @@ class HandModel:
         try:
             return mujoco.MjSpec.from_file(str(self.path))
         except (ValueError, OSError) as error:
-            raise InputError(
-                f"hand {str(self.path)!r} is no usable MJCF file: {_first_line(error)}"
-            ) from None
+            raise InputError(f"hand {str(self.path)!r} is no usable MJCF file: {first_line(error)}") from None
 
     @cached_property
     def model(self) -> mujoco.MjModel:
@@ -70,7 +68,7 @@ class HandModel:
         try:
             return self.spec().compile()
         except ValueError as error:
-            raise InputError(f"hand {str(self.path)!r} does not compile: {_first_line(error)}") from None
+            raise InputError(f"hand {str(self.path)!r} does not compile: {first_line(error)}") from None
 
     @cached_property
     def joint_names(self) -> tuple[str, ...]:
@@ -111,7 +109,3 @@ def find_hand(hand: str | Hand) -> HandModel:
     if path.suffix in (".yaml", ".yml"):
         return find_hand(make_cell(path).robot.hand)
     return HandModel(path.stem, path.resolve())
-
-
-def _first_line(error: Exception) -> str:
-    return (str(error).strip().splitlines() or [type(error).__name__])[0]

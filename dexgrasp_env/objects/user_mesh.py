@@ -15,7 +15,7 @@ import numpy as np
 import trimesh
 
 from dexgrasp_env.arrays import Arrays, Fields
-from dexgrasp_env.errors import InputError
+from dexgrasp_env.errors import InputError, first_line
 from dexgrasp_env.files import cached_arrays, content_hash, printable_stem, read_file
 from dexgrasp_env.findings import Finding
 from dexgrasp_env.objects.decompose import convex_parts
@@ -123,7 +123,7 @@ def _parsed(path: Path) -> trimesh.Trimesh:
     except InputError:
         raise
     except Exception as error:  # parsers of damaged files raise whatever they trip over
-        reason = (str(error).strip().splitlines() or [type(error).__name__])[0][:80]
+        reason = first_line(error)[:80]
         raise InputError(
             f"mesh file {path.name!r} cannot be read as {kind} ({reason}): export it again"
         ) from error
