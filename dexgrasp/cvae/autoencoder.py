@@ -34,7 +34,7 @@ class CloudEncoder(nn.Module):
     def __init__(self, settings: NetworkSettings) -> None:
         super().__init__()
         local, cloud = settings.local, settings.cloud
-        self.first = nn.Sequential(nn.Linear(6, local), nn.ReLU(), nn.Linear(local, 2 * local), nn.ReLU())
+        self.first = perceptron([6, local, 2 * local]).append(nn.ReLU())
         self.beside = nn.Linear(2 * local, 2 * local)
         self.second = perceptron([2 * local, 2 * local, cloud])
 

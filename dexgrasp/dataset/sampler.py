@@ -190,14 +190,8 @@ def _free_loads(
     most: float, shape: Shape,
 ) -> Array:  # fmt: skip
     """Loads (M,) of triples, up to `most`, if each contact were pushed along each axis by a joint of its own."""
-    J, limit, room, out = (
-        np.zeros((3, 3, 9)),
-        np.full(9, MOST_FORCE),
-        empty_room(shape, 9),
-        np.empty(len(triples)),
-    )
-    for k in range(9):
-        J[k // 3, k % 3, k] = 1.0
+    J, limit = np.eye(9).reshape(3, 3, 9), np.full(9, MOST_FORCE)
+    room, out = empty_room(shape, 9), np.empty(len(triples))
     for m in range(len(triples)):
         t = triples[m]
         contacts = Contacts(points[t], normals[t], J, limit, friction[t], centre, gravity, 0.0)

@@ -100,8 +100,7 @@ def trial_seeds(seed: int, target: str, trial: int) -> TrialSeeds:
     """
     digest = hashlib.sha256(seed_name(target).encode()).digest()
     words = np.frombuffer(digest[:16], dtype="<u4").tolist()
-    scene, agent = np.random.SeedSequence([seed, trial, *words]).generate_state(2)
-    return TrialSeeds(int(scene), int(agent))
+    return TrialSeeds(*np.random.SeedSequence([seed, trial, *words]).generate_state(2).tolist())
 
 
 def agent_settings(name: str, agent: Agent) -> Fields:
