@@ -19,7 +19,6 @@ from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.runs.policy_folder import write_policy
 from dexgrasp.runs.step_training import StepTraining
 from dexgrasp.runs.training import Course
-from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
 from dexgrasp_env.robot.cell import default_cell
@@ -33,7 +32,6 @@ _LEAST_UNIT = 0.005  # rad: joints that hardly move need not be predicted better
 _OFF = 0.15, 0.15, 0.15, 0.15, 0.15, 0.3
 """Network units that tips, palm, its turn, hand closed and opened, and forces are off by before distance counts."""
 _WEIGHTS = 1.0, 1.0, 0.5, 0.3, 0.2, 0.3
-_PACKAGES = ("dexgrasp", "numpy", "torch")
 
 
 class Cloning(StepTraining):
@@ -109,10 +107,7 @@ class Cloning(StepTraining):
         own, arrays = self.policy()
         about = {
             **own, "view": self.settings.view, "robot": default_cell().robot.stamp,
-            "training": {
-                "seed": self.settings.seed, "demonstrations": len(self._trained), **self.state.curve[-1],
-                "versions": package_versions(_PACKAGES),
-            },
+            "training": self.origin(seed=self.settings.seed, demonstrations=len(self._trained)),
         }  # fmt: skip
         write_policy(self.out, about, self.net.arrays() | arrays)
 

@@ -17,7 +17,6 @@ from dexgrasp.reinforcement.settings import GRASPS
 from dexgrasp.runs.checkpoint import Parts, damaged
 from dexgrasp.runs.policy_folder import read_policy, write_policy
 from dexgrasp.runs.training import CHECKPOINT, Course, Training
-from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
@@ -32,7 +31,6 @@ with from_extra():
     from dexgrasp.imitation.clone_net import layer_arrays
 
 _BUFFER = ("observations", "next_observations", "actions", "rewards", "dones", "timeouts")
-_PACKAGES = ("dexgrasp", "numpy", "torch", "stable-baselines3")
 
 
 class Rounds(Training):
@@ -125,9 +123,7 @@ class Rounds(Training):
         arrays |= layer_arrays("actor", _mean_action(self.model))
         about = {
             "kind": self.kind, "view": "state", "env": self.env, **own, "robot": default_cell().robot.stamp,
-            "training": {
-                "settings": asdict(self.settings), **self.state.curve[-1], "versions": package_versions(_PACKAGES),
-            },
+            "training": self.origin("stable-baselines3", settings=asdict(self.settings)),
         }  # fmt: skip
         if self.base is not None:
             about["base"] = self.base[0]

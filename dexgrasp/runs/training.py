@@ -13,6 +13,7 @@ from dexgrasp.runs.checkpoint import Parts, damaged, read_state, write_state
 from dexgrasp.runs.curves import Board
 from dexgrasp.runs.folder import RunFolder
 from dexgrasp.runs.interrupt import held
+from dexgrasp.runs.versions import package_versions
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.extras import from_extra
@@ -128,6 +129,14 @@ class Training(ABC):
     def note(self) -> Fields:
         """Return what a checkpoint holds beside the parts."""
         return {}
+
+    def origin(self, *packages: str, **own: Any) -> Fields:
+        """Return what a policy says of its training: `own`, the last row of the curve, and versions.
+
+        Those of `packages` stand behind ours, numpy's and torch's.
+        """
+        versions = package_versions(("dexgrasp", "numpy", "torch", *packages))
+        return {**own, **self.state.curve[-1], "versions": versions}
 
     def run(
         self, progress: Callable[[Progress], object] | None = None, stop_after: int | None = None
