@@ -83,14 +83,9 @@ class Recorder:
         self._settings, self._target = settings, target
         self._agent: Any = make_agent(settings.agent)
         asked = agent_settings(settings.agent, self._agent)
-        scene: Fields = {
-            "objects": [target],
-            "robot": settings.robot,
-            "mount": settings.mount,
-            "friction": settings.friction,
-        }
-        self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
         arguments = settings.env_arguments | {"objects": [target]}
+        scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction")}
+        self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
         self.demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
         self._cell: Cell = self.demo_env.unwrapped.settings.cell  # type: ignore[attr-defined]
         self._tree: RobotTree = robot_tree(self._cell)
