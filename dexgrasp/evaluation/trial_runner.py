@@ -73,7 +73,7 @@ class TrialRunner:
 
     def _env_arguments(self, spec: TrialSpec) -> Fields:
         """Return what `gym.make` is called with: the scene is the protocol's, the rest the agent's to choose."""
-        chosen: Fields = agent_settings(spec.agent, self.agent(spec))
+        chosen = agent_settings(spec.agent, self.agent(spec))
         scene = self.settings.scene(spec.protocol)
         return {"id": get_protocol(spec.protocol).env_id, "objects": [spec.target], **scene, **chosen}
 
