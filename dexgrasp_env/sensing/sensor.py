@@ -49,9 +49,6 @@ class Calibration:
         return rigid(R, np.array(PIVOT) - R @ PIVOT + self.position * shift)
 
 
-Depth = Single
-
-
 @dataclass(frozen=True)
 class SensorModel:
     """Settings of the sensor; every part is off at zero.
@@ -138,7 +135,7 @@ class SensorModel:
             return cls.none() if one_of(("realistic", "none")).admit(value) == "none" else cls.realistic()
         return read(cls, value, "sensor")
 
-    def measure(self, depths: Depth, cameras: tuple[Camera, ...], rng: np.random.Generator) -> Depth:
+    def measure(self, depths: Single, cameras: tuple[Camera, ...], rng: np.random.Generator) -> Single:
         """Return what the sensor reports for true depths.
 
         Args:
@@ -170,7 +167,7 @@ class SensorModel:
         turn = Rotation.from_rotvec(self.calibration_rotation * per_axis * rng.standard_normal(3))
         return rigid(turn.as_matrix(), self.calibration_position * per_axis * rng.standard_normal(3))
 
-    def _with_flying(self, true: Depth, rng: np.random.Generator) -> Depth:
+    def _with_flying(self, true: Single, rng: np.random.Generator) -> Single:
         if not self.edge_flying:
             return true
         near, far = _extremes(true)
@@ -178,7 +175,7 @@ class SensorModel:
         flying = (rng.random(true.shape, np.float32) < self.edge_flying) & (far - near > self.edge_jump)
         return np.where(flying & np.isfinite(far), near + share * (far - near), true)
 
-    def _through_disparity(self, depth: Depth, rng: np.random.Generator) -> Depth:
+    def _through_disparity(self, depth: Single, rng: np.random.Generator) -> Single:
         scale = np.float32(self.focal_px * self.baseline)
         disparity = scale / depth + np.float32(self.subpixel_rms) * self._noise(depth.shape, rng)
         if self.disparity_step:
@@ -186,7 +183,7 @@ class SensorModel:
             disparity = np.rint(disparity / step) * step
         return np.where(np.isfinite(depth) & (disparity > 0), scale / disparity, np.float32(np.inf))
 
-    def _noise(self, shape: tuple[int, ...], rng: np.random.Generator) -> Depth:
+    def _noise(self, shape: tuple[int, ...], rng: np.random.Generator) -> Single:
         noise = rng.standard_normal(shape, np.float32)
         if not self.correlated:
             return noise
@@ -199,7 +196,7 @@ class SensorModel:
             np.float32(np.sqrt(1 - self.correlated)) * noise + np.float32(np.sqrt(self.correlated)) * shared
         )
 
-    def _loss(self, true: Depth, cameras: tuple[Camera, ...]) -> Depth:
+    def _loss(self, true: Single, cameras: tuple[Camera, ...]) -> Single:
         loss = np.full(true.shape, self.dropout, np.float32)
         if self.edge_dropout:
             near, far = _extremes(true)
@@ -211,7 +208,7 @@ class SensorModel:
         return loss
 
 
-def incidence(depth: Depth, camera: Camera) -> Depth:
+def incidence(depth: Single, camera: Camera) -> Single:
     """Return the angle between the ray and the surface normal at each pixel, (H, W) radians.
 
     1/z is affine in the pixel on a plane, so its differences are the normal; the flatter side of a pixel
@@ -227,14 +224,14 @@ def incidence(depth: Depth, camera: Camera) -> Depth:
     return np.arccos(np.clip(inverse / np.maximum(length, 1e-12), 0.0, 1.0))
 
 
-def _flatter(step: Depth, axis: int) -> Depth:
+def _flatter(step: Single, axis: int) -> Single:
     """Return at each pixel the smaller of the differences to its two neighbours along an axis."""
     first, last = step.take([0], axis), step.take([-1], axis)
     before, after = np.concatenate([first, step], axis), np.concatenate([step, last], axis)
     return np.where(np.abs(before) < np.abs(after), before, after)
 
 
-def _extremes(depth: Depth) -> tuple[Depth, Depth]:
+def _extremes(depth: Single) -> tuple[Single, Single]:
     """Return the nearest and farthest depth among each pixel and its four neighbours."""
     padded = np.pad(depth, ((0, 0), (1, 1), (1, 1)), mode="edge")
     around = (padded[:, :-2, 1:-1], padded[:, 2:, 1:-1], padded[:, 1:-1, :-2], padded[:, 1:-1, 2:])

@@ -6,7 +6,7 @@ and many give the same bits. This module imports numba: it is imported when an e
 
 import math
 
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 from dexgrasp_env.poses import product_components, rotated_components, rotation_components
 from dexgrasp_env.tasks.constants import (
@@ -28,7 +28,6 @@ from dexgrasp_env.tasks.rules import (
     TIPS,
     TOUCHING_ANY,
     TOUCHING_HAND,
-    Columns,
     Rules,
 )
 from dexgrasp_env.tasks.terms import level_terms, progress_terms
@@ -304,7 +303,7 @@ def _observe_object(e: Record, q: Array, v: Array, s: Array, rules: Rules, o: Ar
 
 @njit
 def conclude(
-    episodes: Records, state: State, warnings: Columns, noise: Array, rules: Rules,
+    episodes: Records, state: State, warnings: Index, noise: Array, rules: Rules,
     out: tuple[Array, Array, Array], judge_too: bool,
 ) -> None:  # fmt: skip
     """Advance what the episodes have achieved by the control step just taken, reward and observe it.

@@ -9,8 +9,6 @@ from dexgrasp_env.scene.sensors import READINGS
 from dexgrasp_env.tasks.constants import DISTURB_AFTER, GRASP_STEPS, HOLD_STEPS, at_pace
 from dexgrasp_env.tasks.settings import LiftSettings
 
-Columns = Index
-
 (TIPS, PALM, PALM_QUAT, TIP_FORCES, TOUCHING_ANY, TOUCHING_HAND, PRESSES) = range(len(READINGS))
 
 
@@ -34,10 +32,10 @@ class Rules(NamedTuple):
         dense: whether that is the reward, else success.
     """
 
-    at: Columns
+    at: Index
     joints: int
     fingers: int
-    grasp: Columns
+    grasp: Index
     hulls: Array
     period: float
     hold: int
@@ -50,7 +48,7 @@ class Rules(NamedTuple):
     dense: bool
 
 
-def rules_of(settings: LiftSettings, at: Columns, hulls: Array, bad_numbers: int) -> Rules:
+def rules_of(settings: LiftSettings, at: Index, hulls: Array, bad_numbers: int) -> Rules:
     """Return the rules of an environment; arguments as of `Rules`."""
     hand, pace = settings.cell.robot.hand, settings.frame_skip
     fingers = [finger.name for finger in hand.fingers]
