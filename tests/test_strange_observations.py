@@ -7,6 +7,7 @@ from robots import HOME
 
 from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.agents.hardcoded import HardcodedAgent
+from dexgrasp.imitation.cloud_look import look_at
 
 RNG = np.random.default_rng(0)
 BLOB = RNG.uniform([0.45, -0.03, 0.02], [0.51, 0.03, 0.08], (256, 3))
@@ -50,3 +51,11 @@ def test_strange_normals_raise_nothing(agent, normals):
 def test_starts_that_the_robot_cannot_have_are_refused(agent, targets):
     with refused("joint_targets"):
         agent.reset(observation(BLOB, targets), {})
+
+
+@pytest.mark.parametrize("key", ["cloud", "cloud_mask", "cloud_normals"])
+def test_a_clone_that_looks_at_clouds_says_what_it_lacks(key):
+    seen = observation(BLOB)
+    del seen[key]
+    with refused("pointcloud"):
+        look_at(seen)

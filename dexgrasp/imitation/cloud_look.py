@@ -45,7 +45,7 @@ def look_at(first: Observation) -> CloudLook:
     Raises:
         InputError: where it has no cloud, or an empty one.
     """
-    if "cloud" not in first:
+    if not {"cloud", "cloud_mask", "cloud_normals"} <= first.keys():
         raise InputError(
             "this policy looks at a point cloud: make the environment with obs_mode='pointcloud'"
         )
