@@ -14,7 +14,7 @@ from scipy.optimize import nnls
 from dexgrasp.physics.cones import cone_edges
 from dexgrasp.scoring.candidate import HandStage
 from dexgrasp.scoring.hand import HandModel
-from dexgrasp_env.arrays import Array
+from dexgrasp_env.arrays import Array, unit
 
 PRESS = 4.0  # N, normal, of the firmest contact
 TORQUE = 0.5  # Nm, of the busiest joint: hands of this size bear 0.7
@@ -37,7 +37,7 @@ def close_around(
         inward: (k, 3) normals into the object.
         centre: (3,) m, of the object's mass.
     """
-    inward = inward / np.linalg.norm(inward, axis=1, keepdims=True)
+    inward = unit(inward)
     J = contact_jacobians(hand, grasp, points)
     torques = balanced_forces(points, inward, centre).ravel() @ J
     press = torques * min(1.0, TORQUE / max(float(np.abs(torques).max()), 1e-9)) / SERVO_KP
