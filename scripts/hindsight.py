@@ -47,6 +47,7 @@ WHOLE, SHORT = 300, 200  # control steps of an episode: where it is judged, wher
 SEEN = 29  # numbers of an observation
 FARTHEST = 5.0  # that one of them counts, from 0
 U, V, ABOVE, LEAST_Z = 0.010, -0.028, 0.045, 0.137  # m, where `hardcoded` puts the palm
+USUAL, LATER = 0.3, 0.7  # share of usual episodes to learn from: at first, and once demonstrations are solved
 SHARES = 0.9, 0.6, 0.3, 0.0  # of demonstrations, where episodes begin that are judged
 Act = Callable[[dict[str, Any]], NDArray[Any]]
 
@@ -311,13 +312,12 @@ class Judged(BaseCallback):
         self.model.save(self.told.out / "policy.zip")
         last = self.curve[-1]
         told = {share: [rate["solved"] for rate in both.values()] for share, both in last["along"].items()}
-        print(
-            json.dumps({k: last[k] for k in ("steps", "seconds", "front")}),
-            last["usual"]["all"]["solved"],
-            told,
-        )
+        point = {k: last[k] for k in ("steps", "seconds", "front")}
+        print(json.dumps(point), last["usual"]["all"]["solved"], told)
 
     def _on_step(self) -> bool:
+        if self.resets.front == 0.0:
+            self.resets.whole = LATER  # what is left to learn is how usual episodes begin
         if self.num_timesteps >= self.next:
             self.next += self.told.every
             self.note(self.told.trials)
@@ -368,7 +368,7 @@ class Hindsight(Script):
             print(json.dumps(rates(judge(look, by_hand(look), [{}] * self.final, self.seed))))
             return 0
         env = Macro(self.object, self.vector, SHORT)
-        resets = DemoResets(self.demos, whole=0.3).attach(env.inner.envs)
+        resets = DemoResets(self.demos, whole=USUAL).attach(env.inner.envs)
         network = {"net_arch": [128, 128], "features_extractor_class": Relative, "activation_fn": Normed}
         model = SAC(
             "MultiInputPolicy",

@@ -165,6 +165,8 @@ def test_what_is_brought_to_a_place_begins_along_them_with_their_end_as_goal(fol
         for _ in range(300):
             resets(0, np.random.default_rng(len(resets._recent)), record)
         assert (resets.front < 0.9) is moves
+    resets.whole = 1.0
+    assert all(resets(0, np.random.default_rng(k), record) == {} for k in range(20))
     resets._demos[0].observations.pop("object_pose")
     with refused("say where they end"):
         resets.attach(env)

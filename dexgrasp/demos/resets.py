@@ -47,6 +47,7 @@ class DemoResets:
         front: share of a demonstration, from which on episodes begin; moves from near success to 0, the first state,
             as episodes from about there succeed.
         states: of each demonstration, in time.
+        whole: share of the episodes that begin as usual; it may be changed at any time.
     """
 
     def __init__(self, folder: str | Path, whole: float = 0.2) -> None:
@@ -62,7 +63,7 @@ class DemoResets:
         self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
         read = zip(read_episodes(Path(folder)), range(_MOST), strict=False)
         self._demos = [_followed(demo) for demo, _ in read]
-        self._whole, self.front = whole, _LATEST
+        self.whole, self.front = whole, _LATEST
         self.states: list[list[EpisodeState]] = []
         self._recent: deque[bool] = deque(maxlen=_OF)
         self._won = "solved", 1  # what a record says of an episode that succeeded, at least
@@ -112,7 +113,7 @@ class DemoResets:
         if len(self._recent) == _OF and sum(self._recent) >= _WON * _OF:
             self.front = max(self.front - _BACK, 0.0)
             self._recent.clear()
-        if rng.random() < self._whole:
+        if rng.random() < self.whole:
             return {}
         states = self.states[rng.integers(len(self.states))]
         # Half of them at the front: what moves it is soon known, and what was learned behind it is not forgotten.
