@@ -1,7 +1,8 @@
 """Agent `bilevel`: cloud -> hull -> proposals -> postures -> bilevel optimisation -> certified grasp -> actions."""
 
+from collections.abc import Mapping
 from dataclasses import replace
-from typing import ClassVar, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 from dexgrasp.agent import Agent, Observation, cell_of
 from dexgrasp.motion.aside import SettingAside, WayAside
@@ -18,7 +19,7 @@ from dexgrasp.planning.problem import Problem
 from dexgrasp.planning.result import PlanResult, Progress
 from dexgrasp.planning.seen import default_planner, plan_scene, start_of
 from dexgrasp.planning.settings import PlannerSettings
-from dexgrasp_env.arrays import Array, Fields, Single
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import ObjectCloud, Scene
 from dexgrasp_env.robot.cell import Cell, default_cell
@@ -45,7 +46,7 @@ class BilevelAgent(Agent):
     agent looks again at once.
     """
 
-    env_settings: ClassVar[Fields] = {
+    env_settings: ClassVar[Mapping[str, Any]] = {
         "obs_mode": "pointcloud",
         "control_mode": "joint_position",
         "observe": "clear",
@@ -90,7 +91,7 @@ class BilevelAgent(Agent):
     def plan(
         self,
         observation: Observation,
-        info: Fields,
+        info: Mapping[str, Any],
         count: int | None = None,
         progress: Progress | None = None,
     ) -> PlanResult:
@@ -110,7 +111,7 @@ class BilevelAgent(Agent):
         scene, start = self._scene(observation, info), self._start(observation)
         return plan_scene(self._planner, scene, self._seed, start, count=count, progress=progress)
 
-    def reset(self, observation: Observation, info: Fields) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud of the first observation."""
         self._state, self.result = None, None
         plan = self.result = self.plan(observation, info)
@@ -161,7 +162,7 @@ class BilevelAgent(Agent):
                 return self._look_again(state, observation)
         return state
 
-    def _scene(self, observation: Observation, info: Fields | None = None) -> Scene:
+    def _scene(self, observation: Observation, info: Mapping[str, Any] | None = None) -> Scene:
         return Scene.of_observation(observation, info)
 
     def _start(self, observation: Observation) -> Array:
@@ -270,5 +271,5 @@ class BilevelAgent(Agent):
 class AloneAgent(BilevelAgent):
     """The same, blind to what stands around the object: what knowing of neighbours is worth."""
 
-    def _scene(self, observation: Observation, info: Fields | None = None) -> Scene:
+    def _scene(self, observation: Observation, info: Mapping[str, Any] | None = None) -> Scene:
         return replace(super()._scene(observation, info), neighbours=(), rest=ObjectCloud())

@@ -3,6 +3,7 @@
 A checkpoint is a zip with pickled parts; `checkpoint_reader` sees to it that none of them runs.
 """
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -28,6 +29,8 @@ class CheckpointAgent(Agent):
     `vecnormalize.pkl` beside it, is used.
     """
 
+    env_settings: Mapping[str, Any] = {}  # type: ignore[misc]  # of the instance here
+
     def __init__(self, spec: str) -> None:
         """Open a checkpoint.
 
@@ -42,13 +45,13 @@ class CheckpointAgent(Agent):
             raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
         self._policy = _open(path, algorithm or _guess(path))
         self._counted = counted(path)
-        self.env_settings = _told(self._policy) | _sidecar(path)  # type: ignore[misc]  # of the instance here
+        self.env_settings = _told(self._policy) | _sidecar(path)
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own draws."""
         self._policy.set_random_seed(seed)
 
-    def reset(self, observation: Observation, info: Fields) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Forget the last episode."""
         self.report = Report()
 

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -18,7 +18,7 @@ from dexgrasp.planning.seen import start_of
 from dexgrasp.runs.compiling import ensure_compiled
 from dexgrasp.shape.completion import NO_VOLUME, NoTarget, target_of
 from dexgrasp.shape.hull import standing_hull
-from dexgrasp_env.arrays import Array, Fields, Single
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
@@ -55,7 +55,7 @@ class HardcodedAgent(Agent):
     positions; the thumb's servo saturates and presses the object against them whatever its width.
     """
 
-    env_settings: ClassVar[Fields] = {
+    env_settings: ClassVar[Mapping[str, Any]] = {
         "obs_mode": "pointcloud",
         "control_mode": "joint_position",
         "observe": "reset",
@@ -68,7 +68,7 @@ class HardcodedAgent(Agent):
         self._step = 0
         ensure_compiled()
 
-    def reset(self, observation: Observation, info: Fields) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Plan from the cloud; stand still for the episode where that fails.
 
         Raises:

@@ -1,7 +1,8 @@
 """Learned policies, by the path of their folder or, those that are shipped, by their name."""
 
+from collections.abc import Mapping
 from pathlib import Path
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from dexgrasp.agent import Agent, Observation, Report, cell_of
 from dexgrasp.imitation.clone import Clone
@@ -10,7 +11,7 @@ from dexgrasp.imitation.policy import Policy, PolicyRun
 from dexgrasp.reinforcement.actor import Actor
 from dexgrasp.reinforcement.grip import Grip
 from dexgrasp.runs.policy_folder import read_policy
-from dexgrasp_env.arrays import Fields, Single
+from dexgrasp_env.arrays import Single
 from dexgrasp_env.assets import asset_path
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import expand
@@ -20,6 +21,7 @@ from dexgrasp_env.robot.cell import default_cell
 class LearnedAgent(Agent):
     """Acts by the policy of a folder, in numpy; its `env_settings` are those that it was trained in."""
 
+    env_settings: ClassVar[Mapping[str, Any]] = {}
     shipped: ClassVar[str] = ""
 
     def __init__(self, folder: str | Path | None = None) -> None:
@@ -35,7 +37,7 @@ class LearnedAgent(Agent):
         self.env_settings = dict(self._policy.env)  # type: ignore[misc]  # of the instance here
         self._run: PolicyRun | None = None
 
-    def reset(self, observation: Observation, info: Fields) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Look at the object."""
         self._run = None
         self.report = Report()
@@ -73,21 +75,21 @@ def read_learned(folder: Path) -> Policy:
 class BcAgent(LearnedAgent):
     """Cloned from demonstrations: sees the state, predicts set-points."""
 
-    env_settings: ClassVar[Fields] = {"obs_mode": "state", "control_mode": "joint_delta"}
+    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
     shipped = "bc"
 
 
 class RlAgent(LearnedAgent):
     """`bc` with a grip that reinforcement corrects: sees the state, decides once an episode where to take hold."""
 
-    env_settings = BcAgent.env_settings
+    env_settings: ClassVar[Mapping[str, Any]] = BcAgent.env_settings
     shipped = "rl"
 
 
 class BcCloudAgent(LearnedAgent):
     """Cloned from demonstrations of the planner: looks at the cloud once, then feels through the joints."""
 
-    env_settings: ClassVar[Fields] = {
+    env_settings: ClassVar[Mapping[str, Any]] = {
         "obs_mode": "pointcloud",
         "control_mode": "joint_position",
         "observe": "reset",

@@ -1,6 +1,6 @@
 """Placing: another agent's grasp, carried to its goal, and let go of where the object is to lie."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -10,7 +10,7 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import robot_tree
 from dexgrasp.motion.carried import STILL, carried, let_go
 from dexgrasp.motion.motion import arm_and_hand
-from dexgrasp_env.arrays import Array, Fields, Single
+from dexgrasp_env.arrays import Array, Single
 from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.robot.cell import default_cell
 from dexgrasp_env.tasks.control import normalise
@@ -46,7 +46,7 @@ class PlacingAgent(Agent):
         """Seed the agent."""
         self.agent.seed(seed)
 
-    def reset(self, observation: Observation, info: Fields) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Have the agent plan, and note where the object is and where it is to be."""
         self.agent.reset(observation, info)
         points = Scene.of_observation(observation, info).target.points

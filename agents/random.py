@@ -1,18 +1,19 @@
 """Uniform random actions: what an environment gives away for nothing."""
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 from gymnasium import spaces
 
 from dexgrasp.agent import Agent, Observation, Report
-from dexgrasp_env.arrays import Fields, Single
+from dexgrasp_env.arrays import Single
 
 
 class RandomAgent(Agent):
     """Draws every action evenly from the action space."""
 
-    env_settings: ClassVar[Fields] = {"obs_mode": "state", "control_mode": "joint_delta"}
+    env_settings: ClassVar[Mapping[str, Any]] = {"obs_mode": "state", "control_mode": "joint_delta"}
 
     def __init__(self) -> None:
         self._rng = np.random.default_rng()
@@ -22,7 +23,7 @@ class RandomAgent(Agent):
         """Seed the draws."""
         self._rng = np.random.default_rng(seed)
 
-    def reset(self, observation: Observation, info: Fields) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Take the action space from `info`; one of 23 numbers in [-1, 1] without."""
         self._space = info.get("action_space", self._space)
         self.report = Report()

@@ -43,7 +43,7 @@ class Agent(ABC):
     observation and, at reset, the public part of `info`: nothing of the object's pose unless its `obs_mode` is `state`.
     """
 
-    env_settings: ClassVar[Fields] = {}
+    env_settings: ClassVar[Mapping[str, Any]] = {}
     """Keyword arguments of `gym.make` that this agent needs, e.g. obs_mode and control_mode."""
 
     @cached_property
@@ -55,7 +55,7 @@ class Agent(ABC):
         """Seed the agent's own randomness; called before every episode's `reset`."""
 
     @abstractmethod
-    def reset(self, observation: Observation, info: Fields) -> None:
+    def reset(self, observation: Observation, info: Mapping[str, Any]) -> None:
         """Start an episode: plan, or forget.
 
         Args:
@@ -68,13 +68,13 @@ class Agent(ABC):
         """Return the next action, within the environment's action space."""
 
 
-def cell_of(info: Fields, default: Cell) -> Cell:
+def cell_of(info: Mapping[str, Any], default: Cell) -> Cell:
     """Return the cell that an episode is in; where its info tells of none, the default's with the mount it tells of."""
     cell = info.get("cell")
     return cell if isinstance(cell, Cell) else default.mounted(info.get("mount"))
 
 
-def public_info(env: Env, info: Fields) -> Fields:
+def public_info(env: Env, info: Mapping[str, Any]) -> Fields:
     """Return what an agent may know at reset: nothing of the object but what perception says."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     known = {
