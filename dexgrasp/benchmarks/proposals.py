@@ -4,7 +4,6 @@ Every source serves the same planner on the same perceived hulls, without planni
 """
 
 import time
-from collections import defaultdict
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -141,12 +140,10 @@ def _figures(attempts: list[Attempt]) -> Fields:
     between = [_between(a, b) for a, b in combinations(good, 2) if a.scene == b.scene]
     spread, angle = np.mean(between, axis=0).tolist() if between else (None, None)
     rate = len(good) / len(attempts)
-    off = defaultdict[str, float](float)  # seeds of one scene are not independent
-    for a in attempts:
-        off[a.scene] += (a.verified - rate) / len(attempts)
+    moved = [(a.scene, (a.verified - rate) / len(attempts)) for a in attempts]
     return {
         "trials": len(attempts), "verified": rate,
-        "verified_ci95": list(scattered_interval(rate, off.values(), len(attempts))),
+        "verified_ci95": list(scattered_interval(rate, moved, len(attempts))),
         "tried": spread_of([a.plan.log.tried for a in good]), "seconds": spread_of([a.seconds for a in good]),
         "margin": spread_of([grasp.certificate.closure_margin for grasp in grasps]),
         "epsilon": spread_of([ferrari_canny(grasp.contacts, grasp.normals, mu) for grasp in grasps]),

@@ -1,5 +1,6 @@
 """How long calls take, and how figures spread."""
 
+import gc
 import time
 import timeit
 from collections.abc import Callable, Iterator, Sequence
@@ -14,8 +15,8 @@ from dexgrasp_env.arrays import Array
 
 
 def seconds_of(call: Callable[[], object], repeats: int) -> Array:
-    """Return the wall time (repeats,) [s] of a call, one after another."""
-    return np.array(timeit.repeat(call, number=1, repeat=repeats))
+    """Return the wall time (repeats,) [s] of a call, one after another, garbage collected as ever."""
+    return np.array(timeit.repeat(call, gc.enable, number=1, repeat=repeats))
 
 
 @contextmanager
@@ -24,8 +25,11 @@ def clocks(*calls: tuple[Any, str]) -> Iterator[dict[str, list[float]]]:
     seconds: dict[str, list[float]] = {name: [] for _, name in calls}
 
     def timed(call: Callable[..., object], own: list[float]) -> Callable[..., object]:
+        """Return the call, noting in `own` how long each took."""
+
         @wraps(call)
         def run(*args: Any, **kwargs: Any) -> object:
+            """Do what is timed, and note the time even where it fails."""
             start = time.perf_counter()
             try:
                 return call(*args, **kwargs)

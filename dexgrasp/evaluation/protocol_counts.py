@@ -44,14 +44,12 @@ def protocol_counts(rows: Mapping[str, Sequence[Fields]]) -> dict[str, Fields]:
 def pooled(parts: Sequence[Sequence[Fields]], weights: Sequence[float] = (1.0,)) -> Fields:
     """Return trials, successes and 95 % interval of parts, which may meet the same scenes, and their mean rate."""
     total, wins, rate = 0, 0, 0.0
-    scatter: dict[Any, float] = {}
+    moved = list[tuple[Any, float]]()
     for rows, weight in zip(parts, weights, strict=True):
         n, k = len(rows), sum(bool(row["success"]) for row in rows)
         own = k / n if n else 0.0
         total, wins = total + n, wins + k
         rate += weight * own
-        for row in rows:
-            scene = scene_of(row)
-            scatter[scene] = scatter.get(scene, 0.0) + weight / n * (bool(row["success"]) - own)
-    interval = scattered_interval(rate, scatter.values(), total)
+        moved += [(scene_of(row), weight / n * (bool(row["success"]) - own)) for row in rows]
+    interval = scattered_interval(rate, moved, total)
     return {"trials": total, "successes": wins, "rate": rate, "ci95": list(interval)}

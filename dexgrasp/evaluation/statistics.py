@@ -6,7 +6,7 @@ unit of intervals and tests, however many conditions it is met under.
 """
 
 from collections import Counter
-from collections.abc import Collection, Hashable, Iterable, Mapping, Sequence
+from collections.abc import Hashable, Iterable, Mapping, Sequence
 
 import numpy as np
 from scipy.special import comb
@@ -41,7 +41,9 @@ def wilson_interval(successes: float, trials: float) -> tuple[float, float]:
     return (0.0 if successes == 0 else float(middle - half)), (1.0 if failures == 0 else float(middle + half))
 
 
-def scattered_interval(rate: float, scatter: Collection[float], trials: int) -> tuple[float, float]:
+def scattered_interval(
+    rate: float, moved: Iterable[tuple[Hashable, float]], trials: int
+) -> tuple[float, float]:
     """Return a 95 % interval of a rate of trials that are not independent within a scene.
 
     Wilson's at the number of independent trials that would give the rate the same variance, from the scenes' number to
@@ -49,10 +51,13 @@ def scattered_interval(rate: float, scatter: Collection[float], trials: int) -> 
 
     Args:
         rate: weighted mean of outcomes.
-        scatter: of every scene, by how much its outcomes move the rate: the sum of weight times (outcome - mean).
+        moved: scene of every outcome, and by how much it moves the rate: weight times (outcome - mean).
         trials: outcomes.
     """
-    variance = sum(moved**2 for moved in scatter)
+    scatter: dict[Hashable, float] = {}
+    for scene, share in moved:
+        scatter[scene] = scatter.get(scene, 0.0) + share
+    variance = sum(share**2 for share in scatter.values())
     alike = rate * (1.0 - rate) / variance if variance > 0.0 else 0.0
     number = min(max(round(alike, 6), len(scatter)), trials)
     return wilson_interval(min(rate * number, number), number)
@@ -133,6 +138,7 @@ def paired_difference_interval(
     phi = _phi(both, only_a, only_b, neither)
 
     def reach(x: float, y: float) -> float:
+        """Return how far an end of the interval is from the difference, by the ends of the two rates."""
         return float(np.sqrt(max(x * x - 2.0 * phi * x * y + y * y, 0.0)))
 
     difference = rate_a - rate_b

@@ -36,8 +36,7 @@ def meeting_pairs(robot: Robot, model: mujoco.MjModel) -> list[tuple[str, str]]:
         for a, b in combinations(numbers, 2)
         if model.body_parentid[b] != a and frozenset((a, b)) not in excluded
     ]
-    shapes = () if robot.hand.frame is None else (model.mesh_vert,)  # files may change and keep their names
-    key = content_hash(_SAMPLES, _NEAR, robot.hash, *shapes)
+    key = content_hash(_SAMPLES, _NEAR, robot.hash, model.mesh_vert)  # meshes may change and keep their names
     near = cached_arrays(f"pairs_{key}.npy", lambda: {"near": _come_near(pairs, robot, model)})["near"]
     return [(model.body(a).name, model.body(b).name) for a, b in np.array(pairs)[near]]
 

@@ -7,8 +7,6 @@ import numpy as np
 from dexgrasp_env.arrays import Array, Index
 from dexgrasp_env.compiled import njit
 
-Index = Index
-
 
 class Grid(NamedTuple):
     """Points (M, 3) sorted into cubic cells.
