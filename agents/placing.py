@@ -40,6 +40,7 @@ class PlacingAgent(Agent):
 
     @report.setter
     def report(self, report: Report) -> None:
+        """Have the agent say another."""
         self.agent.report = report
 
     def seed(self, seed: int) -> None:

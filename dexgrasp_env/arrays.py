@@ -24,6 +24,7 @@ def array(*shape: int | None) -> Rule:
     sizes = ", ".join("N" if size is None else str(size) for size in shape)
 
     def admit(value: Any) -> Array:
+        """Return the array that a value states."""
         found = np.array(value, dtype=np.float64, order="C")
         fits = found.ndim == len(shape) and all(map(_is_size, shape, found.shape))
         if not fits or _has_words(value) or not (np.abs(found) < LARGEST).all():

@@ -57,6 +57,7 @@ def number(
     bounds = [f"{sign} {bound:g}" for sign, bound in signs.items() if math.isfinite(bound)]
 
     def admit(value: Any) -> float:
+        """Return the number."""
         known = isinstance(value, kind) and not isinstance(value, bool) and math.isfinite(value)
         return plain(value) if known and gt < value < lt and ge <= value <= le else _refuse()
 
@@ -76,6 +77,7 @@ def pair(each: Rule) -> Rule:
     """Return the rule of a range: two numbers that a rule admits, the first not above the second."""
 
     def admit(value: Any) -> tuple[float, float]:
+        """Return the range."""
         low, high = map(each.admit, value)
         return (low, high) if low <= high else _refuse()
 
@@ -86,6 +88,7 @@ def several(each: Rule, count: int | None = None) -> Rule:
     """Return the rule of lists of what a rule admits, `count` long where it is given; kept as tuples."""
 
     def admit(value: Any) -> tuple[Any, ...]:
+        """Return the values."""
         known = isinstance(value, list | tuple) and count in (None, len(value))
         return tuple(map(each.admit, value)) if known else _refuse()
 
@@ -97,6 +100,7 @@ def list_of(kind: type[Any], least: int = 0, most: int = 100, *, more: bool = Fa
     name = kind.__name__.lower()
 
     def admit(value: Any) -> tuple[Any, ...]:
+        """Return what is made of each."""
         known = isinstance(value, list | tuple) and least <= len(value) <= most
         return (
             tuple(read(kind, one, f"{name} {k}", more=more) for k, one in enumerate(value))

@@ -60,6 +60,7 @@ def grasp(
     actor.reset(observation, public_info(env, info))
 
     def actions() -> Iterator[np.ndarray]:
+        """Yield the cheat's actions."""
         stopped = False
         while True:
             stopped = stopped or stop(inner)
@@ -115,6 +116,7 @@ def press(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
     held = [0]
 
     def stop(_: LiftEnv) -> bool:
+        """Whether the hand has held for more than 8 control steps."""
         held[0] += inner.observe()[1]["is_grasped"]
         return held[0] > 8
 
@@ -127,6 +129,7 @@ def pin(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
     inner: Any = env.unwrapped
 
     def actions() -> Iterator[np.ndarray]:
+        """Yield the cheat's actions."""
         while True:
             palm, at = inner.data.site("palm"), inner.data.body("object").xpos
             tips = np.mean([inner.data.site(f"{f}_tip").xpos for f in ("thumb", "index", "middle")], axis=0)
@@ -151,6 +154,7 @@ def tray(env: gym.Env[Any, Any], seed: int, curled: float = 0.0) -> Iterator[np.
         end[first + 1 : first + 4] += curled
 
     def actions() -> Iterator[np.ndarray]:
+        """Yield the cheat's actions."""
         for share in np.linspace(0.0, 1.0, 40):
             yield normalise(q + share * (end - q), ROBOT).astype(np.float32)
         while True:
@@ -172,6 +176,7 @@ def throw(env: gym.Env[Any, Any], seed: int) -> Iterator[np.ndarray]:
     pose[:3] += [0.0, 0.15, 0.05]
 
     def actions() -> Iterator[np.ndarray]:
+        """Yield the cheat's actions."""
         while True:
             put(inner, HOME, pose, 3.0)
             for _ in range(8):

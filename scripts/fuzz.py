@@ -317,6 +317,7 @@ class Fuzz(Script):
         log, own = Lines(self.log, "case", lambda row: None), {"seed": self.seed, "kinds": list(self.kinds)}
 
         def rows() -> list[dict[str, Any]]:
+            """Return what is known of these cases so far."""
             return [row for row in log.rows if own.items() <= row.items() and row["case"] < self.count]
 
         done = {row["case"] for row in rows() if row["code"] in ALLOWED}

@@ -201,6 +201,7 @@ def by_hand(env: Macro) -> Act:
     since = np.zeros(env.num_envs, int)
 
     def act(seen: dict[str, Any]) -> NDArray[Any]:
+        """Return actions (N, 4)."""
         s = env.state(env.raw)
         palm, goal, actions = s["palm_pose"][:, :3], seen["desired_goal"], np.zeros((env.num_envs, 4))
         facing = quat_to_matrix(s["palm_pose"][:, 3:])[:, :2, 2]

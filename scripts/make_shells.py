@@ -28,6 +28,7 @@ def bar(a: Point, b: Point, radius: float, edge: float = 0.01, end_radius: float
     slope = 0.0 if end_radius is None else (end_radius - radius) / length
 
     def field(x: float, y: float, z: float) -> float:
+        """Return the signed distance of a place, m, negative inside."""
         x, y, z = x - a[0], y - a[1], z - a[2]
         t = x * ux + y * uy + z * uz
         across = math.sqrt(max(x * x + y * y + z * z - t * t, 0.0))
@@ -41,6 +42,7 @@ def block(center: Point, half: Point, edge: float) -> Field:
     """A box with rounded edges; metres, negative inside."""
 
     def field(x: float, y: float, z: float) -> float:
+        """Return the signed distance of a place, m, negative inside."""
         return _rounded(
             abs(x - center[0]) - half[0], abs(y - center[1]) - half[1], abs(z - center[2]) - half[2], edge
         )
@@ -52,6 +54,7 @@ def blend(fields: list[Field], k: float) -> Field:
     """The union of the fields with fillets of about k metres."""
 
     def field(x: float, y: float, z: float) -> float:
+        """Return the signed distance of a place, m, negative inside."""
         value = fields[0](x, y, z)
         for other in fields[1:]:
             d = other(x, y, z)

@@ -38,6 +38,7 @@ def blob(rng: Generator) -> Manifold:
     heights, widths = rng.uniform(-0.3, 0.45, len(ways)), rng.uniform(1.5, 6.0, len(ways))
 
     def bumps(points: np.ndarray) -> np.ndarray:
+        """Return unit points (N, 3) moved out and in."""
         swell = (heights * np.exp(widths * (points @ ways.T - 1.0))).sum(axis=1)
         return points * (1.0 + swell)[:, None]
 

@@ -124,11 +124,13 @@ def rewritten(text: str, results: Path = RESULTS, seasons: Path = SEASONS) -> st
     """Return a page with its results as they were recorded."""
 
     def table(found: re.Match[str]) -> str:
+        """Return a table anew, between its marks."""
         name = found["name"]
         shown = render(recorded(name, results, seasons), found["rows"].split())
         return f"<!-- results:{name}{found['rows']} -->\n{shown}<!-- /results:{name} -->"
 
     def rate(found: re.Match[str]) -> str:
+        """Return a rate anew, between its marks."""
         name, agent, row = found["name"], found["agent"], found["row"]
         own = recorded(name, results, seasons)["agents"][agent]
         cell = {**own["by_set"], **own["by_protocol"]}[row]

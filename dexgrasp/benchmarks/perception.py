@@ -134,6 +134,7 @@ def _raw_rays(model: mujoco.MjModel, data: mujoco.MjData, perception: Any) -> Ca
     geom, distance = np.empty(n, np.int32), np.empty(n)
 
     def cast() -> None:
+        """Cast the rays of all cameras, and do nothing else."""
         for position, rays in casts:
             mujoco.mj_multiRay(model, data, position, rays, SEEN, True, -1, geom, distance, None, n, 10.0)
 

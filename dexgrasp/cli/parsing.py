@@ -126,6 +126,7 @@ def reader(rule: Rule) -> Callable[[str], Any]:
     """Return what reads a word of the command line, and says in a line what is wrong with it."""
 
     def parse(text: str) -> Any:
+        """Return the value that a word of the command line states."""
         try:
             return rule.admit(rule.parse(text))
         except (TypeError, ValueError, OverflowError) as error:

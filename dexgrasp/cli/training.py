@@ -66,6 +66,7 @@ class TrainingCommand(Command):
         with resumable(f"the last checkpoint is kept in {folder}"), progress_bar(unit, name + of) as bar:
 
             def show(state: "Progress") -> None:
+                """Move the bar to the present epoch."""
                 bar(
                     state.epoch,
                     state.epochs,

@@ -124,6 +124,7 @@ def _converted(
     kept: Counter[str] = Counter()
 
     def episodes() -> Iterator[Episode]:
+        """Yield what was kept, reading it anew for every format; count it and what failed."""
         failures.clear()
         kept.clear()
         for path in parts:

@@ -65,10 +65,12 @@ def moveit_grasp(facts: Fields, base: str, joints: Names) -> Fields:
     palm = facts["palm"]
 
     def posture(hand: list[float], torque: list[float]) -> Fields:
+        """Return a `trajectory_msgs/JointTrajectory` of one point."""
         point = _point(0.0, np.array(hand), effort=torque)
         return {"header": _header(base), "joint_names": list(joints), "points": [point]}
 
     def translation(z: float, distance: float) -> Fields:
+        """Return a `GripperTranslation` along the base's z, up (1) or down (-1), m."""
         return {
             "direction": {"header": _header(base), "vector": {"x": 0.0, "y": 0.0, "z": z}},
             "desired_distance": distance,

@@ -51,6 +51,7 @@ def _portable(xml: str, meshes: Path) -> str:
     shells = asset_path("robot", "shells")
 
     def copied(match: "re.Match[str]") -> str:
+        """Copy a shell beside the scene, and return how the scene names it."""
         name = Path(match.group(1)).name
         shutil.copyfile(shells / name, meshes / name)
         return f'file="{MESHES}/{name}"'

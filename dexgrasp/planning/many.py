@@ -60,6 +60,7 @@ def _rising(progress: Progress | None) -> Progress:
     most = 0
 
     def report(done: int, of: int) -> None:
+        """Report the most that was ever done."""
         nonlocal most
         most = max(most, done)
         if progress is not None:

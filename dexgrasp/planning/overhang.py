@@ -176,6 +176,7 @@ class _Overhanging(SurfaceProposals):
     """Of an even sample, only as many places above as there are elsewhere: over the table nothing opposes them."""
 
     def places(self, target: GraspTarget, settings: PlannerSettings, rng: Generator) -> tuple[Array, Array]:
+        """Return points (P, 3) m and outward normals (P, 3) of a sample, places above as many as others."""
         points, normals = super().places(target, settings, rng)
         above = normals[:, 2] > _UPWARD
         kept = ~above | (np.cumsum(above) <= np.sum(~above))

@@ -91,6 +91,7 @@ class _Solver:
         self._least = bounds_of(problem, settings.closure_margin)
 
     def evaluate(self, q: Array, bounds: Bounds) -> Evaluation:
+        """Return constraints and their gradients at `q` (n,) rad."""
         return evaluate(q, self._tree, self._obstacles, bounds, self._shape, self._with_margin)
 
     def run(self, q: Array) -> Solution:

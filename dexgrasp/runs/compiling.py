@@ -74,7 +74,7 @@ def _cache_folder() -> Path:
 
     @njit
     def nothing() -> None:
-        pass
+        """Do nothing; where numba would keep it is all that is asked."""
 
     return Path(nothing.stats.cache_path)  # type: ignore[attr-defined]
 

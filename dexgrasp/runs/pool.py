@@ -140,6 +140,7 @@ def _end_with_parent() -> None:
     """End this process soon after the one that started it is gone, even if that is killed: there is nothing to do."""
 
     def watch() -> None:
+        """Wait for the end of the parent, and end."""
         parent = multiprocessing.parent_process()
         if parent is not None:
             connection.wait([parent.sentinel])

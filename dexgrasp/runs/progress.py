@@ -33,6 +33,7 @@ def progress_bar(unit: str, of: str, *, shown: bool = True, **options: Any) -> I
         ) as bar:  # what is refused at once needs none
 
             def show(done: int, total: int, **figures: str) -> None:
+                """Move the bar."""
                 if bar.total is None:  # what was there before says nothing of the speed
                     bar.n = bar.initial = done
                 bar.total = total
@@ -50,6 +51,7 @@ def _lines(unit: str, of: str) -> Show:
     began = last = time.monotonic()
 
     def show(done: int, total: int, **figures: str) -> None:
+        """Print a line, if the last is old enough or this ends the work."""
         nonlocal last
         now = time.monotonic()
         if now - last >= _EVERY or (done == total and last > began):

@@ -61,6 +61,7 @@ class Candidate:
         """Return the grasp with the hand displaced by `T` (4, 4) in its own frame at every stage."""
 
         def moved(stage: HandStage) -> HandStage:
+            """Return the stage in the other frame."""
             return replace(stage, T_world_hand=stage.T_world_hand @ T)
 
         return replace(

@@ -133,6 +133,7 @@ def _cut_up(whole: _Piece, most: int) -> list[_Piece]:
         return found if piece.hull_volume - held(found) > least else [piece]
 
     def gains(pieces: list[_Piece]) -> list[float]:
+        """Return by how much, m^3, each piece's hull is larger than what was seen to be there."""
         return [piece.hull_volume - held(sides(piece)) for piece in pieces]
 
     return cut_up([whole], gains, sides, most - 1)

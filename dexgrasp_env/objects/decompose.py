@@ -114,11 +114,13 @@ def _cut_up(pieces: list[_Piece], normals: Array, volume: float, bar: Any) -> li
     """Cut the piece of the most excess, again and again, until `_EXCESS` is reached or cuts or pieces are enough."""
 
     def worth(pieces: list[_Piece]) -> list[float]:
+        """Return what cutting each piece would win, 0 for those that are to stay whole."""
         excess = [piece.excess / volume for piece in pieces]
         enough = len(pieces) > _PIECES or sum(excess) < _EXCESS
         return [0.0 if enough or share < _LEAST else rounded(share) for share in excess]
 
     def cut(piece: _Piece) -> Sequence[_Piece]:
+        """Cut a piece where that wins most."""
         bar.update()
         return _best_cut(piece, normals)
 
@@ -180,6 +182,7 @@ def _merged(pieces: Sequence[_Piece], volume: float) -> list[manifold3d.Manifold
     sizes = {k: piece.hull_volume for k, piece in enumerate(pieces)}
 
     def join(a: int, b: int) -> tuple[float, manifold3d.Manifold]:
+        """Return the volume that joining two hulls adds, m^3, and their common hull."""
         both = manifold3d.Manifold.batch_hull([hulls[a], hulls[b]])
         return both.volume() - sizes[a] - sizes[b], both
 

@@ -63,6 +63,7 @@ def _level_surface(inside: np.ndarray, origin: Array, pitch: float) -> trimesh.T
     (ox, oy, oz), (nx, ny, nz) = origin.tolist(), (side - 2 for side in depth.shape)
 
     def level(x: float, y: float, z: float) -> float:
+        """Return the depth in a place, trilinear between cells."""
         u, v, w = (x - ox) / pitch - 0.5, (y - oy) / pitch - 0.5, (z - oz) / pitch - 0.5
         i, j, k = min(max(int(u), 0), nx), min(max(int(v), 0), ny), min(max(int(w), 0), nz)
         u, v, w = min(max(u - i, 0.0), 1.0), min(max(v - j, 0.0), 1.0), min(max(w - k, 0.0), 1.0)

@@ -165,6 +165,7 @@ def _repaired(raw: trimesh.Trimesh, name: str) -> tuple[trimesh.Trimesh, tuple[s
     key = content_hash(np.asarray(raw.vertices), np.asarray(raw.faces, dtype=np.int64), _VERSION)
 
     def make() -> Arrays:
+        """Repair the mesh: what is cached."""
         try:
             mesh, notes = repair(raw)
         except InputError as error:

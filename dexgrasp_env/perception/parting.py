@@ -181,6 +181,7 @@ def _join(
     sizes, cells = sizes.copy(), np.bincount(patches)
 
     def bridge(mean: float, i: int, j: int, link: int) -> bool:
+        """Whether a seam between patches is of stray points alone; the sides of a sheet are joined by few, too."""
         few = min(cells[i], cells[j])
         if mean < _WEAK or few < LEAST_POINTS or link > _NARROW * few:
             return False

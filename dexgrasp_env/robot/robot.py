@@ -265,6 +265,7 @@ def _joined(name: str) -> "cached_property[Array]":
     """A read-only array (n,) of the arm's numbers and the hand's."""
 
     def values(self: "Robot") -> Array:
+        """Return the arm's values, then the hand's."""
         return _fixed(*getattr(self.arm.joints, name), *getattr(self.hand.joints, name))
 
     return cached_property(values)

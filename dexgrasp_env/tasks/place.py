@@ -116,6 +116,7 @@ class PlaceEpisodes(Episodes):
         space: Any = self.observation_space()["desired_goal"]
 
         def admit(value: Any) -> Array:
+            """Return the goal that a value states."""
             given: Array = np.asarray(value, dtype=np.float32)
             if not space.contains(given) or not np.isin(given[3:], (0.0, 1.0)).all():
                 raise ValueError

@@ -163,6 +163,7 @@ def _views_of(cameras: tuple[str, ...]) -> Rule:
     most = max(len(cameras), _VIEWS)  # a cell with fewer cameras has all of them look
 
     def admit(value: Any) -> tuple[str, ...] | int:
+        """Return how many cameras are drawn, or the names of those that look."""
         if isinstance(value, int):
             return min(int(number(ge=1, le=most, whole=True).admit(value)), len(cameras))
         names = (value,) if isinstance(value, str) else tuple(value)

@@ -46,6 +46,7 @@ def read_dexgraspbench(path: Path, options: ReadOptions) -> list[Candidate]:
     T_world_object = pose_of_centre(T_file, target)
 
     def stage(row: Array) -> HandStage:
+        """Return the stage that a row states: a pose of 7 numbers, then the joints."""
         return HandStage(as_pose(row[:7], f"{path}: a hand pose") @ to_hand, row[7:])
 
     sources = [f"{path}[{number}]" for number in range(len(rows))] if len(rows) > 1 else [str(path)]

@@ -49,6 +49,7 @@ def _stages(
     """Pregrasp, grasp and squeeze, and the gain that the squeeze is meant for."""
 
     def stage(name: str) -> HandStage:
+        """Return the stage of that name."""
         part = FileFields(grasp.get(name), f"{grasp.source}.{name}")
         return HandStage(
             part.pose("T_world_hand"), joints_in_order(hand, names, part.numbers("joints"), part.source)

@@ -118,6 +118,7 @@ def _capacity(hold: Hold) -> float:
     """Return `capacity` (interface: 1 + the least of 26, or the share below 1); 0 where a programme is not solved."""
 
     def most(constant: Array, direction: Array) -> float:
+        """Return the largest push along a direction beside a constant one, weights; 0 where there is none."""
         push = hold.weight * np.r_[constant, np.zeros(3)], hold.weight * np.r_[direction, np.zeros(3)]
         found = largest_push(hold.G, hold.normals, hold.mu, hold.torques, push)
         return 0.0 if found is None else found
