@@ -29,8 +29,6 @@ class CheckpointAgent(Agent):
     `vecnormalize.pkl` beside it, is used.
     """
 
-    env_settings: Mapping[str, Any] = {}  # type: ignore[misc]  # of the instance here
-
     def __init__(self, spec: str) -> None:
         """Open a checkpoint.
 
@@ -45,7 +43,7 @@ class CheckpointAgent(Agent):
             raise InputError(f"checkpoint {path} does not exist: valid is a .zip file of Stable-Baselines3")
         self._policy = _open(path, algorithm or _guess(path))
         self._counted = counted(path)
-        self.env_settings = _told(self._policy) | _sidecar(path)
+        self.env_settings = _told(self._policy) | _sidecar(path)  # type: ignore[misc]  # of the instance here
 
     def seed(self, seed: int) -> None:
         """Seed the policy's own draws."""

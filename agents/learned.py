@@ -21,7 +21,6 @@ from dexgrasp_env.robot.cell import default_cell
 class LearnedAgent(Agent):
     """Acts by the policy of a folder, in numpy; its `env_settings` are those that it was trained in."""
 
-    env_settings: ClassVar[Mapping[str, Any]] = {}
     shipped: ClassVar[str] = ""
 
     def __init__(self, folder: str | Path | None = None) -> None:
@@ -82,7 +81,7 @@ class BcAgent(LearnedAgent):
 class RlAgent(LearnedAgent):
     """`bc` with a grip that reinforcement corrects: sees the state, decides once an episode where to take hold."""
 
-    env_settings: ClassVar[Mapping[str, Any]] = BcAgent.env_settings
+    env_settings = BcAgent.env_settings
     shipped = "rl"
 
 
