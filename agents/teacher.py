@@ -1,4 +1,7 @@
-"""A hard-coded agent whose choices are easy to learn: scenes that look alike are grasped alike."""
+"""Agents to learn from."""
+
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -6,6 +9,7 @@ from dexgrasp.kinematics.palm_ik import palm_frame
 from dexgrasp.kinematics.tree import RobotTree
 from dexgrasp_env.arrays import Array
 
+from .bilevel import BilevelAgent
 from .hardcoded import HardcodedAgent
 
 _TURNS = np.deg2rad(np.arange(0.0, 180.0, 3.0))
@@ -13,7 +17,7 @@ _WIDER = 1.03, 0.003  # factor and m by which a grip may be wider than the narro
 
 
 class Teacher(HardcodedAgent):
-    """Like `hardcoded`, but turns the wrist as little as the object's width allows.
+    """Like `hardcoded`, but its choices are easy to learn: it turns the wrist as little as the object's width allows.
 
     `hardcoded` grips along the short principal axis. Of something nearly round that axis is made by the noise of the
     cameras, and nobody can learn it. Here every grip about as narrow as the narrowest will do, and the one that needs
@@ -35,3 +39,13 @@ class Teacher(HardcodedAgent):
         angles = straight + np.array([best, other])
         axes = [np.array([np.cos(a), np.sin(a), 0.0]) for a in angles]
         return self._reachable(tree, start, points, axes)
+
+
+class PlansOnce(BilevelAgent):
+    """`bilevel` that looks and plans once: an episode of two grasps teaches no single closing."""
+
+    env_settings: ClassVar[Mapping[str, Any]] = dict(BilevelAgent.env_settings) | {"observe": "reset"}
+
+    def __init__(self) -> None:
+        """Prepare the planner."""
+        super().__init__(regrasps=0)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, NamedTuple
 
 import gymnasium as gym
 import numpy as np
@@ -25,7 +25,19 @@ from dexgrasp_env.tasks.control import max_step
 _LINGER = 10  # control steps that a replay goes on after the rollout
 NOT_REPLAYED = "not_replayed"
 
+_MODES = "obs_mode", "control_mode"
 _STEPS = ("actions", "rewards", "terminations", "truncations")
+
+
+class Step(NamedTuple):
+    """A control step: the action, and what `env.step` returned."""
+
+    observation: Arrays
+    action: Single
+    reward: float
+    terminated: bool
+    truncated: bool
+    solved: bool
 
 
 @dataclass
@@ -86,8 +98,9 @@ class Recorder:
         arguments = settings.env_arguments | {"objects": [target]}
         scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction")}
         self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
-        self.demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
-        self._cell: Cell = self.demo_env.unwrapped.settings.cell  # type: ignore[attr-defined]
+        self._demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
+        self._alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in _MODES)
+        self._cell: Cell = self._demo_env.unwrapped.settings.cell  # type: ignore[attr-defined]
         self._tree: RobotTree = robot_tree(self._cell)
 
     def record(self, trial: int) -> tuple[Episode | None, str]:
@@ -97,13 +110,18 @@ class Recorder:
             The demonstration and "", or None and why there is none.
         """
         seeds = trial_seeds(self._settings.seed, self._target, trial)
-        path, seen, failure = self._roll_out(seeds)
+        path, first, steps, failure = self._roll_out(seeds)
         if failure:
             return None, failure
-        episode = replay(self.demo_env, seeds.scene, path, self._tree)
+        if self._alike:  # a replay would do the same
+            if not steps[-1].truncated:
+                steps += [_step(*taken) for taken in follow(self._env, path[-1:], self._tree)]
+            episode = _episode(first, steps, CAMERA_KEYS)
+        else:
+            episode = replay(self._demo_env, seeds.scene, path, self._tree)
         if episode is None:
             return None, NOT_REPLAYED
-        episode.once = {key: seen[key] for key in CAMERA_KEYS if key in seen} | episode.once
+        episode.once = {key: first[key] for key in CAMERA_KEYS if key in first} | episode.once
         episode.about |= {
             "object": object_name(self._target),
             "target": self._target,
@@ -115,8 +133,8 @@ class Recorder:
         }
         return episode, ""
 
-    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, str]:
-        """Return set-points (T + 1, n), the first observation, and why it failed."""
+    def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, list[Step], str]:
+        """Return set-points (T + 1, n), the first observation, the T steps, and why it failed."""
         env, agent, robot = self._env, self._agent, self._cell.robot
         rng = _noise_rng(seeds.agent)
         first, info = env.reset(seed=seeds.scene)
@@ -124,25 +142,27 @@ class Recorder:
         agent.seed(seeds.agent)
         agent.reset(first, public_info(env, info))
         if agent.report.failure:
-            return np.zeros((0, robot.dof)), first, str(agent.report.failure)
+            return np.zeros((0, robot.dof)), first, [], str(agent.report.failure)
         mode = env.unwrapped.settings.control_mode  # type: ignore[attr-defined]
-        observation, path, over = first, [_targets(env)], False
+        observation, path, steps, over = first, [_targets(env)], list[Step](), False
         while not over:
             action = np.asarray(agent.act(observation), dtype=float)
             if self._settings.noise:
                 action = with_noise(
                     mode, action, self._settings.noise * rng.standard_normal(robot.dof), robot
                 )
-            observation, _, terminated, truncated, info = env.step(action)
+            command = action.astype(np.float32)  # as it is recorded
+            observation, _, terminated, truncated, info = result = env.step(command)
+            steps.append(_step(command, result))
             path.append(_targets(env))
             over = terminated or truncated or info["is_success"]
         failure = "" if info["is_success"] else info["failure"] or str(info["stage"])
-        return np.array(path), first, failure
+        return np.array(path), first, steps, failure
 
     def close(self) -> None:
         """Free the environments."""
         self._env.close()
-        self.demo_env.close()
+        self._demo_env.close()
 
 
 def intended(targets: Array, noise: float, agent_seed: int, robot: Robot) -> Array:
@@ -166,17 +186,8 @@ def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
     """Follow set-points (T + 1, n) in another mode from the same scene; None where that does not succeed."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     first, _ = env.reset(seed=seed)
-    steps: list[tuple[Any, ...]] = []
-    solved: list[int] = []
-    for action, (observation, reward, terminated, truncated, info) in follow(env, path, tree):
-        solved += [len(steps)] if info["is_success"] else []
-        steps.append((observation, action, float(reward), terminated, truncated))
-    if not solved:
-        return None
-    episode = _episode(first, steps, CAMERA_KEYS if settings.observe == "reset" else ())
-    episode.truncations[-1] = not episode.terminations[-1]
-    episode.about["solved"] = solved[0]
-    return episode
+    steps = [_step(*taken) for taken in follow(env, path, tree)]
+    return _episode(first, steps, CAMERA_KEYS if settings.observe == "reset" else ())
 
 
 def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[tuple[Single, Any]]:
@@ -195,12 +206,22 @@ def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[tuple[Single, Any
             return
 
 
-def _episode(first: Arrays, steps: Sequence[tuple[Any, ...]], still: Sequence[str]) -> Episode:
-    observations, *rest = zip(*steps, strict=True)
+def _step(action: Single, result: Any) -> Step:
+    observation, reward, terminated, truncated, info = result
+    return Step(observation, action, float(reward), terminated, truncated, info["is_success"])
+
+
+def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Episode | None:
+    """Return the demonstration, None where no step is a success."""
+    observations, actions, rewards, terminated, truncated, solved = zip(*steps, strict=True)
+    if not any(solved):
+        return None
     moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}
     once = {key: np.asarray(first[key]) for key in first if key in still}
-    actions, rewards, terminated, truncated = map(np.array, rest)
-    return Episode(moving, actions, rewards, terminated, truncated, once)
+    ends = *truncated[:-1], not terminated[-1]
+    rest = (np.array(part) for part in (actions, rewards, terminated, ends))
+    whole: Fields = dict(zip(_STEPS, rest, strict=True))
+    return Episode(moving, **whole, once=once, about={"solved": solved.index(True)})
 
 
 def _targets(env: Env) -> Array:
