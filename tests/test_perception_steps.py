@@ -17,8 +17,10 @@ from dexgrasp_env.perception.cloud import (
     cells_of,
     clusters,
     crop,
+    deproject,
     downsample,
     gather,
+    is_valid,
     pad,
     remove_flying,
     remove_outliers,
@@ -28,6 +30,7 @@ from dexgrasp_env.perception.picture import cloud_picture
 from dexgrasp_env.perception.plane import Plane, fit_plane, level_views, remove_plane, view_corrections
 from dexgrasp_env.perception.robot import RobotShape, robot_geoms
 from dexgrasp_env.robot.model import compiled_robot, posed
+from dexgrasp_env.sensing.raycast import RayCameras
 
 GEOM = mujoco.mjtGeom
 
@@ -162,6 +165,16 @@ def test_covers_that_stand_out_of_the_robots_foot_are_its_own():
     model = compiled_robot(CELL)
     own = RobotShape(model).at(posed(model, HOME))
     assert own(np.array([[0.115, 0.0, 0.02], [0.15, 0.0, 0.02]])).tolist() == [True, False]
+
+
+def test_all_that_cameras_see_of_the_robot_over_the_table_is_its_own():
+    cameras, model = CELL.make_cameras(), compiled_robot(CELL)
+    data = posed(model, [0.1, 0.6, 0.0, -2.0, 0.0, 2.6, 0.8, *HOME[7:]])
+    depths, own = RayCameras(model, cameras).render(data), RobotShape(model).at(data, 0.005)
+    for depth, camera in zip(depths, cameras, strict=True):
+        seen = deproject(depth, camera)[is_valid(depth)]
+        assert len(seen) > 1000
+        assert own(seen).all()
 
 
 def test_points_that_stick_out_in_a_direction_are_moved_to_where_all_but_a_hundredth_end():

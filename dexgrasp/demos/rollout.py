@@ -10,7 +10,7 @@ import numpy as np
 import dexgrasp_env  # noqa: F401  (registers the environments)
 from dexgrasp.agent import Env, public_info, renew_report, report_of
 from dexgrasp.demos.convert import to_action, with_noise
-from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, DemoSettings
+from dexgrasp.demos.settings import CAMERA_KEYS, ENV_ID, MODES, DemoSettings
 from dexgrasp.evaluation.protocol import TrialSeeds, agent_settings, trial_seeds
 from dexgrasp.kinematics.tree import RobotTree, robot_tree
 from dexgrasp.registry import make_agent
@@ -25,7 +25,6 @@ from dexgrasp_env.tasks.control import max_step
 _LINGER = 10  # control steps that a replay goes on after the rollout
 NOT_REPLAYED = "not_replayed"
 
-_MODES = "obs_mode", "control_mode"
 _STEPS = ("actions", "rewards", "terminations", "truncations")
 
 
@@ -98,9 +97,10 @@ class Recorder:
         arguments = settings.env_arguments | {"objects": [target]}
         scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction")}
         self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
-        self._demo_env = gym.make(ENV_ID, **arguments, disable_env_checker=True)
-        self._alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in _MODES)
-        self._cell: Cell = self._demo_env.unwrapped.settings.cell  # type: ignore[attr-defined]
+        alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
+        # Where the agent's own modes are those of the demonstrations, a replay would do the same.
+        self._demo_env = None if alike else gym.make(ENV_ID, **arguments, disable_env_checker=True)
+        self._cell: Cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
         self._tree: RobotTree = robot_tree(self._cell)
 
     def record(self, trial: int) -> tuple[Episode | None, str]:
@@ -113,7 +113,7 @@ class Recorder:
         path, first, steps, failure = self._roll_out(seeds)
         if failure:
             return None, failure
-        if self._alike:  # a replay would do the same
+        if self._demo_env is None:
             if not steps[-1].truncated:
                 steps += [_step(*taken) for taken in follow(self._env, path[-1:], self._tree)]
             episode = _episode(first, steps, CAMERA_KEYS)
@@ -162,7 +162,8 @@ class Recorder:
     def close(self) -> None:
         """Free the environments."""
         self._env.close()
-        self._demo_env.close()
+        if self._demo_env is not None:
+            self._demo_env.close()
 
 
 def intended(targets: Array, noise: float, agent_seed: int, robot: Robot) -> Array:

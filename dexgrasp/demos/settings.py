@@ -16,6 +16,7 @@ from dexgrasp_env.valid import CellFile, Count, Friction, Mount, Natural, Rule, 
 
 SCHEMA = 1
 ENV_ID = "DexGrasp/Lift-v2"
+MODES = "obs_mode", "control_mode"
 CAMERA_KEYS = ("cloud", "cloud_normals", "cloud_mask", "table_plane", "depth", "rgb")
 """Observations of cameras; with `observe="reset"` they are the same all episode long and are stored once."""
 

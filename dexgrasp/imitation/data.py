@@ -10,6 +10,7 @@ import numpy as np
 from dexgrasp.demos.generate import read_about
 from dexgrasp.demos.minari_format import read_episodes
 from dexgrasp.demos.rollout import Episode, intended
+from dexgrasp.demos.settings import MODES
 from dexgrasp.imitation.cloud_look import CloudLook, along, look_at
 from dexgrasp.imitation.features import entry, features, first_look
 from dexgrasp.imitation.settings import BcSettings
@@ -201,7 +202,7 @@ def _shown(folders: Sequence[Path]) -> Iterator[tuple[Episode, Path, float]]:
     for folder in folders:
         settings = read_about(folder)["settings"]
         _check_robot(settings.get("robot"), folder)
-        found = {key: str(settings[key]) for key in ("obs_mode", "control_mode")}
+        found = {key: str(settings[key]) for key in MODES}
         if modes and modes != found:
             raise InputError(
                 f"{folder} has {found}, the first {modes}: demonstrations of one kind are wanted"

@@ -6,13 +6,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from dexgrasp_env.arrays import Array, Index, Mask
+from dexgrasp_env.poses import quat_to_matrix
 from dexgrasp_env.robot.hulls import mesh_of
 
 if TYPE_CHECKING:
     import mujoco
 
-
-_FOOT = 0.04  # m around what no joint moves: its covers stand out of the geoms, and nothing is grasped there
 
 Own = Callable[[Array], Mask]
 """Tells which of points (M, 3) m, world frame, are the robot's own."""
@@ -31,13 +30,15 @@ class RobotShape:
         self._types = model.geom_type[self.geoms].copy()
         self._sizes = model.geom_size[self.geoms].copy()
         self._radii = model.geom_rbound[self.geoms].copy()
-        self._stands = model.body_weldid[model.geom_bodyid[self.geoms]] == 0
         self._facets = [_mesh_facets(model, g) for g in self.geoms]
+        bodies = model.geom_bodyid[self.geoms]
+        covers = {int(body): self._cover(model, int(body)) for body in np.unique(bodies)}
+        self._covers = np.array([covers[int(body)] for body in bodies])
 
     def at(self, data: "mujoco.MjData", margin: float = 0.012) -> Own:
         """Return what tells the points within `margin` metres of the robot where `data` has it (current kinematics).
 
-        Of its foot they may be 4 cm away.
+        They may be farther from what a link collides with, by as much as its covers stand out of it: those are seen.
         """
         return lambda points: self._contains(points, data, margin)
 
@@ -45,7 +46,7 @@ class RobotShape:
         inside = np.zeros(len(points), bool)
         if not len(points):
             return inside
-        margins = np.where(self._stands, max(margin, _FOOT), margin)
+        margins = margin + self._covers
         low, high, positions = points.min(0), points.max(0), data.geom_xpos[self.geoms]
         reach = (self._radii + margins)[:, None]
         near = ((positions + reach >= low) & (positions - reach <= high)).all(-1)
@@ -55,6 +56,24 @@ class RobotShape:
             local = local[rows] @ data.geom_xmat[self.geoms[k]].reshape(3, 3)
             inside[rows] |= self._distance(int(k), local) <= margins[k]
         return inside
+
+    def _cover(self, model: "mujoco.MjModel", body: int) -> float:
+        """Return how far the meshes of a body that are only seen stand out of its geoms that collide, m."""
+        import mujoco
+
+        meshes = (model.geom_bodyid == body) & (model.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+        seen = np.setdiff1d(np.flatnonzero(meshes), self.geoms)
+        if not len(seen):
+            return 0.0
+        points = np.concatenate(
+            [mesh_of(model, g)[0] @ quat_to_matrix(model.geom_quat[g]).T + model.geom_pos[g] for g in seen]
+        )
+        of_body = np.flatnonzero(model.geom_bodyid[self.geoms] == body)
+        away = [
+            self._distance(int(k), (points - model.geom_pos[g]) @ quat_to_matrix(model.geom_quat[g]))
+            for k, g in zip(of_body, self.geoms[of_body], strict=True)
+        ]
+        return max(0.0, float(np.min(away, axis=0).max()))
 
     def _distance(self, k: int, p: Array) -> Array:
         """Return lower bounds of the distances (n,) m of local points (n, 3) to geom k."""
