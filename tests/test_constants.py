@@ -2,12 +2,17 @@
 
 import ast
 import importlib
+import json
 import re
 from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 
 import pytest
+
+from dexgrasp.imitation import taken
+from dexgrasp.motion import carrying, guarded
+from dexgrasp.planning import constraints
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("dexgrasp/planning", "dexgrasp/motion", "dexgrasp/shape", "dexgrasp_env/perception")
@@ -86,3 +91,46 @@ def test_every_group_is_an_agent_that_can_be_ablated(monkeypatch):
         made = script.__dict__[f"no_{group}"]
         changes = getattr(made, "keywords", {}).keys() - {"turns", "regrasps"}
         assert changes <= {field.name for field in fields(PlannerSettings)}
+
+
+@pytest.fixture
+def varying(monkeypatch):
+    monkeypatch.chdir(ROOT)
+    monkeypatch.syspath_prepend(str(ROOT))
+    return importlib.import_module("scripts.vary_constants")
+
+
+def test_a_constant_is_changed_wherever_it_holds_and_afterwards_is_what_it_was(varying):
+    old = guarded._OVERTRAVEL
+    with varying.changed(guarded, "_OVERTRAVEL", 0.5):
+        assert guarded._OVERTRAVEL == 0.5
+        assert guarded.GuardedGrasp.__init__.__defaults__ == (0.5,)
+    assert old == guarded._OVERTRAVEL
+    assert guarded.GuardedGrasp.__init__.__defaults__ == (old,)
+    with varying.changed(guarded, "TIP_DEPTH", 0.1):
+        assert carrying.pressing_torques.__globals__["TIP_DEPTH"] == 0.1
+        assert taken.TIP_DEPTH == 0.1
+    assert taken.TIP_DEPTH == guarded.TIP_DEPTH > 0.1
+
+
+def test_what_compiled_code_has_built_in_is_not_varied(varying):
+    assert varying.compiled(constraints, "MARGIN_SCALE")
+    assert not varying.compiled(guarded, "_OVERTRAVEL")
+    assert varying.scaled((3, (0.5, 2.0)), 0.5) == (2, (0.25, 1.0))
+    assert varying.scaled(True, 2.0) is varying.scaled("auto", 2.0) is None
+
+
+def test_heavier_objects_are_borne_by_less_and_a_run_goes_on(varying, tmp_path, monkeypatch, capsys):
+    rows = [("dexgrasp/shape/target.py", "ASSUMED_DENSITY"), ("dexgrasp/planning/settings.py", "closure_aim")]
+    monkeypatch.setattr(varying, "table", lambda rooms: rows)
+    asked = varying.Vary(objects=("soda",), trials=1, out=tmp_path / "vary.json")
+    assert asked.run() == 0
+    printed = capsys.readouterr().out
+    density, aim = map(json.loads, printed.splitlines())
+    assert density["x2"]["load"] < 0.0 < density["x0.5"]["load"]
+    assert density["x2"]["usual"] == [1, 0]
+    assert aim["x2"]["scenes"] == 1
+    monkeypatch.setattr(varying.Vary, "_measure", None)
+    assert asked.run() == 0
+    assert capsys.readouterr().out == printed
+    assert varying.Vary(objects=("soda",), trials=2, out=tmp_path / "vary.json").run() == 2

@@ -1,0 +1,260 @@
+"""What single constants are worth: plans of the same scenes with one of them halved, and doubled.
+
+    python scripts/vary_constants.py --rooms planning shape --objects all20 --trials 2 --seed 7000 --out runs/vary.json
+
+Of each constant of `docs/constants.md` in the rooms named: how many scenes have a grasp that is certified and can be
+carried out, what its load has changed by (weights, at most 6, 0 without a grasp; 95 % interval over the scenes), how
+many postures were tried and how much CPU time it took, both as ratios. What is halved and doubled of a pair is each of
+its numbers. Constants that compiled code has built in, and what is made once and kept on disk, are left out. With
+--carry the grasps are carried out, and what is lifted and held is counted. A run that was interrupted goes on when the
+same command is given again.
+"""
+
+import functools
+import importlib
+import json
+import sys
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from types import FunctionType, ModuleType
+from typing import Annotated, Any
+
+import gymnasium as gym
+import numpy as np
+from numba.core.registry import CPUDispatcher
+from tqdm import tqdm
+
+from dexgrasp.agent import public_info
+from dexgrasp.agents.bilevel import BilevelAgent
+from dexgrasp.cli.command import File, Script
+from dexgrasp.cli.commands import run_script
+from dexgrasp.evaluation.protocol import PROTOCOLS, get_protocol, trial_seeds
+from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp_env.files import read_json_object, write_json
+from dexgrasp_env.objects.load import Objects
+from dexgrasp_env.valid import Count, Natural, one_of
+
+ROOMS = ("planning", "shape", "motion")
+SETTINGS = "dexgrasp/planning/settings.py"
+FACTORS = (0.5, 2.0)
+KEPT = ("dexgrasp/planning/atlas.py",)
+"""Files of what is made once and kept on disk."""
+MOST = 6.0  # weights: more load counts as so much
+
+Outcome = dict[str, float]
+"""Of a scene: `found`, `held`, `load`, `tried`, `seconds`."""
+
+
+def table(rooms: tuple[str, ...]) -> list[tuple[str, str]]:
+    """Return file and name of the constants that `docs/constants.md` has of some rooms."""
+    found, file = [], ""
+    for line in Path("docs/constants.md").read_text().splitlines():
+        if line.startswith("## "):
+            file = line.strip("# `")
+        elif line.startswith("| `") and file.startswith(tuple(f"dexgrasp/{room}/" for room in rooms)):
+            found.append((file, line.split("`")[1]))
+    return found
+
+
+def scaled(value: Any, factor: float) -> Any:
+    """Return a number, or all of several, times a factor; None for what is none."""
+    if isinstance(value, bool):
+        return None
+    if isinstance(value, int):
+        return max(1, round(value * factor))
+    if isinstance(value, float):
+        return value * factor
+    if isinstance(value, np.ndarray) and value.dtype.kind == "f":
+        return value * factor
+    if isinstance(value, tuple):
+        parts = tuple(scaled(part, factor) for part in value)
+        return None if None in parts else parts
+    return None
+
+
+@contextmanager
+def changed(module: ModuleType, name: str, value: Any) -> Iterator[None]:
+    """Have a constant another value: in its module, where it is imported to, and in defaults of arguments."""
+    old, places = getattr(module, name), [module]
+    if not name.startswith("_"):
+        ours = [each for key, each in sys.modules.items() if key.startswith("dexgrasp")]
+        places = [each for each in ours if vars(each).get(name) is old]
+    functions = [one for place in places for one in _functions(place)]
+    defaults = [(one, one.__defaults__) for one in functions if one.__defaults__]
+    try:
+        for place in places:
+            setattr(place, name, value)
+        for one, own in defaults:
+            one.__defaults__ = tuple(value if each is old else each for each in own or ())
+        _forget(places)
+        yield
+    finally:
+        for place in places:
+            setattr(place, name, old)
+        for one, own in defaults:
+            one.__defaults__ = own
+        _forget(places)
+
+
+def _functions(module: ModuleType) -> Iterator[FunctionType]:
+    for each in vars(module).values():
+        if isinstance(each, FunctionType) and each.__module__ == module.__name__:
+            yield each
+        elif isinstance(each, type) and each.__module__ == module.__name__:
+            yield from (part for part in vars(each).values() if isinstance(part, FunctionType))
+
+
+def _forget(modules: list[ModuleType]) -> None:
+    for module in modules:
+        for each in vars(module).values():
+            if isinstance(each, functools._lru_cache_wrapper) and each.__module__ == module.__name__:
+                each.cache_clear()
+
+
+def compiled(module: ModuleType, name: str) -> bool:
+    """Whether compiled code has a constant built in."""
+    ours = [each for key, each in sys.modules.items() if key.startswith("dexgrasp")]
+    places = [module] if name.startswith("_") else [each for each in ours if hasattr(each, name)]
+    kernels = [one for place in places for one in vars(place).values() if isinstance(one, CPUDispatcher)]
+    return any(name in one.py_func.__code__.co_names for one in kernels)
+
+
+class Vary(Script):
+    """Plans what is missing, and prints.
+
+    Attributes:
+        rooms: of the constants.
+        objects: of the scenes.
+        trials: scenes of each object.
+        seed: of the scenes.
+        protocol: that makes the scenes.
+        carry: carry the grasps out; without it they are planned alone.
+        out: JSON of the outcomes.
+    """
+
+    rooms: tuple[Annotated[str, one_of(ROOMS)], ...] = ROOMS
+    objects: Objects = ("all20",)
+    trials: Count = 2
+    seed: Natural = 7000
+    protocol: Annotated[str, one_of(PROTOCOLS)] = "lift"
+    carry: bool = False
+    out: File
+
+    def run(self) -> int:
+        wanted: Any = {
+            "objects": list(self.objects),
+            "trials": self.trials,
+            "seed": self.seed,
+            "protocol": self.protocol,
+            "carry": self.carry,
+        }
+        kept = read_json_object(self.out, "name another --out") if self.out.is_file() else {}
+        if kept and kept["settings"] != wanted:
+            print(f"{self.out} is of other scenes: name another --out", file=sys.stderr)
+            return 2
+        outcomes: dict[str, list[Outcome]] = kept.get("outcomes", {})
+
+        def measure(key: str, settings: PlannerSettings | None = None) -> None:
+            """Measure all scenes, where they have not been."""
+            if key not in outcomes:
+                outcomes[key] = self._measure(settings)
+                write_json(self.out, {"settings": wanted, "outcomes": outcomes})
+
+        measure("")
+        for file, name in tqdm(table(self.rooms), unit="constant"):
+            keys = [f"{file} {name} x{factor:g}" for factor in FACTORS]
+            for key, factor in zip(keys, FACTORS, strict=True):
+                self._vary(file, name, factor, lambda *how, key=key: measure(key, *how))
+            if all(key in outcomes for key in keys):
+                compared = {
+                    f"x{factor:g}": _compared(outcomes[""], outcomes[key])
+                    for key, factor in zip(keys, FACTORS, strict=True)
+                }
+                print(json.dumps({"file": file, "name": name, **compared}), flush=True)
+        return 0
+
+    @staticmethod
+    def _vary(file: str, name: str, factor: float, measure: Callable[..., None]) -> None:
+        """Measure with a constant times a factor, if that can be."""
+        if file == SETTINGS:
+            measure(replace(PlannerSettings(), **{name: scaled(getattr(PlannerSettings(), name), factor)}))
+            return
+        module = importlib.import_module(file.removesuffix(".py").replace("/", "."))
+        value = scaled(getattr(module, name), factor)
+        if value is None or file in KEPT or compiled(module, name):
+            return
+        with changed(module, name, value):
+            measure()
+
+    @functools.cached_property
+    def _scenes(self) -> list[tuple[gym.Env[Any, Any], int, int]]:
+        """Environments, and seeds of scene and agent."""
+        made = []
+        protocol = get_protocol(self.protocol)
+        for target in self.objects:
+            arguments = {**protocol.scene, **BilevelAgent.env_settings, "objects": [target]}
+            env = gym.make(protocol.env_id, **arguments, disable_env_checker=True)
+            seeds = [trial_seeds(self.seed, target, k) for k in range(self.trials)]
+            made += [(env, own.scene, own.agent) for own in seeds]
+        return made
+
+    def _measure(self, settings: PlannerSettings | None) -> list[Outcome]:
+        agent = BilevelAgent(settings=settings, regrasps=0)
+        return [self._outcome(agent, *scene) for scene in self._scenes]
+
+    def _outcome(self, agent: BilevelAgent, env: gym.Env[Any, Any], scene: int, seed: int) -> Outcome:
+        observation, info = self._begun(env, scene)
+        agent.seed(seed)
+        began = time.process_time()
+        agent.reset(observation, public_info(env, info))
+        seconds, plan = time.process_time() - began, agent.result
+        assert plan is not None
+        load = min(plan.found[0].grasp.certificate.load, MOST) if plan.found else 0.0
+        over = not (self.carry and plan.found)
+        while not over:
+            observation, _, terminated, truncated, info = env.step(agent.act(observation))
+            over = terminated or truncated or info["is_success"]
+        return {
+            "found": float(bool(plan.found)),
+            "held": float(info["is_success"]),
+            "load": load,
+            "tried": float(plan.log.tried),
+            "seconds": seconds,
+        }
+
+    def _begun(self, env: gym.Env[Any, Any], seed: int) -> tuple[Any, Mapping[str, Any]]:
+        """Begin an episode; where grasps are not carried out, what it shows is kept."""
+        if self.carry:
+            return env.reset(seed=seed)
+        if seed not in self._seen:
+            self._seen[seed] = env.reset(seed=seed)
+        return self._seen[seed]
+
+    @functools.cached_property
+    def _seen(self) -> dict[int, tuple[Any, Mapping[str, Any]]]:
+        return {}
+
+
+def _compared(usual: list[Outcome], varied: list[Outcome]) -> dict[str, Any]:
+    """Return what outcomes differ in from the usual ones of the same scenes."""
+    a, b = ({key: np.array([one[key] for one in each]) for key in each[0]} for each in (usual, varied))
+    gained = b["load"] - a["load"]
+    away = 1.96 * gained.std(ddof=1) / np.sqrt(len(gained))
+    return {
+        "scenes": len(gained),
+        "found": int(b["found"].sum()),
+        "held": int(b["held"].sum()),
+        "usual": [int(a["found"].sum()), int(a["held"].sum())],
+        "load": round(float(gained.mean()), 3),
+        "ci95": [round(float(gained.mean() + s), 3) for s in (-away, away)],
+        "tried": round(float(b["tried"].sum() / max(a["tried"].sum(), 1.0)), 2),
+        "seconds": round(float(b["seconds"].sum() / a["seconds"].sum()), 2),
+        "same": bool((gained == 0).all() and (a["tried"] == b["tried"]).all()),
+    }
+
+
+if __name__ == "__main__":
+    sys.exit(run_script(Vary))
