@@ -25,11 +25,27 @@ from dexgrasp.cli.command import Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.statistics import wilson_interval
 from dexgrasp.registry import make_agent
+from dexgrasp_env.arrays import Mask
 from dexgrasp_env.objects.load import resolve_targets
+from dexgrasp_env.perception.scene import Scene
 from dexgrasp_env.sensing.perception import Perception
 from dexgrasp_env.valid import Count, Natural, one_of
 
-_GOOD, _NEAR, _STEPS = 0.9, 0.008, 400
+GOOD, _NEAR, _STEPS = 0.9, 0.008, 400
+
+
+def purity_and_kept(seen: Scene, true: Scene, mask: Mask) -> tuple[float, float]:
+    """Return how pure the target of a scene is and what it keeps of that of its true mask; 0 where there is none.
+
+    Args:
+        seen: the scene.
+        true: that in which the object is known by its mask.
+        mask: (pixels,) that show the object.
+    """
+    if seen.reason or true.reason:
+        return 0.0, 0.0
+    far = cKDTree(seen.target.points).query(true.target.points)[0]
+    return float(mask[seen.target.pixels].mean()), float((far < _NEAR).mean())
 
 
 def told(env: Any, seed: int) -> dict[str, Any]:
@@ -43,11 +59,15 @@ def told(env: Any, seed: int) -> dict[str, Any]:
     )
     if seen.reason or true.reason:
         return {"reason": seen.reason or true.reason}
-    bodies = perception.rays.segment(simulation.data).ravel()[seen.target.pixels]
-    shown = simulation.model.geom_bodyid[bodies] == simulation.model.body("object").id
-    far = cKDTree(seen.target.points).query(true.target.points)[0]
-    row = {"purity": float(shown.mean()), "kept": float((far < _NEAR).mean())}
-    return row | {"good": min(row.values()) > _GOOD, "doubtful": seen.target.doubtful}
+    shown = simulation.model.geom_bodyid[perception.rays.segment(simulation.data).ravel()]
+    row = dict(
+        zip(
+            ("purity", "kept"),
+            purity_and_kept(seen, true, shown == simulation.model.body("object").id),
+            strict=True,
+        )
+    )
+    return row | {"good": min(row.values()) > GOOD, "doubtful": seen.target.doubtful}
 
 
 def play(env: Any, agent: Any, observation: Any, info: dict[str, Any], seed: int) -> dict[str, Any]:

@@ -1,51 +1,47 @@
-"""What single constants are worth: plans of the same scenes with one of them halved, and doubled.
+"""What single constants are worth: the same scenes with one of them halved, and doubled.
 
-    python scripts/vary_constants.py --rooms planning shape --objects all20 --trials 2 --seed 7000 --out runs/vary.json
+    python scripts/vary_constants.py --rooms planning shape motion --objects all20 --trials 2 --out runs/plans.json
+    python scripts/vary_constants.py --rooms perception --protocol clutter_dense --out runs/looks.json
 
-Of each constant of `docs/constants.md` in the rooms named: how many scenes have a grasp that is certified and can be
-carried out, what its load has changed by (weights, at most 6, 0 without a grasp; 95 % interval over the scenes), how
-many postures were tried and how much CPU time it took, both as ratios. What is halved and doubled of a pair is each of
-its numbers. Constants that compiled code has built in, and what is made once and kept on disk, are left out. With
---carry the grasps are carried out, and what is lifted and held is counted. A run that was interrupted goes on when the
-same command is given again.
+Of each constant of `docs/constants.md` in the rooms named: in how many scenes a grasp is found that is certified and
+can be carried out, what its load has changed by (weights, at most 6, 0 without a grasp; 95 % interval over the scenes),
+how many postures were tried and how much CPU time it took, both as ratios. Of perception, where a point on the object
+is named: in how many scenes it is found as `close_objects.py` has it (purity and what is kept above 0.9), and what the
+lesser of the two has changed by. What is halved and doubled of a pair is each of its numbers. Constants that compiled
+code has built in, and what is made once and kept on disk, are left out. With --carry the grasps are carried out, and
+what is lifted and held is counted. A run that was interrupted goes on when the same command is given again.
 """
 
 import functools
 import importlib
 import json
 import sys
-import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import FunctionType, ModuleType
 from typing import Annotated, Any
 
-import gymnasium as gym
 import numpy as np
 from numba.core.registry import CPUDispatcher
 from tqdm import tqdm
+from varied_scenes import Outcome, Scenes, plans
 
-from dexgrasp.agent import public_info
-from dexgrasp.agents.bilevel import BilevelAgent
 from dexgrasp.cli.command import File, Script
 from dexgrasp.cli.commands import run_script
-from dexgrasp.evaluation.protocol import PROTOCOLS, get_protocol, trial_seeds
+from dexgrasp.evaluation.protocol import PROTOCOLS
 from dexgrasp.planning.settings import PlannerSettings
 from dexgrasp_env.files import read_json_object, write_json
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.valid import Count, Natural, one_of
 
-ROOMS = ("planning", "shape", "motion")
+ROOMS = {"planning": "dexgrasp", "shape": "dexgrasp", "motion": "dexgrasp", "perception": "dexgrasp_env"}
+"""And the packages they are in."""
 SETTINGS = "dexgrasp/planning/settings.py"
 FACTORS = (0.5, 2.0)
 KEPT = ("dexgrasp/planning/atlas.py",)
 """Files of what is made once and kept on disk."""
-MOST = 6.0  # weights: more load counts as so much
-
-Outcome = dict[str, float]
-"""Of a scene: `found`, `held`, `load`, `tried`, `seconds`."""
 
 
 def table(rooms: tuple[str, ...]) -> list[tuple[str, str]]:
@@ -54,7 +50,7 @@ def table(rooms: tuple[str, ...]) -> list[tuple[str, str]]:
     for line in Path("docs/constants.md").read_text().splitlines():
         if line.startswith("## "):
             file = line.strip("# `")
-        elif line.startswith("| `") and file.startswith(tuple(f"dexgrasp/{room}/" for room in rooms)):
+        elif line.startswith("| `") and file.startswith(tuple(f"{ROOMS[room]}/{room}/" for room in rooms)):
             found.append((file, line.split("`")[1]))
     return found
 
@@ -135,7 +131,7 @@ class Vary(Script):
         out: JSON of the outcomes.
     """
 
-    rooms: tuple[Annotated[str, one_of(ROOMS)], ...] = ROOMS
+    rooms: tuple[Annotated[str, one_of(ROOMS)], ...] = ("planning", "shape", "motion")
     objects: Objects = ("all20",)
     trials: Count = 2
     seed: Natural = 7000
@@ -156,21 +152,27 @@ class Vary(Script):
             print(f"{self.out} is of other scenes: name another --out", file=sys.stderr)
             return 2
         outcomes: dict[str, list[Outcome]] = kept.get("outcomes", {})
+        scenes = Scenes(self.objects, self.trials, self.seed, self.protocol)
 
-        def measure(key: str, settings: PlannerSettings | None = None) -> None:
+        def measure(usual: str, key: str, settings: PlannerSettings | None = None) -> None:
             """Measure all scenes, where they have not been."""
-            if key not in outcomes:
-                outcomes[key] = self._measure(settings)
-                write_json(self.out, {"settings": wanted, "outcomes": outcomes})
+            if key in outcomes:
+                return
+            if usual == "looks":
+                outcomes[key] = [look() for look in scenes.looks]
+            else:
+                outcomes[key] = plans(scenes, settings, self.carry)
+            write_json(self.out, {"settings": wanted, "outcomes": outcomes})
 
-        measure("")
         for file, name in tqdm(table(self.rooms), unit="constant"):
+            usual = "looks" if "/perception/" in file else "plans"
+            measure(usual, usual)  # first: it looks with all as it is
             keys = [f"{file} {name} x{factor:g}" for factor in FACTORS]
             for key, factor in zip(keys, FACTORS, strict=True):
-                self._vary(file, name, factor, lambda *how, key=key: measure(key, *how))
+                self._vary(file, name, factor, functools.partial(measure, usual, key))
             if all(key in outcomes for key in keys):
                 compared = {
-                    f"x{factor:g}": _compared(outcomes[""], outcomes[key])
+                    f"x{factor:g}": _compared(outcomes[usual], outcomes[key])
                     for key, factor in zip(keys, FACTORS, strict=True)
                 }
                 print(json.dumps({"file": file, "name": name, **compared}), flush=True)
@@ -189,67 +191,19 @@ class Vary(Script):
         with changed(module, name, value):
             measure()
 
-    @functools.cached_property
-    def _scenes(self) -> list[tuple[gym.Env[Any, Any], int, int]]:
-        """Environments, and seeds of scene and agent."""
-        made = []
-        protocol = get_protocol(self.protocol)
-        for target in self.objects:
-            arguments = {**protocol.scene, **BilevelAgent.env_settings, "objects": [target]}
-            env = gym.make(protocol.env_id, **arguments, disable_env_checker=True)
-            seeds = [trial_seeds(self.seed, target, k) for k in range(self.trials)]
-            made += [(env, own.scene, own.agent) for own in seeds]
-        return made
-
-    def _measure(self, settings: PlannerSettings | None) -> list[Outcome]:
-        agent = BilevelAgent(settings=settings, regrasps=0)
-        return [self._outcome(agent, *scene) for scene in self._scenes]
-
-    def _outcome(self, agent: BilevelAgent, env: gym.Env[Any, Any], scene: int, seed: int) -> Outcome:
-        observation, info = self._begun(env, scene)
-        agent.seed(seed)
-        began = time.process_time()
-        agent.reset(observation, public_info(env, info))
-        seconds, plan = time.process_time() - began, agent.result
-        assert plan is not None
-        load = min(plan.found[0].grasp.certificate.load, MOST) if plan.found else 0.0
-        over = not (self.carry and plan.found)
-        while not over:
-            observation, _, terminated, truncated, info = env.step(agent.act(observation))
-            over = terminated or truncated or info["is_success"]
-        return {
-            "found": float(bool(plan.found)),
-            "held": float(info["is_success"]),
-            "load": load,
-            "tried": float(plan.log.tried),
-            "seconds": seconds,
-        }
-
-    def _begun(self, env: gym.Env[Any, Any], seed: int) -> tuple[Any, Mapping[str, Any]]:
-        """Begin an episode; where grasps are not carried out, what it shows is kept."""
-        if self.carry:
-            return env.reset(seed=seed)
-        if seed not in self._seen:
-            self._seen[seed] = env.reset(seed=seed)
-        return self._seen[seed]
-
-    @functools.cached_property
-    def _seen(self) -> dict[int, tuple[Any, Mapping[str, Any]]]:
-        return {}
-
 
 def _compared(usual: list[Outcome], varied: list[Outcome]) -> dict[str, Any]:
     """Return what outcomes differ in from the usual ones of the same scenes."""
     a, b = ({key: np.array([one[key] for one in each]) for key in each[0]} for each in (usual, varied))
-    gained = b["load"] - a["load"]
-    away = 1.96 * gained.std(ddof=1) / np.sqrt(len(gained))
+    gained = b["merit"] - a["merit"]
+    away = 1.96 * gained.std(ddof=1) / np.sqrt(len(gained)) if len(gained) > 1 else np.inf
     return {
         "scenes": len(gained),
         "found": int(b["found"].sum()),
         "held": int(b["held"].sum()),
         "usual": [int(a["found"].sum()), int(a["held"].sum())],
-        "load": round(float(gained.mean()), 3),
-        "ci95": [round(float(gained.mean() + s), 3) for s in (-away, away)],
+        "merit": round(float(gained.mean()), 3),
+        "ci95": [round(float(gained.mean() + s), 3) for s in (-away, away)] if np.isfinite(away) else None,
         "tried": round(float(b["tried"].sum() / max(a["tried"].sum(), 1.0)), 2),
         "seconds": round(float(b["seconds"].sum() / a["seconds"].sum()), 2),
         "same": bool((gained == 0).all() and (a["tried"] == b["tried"]).all()),

@@ -9,6 +9,7 @@ from dataclasses import fields
 from pathlib import Path
 
 import pytest
+from project_scripts import load_script
 
 from dexgrasp.imitation import taken
 from dexgrasp.motion import carrying, guarded
@@ -96,8 +97,7 @@ def test_every_group_is_an_agent_that_can_be_ablated(monkeypatch):
 @pytest.fixture
 def varying(monkeypatch):
     monkeypatch.chdir(ROOT)
-    monkeypatch.syspath_prepend(str(ROOT))
-    return importlib.import_module("scripts.vary_constants")
+    return load_script("vary_constants")
 
 
 def test_a_constant_is_changed_wherever_it_holds_and_afterwards_is_what_it_was(varying):
@@ -127,10 +127,26 @@ def test_heavier_objects_are_borne_by_less_and_a_run_goes_on(varying, tmp_path, 
     assert asked.run() == 0
     printed = capsys.readouterr().out
     density, aim = map(json.loads, printed.splitlines())
-    assert density["x2"]["load"] < 0.0 < density["x0.5"]["load"]
+    assert density["x2"]["merit"] < 0.0 < density["x0.5"]["merit"]
     assert density["x2"]["usual"] == [1, 0]
     assert aim["x2"]["scenes"] == 1
-    monkeypatch.setattr(varying.Vary, "_measure", None)
+    monkeypatch.setattr(varying, "plans", None)
     assert asked.run() == 0
     assert capsys.readouterr().out == printed
     assert varying.Vary(objects=("soda",), trials=2, out=tmp_path / "vary.json").run() == 2
+
+
+def test_an_object_among_others_is_no_longer_told_apart_where_patches_reach_too_far(
+    varying, tmp_path, monkeypatch, capsys
+):
+    rows = [
+        ("dexgrasp_env/perception/parting.py", "_AROUND"),
+        ("dexgrasp_env/perception/parting.py", "_TALL"),
+    ]
+    monkeypatch.setattr(varying, "table", lambda rooms: rows)
+    scenes = {"objects": ("soda",), "trials": 1, "protocol": "clutter_dense"}
+    assert varying.Vary(out=tmp_path / "looks.json", **scenes).run() == 0
+    around, tall = map(json.loads, capsys.readouterr().out.splitlines())
+    assert around["x2"]["merit"] < -0.3
+    assert around["x2"]["usual"] == [1, 0]
+    assert tall["x2"]["same"]
