@@ -60,13 +60,8 @@ def told(env: Any, seed: int) -> dict[str, Any]:
     if seen.reason or true.reason:
         return {"reason": seen.reason or true.reason}
     shown = simulation.model.geom_bodyid[perception.rays.segment(simulation.data).ravel()]
-    row = dict(
-        zip(
-            ("purity", "kept"),
-            purity_and_kept(seen, true, shown == simulation.model.body("object").id),
-            strict=True,
-        )
-    )
+    purity, kept = purity_and_kept(seen, true, shown == simulation.model.body("object").id)
+    row = {"purity": purity, "kept": kept}
     return row | {"good": min(row.values()) > GOOD, "doubtful": seen.target.doubtful}
 
 

@@ -23,6 +23,7 @@ MOST = 6.0  # weights: more load counts as so much
 
 Outcome = dict[str, float]
 """Of a scene: `found`, `held`, `merit` (load, or purity and what is kept), `tried`, `seconds` of CPU time."""
+Look = Callable[[], Outcome]
 Shown = tuple[Any, Mapping[str, Any]]
 
 
@@ -59,7 +60,7 @@ class Scenes:
         return [env.reset(seed=scene) for env, scene, _ in self.begun]
 
     @functools.cached_property
-    def looks(self) -> list[Callable[[], Outcome]]:
+    def looks(self) -> list[Look]:
         """What looks at each."""
         return [look(env, scene) for env, scene, _ in self.begun]
 
@@ -84,7 +85,7 @@ def plans(scenes: Scenes, settings: PlannerSettings | None, carry: bool) -> list
     return outcomes
 
 
-def look(env: gym.Env[Any, Any], seed: int) -> Callable[[], Outcome]:
+def look(env: gym.Env[Any, Any], seed: int) -> Look:
     """Return what finds the object again in the depth images of a scene, a point on it being named."""
     env.reset(seed=seed)
     unwrapped: Any = env.unwrapped

@@ -26,7 +26,7 @@ from typing import Annotated, Any
 import numpy as np
 from numba.core.registry import CPUDispatcher
 from tqdm import tqdm
-from varied_scenes import Outcome, Scenes, plans
+from varied_scenes import Look, Outcome, Scenes, plans
 
 from dexgrasp.cli.command import File, Script
 from dexgrasp.cli.commands import run_script
@@ -74,10 +74,7 @@ def scaled(value: Any, factor: float) -> Any:
 @contextmanager
 def changed(module: ModuleType, name: str, value: Any) -> Iterator[None]:
     """Have a constant another value: in its module, where it is imported to, and in defaults of arguments."""
-    old, places = getattr(module, name), [module]
-    if not name.startswith("_"):
-        ours = [each for key, each in sys.modules.items() if key.startswith("dexgrasp")]
-        places = [each for each in ours if vars(each).get(name) is old]
+    old, places = getattr(module, name), _places(module, name)
     functions = [one for place in places for one in _functions(place)]
     defaults = [(one, one.__defaults__) for one in functions if one.__defaults__]
     try:
@@ -93,6 +90,14 @@ def changed(module: ModuleType, name: str, value: Any) -> Iterator[None]:
         for one, own in defaults:
             one.__defaults__ = own
         _forget(places)
+
+
+def _places(module: ModuleType, name: str) -> list[ModuleType]:
+    """Return the modules that have a constant: its own, and where it is imported to."""
+    if name.startswith("_"):
+        return [module]
+    ours = [each for key, each in sys.modules.items() if key.startswith("dexgrasp")]
+    return [each for each in ours if vars(each).get(name) is getattr(module, name)]
 
 
 def _functions(module: ModuleType) -> Iterator[FunctionType]:
@@ -112,9 +117,8 @@ def _forget(modules: list[ModuleType]) -> None:
 
 def compiled(module: ModuleType, name: str) -> bool:
     """Whether compiled code has a constant built in."""
-    ours = [each for key, each in sys.modules.items() if key.startswith("dexgrasp")]
-    places = [module] if name.startswith("_") else [each for each in ours if hasattr(each, name)]
-    kernels = [one for place in places for one in vars(place).values() if isinstance(one, CPUDispatcher)]
+    values = [value for place in _places(module, name) for value in vars(place).values()]
+    kernels = [value for value in values if isinstance(value, CPUDispatcher)]
     return any(name in one.py_func.__code__.co_names for one in kernels)
 
 
@@ -154,22 +158,20 @@ class Vary(Script):
         outcomes: dict[str, list[Outcome]] = kept.get("outcomes", {})
         scenes = Scenes(self.objects, self.trials, self.seed, self.protocol)
 
-        def measure(usual: str, key: str, settings: PlannerSettings | None = None) -> None:
+        def measure(key: str, looks: list[Look], settings: PlannerSettings | None = None) -> None:
             """Measure all scenes, where they have not been."""
-            if key in outcomes:
-                return
-            if usual == "looks":
-                outcomes[key] = [look() for look in scenes.looks]
-            else:
-                outcomes[key] = plans(scenes, settings, self.carry)
-            write_json(self.out, {"settings": wanted, "outcomes": outcomes})
+            if key not in outcomes:
+                outcomes[key] = [look() for look in looks] or plans(scenes, settings, self.carry)
+                write_json(self.out, {"settings": wanted, "outcomes": outcomes})
 
         for file, name in tqdm(table(self.rooms), unit="constant"):
             usual = "looks" if "/perception/" in file else "plans"
-            measure(usual, usual)  # first: it looks with all as it is
             keys = [f"{file} {name} x{factor:g}" for factor in FACTORS]
+            due = not outcomes.keys() >= {usual, *keys}
+            looks = scenes.looks if due and usual == "looks" else []  # made while all is as it is
+            measure(usual, looks)
             for key, factor in zip(keys, FACTORS, strict=True):
-                self._vary(file, name, factor, functools.partial(measure, usual, key))
+                self._vary(file, name, factor, functools.partial(measure, key, looks))
             if all(key in outcomes for key in keys):
                 compared = {
                     f"x{factor:g}": _compared(outcomes[usual], outcomes[key])
