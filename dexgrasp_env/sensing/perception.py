@@ -30,6 +30,7 @@ class Perception:
         *,
         sensor: SensorModel | None = None,
         rays: Callable[..., RayCameras] = RayCameras,
+        robot: RobotShape | None = None,
     ) -> None:
         """Prepare the cameras.
 
@@ -38,11 +39,12 @@ class Perception:
             cameras: where they truly are.
             sensor: `SensorModel.realistic()`.
             rays: makes what casts them, of model and cameras.
+            robot: of a model with the same robot, where it has been read before.
         """
         self.cameras = tuple(cameras)
         self.sensor = SensorModel.realistic() if sensor is None else sensor
         self.rays = rays(model, self.cameras)
-        self.robot = RobotShape(model)
+        self.robot = RobotShape(model) if robot is None else robot
         self._bodies, self._object = model.geom_bodyid.copy(), int(model.body("object").id)
         self.believed = self.cameras
 

@@ -128,7 +128,10 @@ class Views:
         known, size = self._perceptions.get(simulation), simulation.variation.size
         if known is None or known[:2] != (size, names):
             cameras = tuple(camera for camera in self._cameras if camera.name in names)
-            perception = Perception(simulation.model, cameras, sensor=self._settings.sensor, rays=self.rays)
+            robot = None if known is None else known[2].robot
+            perception = Perception(
+                simulation.model, cameras, sensor=self._settings.sensor, rays=self.rays, robot=robot
+            )
             known = (size, names, perception)
             self._perceptions[simulation] = known
         return known[2]
