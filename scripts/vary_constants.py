@@ -9,7 +9,8 @@ how many postures were tried and how much CPU time it took, both as ratios. Of p
 is named: in how many scenes it is found as `close_objects.py` has it (purity and what is kept above 0.9), and what the
 lesser of the two has changed by. What is halved and doubled of a pair is each of its numbers. Constants that compiled
 code has built in, and what is made once and kept on disk, are left out. With --carry the grasps are carried out, and
-what is lifted and held is counted. A run that was interrupted goes on when the same command is given again.
+what is lifted and held is counted. A run that was interrupted goes on when the same command is given again, and so
+does one that other constants are asked of.
 """
 
 import functools
@@ -32,7 +33,9 @@ from dexgrasp.cli.command import File, Script
 from dexgrasp.cli.commands import run_script
 from dexgrasp.evaluation.protocol import PROTOCOLS
 from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import read_json_object, write_json
+from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.valid import Count, Natural, one_of
 
@@ -40,19 +43,37 @@ ROOMS = {"planning": "dexgrasp", "shape": "dexgrasp", "motion": "dexgrasp", "per
 """And the packages they are in."""
 SETTINGS = "dexgrasp/planning/settings.py"
 FACTORS = (0.5, 2.0)
+TABLE = Path(__file__).resolve().parents[1] / "docs" / "constants.md"
 KEPT = ("dexgrasp/planning/atlas.py",)
 """Files of what is made once and kept on disk."""
 
 
-def table(rooms: tuple[str, ...]) -> list[tuple[str, str]]:
-    """Return file and name of the constants that `docs/constants.md` has of some rooms."""
+def table(rooms: tuple[str, ...], constants: tuple[str, ...] = ()) -> list[tuple[str, str]]:
+    """Return file and name of the constants that `docs/constants.md` has of some rooms, of those named if any are.
+
+    Raises:
+        InputError: for a name that is none of theirs.
+    """
     found, file = [], ""
-    for line in Path("docs/constants.md").read_text().splitlines():
+    for line in TABLE.read_text().splitlines():
         if line.startswith("## "):
             file = line.strip("# `")
         elif line.startswith("| `") and file.startswith(tuple(f"{ROOMS[room]}/{room}/" for room in rooms)):
             found.append((file, line.split("`")[1]))
-    return found
+    named = [_named(found, each) for each in constants]
+    return [each for each in found if any(each in one for one in named)] if named else found
+
+
+def _named(found: list[tuple[str, str]], constant: str) -> list[tuple[str, str]]:
+    """Return those that `FILE`, `NAME` or `FILE.NAME` means, without folder and suffix of the file."""
+    file, _, name = constant.rpartition(".")
+    meant = [(each, own) for each, own in found if Path(each).stem == file and own == name]
+    meant = meant or [(each, own) for each, own in found if constant in {Path(each).stem, own}]
+    if not meant:
+        raise InputError(
+            f"no constant {constant!r} in these rooms: name FILE, NAME or FILE.NAME of {TABLE.name}"
+        )
+    return meant
 
 
 def scaled(value: Any, factor: float) -> Any:
@@ -127,6 +148,7 @@ class Vary(Script):
 
     Attributes:
         rooms: of the constants.
+        constants: these alone, by the names of docs/constants.md: FILE, NAME or FILE.NAME (default: all of the rooms).
         objects: of the scenes.
         trials: scenes of each object.
         seed: of the scenes.
@@ -136,7 +158,8 @@ class Vary(Script):
     """
 
     rooms: tuple[Annotated[str, one_of(ROOMS)], ...] = ("planning", "shape", "motion")
-    objects: Objects = ("all20",)
+    constants: tuple[str, ...] = ()
+    objects: Objects = OBJECT_SETS["all20"]
     trials: Count = 2
     seed: Natural = 7000
     protocol: Annotated[str, one_of(PROTOCOLS)] = "lift"
@@ -164,7 +187,7 @@ class Vary(Script):
                 outcomes[key] = [look() for look in looks] or plans(scenes, settings, self.carry)
                 write_json(self.out, {"settings": wanted, "outcomes": outcomes})
 
-        for file, name in tqdm(table(self.rooms), unit="constant"):
+        for file, name in tqdm(table(self.rooms, self.constants), unit="constant"):
             usual = "looks" if "/perception/" in file else "plans"
             keys = [f"{file} {name} x{factor:g}" for factor in FACTORS]
             due = not outcomes.keys() >= {usual, *keys}

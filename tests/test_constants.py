@@ -14,6 +14,7 @@ from project_scripts import load_script
 from dexgrasp.imitation import taken
 from dexgrasp.motion import carrying, guarded
 from dexgrasp.planning import constraints
+from dexgrasp_env.errors import InputError
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("dexgrasp/planning", "dexgrasp/motion", "dexgrasp/shape", "dexgrasp_env/perception")
@@ -95,9 +96,20 @@ def test_every_group_is_an_agent_that_can_be_ablated(monkeypatch):
 
 
 @pytest.fixture
-def varying(monkeypatch):
-    monkeypatch.chdir(ROOT)
+def varying(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
     return load_script("vary_constants")
+
+
+def test_constants_are_named_by_file_or_name_and_scenes_are_of_single_objects(varying):
+    assert varying.table(("motion",), ("guarded._GAIN",)) == [("dexgrasp/motion/guarded.py", "_GAIN")]
+    apart = varying.table(("planning", "shape"), ("_APART",))
+    assert {name for _, name in apart} == {"_APART"}
+    assert len(apart) > 2
+    assert {file for file, _ in varying.table(("shape",), ("around",))} == {"dexgrasp/shape/around.py"}
+    with pytest.raises(InputError, match="no constant 'guarded' in these rooms"):
+        varying.table(("shape",), ("guarded",))
+    assert len(varying.Vary(out="vary.json").objects) == 20
 
 
 def test_a_constant_is_changed_wherever_it_holds_and_afterwards_is_what_it_was(varying):
@@ -121,31 +133,30 @@ def test_what_compiled_code_has_built_in_is_not_varied(varying):
 
 
 def test_heavier_objects_are_borne_by_less_and_a_run_goes_on(varying, tmp_path, monkeypatch, capsys):
-    rows = [("dexgrasp/shape/target.py", "ASSUMED_DENSITY"), ("dexgrasp/planning/settings.py", "closure_aim")]
-    monkeypatch.setattr(varying, "table", lambda rooms: rows)
-    asked = varying.Vary(objects=("soda",), trials=1, out=tmp_path / "vary.json")
+    scenes = {
+        "constants": ("ASSUMED_DENSITY", "closure_aim"),
+        "objects": ("soda",),
+        "out": tmp_path / "vary.json",
+    }
+    asked = varying.Vary(trials=1, **scenes)
     assert asked.run() == 0
     printed = capsys.readouterr().out
-    density, aim = map(json.loads, printed.splitlines())
+    aim, density = map(json.loads, printed.splitlines())
     assert density["x2"]["merit"] < 0.0 < density["x0.5"]["merit"]
     assert density["x2"]["usual"] == [1, 0]
     assert aim["x2"]["scenes"] == 1
     monkeypatch.setattr(varying, "plans", None)
     assert asked.run() == 0
     assert capsys.readouterr().out == printed
-    assert varying.Vary(objects=("soda",), trials=2, out=tmp_path / "vary.json").run() == 2
+    assert varying.Vary(trials=2, **scenes).run() == 2
 
 
 def test_an_object_among_others_is_no_longer_told_apart_where_patches_reach_too_far(
-    varying, tmp_path, monkeypatch, capsys
+    varying, tmp_path, capsys
 ):
-    rows = [
-        ("dexgrasp_env/perception/parting.py", "_AROUND"),
-        ("dexgrasp_env/perception/parting.py", "_TALL"),
-    ]
-    monkeypatch.setattr(varying, "table", lambda rooms: rows)
-    scenes = {"objects": ("soda",), "trials": 1, "protocol": "clutter_dense"}
-    assert varying.Vary(out=tmp_path / "looks.json", **scenes).run() == 0
+    scenes = {"objects": ("soda",), "trials": 1, "protocol": "clutter_dense", "out": tmp_path / "looks.json"}
+    constants = "parting._AROUND", "parting._TALL"
+    assert varying.Vary(rooms=("perception",), constants=constants, **scenes).run() == 0
     around, tall = map(json.loads, capsys.readouterr().out.splitlines())
     assert around["x2"]["merit"] < -0.3
     assert around["x2"]["usual"] == [1, 0]
