@@ -324,12 +324,29 @@ def test_a_replay_succeeds_where_success_is_reached_as_in_recording(folder, monk
     assert replay_all(folder, 1)["successes"] == 1
 
 
+def test_scenes_draw_what_is_asked_for_and_replays_draw_the_same(tmp_path):
+    drawn = ("size", 0.6, 0.9), ("mass", 0.5, 2.0)
+    settings = DemoSettings.of(["sugar_box"], agent=TEACHER, episodes=2, seed=3, randomise=drawn)
+    assert (
+        DemoSettings.of_json(json.loads(json.dumps(settings.as_json()))).env_arguments
+        == settings.env_arguments
+    )
+    generate(settings, tmp_path)
+    kept = list(read_episodes(tmp_path))
+    assert replay_all(tmp_path)["successes"] == len(kept) > 0
+    sizes = [demo.observations["object_size"][0].max() for demo in kept]
+    whole = load_object("sugar_box").extents.max()
+    assert all(0.6 * whole < size < 0.9 * whole for size in sizes)
+
+
 @pytest.mark.parametrize(
     ("wrong", "says"),
     [
         ({"agent": "nobody"}, "unknown agent"),
         ({"control_mode": "x"}, "control_mode"),
         ({"noise": 2.0}, "noise"),
+        ({"randomise": (("colour", 0.0, 1.0),)}, "valid are mass, friction, size"),
+        ({"randomise": (("size", 1.0, 0.5),)}, "low <= high"),
     ],
 )
 def test_wrong_settings_are_refused(wrong, says):

@@ -17,8 +17,8 @@ from dexgrasp.runs.progress import progress_bar
 from dexgrasp_env.valid import Count, one_of
 
 _OPTIONS = (
-    "objects", "agent", "episodes", "seed", "obs_mode", "control_mode", "observe", "noise", "friction", "robot",
-    "mount",
+    "objects", "agent", "episodes", "seed", "obs_mode", "control_mode", "observe", "noise", "friction", "randomise",
+    "robot", "mount",
 )  # fmt: skip
 
 

@@ -95,7 +95,7 @@ class Recorder:
         self._agent: Any = make_agent(settings.agent)
         asked = agent_settings(settings.agent, self._agent)
         arguments = settings.env_arguments | {"objects": [target]}
-        scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction")}
+        scene = {key: arguments[key] for key in ("objects", "robot", "mount", "friction", "randomisation")}
         self._env = gym.make(ENV_ID, **(scene | asked), disable_env_checker=True)
         alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
         # Where the agent's own modes are those of the demonstrations, a replay would do the same.

@@ -12,6 +12,7 @@ from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.observations import OBS_MODES
+from dexgrasp_env.tasks.randomisation import Drawn, Randomisation, ranges
 from dexgrasp_env.valid import CellFile, Count, Friction, Mount, Natural, Rule, number, one_of, read
 
 SCHEMA = 1
@@ -41,6 +42,7 @@ class DemoSettings:
         noise: standard deviation added to what the agent commands, as a share of the velocity limits; the agent, which
             sees what comes of it, corrects it, and whoever learns from it learns to; 0.03 is much.
         friction: sliding friction coefficient (default 0.7).
+        randomise: what every scene draws: friction, mass, size, gain, latency, joint_noise.
         robot: file of your cell (robot, table, mounts, limits, gains, torques and cameras), or of a robot alone
             (default: the simulated cell; on the command line $DEXGRASP_CELL, where it is set).
         mount: how the hand sits on the arm's flange (default: the robot's own).
@@ -56,6 +58,7 @@ class DemoSettings:
     observe: Annotated[str, one_of(("reset", "step"))] = "reset"
     noise: Annotated[float, number(ge=0, le=1), "SHARE"] = 0.0
     friction: Annotated[Friction | None, "MU"] = None
+    randomise: tuple[Drawn, ...] = ()
     robot: CellFile = None
     mount: Mount = None
     chunk: Count = 25
@@ -64,8 +67,9 @@ class DemoSettings:
         """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: for a cell or a mount that there is not.
+            InputError: for a cell or a mount that there is not, or a quantity that cannot be drawn.
         """
+        read(Randomisation, ranges(self.randomise) or {}, "randomise")
         make_cell(self.robot, self.mount)
 
     @classmethod
@@ -87,6 +91,7 @@ class DemoSettings:
             "robot": self.robot,
             "mount": self.mount,
             "friction": self.friction,
+            "randomisation": ranges(self.randomise),
             **looks,
         }
 

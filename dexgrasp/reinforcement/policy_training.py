@@ -15,6 +15,7 @@ from dexgrasp.reinforcement.settings import GRASPS, RlSettings
 from dexgrasp.runs.training import Course
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.extras import from_extra
+from dexgrasp_env.tasks.randomisation import ranges
 
 with from_extra():
     import torch
@@ -70,9 +71,8 @@ class PolicyTraining(Rounds):
     def environments(self) -> FeatureVecEnv:
         """Make the environments; features are scaled as the clone's, or by random actions."""
         s = self.settings
-        drawn = {name: tuple(ends) for name, *ends in s.randomise}
         envs = SB3VecEnv(
-            s.env_id, s.num_envs, ("is_success",), objects=list(s.objects), randomisation=drawn or None,
+            s.env_id, s.num_envs, ("is_success",), objects=list(s.objects), randomisation=ranges(s.randomise),
             backend=s.backend, device="cpu" if self.place.type == "cpu" else None, **self.env,
             **({"max_episode_steps": s.episode_steps} if s.episode_steps else {}),
         )  # fmt: skip

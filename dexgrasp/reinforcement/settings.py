@@ -10,21 +10,14 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import CONTROL_MODES
+from dexgrasp_env.tasks.randomisation import Drawn
 from dexgrasp_env.tasks.settings import BACKENDS
-from dexgrasp_env.valid import Count, Natural, Positive, Rule, number, one_of, pair
-
-
-def _drawn(word: str) -> tuple[str, float, float]:
-    name, _, ends = word.partition("=")
-    low, _, high = ends.partition(":")
-    return name, float(low), float(high)
-
+from dexgrasp_env.valid import Count, Natural, Positive, number, one_of, pair
 
 _LIFTS = one_of(sorted(name for name in registry if name.startswith("DexGrasp/Lift")))
 Range = Annotated[tuple[float, float], pair(number(gt=0)), "LEAST", "MOST"]
 GRASPS = "grasp"
 """Control mode of those that `GraspSpace` makes of `ee_delta`."""
-_DRAWN = Rule("NAME=LOW:HIGH", lambda value: value, _drawn)
 
 
 @dataclass(frozen=True)
@@ -73,7 +66,7 @@ class RlSettings:
     chunk: Count = 1
     episode_steps: Count | None = None
     backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
-    randomise: tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...] = ()
+    randomise: tuple[Drawn, ...] = ()
     resets: Annotated[str | None, "DIR"] = None
     steps: Count = 1_000_000
     num_envs: Count = 16

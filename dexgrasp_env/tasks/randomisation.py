@@ -1,5 +1,6 @@
 """Domain randomisation: object, contact, servos and sensors, written into a compiled model."""
 
+from collections.abc import Sequence
 from dataclasses import astuple, dataclass
 from typing import Annotated
 
@@ -7,9 +8,10 @@ import mujoco
 import numpy as np
 from numpy.random import Generator
 
+from dexgrasp_env.arrays import Fields
 from dexgrasp_env.scene.build import pair_friction
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
-from dexgrasp_env.valid import number, pair
+from dexgrasp_env.valid import Rule, number, pair
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
@@ -45,6 +47,23 @@ class Variation:
 
 
 Range = tuple[float, float] | None
+
+
+def _drawn(word: str) -> tuple[str, float, float]:
+    name, _, ends = word.partition("=")
+    low, _, high = ends.partition(":")
+    return name, float(low), float(high)
+
+
+Drawn = Annotated[
+    tuple[str, float, float], Rule("NAME=LOW:HIGH", lambda value: value, _drawn), "NAME=LOW:HIGH"
+]
+"""A quantity and the range that it is drawn from, as an option states it."""
+
+
+def ranges(drawn: Sequence[tuple[str, float, float]]) -> Fields | None:
+    """Return what `gym.make` takes as `randomisation`; None where nothing is drawn."""
+    return {name: tuple(ends) for name, *ends in drawn} or None
 
 
 @dataclass(frozen=True)
