@@ -1,6 +1,8 @@
 """What long work shares: workers that die, lines where no terminal is, folders of something else."""
 
 import os
+import subprocess
+import sys
 from concurrent.futures import wait
 from functools import partial
 
@@ -56,6 +58,21 @@ def test_what_is_done_when_a_task_fails_is_had_before_that_is_said(monkeypatch):
 def test_a_task_that_stops_early_is_no_end_of_all():
     with pytest.raises(RuntimeError, match="StopIteration"):
         list(run_pool(empty, range(2), Backend()))
+
+
+def test_bars_of_workers_leave_nothing_behind_that_is_warned_of(tmp_path):
+    script = tmp_path / "bars.py"
+    script.write_text(
+        "from tqdm import tqdm\n"
+        "from dexgrasp.runs.pool import Backend, run_pool\n"
+        "def work(n):\n"
+        "    return sum(tqdm(range(n)))\n"
+        "if __name__ == '__main__':\n"
+        "    print(sorted(run_pool(work, [3, 4], Backend(workers=2))))\n"
+    )
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, check=True)
+    assert done.stdout == "[3, 6]\n"
+    assert "leaked" not in done.stderr
 
 
 def test_an_unknown_backend_is_refused():

@@ -15,6 +15,8 @@ from multiprocessing import connection
 from types import ModuleType
 from typing import Annotated, Any, TypeVar
 
+from tqdm import tqdm
+
 from dexgrasp.runs.cluster import run_on_cluster
 from dexgrasp.runs.interrupt import not_inherited
 from dexgrasp_env.errors import InputError
@@ -97,7 +99,7 @@ def processes(workers: int, *, alone: bool = False) -> Iterator[ProcessPoolExecu
     """
     context = multiprocessing.get_context("spawn")
     others = set(multiprocessing.active_children())
-    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_end_with_parent)
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=_begin)
     main = {"__main__": ModuleType("__main__")} if alone else {}
     try:
         with _replaced(os.environ, _thread_limits(workers)), _replaced(sys.modules, main), not_inherited():
@@ -136,8 +138,10 @@ def _unpacked(packed: bytes) -> Callable[[Any], Any]:
     return work
 
 
-def _end_with_parent() -> None:
-    """End this process soon after the one that started it is gone, even if that is killed: there is nothing to do."""
+def _begin() -> None:
+    """Prepare a worker: it ends soon after the process that started it is gone, even if that is killed."""
+    # The lock that bars have of themselves is a semaphore, which a process that is terminated leaves behind.
+    tqdm.set_lock(threading.RLock())
 
     def watch() -> None:
         """Wait for the end of the parent, and end."""
