@@ -231,7 +231,7 @@ def _compared(usual: list[Outcome], varied: list[Outcome]) -> dict[str, Any]:
         "ci95": [round(float(gained.mean() + s), 3) for s in (-away, away)] if np.isfinite(away) else None,
         "tried": round(float(b["tried"].sum() / max(a["tried"].sum(), 1.0)), 2),
         "seconds": round(float(b["seconds"].sum() / a["seconds"].sum()), 2),
-        "same": bool((gained == 0).all() and (a["tried"] == b["tried"]).all()),
+        "same": bool(all((a[key] == b[key]).all() for key in ("merit", "tried", "held"))),
     }
 
 
