@@ -337,6 +337,8 @@ def test_scenes_draw_what_is_asked_for_and_replays_draw_the_same(tmp_path):
     sizes = [demo.observations["object_size"][0].max() for demo in kept]
     whole = load_object("sugar_box").extents.max()
     assert all(0.6 * whole < size < 0.9 * whole for size in sizes)
+    with refused("drawn sizes"):
+        DemoResets(tmp_path)
 
 
 @pytest.mark.parametrize(

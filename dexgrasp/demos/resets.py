@@ -23,6 +23,7 @@ from dexgrasp_env.scene.constants import CONTROL_STEPS
 from dexgrasp_env.tasks.constants import GOAL_STEPS
 from dexgrasp_env.tasks.lift import LiftEnv
 from dexgrasp_env.tasks.place import PlaceEnv
+from dexgrasp_env.tasks.randomisation import ranges
 from dexgrasp_env.tasks.slots import EpisodeState
 from dexgrasp_env.tasks.vector import LiftVectorEnv
 from dexgrasp_env.tasks.views import View
@@ -58,9 +59,14 @@ class DemoResets:
             whole: share of the episodes that begin as usual.
 
         Raises:
-            InputError: if there are none, or they are damaged.
+            InputError: if there are none, they are damaged, or of sizes that each scene drew.
         """
         self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
+        if "size" in (ranges(self._settings.randomise) or {}):
+            raise InputError(
+                f"{folder} has demonstrations at drawn sizes: episodes begin along those made without "
+                "--randomise size alone, whose objects are as large as an environment's"
+            )
         read = zip(read_episodes(Path(folder)), range(_MOST), strict=False)
         self._demos = [_followed(demo) for demo, _ in read]
         self.whole, self.front = whole, _LATEST
