@@ -139,9 +139,14 @@ def _unpacked(packed: bytes) -> Callable[[Any], Any]:
 
 
 def _begin() -> None:
-    """Prepare a worker: it ends soon after the process that started it is gone, even if that is killed."""
+    """Prepare a worker."""
     # The lock that bars have of themselves is a semaphore, which a process that is terminated leaves behind.
     tqdm.set_lock(threading.RLock())
+    _end_with_parent()
+
+
+def _end_with_parent() -> None:
+    """End this process soon after the one that started it is gone, even if that is killed: there is nothing to do."""
 
     def watch() -> None:
         """Wait for the end of the parent, and end."""
