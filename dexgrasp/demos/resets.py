@@ -62,7 +62,7 @@ class DemoResets:
             InputError: if there are none, they are damaged, or of sizes that each scene drew.
         """
         self._settings = DemoSettings.of_json(read_about(Path(folder))["settings"])
-        if "size" in (ranges(self._settings.randomise) or {}):
+        if "size" in ranges(self._settings.randomise):
             raise InputError(
                 f"{folder} has demonstrations at drawn sizes: episodes begin along those made without "
                 "--randomise size alone, whose objects are as large as an environment's"

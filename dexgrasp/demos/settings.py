@@ -69,7 +69,7 @@ class DemoSettings:
         Raises:
             InputError: for a cell or a mount that there is not, or a quantity that cannot be drawn.
         """
-        read(Randomisation, ranges(self.randomise) or {}, "randomise")
+        read(Randomisation, ranges(self.randomise), "randomise")
         make_cell(self.robot, self.mount)
 
     @classmethod

@@ -15,8 +15,6 @@ from multiprocessing import connection
 from types import ModuleType
 from typing import Annotated, Any, TypeVar
 
-from tqdm import tqdm
-
 from dexgrasp.runs.cluster import run_on_cluster
 from dexgrasp.runs.interrupt import not_inherited
 from dexgrasp_env.errors import InputError
@@ -140,6 +138,8 @@ def _unpacked(packed: bytes) -> Callable[[Any], Any]:
 
 def _begin() -> None:
     """Prepare a worker."""
+    from tqdm import tqdm
+
     # The lock that bars have of themselves is a semaphore, which a process that is terminated leaves behind.
     tqdm.set_lock(threading.RLock())
     _end_with_parent()

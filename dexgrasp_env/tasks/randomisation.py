@@ -61,9 +61,9 @@ Drawn = Annotated[
 """A quantity and the range that it is drawn from, as an option states it."""
 
 
-def ranges(drawn: Sequence[tuple[str, float, float]]) -> Fields | None:
-    """Return what `gym.make` takes as `randomisation`; None where nothing is drawn."""
-    return {name: tuple(ends) for name, *ends in drawn} or None
+def ranges(drawn: Sequence[tuple[str, float, float]]) -> Fields:
+    """Return what `gym.make` takes as `randomisation`."""
+    return {name: tuple(ends) for name, *ends in drawn}
 
 
 @dataclass(frozen=True)
