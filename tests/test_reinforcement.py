@@ -92,10 +92,18 @@ def test_as_many_steps_are_done_as_rounds_come_to(tmp_path):
     assert [row["steps"] for row in state.curve] == [40, 80]
 
 
-def test_only_lifting_is_learned():
-    given = {"objects": "sugar_box", "env_id": "DexGrasp/Place-v2"}
-    with refused("valid is DexGrasp/Lift-v1"):
-        read(RlSettings, given)
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        ({"env_id": "DexGrasp/Place-v2"}, "valid is DexGrasp/Lift-v1"),
+        ({"randomise": [["colour", 0.0, 1.0]]}, "valid are mass, friction, size"),
+        ({"randomise": [["mass", 2.0, 1.0]]}, "low <= high"),
+        ({"randomise": ["mass"]}, "randomise"),
+    ],
+)
+def test_wrong_settings_are_refused(wrong, says):
+    with refused(says):
+        read(RlSettings, {"objects": "sugar_box"} | wrong)
 
 
 @pytest.mark.parametrize(

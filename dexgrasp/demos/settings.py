@@ -12,7 +12,7 @@ from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.robot.cell import make_cell
 from dexgrasp_env.tasks.control import CONTROL_MODES
 from dexgrasp_env.tasks.observations import OBS_MODES
-from dexgrasp_env.tasks.randomisation import Drawn, Randomisation, ranges
+from dexgrasp_env.tasks.randomisation import Draws, ranges
 from dexgrasp_env.valid import CellFile, Count, Friction, Mount, Natural, Rule, number, one_of, read
 
 SCHEMA = 1
@@ -58,7 +58,7 @@ class DemoSettings:
     observe: Annotated[str, one_of(("reset", "step"))] = "reset"
     noise: Annotated[float, number(ge=0, le=1), "SHARE"] = 0.0
     friction: Annotated[Friction | None, "MU"] = None
-    randomise: tuple[Drawn, ...] = ()
+    randomise: Draws = ()
     robot: CellFile = None
     mount: Mount = None
     chunk: Count = 25
@@ -67,9 +67,8 @@ class DemoSettings:
         """Check what no field alone can be wrong in.
 
         Raises:
-            InputError: for a cell or a mount that there is not, or a quantity that cannot be drawn.
+            InputError: for a cell or a mount that there is not.
         """
-        read(Randomisation, ranges(self.randomise), "randomise")
         make_cell(self.robot, self.mount)
 
     @classmethod

@@ -10,7 +10,7 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import Objects
 from dexgrasp_env.tasks.constants import MAX_EPISODE_STEPS
 from dexgrasp_env.tasks.control import CONTROL_MODES
-from dexgrasp_env.tasks.randomisation import Drawn
+from dexgrasp_env.tasks.randomisation import Draws
 from dexgrasp_env.tasks.settings import BACKENDS
 from dexgrasp_env.valid import Count, Natural, Positive, number, one_of, pair
 
@@ -66,7 +66,7 @@ class RlSettings:
     chunk: Count = 1
     episode_steps: Count | None = None
     backend: Annotated[str, one_of(BACKENDS)] = "mujoco"
-    randomise: tuple[Drawn, ...] = ()
+    randomise: Draws = ()
     resets: Annotated[str | None, "DIR"] = None
     steps: Count = 1_000_000
     num_envs: Count = 16

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
-from typing import Annotated
+from typing import Annotated, Any
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.scene.build import pair_friction
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
-from dexgrasp_env.valid import Rule, number, pair
+from dexgrasp_env.valid import Rule, number, pair, read, several
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
@@ -47,23 +47,6 @@ class Variation:
 
 
 Range = tuple[float, float] | None
-
-
-def _drawn(word: str) -> tuple[str, float, float]:
-    name, _, ends = word.partition("=")
-    low, _, high = ends.partition(":")
-    return name, float(low), float(high)
-
-
-Drawn = Annotated[
-    tuple[str, float, float], Rule("NAME=LOW:HIGH", lambda value: value, _drawn), "NAME=LOW:HIGH"
-]
-"""A quantity and the range that it is drawn from, as an option states it."""
-
-
-def ranges(drawn: Sequence[tuple[str, float, float]]) -> Fields:
-    """Return what `gym.make` takes as `randomisation`."""
-    return {name: tuple(ends) for name, *ends in drawn}
 
 
 @dataclass(frozen=True)
@@ -113,6 +96,27 @@ class Randomisation:
             draw(self.size, u[2], 1.0),
             **late,
         )
+
+
+def ranges(drawn: Sequence[tuple[str, float, float]]) -> Fields:
+    """Return what `gym.make` takes as `randomisation`."""
+    return {name: tuple(ends) for name, *ends in drawn}
+
+
+def _drawn(word: str) -> tuple[str, float, float]:
+    name, _, ends = word.partition("=")
+    low, _, high = ends.partition(":")
+    return name, float(low), float(high)
+
+
+def _admit(drawn: Any) -> Any:
+    read(Randomisation, ranges([drawn]), "randomise")
+    return drawn
+
+
+_DRAWN = Rule("NAME=LOW:HIGH", _admit, _drawn)
+Draws = Annotated[tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...], several(_DRAWN)]
+"""Quantities and the ranges that they are drawn from, as an option states them."""
 
 
 def apply_variation(
