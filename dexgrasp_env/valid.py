@@ -137,7 +137,7 @@ COUNT = number(ge=1, whole=True)
 Count = Annotated[int, COUNT]
 POSITIVE = number(gt=0)
 Positive = Annotated[float, POSITIVE]
-Positives = Annotated[tuple[float, ...], several(POSITIVE)]
+Positives = tuple[Positive, ...]
 Share = Annotated[float, number(gt=0, lt=1)]
 Friction = Annotated[float, number(gt=0, le=2)]
 """Sliding coefficient."""
@@ -191,8 +191,16 @@ def hint_of(annotation: Any) -> Hint:
         else:
             break
     rules = [mark for mark in marks if isinstance(mark, Rule)]
-    rule = rules[-1] if rules else _PLAIN.get(get_origin(annotation) or annotation)
+    rule = rules[-1] if rules else _PLAIN.get(get_origin(annotation) or annotation) or _of_each(annotation)
     return Hint(annotation, optional, rule, tuple(mark for mark in marks if not isinstance(mark, Rule)))
+
+
+def _of_each(annotation: Any) -> Rule | None:
+    """Return the rule of a tuple all of whose values have one rule."""
+    parts = get_args(annotation) if get_origin(annotation) is tuple else ()
+    rules = {hint_of(part).rule for part in parts if part is not Ellipsis}
+    each = rules.pop() if len(rules) == 1 else None
+    return each and several(each, None if Ellipsis in parts else len(parts))
 
 
 def check(what: str, value: Any, rule: Rule) -> Any:

@@ -99,6 +99,8 @@ def test_as_many_steps_are_done_as_rounds_come_to(tmp_path):
         ({"randomise": [["colour", 0.0, 1.0]]}, "valid are mass, friction, size"),
         ({"randomise": [["mass", 2.0, 1.0]]}, "low <= high"),
         ({"randomise": ["mass"]}, "randomise"),
+        ({"hidden": [64, 0]}, r"hidden is \[64, 0\]: .* each a whole number >= 1"),
+        ({"hidden": 64}, "hidden is 64: valid is a list"),
     ],
 )
 def test_wrong_settings_are_refused(wrong, says):

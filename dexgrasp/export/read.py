@@ -12,7 +12,7 @@ from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.files import check_file, read_json_object, readable
 from dexgrasp_env.robot.cell import Cell
-from dexgrasp_env.valid import TEXT, Names, Rule, Word, list_of, number, read, several
+from dexgrasp_env.valid import Names, Rule, Word, list_of, number, read
 
 _MOST_ROWS = 600_000  # ten minutes at 1 kHz
 
@@ -66,8 +66,8 @@ class Facts:
     cell: Word
     segments: Annotated[dict[str, Segment], _SEGMENTS]
     parts: Parts
-    around: Annotated[tuple[Array, ...], several(_PART)]
-    rejected: Annotated[tuple[str, ...], several(TEXT)]
+    around: tuple[Annotated[Array, _PART], ...]
+    rejected: tuple[str, ...]
 
 
 @dataclass(frozen=True, eq=False)

@@ -17,9 +17,6 @@ from dexgrasp_env.files import content_hash
 from dexgrasp_env.robot.coupled import Coupling, Tendon
 from dexgrasp_env.robot.described import described
 from dexgrasp_env.valid import (
-    NAMES,
-    NATURAL,
-    WORD,
     Names,
     Natural,
     Positive,
@@ -32,8 +29,8 @@ from dexgrasp_env.valid import (
     several,
 )
 
-Numbers = Annotated[tuple[float, ...], several(number())]
-Vector = Annotated[tuple[float, ...], several(number(), 3)]
+Numbers = tuple[float, ...]
+Vector = Annotated[Numbers, several(number(), 3)]
 SLIDE = 0.1
 """m of a slide that count as much as a radian of a hinge."""
 _FARTHEST = 0.5  # m from the arm's last link to the palm frame
@@ -117,11 +114,11 @@ class Arm:
     home: Numbers
     shoulder: Vector
     reach: Positive
-    shaken: Annotated[tuple[int, int], several(NATURAL, 2)]
+    shaken: tuple[Natural, Natural]
     adapter: Adapter | None = None
     frame: Frame | None = field(default=None, repr=False)
     plinth: Natural = field(default=4, repr=False)
-    starts: Annotated[tuple[Numbers, ...], several(several(number()))] = field(default=(), repr=False)
+    starts: tuple[Numbers, ...] = field(default=(), repr=False)
 
 
 @dataclass(frozen=True)
@@ -198,10 +195,8 @@ class Hand:
     open: Numbers
     mounts: Annotated[tuple[Mount, ...], Rule("a mapping of mounts", _mounts)]
     beside_palm: str = ""
-    self_pairs: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = ()
-    excluded: Annotated[tuple[tuple[str, str], ...], several(several(WORD, 2))] = field(
-        default=(), repr=False
-    )
+    self_pairs: tuple[tuple[Word, Word], ...] = ()
+    excluded: tuple[tuple[Word, Word], ...] = field(default=(), repr=False)
     frame: Frame | None = field(default=None, repr=False)
     tip_radius: Positive = field(default=0.014, repr=False)
     tip_length: Annotated[float, number(ge=0)] = field(default=0.0, repr=False)
@@ -209,7 +204,7 @@ class Hand:
     couplings: Annotated[tuple[Coupling, ...], list_of(Coupling)] = field(default=(), repr=False)
     tendons: Annotated[tuple[Tendon, ...], list_of(Tendon)] = field(default=(), repr=False)
     held: Names = field(default=(), repr=False)
-    grasps: Annotated[tuple[Names, ...], several(NAMES)] = field(default=(), repr=False)
+    grasps: tuple[Names, ...] = field(default=(), repr=False)
 
     @property
     def bodies(self) -> Names:

@@ -11,7 +11,7 @@ from numpy.random import Generator
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.scene.build import pair_friction
 from dexgrasp_env.scene.constants import CONTROL_PERIOD, FRICTION, TIMESTEP
-from dexgrasp_env.valid import Rule, number, pair, read, several
+from dexgrasp_env.valid import Rule, number, pair, read
 
 _MESH = int(mujoco.mjtGeom.mjGEOM_MESH)
 
@@ -115,7 +115,7 @@ def _admit(drawn: Any) -> Any:
 
 
 _DRAWN = Rule("NAME=LOW:HIGH", _admit, _drawn)
-Draws = Annotated[tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...], several(_DRAWN)]
+Draws = tuple[Annotated[tuple[str, float, float], _DRAWN, "NAME=LOW:HIGH"], ...]
 """Quantities and the ranges that they are drawn from, as an option states them."""
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 from dexgrasp.evaluation.store import read_run
 from dexgrasp_env.arrays import Fields
@@ -11,12 +11,12 @@ from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.catalogue import OBJECT_SETS
 from dexgrasp_env.objects.sets import is_set, set_targets
 from dexgrasp_env.robot.cell import SIMULATED
-from dexgrasp_env.valid import TEXT, read, several
+from dexgrasp_env.valid import read
 
 _MOST_REPLAYS = 12
 
 
-_Names = Annotated[tuple[str, ...], several(TEXT)]
+_Names = tuple[str, ...]
 
 
 @dataclass(frozen=True)
