@@ -55,9 +55,10 @@ def closest_on_mesh(mesh: trimesh.Trimesh, points: ArrayLike) -> Closest:
         )
     welded = trimesh.Trimesh(_SCALE * np.asarray(mesh.vertices), mesh.faces, process=True)
     closest, _, faces = trimesh.proximity.closest_point(welded, _SCALE * queries)
-    normals = np.array([_pseudonormal(welded, f, c) for f, c in zip(faces, closest, strict=True)]).reshape(
-        -1, 3
-    )
+    shares = trimesh.triangles.points_to_barycentric(welded.triangles[faces], closest)
+    normals = welded.face_normals[faces]
+    for k in np.flatnonzero((shares <= _CORNER).any(1)):
+        normals[k] = _pseudonormal(welded, welded.faces[faces[k]][shares[k] > _CORNER])
     closest = closest / _SCALE
     offsets = queries - closest
     lengths = np.sqrt((offsets * offsets).sum(-1))
@@ -67,16 +68,10 @@ def closest_on_mesh(mesh: trimesh.Trimesh, points: ArrayLike) -> Closest:
     return Closest(signed, closest, gradients)
 
 
-def _pseudonormal(mesh: trimesh.Trimesh, face: int, point: Array) -> Array:
-    """Return the unit pseudonormal (3,) of the face, edge or vertex that holds a point (3,) of a face."""
-    import trimesh
-
-    shares = trimesh.triangles.points_to_barycentric(mesh.triangles[face][None], point[None])[0]
-    corners = mesh.faces[face][shares > _CORNER]
+def _pseudonormal(mesh: trimesh.Trimesh, corners: Array) -> Array:
+    """Return the unit pseudonormal (3,) of a vertex, or of the edge between two."""
     if len(corners) == 1:
         return np.asarray(mesh.vertex_normals[corners[0]])
-    if len(corners) == 3:
-        return np.asarray(mesh.face_normals[face])
     beside = np.isin(mesh.faces, corners).sum(1) == 2
     total = mesh.face_normals[beside].sum(0)
     return total / np.sqrt((total * total).sum())

@@ -1,9 +1,9 @@
 """The object: is it the one stated, does it lie under hull and tips, are mass and centre its own or of its shape."""
 
+from functools import reduce
 from typing import Any
 
 import numpy as np
-from scipy.spatial import Delaunay
 
 from dexgrasp.geometry.exact import closest_on_mesh
 from dexgrasp.grasp.identity import surface_hash
@@ -18,6 +18,7 @@ from dexgrasp.grasp.thresholds import (
 )
 from dexgrasp.verify.case import Case
 from dexgrasp.verify.check import LENGTH, ROUNDING, Check, at_least, at_most, flag, same
+from dexgrasp_env.arrays import Array
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.objects.load import has_own_size
 from dexgrasp_env.objects.model import ObjectModel
@@ -110,5 +111,12 @@ def _overlap(hull: Any, other: Any) -> float:
     """Return the volume common to two convex meshes as a share of what either fills, by points evenly spread."""
     low, high = np.minimum(hull.bounds[0], other.bounds[0]), np.maximum(hull.bounds[1], other.bounds[1])
     points = low + (high - low) * np.random.default_rng(0).random((_POINTS, 3))
-    one, two = (Delaunay(mesh.vertices).find_simplex(points) >= 0 for mesh in (hull, other))
+    one, two = _within(hull, points), _within(other, points)
     return float((one & two).sum() / (one | two).sum())
+
+
+def _within(convex: Any, points: Array) -> Array:
+    """Return which of the points (N, 3) a convex mesh holds: those behind every face."""
+    offsets = (convex.face_normals * convex.triangles[:, 0]).sum(1)
+    behind = (points @ normal <= offset for normal, offset in zip(convex.face_normals, offsets, strict=True))
+    return reduce(np.logical_and, behind)
