@@ -15,6 +15,11 @@ def make(**kwargs):
     return gym.make(ID, **{"objects": "sugar_box", **kwargs}, disable_env_checker=True)
 
 
+def few(name):
+    """Options of an environment that lays few neighbours: a heap of eight takes seconds to come to rest."""
+    return {"neighbours": 2} if "Clutter" in name else {}
+
+
 def skip_without_gl(obs_mode):
     if obs_mode in NEEDS_GL and choose_gl() is None:
         pytest.skip("no GL library here")

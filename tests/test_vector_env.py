@@ -7,6 +7,7 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
+from lift_envs import few
 from refusals import refused
 from vector_envs import ID, OBJECTS, RANDOM, assert_same, native, singles
 
@@ -162,7 +163,7 @@ def test_numbers_that_go_wrong_are_told_alike_and_once(mode, value):
 
 def test_presets_have_vector_environments():
     for name in sorted(name for name in gym.registry if name.startswith("DexGrasp/")):
-        envs = gym.make_vec(name, num_envs=2, objects="sugar_box")
+        envs = gym.make_vec(name, num_envs=2, objects="sugar_box", **few(name))
         first, _ = envs.reset(seed=3)
         second, _ = envs.reset(seed=3)
         assert_same(first, second)
