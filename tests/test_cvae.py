@@ -69,8 +69,8 @@ def box():
 
 
 def tensors(data, step=0):
-    parts = split(read_dataset(data), None, True)
-    return [torch.from_numpy(a) for a in training_batch(parts["train"], step, 0, 2, 8, 64, 3)]
+    parts = split(read_dataset(data), TRAINING)
+    return [torch.from_numpy(a) for a in training_batch(parts["train"], step, TRAINING)]
 
 
 def test_forward_backward_reach_every_weight(data):
@@ -113,9 +113,12 @@ def test_rotations_are_rotations():
 
 
 def test_batches_depend_on_the_step_alone_and_keep_contacts_on_the_cloud(data):
-    parts = split(read_dataset(data), None, True)["train"]
-    one, again = (training_batch(parts, 4, 0, 2, 8, 512, 3) for _ in range(2))
-    other = training_batch(parts, 5, 0, 2, 8, 512, 3)
+    parts, settings = (
+        split(read_dataset(data), TRAINING)["train"],
+        replace(TRAINING, network=NetworkSettings()),
+    )
+    one, again = (training_batch(parts, 4, settings) for _ in range(2))
+    other = training_batch(parts, 5, settings)
     assert all((a == b).all() for a, b in zip(one, again, strict=True))
     assert (one.grasp != other.grasp).any()
     tips = one.grasp[0, :, :9].reshape(-1, 3)
@@ -124,12 +127,12 @@ def test_batches_depend_on_the_step_alone_and_keep_contacts_on_the_cloud(data):
 
 
 def test_splits_share_no_grasp(data):
-    parts = split(read_dataset(data), None, True)
+    parts = split(read_dataset(data), TRAINING)
     assert parts["held_out_poses"]
     train_tips = {t.tobytes() for p in parts["train"] for t in p.tips}
     assert not any(t.tobytes() in train_tips for p in parts["test"] for t in p.tips)
     with refused("valid are gelatin_box"):
-        split(read_dataset(data), "soda", True)
+        split(read_dataset(data), replace(TRAINING, held_out_object="soda"))
 
 
 def test_stopped_training_ends_with_the_same_bits(data, trained, tmp_path):

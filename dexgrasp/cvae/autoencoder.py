@@ -48,11 +48,10 @@ class CloudEncoder(nn.Module):
 class Cvae(nn.Module):
     """Encoder q(z | grasp, cloud) and decoder p(grasp | z, cloud), prior N(0, I)."""
 
-    def __init__(self, settings: NetworkSettings | None = None) -> None:
+    def __init__(self, settings: NetworkSettings) -> None:
         super().__init__()
-        self.settings = settings or NetworkSettings()
-        cloud, hidden, latent = self.settings.cloud, self.settings.hidden, self.settings.latent
-        self.cloud = CloudEncoder(self.settings)
+        cloud, hidden, latent = settings.cloud, settings.hidden, settings.latent
+        self.cloud = CloudEncoder(settings)
         self.posterior = perceptron([cloud + GRASP, *[hidden] * 3, 2 * latent], nn.SiLU)
         self.decoder = perceptron([cloud + latent, *[hidden] * 3, GRASP], nn.SiLU)
 
@@ -92,14 +91,8 @@ def losses(output: Output, grasp: Tensor, kl_weight: float) -> Losses:
     fingertips = difference[..., :9].abs().sum(-1).mean()
     palm = difference[..., 9:12].abs().sum(-1).mean()
     # |R R_hat^T - I|_F = |R - R_hat|_F, and 6 numbers say all of a rotation.
-    rotation = (
-        (rotation_of(output.grasp[..., 12:]) - rotation_of(grasp[..., 12:]))
-        .square()
-        .sum((-1, -2))
-        .add(1e-8)
-        .sqrt()
-        .mean()
-    )
+    off = rotation_of(output.grasp[..., 12:]) - rotation_of(grasp[..., 12:])
+    rotation = off.square().sum((-1, -2)).add(1e-8).sqrt().mean()
     kl = 0.5 * (output.mean.square() + output.log_variance.exp() - 1.0 - output.log_variance).sum(-1).mean()
     total = 10.0 * fingertips + 2.0 * palm + 0.2 * rotation + kl_weight * kl
     tips = difference[..., :9].unflatten(-1, (3, 3)).norm(dim=-1).mean() * 100.0

@@ -1,10 +1,11 @@
 """Grasps for training: splits that share no contact triple, augmentation, batches by seed and step alone."""
 
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
+from dexgrasp.cvae.settings import TrainingSettings
 from dexgrasp.dataset.dataset import PoseGrasps
 from dexgrasp.planning.decoder import CROPPED, SCALE, centre_of
 from dexgrasp_env.arrays import Array, Index, Mask, Single, unit
@@ -45,38 +46,29 @@ class Batch(NamedTuple):
     noise: Single
 
 
-def split(
-    poses: list[PoseGrasps],
-    held_out_object: str | None,
-    held_out_poses: bool,
-    seed: int = 0,
-) -> dict[str, list[PoseSplit]]:
+def split(poses: list[PoseGrasps], settings: TrainingSettings) -> dict[str, list[PoseSplit]]:
     """Split a dataset. Only grasps that hold some load are taken (`load` >= 0).
 
-    Args:
-        poses: of the dataset.
-        held_out_object: kept apart whole.
-        held_out_poses: keep the last rest pose but one of every other object apart.
-        seed: of the test split.
+    The rest pose that is kept apart of an object is the last but one.
 
     Raises:
         InputError: for an object that is not there, or nothing left to train on.
     """
     names = list(dict.fromkeys(p.name for p in poses))
-    if held_out_object is not None and held_out_object not in names:
+    if settings.held_out_object not in (None, *names):
         raise InputError(
-            f"held-out object {held_out_object!r} is not in the dataset: valid are {', '.join(names)}"
+            f"held-out object {settings.held_out_object!r} is not in the dataset: valid are {', '.join(names)}"
         )
     out: dict[str, list[PoseSplit]] = {name: [] for name in SPLITS}
     for pose in poses:
         of_object = [p.pose for p in poses if p.name == pose.name]
         good = pose.grasps["load"] >= 0
-        if pose.name == held_out_object:
+        if pose.name == settings.held_out_object:
             out["held_out_object"].append(_take(pose, good))
-        elif held_out_poses and len(of_object) > 2 and pose.pose == sorted(of_object)[-2]:
+        elif settings.held_out_poses and len(of_object) > 2 and pose.pose == sorted(of_object)[-2]:
             out["held_out_poses"].append(_take(pose, good))
         else:
-            test = _tested(pose, seed)
+            test = _tested(pose, settings.seed)
             out["train"].append(_take(pose, good & ~test))
             out["test"].append(_take(pose, good & test))
     out = {name: [p for p in parts if len(p)] for name, parts in out.items()}
@@ -87,10 +79,9 @@ def split(
 
 def _tested(pose: PoseGrasps, seed: int) -> Mask:
     """Which grasps have a contact triple of the test split, regardless of which finger takes which contact."""
-    triples = np.sort(pose.grasps["triple"].astype(np.int64), axis=1)
-    code = (triples[:, 0] << 20) + (triples[:, 1] << 10) + triples[:, 2]
-    unique, inverse = np.unique(code, return_inverse=True)
-    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < _TESTED)[inverse]
+    triples = np.sort(pose.grasps["triple"], axis=1)
+    unique, inverse = np.unique(triples, axis=0, return_inverse=True)
+    return (np.random.default_rng([seed, pose.pose]).random(len(unique)) < _TESTED)[inverse.ravel()]
 
 
 def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
@@ -101,32 +92,24 @@ def _take(pose: PoseGrasps, mask: Mask) -> PoseSplit:
     )  # fmt: skip
 
 
-def training_batch(
-    poses: list[PoseSplit], step: int, seed: int, clouds: int, grasps: int, points: int, latent: int
-) -> Batch:
+def training_batch(poses: list[PoseSplit], step: int, settings: TrainingSettings) -> Batch:
     """Return the batch of a step: the same for the same seed and step, whatever went before."""
-    rng = np.random.default_rng([seed, 7, step])
+    s, rng = settings, np.random.default_rng([settings.seed, 7, step])
     root = np.sqrt([len(p) for p in poses])  # rare rest poses count more than their share
-    chosen = rng.choice(len(poses), clouds, p=root / root.sum())
-    made = [_augmented(poses[k], rng, grasps, points) for k in chosen]
-    noise = rng.standard_normal((clouds, grasps, latent))
-    return _batch(made, noise)
+    chosen = rng.choice(len(poses), s.clouds, p=root / root.sum())
+    made = [_augmented(poses[k], rng, s.grasps, s.network.points) for k in chosen]
+    return _batch(made, rng.standard_normal((s.clouds, s.grasps, s.network.latent)))
 
 
-def test_batches(poses: list[PoseSplit], seed: int, points: int, latent: int) -> list[Batch]:
+def test_batches(poses: list[PoseSplit], settings: TrainingSettings) -> list[Batch]:
     """Return batches of one rest pose each, not augmented but turned once: at most 128 grasps each."""
     batches = []
     for k, pose in enumerate(poses):
-        rng = np.random.default_rng([seed, 11, k])
+        rng = np.random.default_rng([settings.seed, 11, k])
         at = rng.permutation(len(pose))[:_MOST]
-        made = _made(
-            pose,
-            at,
-            rng.permutation(len(pose.cloud))[:points],
-            about_z(rng.uniform(-np.pi, np.pi)),
-            np.ones(3),
-        )
-        batches.append(_batch([made], np.zeros((1, len(at), latent))))
+        chosen = rng.permutation(len(pose.cloud))[: settings.network.points]
+        made = _made(pose, at, chosen, about_z(rng.uniform(-np.pi, np.pi)), np.ones(3))
+        batches.append(_batch([made], np.zeros((1, len(at), settings.network.latent))))
     return batches
 
 
@@ -166,6 +149,5 @@ def _made(pose: PoseSplit, at: Index, chosen: Index, R: Array, stretch: Array) -
 
 
 def _batch(made: list[tuple[Array, Array]], noise: Array) -> Batch:
-    clouds, grasps = zip(*made, strict=True)
-    arrays: list[Any] = [np.stack(clouds), np.stack(grasps), noise]
-    return Batch(*(a.astype(np.float32) for a in arrays))
+    arrays = (*map(np.stack, zip(*made, strict=True)), noise)
+    return Batch(*(array.astype(np.float32) for array in arrays))

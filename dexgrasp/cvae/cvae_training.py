@@ -43,14 +43,9 @@ class CvaeTraining(StepTraining):
         super().__init__(out, settings, settings.epochs, course)
         manifest = read_manifest(data)
         self._dataset, self._hand = str(manifest["key"]), manifest.get("hand")
-        parts = split(
-            read_dataset(data), settings.held_out_object, settings.held_out_poses, seed=settings.seed
-        )
+        parts = split(read_dataset(data), settings)
         self._poses = parts.pop("train")
-        net = settings.network
-        self._tests = {
-            name: test_batches(poses, settings.seed, net.points, net.latent) for name, poses in parts.items()
-        }
+        self._tests = {name: test_batches(poses, settings) for name, poses in parts.items()}
 
     def identity(self) -> Fields:
         """Return the dataset's key."""
@@ -66,18 +61,24 @@ class CvaeTraining(StepTraining):
 
     def losses(self, step: int, done: float) -> Losses:
         """Return the losses of a step."""
-        s, net = self.settings, self.settings.network
-        batch = training_batch(self._poses, step, s.seed, s.clouds, s.grasps, net.points, net.latent)
-        return _losses(self.net, batch, s.kl_weight * min(1.0, done / s.warm_up), self.place)
+        batch = training_batch(self._poses, step, self.settings)
+        return self._losses(batch, self.settings.kl_weight * min(1.0, done / self.settings.warm_up))
+
+    def _losses(self, batch: Batch, kl_weight: float) -> Losses:
+        cloud, grasp, noise = (torch.from_numpy(array).to(self.place) for array in batch)
+        return losses(self.net(cloud, grasp, noise), grasp, kl_weight)
 
     def learn(self) -> Fields:
         """Do an epoch; return the losses of every split."""
         trained = dict(zip(Losses._fields, self.epoch_losses(), strict=True))
-        tested = {
-            name: evaluate(self.net, batches, self.settings.kl_weight, self.place)
-            for name, batches in self._tests.items()
-        }
-        return {"train": trained, **tested}
+        return {"train": trained, **{name: self._test(batches) for name, batches in self._tests.items()}}
+
+    @torch.no_grad()
+    def _test(self, batches: list[Batch]) -> dict[str, float]:
+        """Return the losses, means over rest poses, of grasps decoded from the posterior's mean."""
+        self.net.eval()
+        rows = [[float(v) for v in self._losses(batch, self.settings.kl_weight)] for batch in batches]
+        return dict(zip(Losses._fields, np.mean(rows, axis=0).tolist(), strict=True)) if rows else {}
 
     @property
     def best(self) -> int:
@@ -108,16 +109,3 @@ class CvaeTraining(StepTraining):
                 "from the start, or choose another --out"
             )
         return note
-
-
-@torch.no_grad()
-def evaluate(model: Cvae, batches: list[Batch], kl_weight: float, place: torch.device) -> dict[str, float]:
-    """Return the losses, means over rest poses, of grasps decoded from the posterior's mean."""
-    model.eval()
-    rows = [[float(v) for v in _losses(model, batch, kl_weight, place)] for batch in batches]
-    return dict(zip(Losses._fields, np.mean(rows, axis=0).tolist(), strict=True)) if rows else {}
-
-
-def _losses(model: Cvae, batch: Batch, kl_weight: float, place: torch.device) -> Losses:
-    cloud, grasp, noise = (torch.from_numpy(array).to(place) for array in batch)
-    return losses(model(cloud, grasp, noise), grasp, kl_weight)
