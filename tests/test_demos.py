@@ -212,7 +212,7 @@ def test_an_episode_knows_its_scene_and_what_the_cameras_saw(folder):
 def test_noise_is_known_and_can_be_taken_out(folder):
     episode = next(read_episodes(folder))
     targets = episode.observations["joint_targets"]
-    meant = intended(targets, 0.02, episode.about["agent_seed"], ROBOT)
+    meant = intended(episode, 0.02, ROBOT)
     # The index finger's first joint closes evenly; what was recorded trembles.
     roughness = [np.abs(np.diff(way[:, 8], 2)).mean() for way in (targets, meant)]
     assert roughness[1] < 0.1 * roughness[0]

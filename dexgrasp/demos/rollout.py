@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -28,15 +28,8 @@ NOT_REPLAYED = "not_replayed"
 _STEPS = ("actions", "rewards", "terminations", "truncations")
 
 
-class Step(NamedTuple):
-    """A control step: the action, and what `env.step` returned."""
-
-    observation: Arrays
-    action: Single
-    reward: float
-    terminated: bool
-    truncated: bool
-    solved: bool
+Step = tuple[Single, Any]
+"""A control step: the action, and what `env.step` returned."""
 
 
 @dataclass
@@ -100,8 +93,8 @@ class Recorder:
         alike = settings.observe == "reset" and all(asked.get(key) == arguments[key] for key in MODES)
         # Where the agent's own modes are those of the demonstrations, a replay would do the same.
         self._demo_env = None if alike else gym.make(ENV_ID, **arguments, disable_env_checker=True)
-        self._cell: Cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
-        self._tree: RobotTree = robot_tree(self._cell)
+        cell: Cell = self._env.unwrapped.settings.cell  # type: ignore[attr-defined]
+        self._robot, self._tree = cell.robot, robot_tree(cell)
 
     def record(self, trial: int) -> tuple[Episode | None, str]:
         """Record the demonstration of a scene.
@@ -114,8 +107,9 @@ class Recorder:
         if failure:
             return None, failure
         if self._demo_env is None:
-            if not steps[-1].truncated:
-                steps += [_step(*taken) for taken in follow(self._env, path[-1:], self._tree)]
+            _, (*_, truncated, _) = steps[-1]
+            if not truncated:
+                steps += follow(self._env, path[-1:], self._tree)
             episode = _episode(first, steps, CAMERA_KEYS)
         else:
             episode = replay(self._demo_env, seeds.scene, path, self._tree)
@@ -135,7 +129,7 @@ class Recorder:
 
     def _roll_out(self, seeds: TrialSeeds) -> tuple[Array, Arrays, list[Step], str]:
         """Return set-points (T + 1, n), the first observation, the T steps, and why it failed."""
-        env, agent, robot = self._env, self._agent, self._cell.robot
+        env, agent, robot = self._env, self._agent, self._robot
         rng = _noise_rng(seeds.agent)
         first, info = env.reset(seed=seeds.scene)
         renew_report(agent)
@@ -153,7 +147,7 @@ class Recorder:
                 )
             command = action.astype(np.float32)  # as it is recorded
             observation, _, terminated, truncated, info = result = env.step(command)
-            steps.append(_step(command, result))
+            steps.append((command, result))
             path.append(_targets(env))
             over = terminated or truncated or info["is_success"]
         failure = "" if info["is_success"] else info["failure"] or str(info["stage"])
@@ -166,16 +160,21 @@ class Recorder:
             self._demo_env.close()
 
 
-def intended(targets: Array, noise: float, agent_seed: int, robot: Robot) -> Array:
+def intended(episode: Episode, noise: float, robot: Robot) -> Array:
     """Return what an agent of a joint mode meant set-points to be: without the noise that was put on its commands.
 
     Args:
-        targets: (T + 1, n) rad, set-points of an episode.
+        episode: of T steps.
         noise: of the settings.
-        agent_seed: of the episode.
         robot: that moved.
+
+    Returns:
+        (T + 1, n) rad.
     """
-    drawn = _noise_rng(agent_seed).standard_normal((len(targets) - 1, robot.dof))
+    targets = episode.observations["joint_targets"].astype(float)
+    if not noise:
+        return targets
+    drawn = _noise_rng(episode.about["agent_seed"]).standard_normal((len(targets) - 1, robot.dof))
     return np.concatenate([targets[:1], targets[1:] - noise * drawn * max_step(robot)])
 
 
@@ -187,16 +186,11 @@ def replay(env: Env, seed: int, path: Array, tree: RobotTree) -> Episode | None:
     """Follow set-points (T + 1, n) in another mode from the same scene; None where that does not succeed."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     first, _ = env.reset(seed=seed)
-    steps = [_step(*taken) for taken in follow(env, path, tree)]
-    return _episode(first, steps, CAMERA_KEYS if settings.observe == "reset" else ())
+    return _episode(first, list(follow(env, path, tree)), CAMERA_KEYS if settings.observe == "reset" else ())
 
 
-def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[tuple[Single, Any]]:
-    """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while.
-
-    Yields:
-        An action, and what `env.step` returned.
-    """
+def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[Step]:
+    """Follow set-points (T + 1, n), 50 ms apart, in the mode of a running episode, and hold the last for a while."""
     settings = env.unwrapped.settings  # type: ignore[attr-defined]
     mode, scale = settings.control_mode, settings.action_scale
     for step in range(len(path) - 1 + _LINGER):
@@ -207,14 +201,11 @@ def follow(env: Env, path: Array, tree: RobotTree) -> Iterator[tuple[Single, Any
             return
 
 
-def _step(action: Single, result: Any) -> Step:
-    observation, reward, terminated, truncated, info = result
-    return Step(observation, action, float(reward), terminated, truncated, info["is_success"])
-
-
 def _episode(first: Arrays, steps: Sequence[Step], still: Sequence[str]) -> Episode | None:
     """Return the demonstration, None where no step is a success."""
-    observations, actions, rewards, terminated, truncated, solved = zip(*steps, strict=True)
+    actions, results = zip(*steps, strict=True)
+    observations, rewards, terminated, truncated, infos = zip(*results, strict=True)
+    solved = [info["is_success"] for info in infos]
     if not any(solved):
         return None
     moving = {key: np.stack([o[key] for o in (first, *observations)]) for key in first if key not in still}

@@ -102,10 +102,8 @@ def _parts(episode: Episode, folder: Path, noise: float) -> tuple[Single, ...]:
     _check(seen, "object_pose", folder)
     scene = first_look({key: array[0] for key, array in seen.items()})
     looks = features(scene, {key: array[:-1] for key, array in seen.items()}, np.arange(len(episode)))
-    targets = entry(seen, "joint_targets")
-    robot = default_cell().robot
-    meant = intended(targets, noise, episode.about["agent_seed"], robot) if noise else targets
-    return looks.astype(np.float32), targets[:-1].astype(np.float32), meant[1:].astype(np.float32)
+    ways = entry(seen, "joint_targets")[:-1], intended(episode, noise, default_cell().robot)[1:]
+    return looks.astype(np.float32), *(way.astype(np.float32) for way in ways)
 
 
 class GripBatch(NamedTuple):

@@ -49,14 +49,12 @@ class Taken(NamedTuple):
 
 def taken(episode: Episode, noise: float, cell: Cell) -> Taken | None:
     """Return the grasp of a demonstration in which the arm waited once for the hand to close; None for others."""
-    targets = entry(episode.observations, "joint_targets")
-    tree = robot_tree(cell)
-    meant = intended(targets, noise, episode.about["agent_seed"], cell.robot) if noise else targets
+    tree, meant = robot_tree(cell), intended(episode, noise, cell.robot)
     waits = _waits(meant[: episode.about["solved"], : tree.arm])
     if len(waits) != 1:
         return None
     ((opened, closed),) = waits
-    q = np.asarray(episode.observations["joint_positions"][closed], dtype=float)
+    q = entry(episode.observations, "joint_positions")[closed]
     palm_turn, palm = palm_frame(q, tree)
     hand = slice(tree.arm, None)
     torques = (meant[closed] - q)[hand] * tree.stiffness
