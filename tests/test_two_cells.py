@@ -10,9 +10,9 @@ import yaml
 from processes import python
 
 import dexgrasp_env  # noqa: F401  (registers the environments)
+from dexgrasp.dataset.dataset import read_arrays
 from dexgrasp.dataset.generate import Job, make
 from dexgrasp.dataset.settings import DatasetSettings
-from dexgrasp.dataset.shards import read_arrays
 from dexgrasp.evaluation.evaluate import evaluate
 from dexgrasp.evaluation.settings import EvaluationSettings
 from dexgrasp.evaluation.store import read_rows

@@ -7,8 +7,7 @@ import numpy as np
 from dexgrasp.cvae.autoencoder import Cvae, Losses, losses
 from dexgrasp.cvae.batches import Batch, split, test_batches, training_batch
 from dexgrasp.cvae.settings import TrainingSettings
-from dexgrasp.dataset.dataset import read_dataset
-from dexgrasp.dataset.shards import read_manifest
+from dexgrasp.dataset.dataset import read_dataset, read_manifest
 from dexgrasp.planning.decoder import SCHEMA
 from dexgrasp.runs.checkpoint import write_tensors
 from dexgrasp.runs.step_training import StepTraining

@@ -5,17 +5,10 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 
+from dexgrasp.dataset.dataset import MANIFEST, complete, fields_of, pose_arrays, read_manifest, shard_arrays
 from dexgrasp.dataset.rest_scene import model_of, rest_scene
 from dexgrasp.dataset.sampler import REACH, sample_shard
 from dexgrasp.dataset.settings import SCHEMA, DatasetSettings, versions
-from dexgrasp.dataset.shards import (
-    MANIFEST,
-    complete,
-    fields_of,
-    pose_arrays,
-    read_manifest,
-    shard_arrays,
-)
 from dexgrasp.planning.placement import NEIGHBOURS, SIDE_TOLERANCE
 from dexgrasp.planning.proposals import LEAST_DISTANCE
 from dexgrasp.runs.folder import RunFolder
@@ -60,7 +53,7 @@ def generate(
     Raises:
         InputError: other settings or another process in `folder`; no cluster.
     """
-    identity, joints, hand = _identity(settings), settings.cell.robot.dof, settings.cell.robot.hand
+    identity, robot = _identity(settings), settings.cell.robot
     key = content_hash(json.dumps(identity, sort_keys=True))
     about = {"schema": SCHEMA, "key": key, **identity}
     with RunFolder(folder, MANIFEST, "dataset").claim(about, complete=False):
@@ -78,8 +71,8 @@ def generate(
         manifest = about | {
             "complete": True,
             "frames": "rest: origin on the table under the centre of mass, z up; robot base for q and placement",
-            "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(hand.grasp), "hand": hand.stamp,
-            "fields": fields_of(joints),
+            "units": "m, rad, N, kg; quaternions wxyz", "fingers": list(robot.hand.grasp),
+            "hand": robot.hand.stamp, "fields": fields_of(robot.dof),
             "files": {job.file: file_hash(folder / job.file) for job in jobs},
         }  # fmt: skip
         write_json(folder / MANIFEST, manifest)
@@ -91,9 +84,8 @@ def make(job: Job, settings: DatasetSettings, folder: Path, key: str) -> None:
     if job.chunk < 0:
         arrays = pose_arrays(rest_scene(job.target, job.pose, settings))
     else:
-        arrays = shard_arrays(
-            sample_shard(job.target, job.pose, job.chunk, settings), len(settings.cell.robot.home)
-        )
+        found = sample_shard(job.target, job.pose, job.chunk, settings)
+        arrays = shard_arrays(found, settings.cell.robot.dof)
     write_shard(folder / job.file, arrays, key)
 
 

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from dexgrasp.dataset.dataset import PoseGrasps, read_dataset
+from dexgrasp.dataset.dataset import PoseGrasps, read_dataset, read_manifest
 from dexgrasp.dataset.rest_scene import placed
-from dexgrasp.dataset.shards import read_manifest
-from dexgrasp.planning.settings import PlannerSettings
+from dexgrasp.grasp.thresholds import Thresholds
 from dexgrasp.shape.target import GraspTarget
 from dexgrasp_env.arrays import Fields
 from dexgrasp_env.errors import InputError
 from dexgrasp_env.poses import about_z, quat_to_matrix
 from dexgrasp_env.robot.cell import Cell, make_cell
+from dexgrasp_env.valid import read
 
 _BINS = (0.0, 0.15, 0.3, 0.45, 0.6, 0.75, 1.01)
 _PARTS = ("thresholds", "contacts", "limits", "clearance", "closure")
@@ -55,9 +55,8 @@ def _joined(poses: Sequence[PoseGrasps], name: str) -> np.ndarray:
 
 
 def _quantiles(values: np.ndarray) -> dict[str, float]:
-    if not len(values):
-        return {}
-    return {name: float(np.quantile(values, q)) for name, q in (("p10", 0.1), ("median", 0.5), ("p90", 0.9))}
+    shares = {"p10": 0.1, "median": 0.5, "p90": 0.9} if len(values) else {}
+    return {name: float(np.quantile(values, share)) for name, share in shares.items()}
 
 
 def _approach(poses: Sequence[PoseGrasps]) -> np.ndarray:
@@ -85,39 +84,26 @@ def check_sample(folder: Path, count: int, robot: str | None = None) -> Fields:
     """
     from dexgrasp.verify.verify import verify
 
-    poses, settings, failures = read_dataset(folder), planner_settings(folder), Counter[str]()
-    cell = _cell(folder, robot)
+    poses, manifest, failures = read_dataset(folder), read_manifest(folder), Counter[str]()
+    settings = manifest["settings"]
+    thresholds = read(Thresholds, settings.get("planner"), "planner", more=True)
+    cell = make_cell(robot or settings.get("robot"))
+    if (made := manifest.get("cell", cell.version)) != cell.version:  # older datasets state none
+        raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its --cell")
     grasps = [(pose, k) for pose in poses for k in range(len(pose))]
     chosen = np.random.default_rng(0).permutation(len(grasps))[:count]
     passed = 0
     for pose, k in (grasps[i] for i in chosen):
         parts = (*_PARTS, "forces") if pose.grasps["load"][k] >= 0 else _PARTS
-        failed = [check.name for check in verify(_record(pose, k, settings, cell), parts) if not check.holds]
+        failed = [
+            check.name for check in verify(_record(pose, k, thresholds, cell), parts) if not check.holds
+        ]
         passed += not failed
         failures.update(failed)
     return {"checked": len(chosen), "passed": passed, "failures": dict(failures)}
 
 
-def _cell(folder: Path, robot: str | None) -> Cell:
-    manifest = read_manifest(folder)
-    cell = make_cell(robot or manifest["settings"].get("robot"))
-    if (made := manifest.get("cell", cell.version)) != cell.version:  # older datasets state none
-        raise InputError(f"{folder} is of cell {made!r}: this is {cell.version!r}, give its --cell")
-    return cell
-
-
-def planner_settings(folder: Path) -> PlannerSettings:
-    """Return the thresholds a dataset was made with."""
-    saved = read_manifest(folder)["settings"]["planner"]
-    known = PlannerSettings.__dataclass_fields__
-    return PlannerSettings(**{name: _tuples(value) for name, value in saved.items() if name in known})
-
-
-def _tuples(value: Any) -> Any:
-    return tuple(_tuples(v) for v in value) if isinstance(value, list) else value
-
-
-def _record(pose: PoseGrasps, k: int, settings: PlannerSettings, cell: Cell) -> Any:
+def _record(pose: PoseGrasps, k: int, thresholds: Thresholds, cell: Cell) -> Any:
     import trimesh
 
     from dexgrasp.grasp.certificate import Certificate
@@ -144,7 +130,7 @@ def _record(pose: PoseGrasps, k: int, settings: PlannerSettings, cell: Cell) -> 
         g["q"], g["contacts"] @ R.T + shift, g["normals"] @ R.T, forces, claims,
         GraspMotion(g["q"], g["q"], g["q"]), cell,
     )  # fmt: skip
-    return planned_record(pose.name, grasp, target, settings)
+    return planned_record(pose.name, grasp, target, thresholds)
 
 
 def picture(folder: Path, path: Path) -> None:
